@@ -1,0 +1,37 @@
+# Everything sets itself up: Python 3.11 or newer, git and make are all that is needed.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+
+.PHONY: demo test fast lint coverage pretrain clean
+
+demo: $(VENV)/.installed
+	$(BIN)/elfslam demo demo
+
+test: lint
+	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
+	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
+
+fast: $(VENV)/.installed-test
+	$(BIN)/python -m pytest -m "not slow"
+
+lint: $(VENV)/.installed-test
+	$(BIN)/ruff check src tests
+	$(BIN)/ruff format --check src tests
+	$(BIN)/mypy
+
+pretrain: $(VENV)/.installed-test
+	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0
+
+$(VENV)/.installed: pyproject.toml constraints.txt
+	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(INSTALL) --editable .
+	touch $@
+
+$(VENV)/.installed-test: $(VENV)/.installed
+	$(INSTALL) --editable ".[learn,test]"
+	touch $@
+
+clean:
+	rm -rf $(VENV) demo

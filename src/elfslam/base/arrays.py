@@ -1,0 +1,112 @@
+"""Frozen values: dataclasses whose arrays have declared shapes, checked and made read-only."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from elfslam.base.errors import InputError
+
+F64 = npt.NDArray[np.float64]
+F32 = npt.NDArray[np.float32]
+I64 = npt.NDArray[np.int64]
+Bool = npt.NDArray[np.bool_]
+Dimension = int | str
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """What an array field must look like; dimensions are sizes, or names such as "n" and "n-1"."""
+
+    shape: tuple[Dimension, ...]
+    dtype: type
+    finite: bool
+    increasing: bool
+    unit_rows: bool
+
+
+def array(
+    *shape: Dimension,
+    dtype: type = np.float64,
+    finite: bool = True,
+    increasing: bool = False,
+    unit_rows: bool = False,
+    optional: bool = False,
+) -> Any:
+    """A dataclass field that holds an array of the declared shape."""
+    metadata = {"array": ArraySpec(shape, dtype, finite, increasing, unit_rows)}
+    return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
+
+
+class Value:
+    """Base of the frozen values: checks every declared array and makes it read-only.
+
+    A name such as "n" stands for the same size in all fields of one value.
+    Raises InputError that names the type, the field, what was wanted and what came.
+    """
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        for spec_field in fields(self):  # type: ignore[arg-type]
+            spec = spec_field.metadata.get("array")
+            given = getattr(self, spec_field.name)
+            if spec is None or (given is None and spec_field.default is None):
+                continue
+            name = f"{type(self).__name__}.{spec_field.name}"
+            object.__setattr__(self, spec_field.name, _checked(name, given, spec, sizes))
+
+
+def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> npt.NDArray[Any]:
+    try:
+        made: npt.NDArray[Any] = np.array(given, dtype=spec.dtype)
+    except (TypeError, ValueError) as cause:
+        raise InputError(f"{name}: wanted numbers, got {given!r:.60}; pass an array") from cause
+    _check_shape(name, made.shape, spec.shape, sizes)
+    if spec.finite and made.dtype.kind == "f" and not np.isfinite(made).all():
+        row = int(np.argwhere(~np.isfinite(made))[0][0])
+        raise InputError(f"{name}: row {row} is not finite; remove or repair the rows with NaN")
+    if spec.increasing:
+        _check_increasing(name, made)
+    if spec.unit_rows and not np.allclose(np.linalg.norm(made, axis=-1), 1.0, atol=1e-3):
+        raise InputError(f"{name}: wanted rows of length 1, got others; normalise them")
+    made.flags.writeable = False
+    return made
+
+
+def _check_shape(
+    name: str, got: tuple[int, ...], wanted: tuple[Dimension, ...], sizes: dict[str, int]
+) -> None:
+    good = len(got) == len(wanted) and all(
+        _size_agrees(size, dimension, sizes) for size, dimension in zip(got, wanted, strict=True)
+    )
+    if not good:
+        text = ", ".join(
+            str(dimension) + (f"={sizes[dimension]}" if dimension in sizes else "")
+            for dimension in map(str, wanted)
+        )
+        raise InputError(f"{name}: wanted shape ({text}), got {got}; check the array")
+
+
+def _size_agrees(size: int, dimension: Dimension, sizes: dict[str, int]) -> bool:
+    if isinstance(dimension, int):
+        return size == dimension
+    match = re.fullmatch(r"([a-z]+)([+-]\d+)?", dimension)
+    if match is None:
+        raise ValueError(f"dimension {dimension!r} is neither a size nor a name")
+    offset = int(match[2] or 0)
+    return sizes.setdefault(match[1], size - offset) == max(size - offset, 0)
+
+
+def _check_increasing(name: str, t: npt.NDArray[Any]) -> None:
+    steps = np.diff(t)
+    if (steps <= 0).any():
+        row = int(np.argmax(steps <= 0)) + 1
+        kind = "repeats" if steps[row - 1] == 0 else "runs backward"
+        raise InputError(
+            f"{name}: time {kind} at row {row} ({t[row - 1]:.4f} then {t[row]:.4f} s); "
+            "sort the rows and drop the repeated ones"
+        )

@@ -1,0 +1,21 @@
+"""Errors that a user can act on: one sentence with what, got, wanted and what to do."""
+
+
+class ElfslamError(Exception):
+    """Base of every error that is meant to be read by a user (exit code 2)."""
+
+
+class InputError(ElfslamError):
+    """Input that cannot be used: a file, a recording, a value of the wrong shape."""
+
+
+class ParameterError(ElfslamError):
+    """A parameter that does not exist or has a value of the wrong type or range."""
+
+
+class StoreError(ElfslamError):
+    """Something on disk that cannot be read back or must not be overwritten."""
+
+
+class HonestFailure(ElfslamError):  # noqa: N818 - a failure of the world, not an error
+    """The input was fine, but the world gave no answer (exit code 1)."""

@@ -1,0 +1,249 @@
+"""The values that flow along the line. Rows are time; fields end in their unit.
+
+One clock: seconds since the recording began, on the audio sample clock. One plane: x, y in
+metres and heading in radians counter-clockwise from x. A pose is (x, y, heading).
+"""
+
+# mypy takes every call on the right of a field for a default.
+# mypy: disable-error-code="misc"
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+
+ECHO_RATE_HZ = 44_100
+ECHO_SAMPLES = 2352
+"""A 12x48 image needs 96 + 47 * 48 samples (53.3 ms at 44.1 kHz)."""
+DISCARDED_SAMPLES = 485
+"""10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz."""
+ELF_SIZE = 128
+
+
+@dataclass(frozen=True, eq=False)
+class Chirp(Value):
+    """The excitation: what the loudspeaker plays once per period."""
+
+    samples: F32 = array("n", dtype=np.float32)
+    rate_hz: int
+    period_s: float
+    band_hz: F64 = array(2)
+
+
+@dataclass(frozen=True, eq=False)
+class Audio(Value):
+    """Recorded sound in [-1, 1], one row per channel."""
+
+    samples: F32 = array("c", "n", dtype=np.float32)
+    rate_hz: int
+
+
+@dataclass(frozen=True, eq=False)
+class Imu(Value):
+    """Accelerometer (gravity included) and gyroscope on one clock, in phone axes."""
+
+    t_s: F64 = array("n", increasing=True)
+    accel_mps2: F64 = array("n", 3)
+    gyro_radps: F64 = array("n", 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Magnetometer(Value):
+    """The magnetic field in phone axes, microtesla."""
+
+    t_s: F64 = array("n", increasing=True)
+    field_ut: F64 = array("n", 3)
+
+
+@dataclass(frozen=True, eq=False)
+class WifiScans(Value):
+    """Received signal strength per scan and access point; NaN where unseen."""
+
+    t_s: F64 = array("k", increasing=True)
+    bssids: tuple[str, ...]
+    rssi_dbm: F64 = array("k", "m", finite=False)
+    age_s: F64 = array("k", "m", finite=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Orientation(Value):
+    """Attitude of the phone as quaternions x y z w."""
+
+    t_s: F64 = array("n", increasing=True)
+    world_from_phone: F64 = array("n", 4, unit_rows=True)
+
+
+@dataclass(frozen=True, eq=False)
+class Emr(Value):
+    """Amplitude of the mains harmonics."""
+
+    t_s: F64 = array("n", increasing=True)
+    amplitude: F64 = array("n", "h")
+
+
+@dataclass(frozen=True, eq=False)
+class Odometry(Value):
+    """Dead reckoning: a pose per node (footstep) and the sigma of each move.
+
+    `step_sigma` is (forward m, lateral m, heading rad) in the body frame of the earlier node.
+    """
+
+    t_s: F64 = array("n", increasing=True)
+    world_from_body: F64 = array("n", 3)
+    step_sigma: F64 = array("n-1", 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Everything a phone brought home from one walk; never the truth."""
+
+    name: str
+    device: str
+    start_pose: tuple[float, float, float] | None = None
+    audio: Audio | None = None
+    imu: Imu | None = None
+    orientation: Orientation | None = None
+    odometry: Odometry | None = None
+    magnetometer: Magnetometer | None = None
+    wifi: WifiScans | None = None
+    emr: Emr | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Truth(Value):
+    """Where the walker really was. Read by scoring and studies alone.
+
+    Heading is NaN where only positions are known (waypoints).
+    """
+
+    t_s: F64 = array("n", increasing=True)
+    world_from_body: F64 = array("n", 3, finite=False)
+
+
+@dataclass(frozen=True, eq=False)
+class Echoes(Value):
+    """Aligned echo traces; sample 0 lies 485 samples after the direct arrival.
+
+    `losses_s` lists the interruptions of the stream: (when, how many seconds were lost).
+    """
+
+    t_s: F64 = array("n", increasing=True)
+    samples: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
+    snr_db: F64 = array("n")
+    losses_s: F64 = array("k", 2)
+    rate_hz: int = ECHO_RATE_HZ
+
+
+@dataclass(frozen=True, eq=False)
+class EchoPairs(Value):
+    """Training material: two echo traces per place, the room and position of the first."""
+
+    first: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
+    second: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
+    room: I64 = array("n", dtype=np.int64)
+    xy_m: F64 = array("n", 2)
+
+
+@dataclass(frozen=True, eq=False)
+class Features(Value):
+    """A unit vector per echo, and the identity of the encoder that made them."""
+
+    t_s: F64 = array("n", increasing=True)
+    vectors: F32 = array("n", "d", dtype=np.float32, unit_rows=True)
+    encoder: str
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity(Value):
+    """Scores between nodes; node k is the stretch from footstep k to k+1."""
+
+    scores: F32 = array("n", "n", dtype=np.float32)
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Closures(Value):
+    """Pairs of nodes at the same place, i < j, with their relative pose and its covariance."""
+
+    i: I64 = array("k", dtype=np.int64)
+    j: I64 = array("k", dtype=np.int64)
+    score: F64 = array("k")
+    i_from_j: F64 = array("k", 3)
+    covariance: F64 = array("k", 3, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class PoseGraph(Value):
+    """Initial poses and the edges between them: measured i_from_j with its information."""
+
+    initial: F64 = array("n", 3)
+    edges: I64 = array("e", 2, dtype=np.int64)
+    measurements: F64 = array("e", 3)
+    information: F64 = array("e", 3, 3)
+    is_closure: Bool = array("e", dtype=np.bool_)
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory(Value):
+    """The straightened walk: a pose and a covariance per footstep.
+
+    `closure_weights` says how far the back end trusted each closure (0 rejected, 1 kept).
+    `status` is OK, or NO_CLOSURES where nothing corrected the dead reckoning.
+    """
+
+    t_s: F64 = array("n", increasing=True)
+    world_from_body: F64 = array("n", 3)
+    covariance: F64 = array("n", 3, 3)
+    closure_weights: F64 = array("k")
+    status: str
+
+
+@dataclass(frozen=True, eq=False)
+class Payload(Value):
+    """What one modality knows at each spot of a map, and the encoder that made it."""
+
+    kind: str
+    encoder: str
+    vectors: F32 = array("m", "d", dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class FloorMap(Value):
+    """Spots with positions, and one payload per modality."""
+
+    xy_m: F64 = array("m", 2)
+    heading_rad: F64 = array("m")
+    walk: I64 = array("m", dtype=np.int64)
+    order: I64 = array("m", dtype=np.int64)
+    covariance_m2: F64 = array("m", 2, 2)
+    payloads: tuple[Payload, ...]
+    parameters_digest: str
+    sources: tuple[str, ...]
+
+
+class FixStatus(IntEnum):
+    """What a fix is worth."""
+
+    OK = 0
+    AMBIGUOUS = 1
+    UNKNOWN_PLACE = 2
+    NO_ECHO = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Fixes(Value):
+    """Positions in a map; NaN where the status says that there is none.
+
+    `t_s` is the middle of the echoes used; `status` holds `FixStatus` values.
+    """
+
+    t_s: F64 = array("n", increasing=True)
+    xy_m: F64 = array("n", 2, finite=False)
+    heading_rad: F64 = array("n", finite=False)
+    covariance_m2: F64 = array("n", 2, 2, finite=False)
+    score: F64 = array("n", finite=False)
+    status: I64 = array("n", dtype=np.int64)

@@ -1,0 +1,1 @@
+"""Floor 3: rivals on the same line: other sensors and other features."""

@@ -1,0 +1,374 @@
+"""One command, thin verbs. Exit codes: 0 done, 1 no honest answer, 2 bad input."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib import metadata
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+import typer
+
+from elfslam import __version__, slam
+from elfslam.base.errors import HonestFailure, InputError, ParameterError
+from elfslam.base.parameters import as_dict, digest, load, rows
+from elfslam.base.values import FixStatus, Recording
+from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
+from elfslam.console import Announce, exit_code_of, print_rows, progress_bar, say
+from elfslam.data.fixes_files import read_fixes, write_fixes
+from elfslam.data.folders import new_file
+from elfslam.data.importing import LogFormat, read_logs, takes_many
+from elfslam.data.map_files import read_map
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.data.runs import digest_of, read_facts, read_run, write_run
+from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.score.errors import alignment_of
+from elfslam.score.report import write_fix_report, write_map_page, write_report, write_world_page
+from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
+from elfslam.score.truth import read_truth
+from elfslam.studies.demo import floor_plan, run_demo
+from elfslam.studies.walks import score_walks
+from elfslam.world.simulate import describe_chirp, load_world, simulate, world_names
+
+app = typer.Typer(
+    name="elfslam",
+    help="Indoor positioning from the sound of a phone.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+
+
+@dataclass(frozen=True)
+class Settings(slam.Parameters):
+    """Every parameter there is: the line's, the rivals' and the training's."""
+
+    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
+    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
+
+
+class Modality(StrEnum):
+    """What closes the loops."""
+
+    ELF = "elf"
+    MAGNETIC = "magnetic"
+    MOTION = "motion"
+
+
+ParameterFile = Annotated[Path | None, typer.Option("--parameters", help="TOML file of parameters.")]
+Setting = Annotated[list[str] | None, typer.Option("--set", help="group.name=value, repeatable.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+EncoderName = Annotated[str, typer.Option("--encoder", help="compact, spectral or an ONNX file.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an older run.")]
+Plan = Annotated[str | None, typer.Option("--floor-plan", help="World whose plan is drawn below.")]
+
+
+def settings_of(file: Path | None, settings: list[str] | None) -> Settings:
+    return load(Settings(), file, settings or [])
+
+
+@app.command()
+def demo(
+    out: Annotated[Path, typer.Argument(help="Folder for recordings, map and reports.")],
+    encoder: EncoderName = "compact",
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Map ten simulated walks, locate ten others in them, write one of each with its reports."""
+    parameters = settings_of(parameter_file, setting)
+    with progress_bar() as announce:
+        walks, fixes = run_demo(
+            out, load_encoder(encoder), _line_only(parameters), facts=_versions(), announce=announce
+        )
+    print_rows(walks, title="Mapping, 5 rounds in a room of 60 m2 (m)", as_json=as_json)
+    print_rows(fixes, title="A second walk located in each map (m)", as_json=as_json)
+    say(f"look at {out / 'score.html'}, {out / 'fixes.html'} and {out / 'run' / 'report.html'}")
+
+
+@app.command("simulate")
+def simulate_command(
+    world: Annotated[str, typer.Argument(help=f"{', '.join(world_names())} or a TOML file.")],
+    out: Annotated[Path, typer.Argument(help="Folder for the recording and its truth.")],
+    seed: Seed = 0,
+    rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
+    rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
+    reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
+) -> None:
+    """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
+    with progress_bar() as announce:
+        recording, truth = simulate(
+            load_world(world),
+            seed,
+            rounds=rounds,
+            rate_hz=rate_hz,
+            reverse=reverse,
+            progress=lambda share: announce(f"simulating {world}", share),
+        )
+    write_recording(recording, out, chirp_description=describe_chirp(), truth=truth)
+    say(f"wrote {out} ({truth.t_s[-1]:.0f} s)")
+
+
+@app.command("import")
+def import_command(
+    log_format: Annotated[LogFormat, typer.Argument(metavar="FORMAT", help=", ".join(LogFormat))],
+    path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
+    out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
+    drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Turn someone else's log into recordings."""
+    count = damaged = 0
+    with progress_bar() as announce:
+        for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
+            announce(f"{item.recording.name}", None)
+            folder = out / item.recording.name if takes_many(log_format) else out
+            write_recording(item.recording, folder, truth=item.truth)
+            count, damaged = count + 1, damaged + item.damaged_lines
+    summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
+    print_rows([summary], title="Imported", as_json=as_json)
+
+
+@app.command("map")
+def map_command(
+    recording: Annotated[Path, typer.Argument(help="A recording, or a folder of recordings.")],
+    out: Annotated[Path, typer.Argument(help="The run folder, or the folder of run folders.")],
+    by: Annotated[Modality | None, typer.Option(help="Default: elf where there is sound.")] = None,
+    start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
+    encoder: EncoderName = "compact",
+    plan: Plan = None,
+    force: Force = False,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
+    parameters = settings_of(parameter_file, setting)
+    paths = recordings_in(recording)
+    closed = True
+    with progress_bar() as announce:
+        for count, path in enumerate(paths):
+            walk = _with_start(read_recording(path), start)
+            announce(walk.name, None if len(paths) == 1 else count / len(paths))
+            run = _map_one(walk, by, encoder, parameters, announce)
+            folder = out if len(paths) == 1 and path == recording else out / path.name
+            _write_mapped(run, walk, folder, path, encoder, plan, parameters, replace=force)
+            closed = run.trajectory.status == "OK" or run.similarity.kind == "motion"
+    if len(paths) == 1:
+        _say_mapped(run, out)
+    if not closed and len(paths) == 1:
+        raise HonestFailure(
+            f"{walk.name}: no loop closure found, the trajectory is dead reckoning; "
+            "walk at least two rounds of the same route"
+        )
+
+
+def recordings_in(path: Path) -> list[Path]:
+    """The recording at `path`, or those in the folder `path`."""
+    if path.is_dir() and not (path / "recording.json").exists():
+        inside = sorted(item.parent for item in path.glob("*/recording.json"))
+        if inside:
+            return inside
+    return [path]
+
+
+def _with_start(recording: Recording, start: str | None) -> Recording:
+    if start is None:
+        return recording
+    try:
+        x_m, y_m, heading_rad = (float(part) for part in start.split(","))
+    except ValueError as cause:
+        raise ParameterError(f"--start: wanted X,Y,HEADING such as 1.5,2,0, got {start!r}") from cause
+    fields = {name: getattr(recording, name) for name in recording.__dataclass_fields__}
+    return Recording(**{**fields, "start_pose": (x_m, y_m, heading_rad)})
+
+
+def _map_one(
+    recording: Recording, by: Modality | None, encoder: str, parameters: Settings, announce: Announce
+) -> slam.Run:
+    def stage(name: str) -> None:
+        announce(f"{recording.name}: {name}", None)
+
+    by = by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
+    if by is Modality.ELF:
+        return slam.map_by_echoes(recording, load_encoder(encoder), parameters, announce=stage)
+    if by is Modality.MOTION:
+        return slam.map_by(recording, slam.no_similarity, parameters, announce=stage)
+    return slam.map_by(
+        recording,
+        lambda walk, nodes: magnetic_similarity(walk, nodes, parameters.magnetic),
+        parameters,
+        announce=stage,
+    )
+
+
+def _write_mapped(
+    run: slam.Run,
+    recording: Recording,
+    folder: Path,
+    source: Path,
+    encoder: str,
+    plan: str | None,
+    parameters: Settings,
+    *,
+    replace: bool,
+) -> None:
+    used = load_encoder(encoder) if run.features is not None else None
+    facts: dict[str, Any] = {
+        **_versions(),
+        "device": recording.device,
+        "recording_digest": digest_of(source),
+        "encoder": None if used is None else used.identity,
+        "parameters_digest": digest(_line_only(parameters)),
+        "parameters": as_dict(parameters),
+    }
+    content = used.content if isinstance(used, OnnxEncoder) else None
+    write_run(run, folder, facts=facts, encoder=content, replace=replace)
+    outline = None if plan is None else floor_plan(load_world(plan).room)
+    write_report(folder / "report.html", run, facts=facts, floor_plan=outline)
+
+
+def _say_mapped(run: slam.Run, out: Path) -> None:
+    for at_s, lost_s in [] if run.echoes is None else run.echoes.losses_s:
+        say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it were put in place")
+    say(
+        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
+        f"{int((run.trajectory.closure_weights > 0.5).sum())} of them kept; look at {out / 'report.html'}"
+    )
+
+
+@app.command("locate")
+def locate_command(
+    recording: Annotated[Path, typer.Argument(help="The recording to be located.")],
+    floor_map: Annotated[Path, typer.Argument(metavar="MAP", help="A run folder.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
+    encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Locate a recording in a map, one fix per 0.6 s of sound."""
+    parameters = settings_of(parameter_file, setting)
+    known = read_map(floor_map)
+    with progress_bar() as announce:
+        announce("locating", None)
+        fixes = slam.locate(read_recording(recording), known, _encoder_of(floor_map, encoder), parameters)
+    write_fixes(fixes, out)
+    counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
+    print_rows([{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json)
+    if counts["OK"] == 0:
+        raise HonestFailure(f"{recording}: nowhere in {floor_map}; is it the same place?")
+
+
+def _encoder_of(floor_map: Path, name: str | None) -> Encoder:
+    """The encoder named, else the one beside the map, else the one without learning."""
+    beside = floor_map / "encoder.onnx" if floor_map.is_dir() else floor_map.parent / "encoder.onnx"
+    return load_encoder(name or (str(beside) if beside.exists() else "spectral"))
+
+
+@app.command()
+def score(
+    estimate: Annotated[Path, typer.Argument(metavar="RUN|FIXES", help="A run, runs, or a CSV.")],
+    truth: Annotated[Path, typer.Argument(help="Truth file or recording, or a folder of them.")],
+    mapped: Annotated[Path | None, typer.Option("--map", help="Run that the fixes lie in.")] = None,
+    map_truth: Annotated[Path | None, typer.Option(help="Truth of that run.")] = None,
+    plan: Plan = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare a run, a folder of runs, or fixes with the truth; a run gets its score.html."""
+    if estimate.suffix == ".csv":
+        _score_fixes(estimate, truth, mapped, map_truth, as_json=as_json)
+    elif not estimate.is_dir():
+        raise InputError(f"{estimate}: wanted a run folder or a CSV of fixes; check the path")
+    elif (estimate / "run.json").exists():
+        _score_run(estimate, truth, plan, as_json=as_json)
+    else:
+        print_rows(score_walks(estimate, truth), title=f"Runs in {estimate} (m)", as_json=as_json)
+
+
+def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: bool) -> None:
+    run, truth = read_run(folder), read_truth(truth_path)
+    print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
+    if len(run.closures.i) and not as_json:
+        print_rows([closure_scores(run, truth)], title="Closures", as_json=False)
+    outline = None if plan is None else floor_plan(load_world(plan).room)
+    with new_file(folder / "score.html") as partial:
+        write_report(partial, run, facts=read_facts(folder), floor_plan=outline, truth=truth)
+
+
+def _score_fixes(
+    file: Path, truth_path: Path, mapped: Path | None, map_truth: Path | None, *, as_json: bool
+) -> None:
+    if (mapped is None) != (map_truth is None):
+        raise InputError("score: --map and --map-truth go together; give both or neither")
+    move = np.zeros(3)
+    if mapped is not None and map_truth is not None:
+        move = alignment_of(read_run(mapped).trajectory, read_truth(map_truth))
+    table: list[ScoreRow] = fix_scores(read_fixes(file), read_truth(truth_path), move)
+    print_rows(table, title=f"{file.name}: errors (m)", as_json=as_json)
+
+
+@app.command()
+def show(
+    what: Annotated[str, typer.Argument(metavar="RUN|MAP|WORLD", help="What to look at.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
+) -> None:
+    """Draw a run, a map or a world as a page."""
+    path = Path(what)
+    with new_file(out) as partial:
+        if (path / "run.json").exists():
+            write_report(partial, read_run(path), facts=read_facts(path))
+        elif path.suffix == ".npz":
+            write_map_page(partial, read_map(path))
+        else:
+            world = load_world(what)
+            route_m = np.vstack([world.route_m, world.route_m[:1]])
+            write_world_page(partial, floor_plan(world.room), route_m, title=world.name)
+    say(f"look at {out}")
+
+
+@app.command()
+def parameters(
+    parameter_file: ParameterFile = None, setting: Setting = None, as_json: AsJson = False
+) -> None:
+    """Every parameter, its value, unit and meaning."""
+    known = settings_of(parameter_file, setting)
+    print_rows([asdict(row) for row in rows(known)], title="Parameters", as_json=as_json)
+
+
+@app.command("pretrain")
+def pretrain_command(
+    out: Annotated[Path, typer.Argument(metavar="OUT.onnx", help="Where the encoder goes.")],
+    seed: Seed = 0,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Train the compact encoder on simulated echoes; goes on from OUT.checkpoint if there is one."""
+    from elfslam.studies.pretraining import pretrain_on_simulated_echoes
+
+    known = settings_of(parameter_file, setting).pretrain
+    with progress_bar() as announce:
+        loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce)
+    say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
+
+
+def _line_only(known: Settings) -> slam.Parameters:
+    """The groups that decide what a map looks like."""
+    return slam.Parameters(**{name: getattr(known, name) for name in slam.Parameters.__dataclass_fields__})
+
+
+def _versions() -> dict[str, object]:
+    libraries = {name: metadata.version(name) for name in ("numpy", "gtsam", "onnxruntime")}
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"elfslam": __version__, "libraries": libraries, "made_utc": made}
+
+
+def main() -> None:
+    """The `elfslam` command."""
+    sys.exit(exit_code_of(app))

@@ -1,0 +1,51 @@
+"""Other people's logs, whatever their format, as recordings with their truth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.values import Recording, Truth
+from elfslam.data.magnetic import read_magnetic
+from elfslam.data.mall import read_walk, walks_in
+from elfslam.data.sensorlogger import read_sensorlogger
+
+
+class LogFormat(StrEnum):
+    """Formats that can be imported."""
+
+    MALL = "mall"
+    MAGNETIC = "magnetic"
+    SENSORLOGGER = "sensorlogger"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """One recording, its truth where the log has it, and how many lines were damaged."""
+
+    recording: Recording
+    truth: Truth | None
+    damaged_lines: int
+
+
+def read_logs(log_format: LogFormat, path: Path, generator: np.random.Generator) -> Iterator[Imported]:
+    """Every recording at `path`; `generator` drifts odometry that would else be the truth."""
+    if log_format is LogFormat.MALL:
+        for file in walks_in(path):
+            walk = read_walk(file)
+            truth = walk.truth if len(walk.truth.t_s) else None
+            yield Imported(walk.recording, truth, walk.damaged_lines)
+    elif log_format is LogFormat.MAGNETIC:
+        recording, truth = read_magnetic(path, generator)
+        yield Imported(recording, truth, 0)
+    else:
+        yield Imported(read_sensorlogger(path), None, 0)
+
+
+def takes_many(log_format: LogFormat) -> bool:
+    """Whether one path of this format can hold several recordings."""
+    return log_format is LogFormat.MALL

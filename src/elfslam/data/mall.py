@@ -1,0 +1,225 @@
+"""Walks of the Microsoft Indoor Location Competition 2.0: one text file a walk, no sound.
+
+Lines are tab-separated `unix_ms TYPE values...`, those starting with `#` are the header. In
+the full data set two records sometimes run together on one line: what can be read is read, and
+such lines are counted.
+"""
+
+from __future__ import annotations
+
+import lzma
+import re
+import tarfile
+import tempfile
+from collections import defaultdict
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
+from elfslam.data.sensor_files import imu_on_accelerometer_clock
+from elfslam.data.wifi_table import scans_from_rows
+
+RECORD_START = re.compile(r"(?=\d{13}\tTYPE_)")
+VECTORS = ("TYPE_ACCELEROMETER", "TYPE_GYROSCOPE", "TYPE_MAGNETIC_FIELD", "TYPE_ROTATION_VECTOR")
+WAYPOINT, WIFI = "TYPE_WAYPOINT", "TYPE_WIFI"
+FIELDS = {**dict.fromkeys(VECTORS, 6), WAYPOINT: 4, WIFI: 7}
+"""Fields of a whole record, time and type included; vectors end in an accuracy."""
+SHORTEST = 3
+"""Fields that a record of any other type has at least."""
+LONGEST_WALK_MS = 24 * 3600 * 1000
+"""A record further from the start has a damaged time."""
+
+Records = dict[str, list[tuple[float, ...]]]
+
+
+@dataclass(frozen=True, eq=False)
+class MallWalk:
+    """One surveyed walk; the truth has waypoints without heading, and no rows if there are none.
+
+    `damaged_lines` counts lines that were not one whole record.
+    """
+
+    recording: Recording
+    truth: Truth
+    damaged_lines: int
+
+
+def read_walk(path: Path) -> MallWalk:
+    """The walk in a .txt file; t = 0 is its startTime, or the first record where that is absent.
+
+    The gyroscope is moved to the accelerometer's times; of records with the same time the first
+    counts. Raises InputError where the file is no walk.
+    """
+    try:
+        text = path.read_bytes().decode("utf-8", errors="replace")
+    except OSError as cause:
+        raise InputError(f"{path}: cannot be read ({cause}); check the path") from cause
+    lines = [line for line in text.splitlines() if line.strip()]
+    header = [line for line in lines if line.startswith("#")]
+    body = [line for line in lines if not line.startswith("#")]
+    records, wifi_rows, damaged = _sort_records(body, _start_ms(header, body))
+    absent = [kind for kind in VECTORS[:2] if len(records[kind]) < 2]
+    if absent:
+        raise InputError(f"{path}: has no {absent[0]} records; wanted a walk of the mall data set")
+    recording = Recording(
+        name=path.stem,
+        device=_device(header),
+        imu=_imu(path, records),
+        orientation=_orientation(records["TYPE_ROTATION_VECTOR"]),
+        magnetometer=_magnetometer(records["TYPE_MAGNETIC_FIELD"]),
+        wifi=_wifi(wifi_rows),
+    )
+    return MallWalk(recording, _truth(records[WAYPOINT]), damaged)
+
+
+def walks_in(path: Path) -> Iterator[Path]:
+    """The walk files at `path`: a .txt, a folder (recursively, sorted) or a .tar.xz archive.
+
+    A walk from an archive is unpacked for a moment: its path is good until the next is asked
+    for. Raises InputError where there is nothing to read.
+    """
+    if path.is_dir():
+        files = sorted(path.rglob("*.txt"))
+        archives = sorted(path.rglob("*.tar.xz"))
+        if not files and not archives:
+            raise InputError(f"{path}: holds no walk; wanted .txt files or .tar.xz archives")
+        yield from files
+        for archive in archives:
+            yield from _walks_in_archive(archive)
+    elif not path.is_file():
+        raise InputError(f"{path}: does not exist; wanted a walk, a folder or a .tar.xz archive")
+    elif path.name.endswith(".tar.xz"):
+        yield from _walks_in_archive(path)
+    else:
+        yield path
+
+
+def _walks_in_archive(path: Path) -> Iterator[Path]:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            with tarfile.open(path, "r|xz") as archive:
+                for member in archive:
+                    content = archive.extractfile(member) if member.name.endswith(".txt") else None
+                    if content is None:
+                        continue
+                    file = Path(folder) / Path(member.name).name
+                    file.write_bytes(content.read())
+                    yield file
+                    file.unlink()
+        except (tarfile.TarError, lzma.LZMAError, EOFError) as cause:
+            raise InputError(f"{path}: is a broken archive ({cause}); copy it again") from cause
+
+
+def _start_ms(header: Sequence[str], body: Sequence[str]) -> int:
+    found = re.search(r"startTime:(\d{13})", "\n".join(header))
+    found = found or re.search(r"(\d{13})\tTYPE_", "\n".join(body[:10]))
+    return int(found[1]) if found else 0
+
+
+def _device(header: Sequence[str]) -> str:
+    text = "\n".join(header)
+    names = [re.search(rf"{key}:([^\t\n]+)", text) for key in ("Brand", "Model")]
+    return " ".join(name[1].strip() for name in names if name) or "unknown"
+
+
+def _sort_records(
+    body: Sequence[str], start_ms: int
+) -> tuple[Records, list[tuple[float, str, float, float]], int]:
+    """Records by type with t_s first, Wi-Fi rows (t_s, bssid, rssi, age), lines not whole."""
+    records: Records = defaultdict(list)
+    wifi_rows: list[tuple[float, str, float, float]] = []
+    damaged = 0
+    for line in body:
+        whole = True
+        for piece in _pieces(line):
+            fields = piece.split("\t")
+            try:
+                _place(fields, start_ms, records, wifi_rows)
+            except (ValueError, IndexError):
+                whole = False
+        damaged += not whole or line.count("\tTYPE_") != 1
+    return records, wifi_rows, damaged
+
+
+def _pieces(line: str) -> list[str]:
+    if line.count("\tTYPE_") == 1 and line[:13].isdigit():
+        return [line]
+    return [piece for piece in RECORD_START.split(line) if piece]
+
+
+def _place(
+    fields: Sequence[str],
+    start_ms: int,
+    records: Records,
+    wifi_rows: list[tuple[float, str, float, float]],
+) -> None:
+    """Puts one record where it belongs. Raises ValueError or IndexError if it is not whole."""
+    kind = fields[1]
+    after_start_ms = int(fields[0]) - start_ms
+    wanted = FIELDS.get(kind, SHORTEST)
+    _check(whole=abs(after_start_ms) < LONGEST_WALK_MS and len(fields) >= wanted)
+    t_s = after_start_ms / 1000
+    if kind not in FIELDS:
+        _check(whole=kind.startswith("TYPE_"))
+    elif kind == WIFI:
+        # Counted from the end: a network may have tabs in its name.
+        bssid, rssi, _, seen_ms = fields[-4:]
+        wifi_rows.append((t_s, bssid, _finite(rssi), (int(fields[0]) - int(seen_ms)) / 1000))
+    else:
+        _check(whole=len(fields) == wanted)
+        values = fields[2:5] if kind in VECTORS else fields[2:4]
+        records[kind].append((t_s, *map(_finite, values)))
+
+
+def _check(*, whole: bool) -> None:
+    if not whole:
+        raise ValueError
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    _check(whole=abs(number) < np.inf)
+    return number
+
+
+def _forward(rows: Sequence[tuple[float, ...]]) -> tuple[F64, F64]:
+    """Times and values; rows that do not move time forward are left out."""
+    table = np.array(rows, dtype=float)
+    latest = np.maximum.accumulate(table[:, 0])
+    kept = np.concatenate([[True], table[1:, 0] > latest[:-1]])
+    return table[kept, 0], table[kept, 1:]
+
+
+def _imu(path: Path, records: Records) -> Imu:
+    accelerometer, gyroscope = (_forward(records[kind]) for kind in VECTORS[:2])
+    return imu_on_accelerometer_clock(str(path), *accelerometer, *gyroscope)
+
+
+def _magnetometer(rows: Sequence[tuple[float, ...]]) -> Magnetometer | None:
+    return Magnetometer(*_forward(rows)) if rows else None
+
+
+def _orientation(rows: Sequence[tuple[float, ...]]) -> Orientation | None:
+    """Android's rotation vector is the quaternion without its w, which is never negative."""
+    if not rows:
+        return None
+    t_s, xyz = _forward(rows)
+    w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(axis=1)))
+    quaternion = np.column_stack([xyz, w])
+    return Orientation(t_s, quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
+
+
+def _wifi(rows: Sequence[tuple[float, str, float, float]]) -> WifiScans | None:
+    return scans_from_rows(*map(list, zip(*rows, strict=True))) if rows else None
+
+
+def _truth(rows: Sequence[tuple[float, ...]]) -> Truth:
+    if not rows:
+        return Truth(np.empty(0), np.empty((0, 3)))
+    t_s, xy_m = _forward(rows)
+    return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]))

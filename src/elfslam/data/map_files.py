@@ -1,0 +1,48 @@
+"""Floor maps on disk: one .npz file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import FloorMap, Payload
+from elfslam.data.folders import new_file
+from elfslam.data.npz import read_npz, write_npz
+
+MAP = "map.npz"
+SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
+LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
+
+
+def write_map(floor_map: FloorMap, file: Path) -> None:
+    """The map as an .npz file, an older one there replaced. Raises StoreError."""
+    arrays = {name: getattr(floor_map, name) for name in SPOTS}
+    arrays["parameters_digest"] = floor_map.parameters_digest
+    arrays["sources"] = np.array(floor_map.sources, dtype=str)
+    arrays["payload_kinds"] = np.array([each.kind for each in floor_map.payloads], dtype=str)
+    arrays["payload_encoders"] = np.array([each.encoder for each in floor_map.payloads], dtype=str)
+    for k, payload in enumerate(floor_map.payloads):
+        arrays[f"payload_{k}"] = payload.vectors
+    with new_file(file) as partial:
+        write_npz(partial, arrays)
+
+
+def read_map(path: Path) -> FloorMap:
+    """The map in a run folder or an .npz file. Raises StoreError."""
+    file = path / MAP if path.is_dir() else path
+    arrays = read_npz(file, [*SPOTS, *LABELS])
+    kinds, encoders = arrays["payload_kinds"].tolist(), arrays["payload_encoders"].tolist()
+    try:
+        return FloorMap(
+            **{name: arrays[name] for name in SPOTS},
+            payloads=tuple(
+                Payload(kind, encoder, arrays[f"payload_{k}"])
+                for k, (kind, encoder) in enumerate(zip(kinds, encoders, strict=True))
+            ),
+            parameters_digest=str(arrays["parameters_digest"]),
+            sources=tuple(arrays["sources"].tolist()),
+        )
+    except (InputError, KeyError, ValueError) as cause:
+        raise StoreError(f"{file}: is no floor map ({cause}); make it again") from cause

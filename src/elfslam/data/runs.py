@@ -1,0 +1,192 @@
+"""Runs on disk: what mapping one recording gave, in files that other programs open too."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from elfslam.base.arrays import F32
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import (
+    Closures,
+    Echoes,
+    Features,
+    Odometry,
+    Similarity,
+    Trajectory,
+)
+from elfslam.data.folders import new_folder
+from elfslam.data.map_files import MAP, read_map, write_map
+from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.tables import read_lines, read_table
+from elfslam.data.tum import read_tum, write_tum
+from elfslam.slam import Run
+
+FACTS, TIMINGS, ENCODER = "run.json", "timings.json", "encoder.onnx"
+CLOSURE_COLUMNS = ("i", "j", "t_i_s", "t_j_s", "score", "weight", "x_m", "y_m", "heading_rad")
+UNCERTAINTY = (
+    "step_sigma",
+    "trajectory_covariance",
+    "closure_covariance",
+    "closure_weights",
+    "status",
+)
+SAMPLES = ("samples", "peak")
+
+
+def write_run(
+    run: Run,
+    folder: Path,
+    *,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+    replace: bool = False,
+) -> None:
+    """The run as a folder; `facts` go into run.json beside the run's name, `encoder` (ONNX) into encoder.onnx.
+
+    Raises StoreError where a folder with content is there; with `replace` an older run (and
+    nothing else) gives way.
+    """
+    with new_folder(folder, replaces=FACTS if replace else None) as partial:
+        _write_json(partial / FACTS, {"name": run.name, **facts})
+        _write_json(partial / TIMINGS, run.seconds)
+        write_tum(partial / "odometry.tum", run.odometry.t_s, run.odometry.world_from_body)
+        write_tum(partial / "trajectory.tum", run.trajectory.t_s, run.trajectory.world_from_body)
+        _write_closures(run, partial / "closures.csv")
+        _write_evidence(run, partial)
+        if run.floor_map is not None:
+            write_map(run.floor_map, partial / MAP)
+        if encoder is not None:
+            (partial / ENCODER).write_bytes(encoder)
+
+
+def read_run(folder: Path) -> Run:
+    """The run in a folder. Raises StoreError where it is missing, cut off or damaged."""
+    try:
+        return _read_run(folder)
+    except (InputError, ValueError) as cause:
+        raise StoreError(f"{folder}: is no whole run ({cause}); map the recording again") from cause
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """What run.json says: parameters, digests, versions. Raises StoreError."""
+    return _read_json(folder / FACTS)
+
+
+def digest_of(path: Path) -> str:
+    """SHA-256 over a file, or over the names and contents of a folder's files."""
+    if not path.exists():
+        raise InputError(f"{path}: does not exist; wanted a recording")
+    total = hashlib.sha256()
+    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
+        if file.is_file():
+            name = file.relative_to(path).as_posix()
+            with file.open("rb") as stream:
+                content = hashlib.file_digest(stream, "sha256").hexdigest()
+            total.update(f"{name}\0{content}\n".encode())
+    return total.hexdigest()
+
+
+def _read_run(folder: Path) -> Run:
+    facts, timings = read_facts(folder), _read_json(folder / TIMINGS)
+    spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
+    similarity = read_npz(folder / "similarity.npz", ["scores", "kind"])
+    trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
+    return Run(
+        name=str(facts.get("name", folder.name)),
+        odometry=Odometry(*read_tum(folder / "odometry.tum"), spread["step_sigma"]),
+        similarity=Similarity(similarity["scores"], str(similarity["kind"])),
+        closures=_read_closures(folder / "closures.csv", spread["closure_covariance"]),
+        trajectory=Trajectory(
+            trajectory_t_s,
+            trajectory_poses,
+            spread["trajectory_covariance"],
+            spread["closure_weights"],
+            str(spread["status"]),
+        ),
+        floor_map=read_map(folder) if (folder / MAP).is_file() else None,
+        echoes=_read_echoes(folder / "echoes.npz"),
+        features=_read_features(folder / "features.npz"),
+        seconds={name: float(seconds) for name, seconds in timings.items()},
+    )
+
+
+def _write_json(file: Path, content: Mapping[str, object]) -> None:
+    text = json.dumps(dict(content), indent=2, ensure_ascii=False, default=str)
+    file.write_text(text + "\n", encoding="utf-8")
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as cause:
+        raise StoreError(f"{file}: is missing or damaged ({cause}); map again") from cause
+    if not isinstance(content, dict):
+        raise StoreError(f"{file}: wanted a JSON object; map the recording again")
+    return content
+
+
+def _write_closures(run: Run, file: Path) -> None:
+    closures, t_s = run.closures, run.odometry.t_s
+    columns = (closures.i, closures.j, t_s[closures.i], t_s[closures.j], closures.score)
+    weights = run.trajectory.closure_weights
+    table = np.column_stack([*columns, weights, closures.i_from_j])
+    formats = ["%d", "%d", "%.6f", "%.6f", *["%.9g"] * 5]
+    header = ",".join(CLOSURE_COLUMNS)
+    np.savetxt(file, table, fmt=formats, delimiter=",", header=header, comments="")
+
+
+def _read_closures(file: Path, covariance: npt.NDArray[Any]) -> Closures:
+    columns = ("i", "j", "score", "x_m", "y_m", "heading_rad")
+    empty = len(read_lines(file)) == 1
+    table = np.empty((0, len(columns))) if empty else read_table(file, columns)
+    i, j = table[:, :2].astype(np.int64).T
+    return Closures(i, j, table[:, 2], table[:, 3:], covariance)
+
+
+def _write_evidence(run: Run, folder: Path) -> None:
+    spread = (
+        run.odometry.step_sigma,
+        run.trajectory.covariance,
+        run.closures.covariance,
+        run.trajectory.closure_weights,
+        run.trajectory.status,
+    )
+    write_npz(folder / "uncertainty.npz", dict(zip(UNCERTAINTY, spread, strict=True)))
+    scores = run.similarity.scores.astype(np.float16)
+    write_npz(folder / "similarity.npz", {"scores": scores, "kind": run.similarity.kind})
+    if run.echoes is not None:
+        _write_echoes(run.echoes, folder / "echoes.npz")
+    if run.features is not None:
+        kept = {name: getattr(run.features, name) for name in ("t_s", "vectors", "encoder")}
+        write_npz(folder / "features.npz", kept)
+
+
+def _write_echoes(echoes: Echoes, file: Path) -> None:
+    """Each trace as float16 of its own peak: half the size, noise 66 dB below the sound."""
+    peak = np.max(np.abs(echoes.samples), axis=1, initial=0)
+    scaled = echoes.samples / np.where(peak > 0, peak, 1)[:, None]
+    arrays = {"samples": scaled.astype(np.float16), "peak": peak}
+    kept = {name: getattr(echoes, name) for name in ("t_s", "snr_db", "losses_s")}
+    write_npz(file, {**arrays, **kept})
+
+
+def _read_echoes(file: Path) -> Echoes | None:
+    if not file.is_file():
+        return None
+    arrays = read_npz(file, [*SAMPLES, "t_s", "snr_db", "losses_s"])
+    samples: F32 = arrays["samples"].astype(np.float32) * arrays["peak"][:, None]
+    return Echoes(arrays["t_s"], samples, arrays["snr_db"], arrays["losses_s"])
+
+
+def _read_features(file: Path) -> Features | None:
+    if not file.is_file():
+        return None
+    arrays = read_npz(file, ["t_s", "vectors", "encoder"])
+    return Features(arrays["t_s"], arrays["vectors"], str(arrays["encoder"]))

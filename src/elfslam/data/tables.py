@@ -1,0 +1,119 @@
+"""Tables of numbers as CSV files; whatever is wrong is named with its file and row."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+
+TIME_FORMAT = "%.6f"
+NUMBER_FORMAT = "%.9g"
+
+
+def read_lines(file: Path) -> list[str]:
+    """The lines of a text file, without blank ones at its end.
+
+    Raises InputError where the file is missing, unreadable or empty.
+    """
+    try:
+        text = file.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as cause:
+        raise InputError(f"{file}: cannot be read as text ({cause}); check the file") from cause
+    if not text.strip():
+        raise InputError(f"{file}: is empty; delete it if there is nothing to say")
+    return text.rstrip().splitlines()
+
+
+def read_header(file: Path) -> tuple[str, ...]:
+    """The column names of a CSV file. Raises InputError as `read_lines`."""
+    return tuple(name.strip() for name in read_lines(file)[0].split(","))
+
+
+def read_table(file: Path, columns: Sequence[str]) -> F64:
+    """The named columns (rows, columns) of a CSV file, in the order asked for.
+
+    Raises InputError for a missing column, a cell that is no finite number, a row with too few
+    cells, and a table without rows; the message names the row, the header being row 1.
+    """
+    lines = read_lines(file)
+    header = [name.strip() for name in lines[0].split(",")]
+    missing = [name for name in columns if name not in header]
+    if missing:
+        raise InputError(f"{file}: column {missing[0]} is missing, got {','.join(header)[:80]}")
+    if len(lines) == 1:
+        raise InputError(f"{file}: has a header and no rows; delete it if the sensor was off")
+    return parse_rows(file, lines[1:], [header.index(name) for name in columns], first_row=2)
+
+
+def parse_rows(
+    file: Path, lines: Sequence[str], columns: Sequence[int], *, first_row: int, comma: bool = True
+) -> F64:
+    """Numbers (rows, columns) from lines whose cells are parted by commas, or by white space."""
+    delimiter = "," if comma else None
+    try:
+        numbers = np.loadtxt(lines, delimiter=delimiter, usecols=columns, comments=None, ndmin=2)
+    except (ValueError, IndexError):
+        numbers = np.empty((0, len(columns)))
+    # Blank lines in between are skipped by loadtxt; then rows and lines disagree.
+    if len(numbers) != len(lines) or not np.isfinite(numbers).all():
+        _refuse_bad_row(file, lines, columns, first_row, delimiter)
+    return np.asarray(numbers, dtype=np.float64)
+
+
+def _refuse_bad_row(
+    file: Path, lines: Sequence[str], columns: Sequence[int], first_row: int, delimiter: str | None
+) -> None:
+    for row, line in enumerate(lines, start=first_row):
+        cells = line.split(delimiter)
+        if len(cells) <= max(columns):
+            raise InputError(
+                f"{file}: row {row} has {len(cells)} cells, wanted {max(columns) + 1}; "
+                "the file is cut off or damaged there, remove that row"
+            )
+        for column in columns:
+            if not _is_finite_number(cells[column]):
+                raise InputError(
+                    f"{file}: row {row} has {cells[column].strip()[:30]!r}, wanted a finite "
+                    "number; remove or repair that row"
+                )
+    raise InputError(f"{file}: cannot be read as numbers; check the file")
+
+
+def _is_finite_number(cell: str) -> bool:
+    try:
+        return math.isfinite(float(cell))
+    except ValueError:
+        return False
+
+
+def check_times(file: Path, t_s: F64, *, first_row: int = 2) -> None:
+    """Raises InputError, naming the row, where time repeats or runs backward."""
+    steps = np.diff(t_s)
+    if (steps > 0).all():
+        return
+    k = int(np.argmax(steps <= 0)) + 1
+    kind = "repeats" if steps[k - 1] == 0 else "runs backward"
+    raise InputError(
+        f"{file}: time {kind} at row {k + first_row} ({t_s[k - 1]:.6f} then {t_s[k]:.6f} s); "
+        "sort the rows and drop the repeated ones"
+    )
+
+
+def read_timed_table(file: Path, columns: Sequence[str]) -> tuple[F64, F64]:
+    """Times (n) from column t_s, strictly increasing, and the other columns (n, columns)."""
+    numbers = read_table(file, ["t_s", *columns])
+    check_times(file, numbers[:, 0])
+    return numbers[:, 0], numbers[:, 1:]
+
+
+def write_timed_table(file: Path, columns: Sequence[str], t_s: F64, values: F64) -> None:
+    """A CSV file with t_s (microseconds kept) and the other columns (nine digits kept)."""
+    formats = [TIME_FORMAT] + [NUMBER_FORMAT] * len(columns)
+    table = np.column_stack([t_s, values])
+    header = ",".join(["t_s", *columns])
+    np.savetxt(file, table, fmt=formats, delimiter=",", header=header, comments="")

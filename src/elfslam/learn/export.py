@@ -1,0 +1,50 @@
+"""Encoders as ONNX files: one graph from raw aligned samples to the ELF."""
+
+from __future__ import annotations
+
+import io
+import warnings
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from onnx import numpy_helper
+
+from elfslam.base.values import ECHO_SAMPLES
+from elfslam.learn.network import BINS, CompactEncoder
+
+
+def export_encoder(network: CompactEncoder, path: Path) -> None:
+    """Write `network` to `path`.
+
+    Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
+    output `elf` (n, 128).
+    """
+    model = onnx.load_model_from_string(_traced(network))
+    model.graph.initializer.append(
+        numpy_helper.from_array(np.zeros(BINS, dtype=np.float32), "device_log_spectrum")
+    )
+    onnx.checker.check_model(model)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_bytes(model.SerializeToString())
+    partial.replace(path)
+
+
+def _traced(network: CompactEncoder) -> bytes:
+    buffer = io.BytesIO()
+    example = torch.randn(2, ECHO_SAMPLES), torch.zeros(BINS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        torch.onnx.export(
+            network.eval(),
+            example,
+            buffer,
+            input_names=["samples", "device_log_spectrum"],
+            output_names=["elf"],
+            dynamic_axes={"samples": {0: "n"}, "elf": {0: "n"}},
+            opset_version=17,
+            dynamo=False,
+        )
+    return buffer.getvalue()

@@ -1,0 +1,93 @@
+"""The compact encoder: from raw aligned samples to the ELF in one differentiable graph."""
+
+from __future__ import annotations
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from elfslam.base.values import ELF_SIZE
+from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
+
+FRAMES = 48
+LOG_FLOOR = 0.02
+"""Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
+
+
+class Spectrogram(nn.Module):
+    """Samples (n, 2352) to magnitudes (n, 12, 48): the framing and DFT of `line.feature`."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        n = np.arange(WINDOW_SAMPLES)
+        window = np.hanning(WINDOW_SAMPLES + 1)[:-1]
+        bins = np.arange(FIRST_BIN, FIRST_BIN + BINS)[:, None]
+        angle = 2 * np.pi * bins * n / WINDOW_SAMPLES
+        kernels = np.concatenate([np.cos(angle) * window, np.sin(angle) * window])[:, None, :]
+        self.register_buffer("kernels", torch.tensor(kernels, dtype=torch.float32))
+
+    def forward(self, samples: Tensor) -> Tensor:
+        parts = functional.conv1d(samples[:, None, :], self.kernels, stride=HOP_SAMPLES)  # type: ignore[arg-type]
+        real, imaginary = parts[:, :BINS], parts[:, BINS:]
+        return torch.sqrt(real * real + imaginary * imaginary + 1e-20)
+
+
+class Residual(nn.Module):
+    """Two 3x3 convolutions with a shortcut."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = nn.Conv2d(channels, channels, 3, padding=1, bias=False)
+        self.first_norm = nn.BatchNorm2d(channels)
+        self.second = nn.Conv2d(channels, channels, 3, padding=1, bias=False)
+        self.second_norm = nn.BatchNorm2d(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        inner = functional.relu(self.first_norm(self.first(x)))
+        return functional.relu(x + self.second_norm(self.second(inner)))
+
+
+class CompactEncoder(nn.Module):
+    """Raw aligned samples (n, 2352) to ELFs (n, 128), unit rows.
+
+    The time axis is pooled late and never averaged away: the delay of an echo is its place.
+    `device_log_spectrum` (12) is subtracted from the log spectrogram; zeros mean no calibration.
+    """
+
+    def __init__(self, width: int = 32) -> None:
+        super().__init__()
+        self.spectrogram = Spectrogram()
+        self.body = nn.Sequential(
+            nn.Conv2d(1, width, 3, stride=(2, 1), padding=1, bias=False),
+            nn.BatchNorm2d(width),
+            nn.ReLU(),
+            nn.Conv2d(width, width, 3, stride=(1, 2), padding=1, bias=False),
+            nn.BatchNorm2d(width),
+            nn.ReLU(),
+            Residual(width),
+            nn.Conv2d(width, 2 * width, 3, stride=2, padding=1, bias=False),
+            nn.BatchNorm2d(2 * width),
+            nn.ReLU(),
+            Residual(2 * width),
+        )
+        flat = 2 * width * 3 * (FRAMES // 4)
+        self.head = nn.Sequential(
+            nn.Linear(flat, ELF_SIZE),
+            nn.BatchNorm1d(ELF_SIZE),
+            nn.ReLU(),
+            nn.Linear(ELF_SIZE, ELF_SIZE),
+        )
+
+    def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
+        image = normalised_log(self.spectrogram(samples), device_log_spectrum)
+        inner = self.body(image[:, None])
+        return functional.normalize(self.head(inner.flatten(1)), dim=1)
+
+
+def normalised_log(magnitude: Tensor, device_log_spectrum: Tensor) -> Tensor:
+    """Log magnitudes (n, 12, 48) with zero mean and unit variance per echo: level drops out."""
+    floor = LOG_FLOOR * magnitude.mean(dim=(1, 2), keepdim=True)
+    level = torch.log(magnitude + floor + 1e-12) - device_log_spectrum[:, None]
+    level = level - level.mean(dim=(1, 2), keepdim=True)
+    return level / torch.sqrt((level * level).mean(dim=(1, 2), keepdim=True) + 1e-6)

@@ -1,0 +1,119 @@
+"""Contrastive pre-training: a stream of echo pairs in, a trained encoder out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from elfslam.base.errors import StoreError
+from elfslam.base.values import EchoPairs
+from elfslam.learn.loss import nt_xent
+from elfslam.learn.network import BINS, CompactEncoder
+from elfslam.learn.settings import PretrainParameters
+
+PairsOf = Callable[[int], EchoPairs]
+"""The batch of a step: the same step always gives the same batch, so that a run can resume."""
+
+
+@dataclass(frozen=True)
+class Progress:
+    """Where the training stands after a step."""
+
+    step: int
+    loss: float
+
+
+def pretrain(
+    pairs_of: PairsOf,
+    parameters: PretrainParameters,
+    *,
+    seed: int,
+    checkpoint: Path,
+    report: Callable[[Progress], None],
+) -> CompactEncoder:
+    """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
+
+    Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
+    where it was. The same seed gives the same encoder on the same number of threads.
+    """
+    torch.manual_seed(seed)
+    network = CompactEncoder(parameters.width)
+    optimizer = torch.optim.AdamW(
+        network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
+    )
+    first = _resume(checkpoint, network, optimizer)
+    network.train()
+    for step, batch in _prefetched(pairs_of, first, parameters.steps):
+        for group in optimizer.param_groups:
+            group["lr"] = parameters.learning_rate * _schedule(step, parameters)
+        loss = pair_loss(network, batch, parameters)
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        report(Progress(step + 1, float(loss.item())))
+        if (step + 1) % parameters.checkpoint_steps == 0:
+            _save(checkpoint, step + 1, network, optimizer)
+    return network.eval()
+
+
+def pair_loss(network: CompactEncoder, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
+    """NT-Xent of a batch; places of one room that are too near are left out of the negatives."""
+    none = torch.zeros(BINS)
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
+    rows = network(both, none)
+    distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
+    near = (batch.room[:, None] == batch.room[None]) & (distance_m < parameters.too_near_m)
+    count = len(batch.first)
+    return nt_xent(rows[:count], rows[count:], torch.from_numpy(near), parameters.temperature)
+
+
+def _schedule(step: int, parameters: PretrainParameters) -> float:
+    warm = min((step + 1) / parameters.warmup_steps, 1.0)
+    return warm * (0.5 + 0.5 * math.cos(math.pi * step / parameters.steps))
+
+
+def _prefetched(
+    pairs_of: PairsOf, first: int, last: int, ahead: int = 3
+) -> Iterator[tuple[int, EchoPairs]]:
+    """Batches in order, simulated on another core while the network learns."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting: list[tuple[int, Future[EchoPairs]]] = []
+        for step in range(first, last):
+            waiting.append((step, pool.submit(pairs_of, step)))
+            if len(waiting) > ahead:
+                ready, future = waiting.pop(0)
+                yield ready, future.result()
+        for ready, future in waiting:
+            yield ready, future.result()
+
+
+def _save(
+    checkpoint: Path, step: int, network: CompactEncoder, optimizer: torch.optim.Optimizer
+) -> None:
+    state = {"step": step, "network": network.state_dict(), "optimizer": optimizer.state_dict()}
+    partial = checkpoint.with_suffix(".partial")
+    torch.save(state, partial)
+    partial.replace(checkpoint)
+
+
+def _resume(checkpoint: Path, network: CompactEncoder, optimizer: torch.optim.Optimizer) -> int:
+    """The next step; 0 where there is no checkpoint."""
+    if not checkpoint.exists():
+        return 0
+    try:
+        state: dict[str, Any] = torch.load(checkpoint, weights_only=True)
+        network.load_state_dict(state["network"])
+        optimizer.load_state_dict(state["optimizer"])
+    except Exception as cause:  # torch raises many types for a damaged or foreign file
+        raise StoreError(
+            f"{checkpoint}: not a checkpoint of this network; delete it to start over"
+        ) from cause
+    return int(state["step"])

@@ -1,0 +1,1 @@
+"""Floor 1: the method, one stage a file; no stage imports another."""

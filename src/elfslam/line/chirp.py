@@ -1,0 +1,80 @@
+"""The excitation: a soft near-inaudible sweep, played once per period."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.parameters import parameter
+from elfslam.base.values import Chirp
+
+ACCEPTED_RATES_HZ = (44_100, 48_000)
+"""10 ms and 100 ms are whole samples at both."""
+
+HOP_ORDER = (3, 7, 0, 5, 9, 2, 6, 1, 8, 4)
+"""Fixed pseudo-random order of the ten FHSS hops, so that every phone plays the same code."""
+
+
+@dataclass(frozen=True)
+class ChirpParameters:
+    """What is played (paper section 3, excitation signal)."""
+
+    kind: str = parameter("chirp", "", "excitation: chirp (logarithmic), tone or fhss")
+    band_low_hz: float = parameter(15_000.0, "Hz", "lower end of the band", low=1_000.0)
+    band_high_hz: float = parameter(20_000.0, "Hz", "upper end of the band", high=22_000.0)
+    duration_s: float = parameter(0.010, "s", "length of one excitation", low=0.001, high=0.05)
+    period_s: float = parameter(0.100, "s", "time from one excitation to the next", low=0.08)
+    fade_s: float = parameter(
+        0.0005, "s", "raised-cosine fade at both ends, against clicks", low=0.0
+    )
+
+
+def make_chirp(parameters: ChirpParameters, rate_hz: int) -> Chirp:
+    """One excitation at `rate_hz`, peak amplitude 1.
+
+    Raises InputError for a rate other than 44.1 or 48 kHz, ParameterError for an unknown kind.
+    """
+    check_rate(rate_hz)
+    t_s = np.arange(round(parameters.duration_s * rate_hz)) / rate_hz
+    phase_rad = _phase_rad(parameters, t_s)
+    samples = (np.sin(phase_rad) * _fade(t_s, parameters)).astype(np.float32)
+    band_hz = np.array([parameters.band_low_hz, parameters.band_high_hz])
+    return Chirp(samples, rate_hz, parameters.period_s, band_hz)
+
+
+def check_rate(rate_hz: int) -> None:
+    """Refuse a sampling rate at which the band or the period does not fit."""
+    if rate_hz not in ACCEPTED_RATES_HZ:
+        raise InputError(
+            f"audio rate: wanted 44100 or 48000 Hz, got {rate_hz}; record again at one of the two"
+        )
+
+
+def _phase_rad(parameters: ChirpParameters, t_s: F64) -> F64:
+    low_hz, high_hz = parameters.band_low_hz, parameters.band_high_hz
+    if parameters.kind == "chirp":
+        ratio, duration_s = high_hz / low_hz, parameters.duration_s
+        turns = low_hz * duration_s / np.log(ratio) * (ratio ** (t_s / duration_s) - 1.0)
+    elif parameters.kind == "tone":
+        turns = high_hz * t_s
+    elif parameters.kind == "fhss":
+        hop = np.minimum(
+            (t_s / parameters.duration_s * len(HOP_ORDER)).astype(int), len(HOP_ORDER) - 1
+        )
+        hop_hz = low_hz + (np.array(HOP_ORDER)[hop] + 0.5) * (high_hz - low_hz) / len(HOP_ORDER)
+        turns = np.cumsum(hop_hz) * (t_s[1] - t_s[0])
+    else:
+        raise ParameterError(
+            f"chirp.kind: wanted chirp, tone or fhss, got {parameters.kind!r}; choose one"
+        )
+    return np.asarray(2 * np.pi * turns)
+
+
+def _fade(t_s: F64, parameters: ChirpParameters) -> F64:
+    if parameters.fade_s == 0:
+        return np.ones_like(t_s)
+    edge_s = np.minimum(t_s, t_s[-1] - t_s)
+    return np.asarray(0.5 - 0.5 * np.cos(np.pi * np.minimum(edge_s / parameters.fade_s, 1.0)))

@@ -1,0 +1,89 @@
+"""One-shot localization: a few echoes against a map, with an honest status."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import parameter
+from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
+
+
+@dataclass(frozen=True)
+class LocateParameters:
+    """How much sound makes a fix, and when none is given."""
+
+    window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1)
+    fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1)
+    unknown_below: float = parameter(
+        0.5, "", "best ESS below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+    )
+    temperature: float = parameter(0.05, "", "how fast belief falls with ESS", low=1e-3)
+    near_m: float = parameter(
+        1.0, "m", "spots this close to the best count as the same place", low=0.05
+    )
+    ambiguous_below: float = parameter(
+        0.5, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
+    )
+    sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", low=0.0)
+
+
+def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
+    """A fix for every window of sound (consecutive, not overlapping).
+
+    Belief over the spots falls exponentially with their ESS; the fix is its mean near the best
+    spot and the covariance its spread there, plus the spot's own. Raises InputError where the map
+    was made with another encoder.
+    """
+    payload = elf_payload(floor_map, features.encoder)
+    edges = np.arange(features.t_s[0], features.t_s[-1] + parameters.window_s, parameters.window_s)
+    window = np.searchsorted(edges, features.t_s, side="right") - 1
+    rows = [
+        _fix(features.vectors[window == k], floor_map, payload, parameters)
+        for k in range(len(edges) - 1)
+    ]
+    xy, heading, covariance, score, status = (
+        np.array(column) for column in zip(*rows, strict=True)
+    )
+    return Fixes((edges[:-1] + edges[1:]) / 2, xy, heading, covariance, score, status)
+
+
+def elf_payload(floor_map: FloorMap, encoder: str) -> Payload:
+    """The ELFs of a map, if they were made by the same encoder."""
+    payload = next((item for item in floor_map.payloads if item.kind == "elf"), None)
+    if payload is None:
+        raise InputError("map: it holds no echoes; map the place with --by elf first")
+    if payload.encoder != encoder:
+        raise InputError(
+            f"map: made with encoder {payload.encoder}, got echoes encoded by {encoder}; "
+            "use the encoder.onnx that lies beside the map"
+        )
+    return payload
+
+
+Fix = tuple[F64, float, F64, float, int]
+NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
+
+
+def _fix(vectors: F32, floor_map: FloorMap, payload: Payload, parameters: LocateParameters) -> Fix:
+    if len(vectors) < parameters.fewest_echoes:
+        return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
+    scores = payload.vectors @ vectors.mean(axis=0)
+    best = int(np.argmax(scores))
+    if scores[best] < parameters.unknown_below:
+        return *NOWHERE, float(scores[best]), int(FixStatus.UNKNOWN_PLACE)
+    belief = np.exp((scores - scores[best]).astype(np.float64) / parameters.temperature)
+    near = np.linalg.norm(floor_map.xy_m - floor_map.xy_m[best], axis=1) <= parameters.near_m
+    clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
+    status = FixStatus.OK if clear else FixStatus.AMBIGUOUS
+    used = near if clear else np.ones_like(near)
+    share = belief[used] / belief[used].sum()
+    xy = share @ floor_map.xy_m[used]
+    offset = floor_map.xy_m[used] - xy
+    covariance = np.einsum("k,ki,kj->ij", share, offset, offset) + floor_map.covariance_m2[best]
+    covariance = covariance + parameters.sigma_floor_m**2 * np.eye(2)
+    heading = np.angle(share @ np.exp(1j * floor_map.heading_rad[used]))
+    return xy, float(heading), covariance, float(scores[best]), int(status)

@@ -1,0 +1,1 @@
+"""Floor 3: truth is read here: errors, closures, figures, reports."""

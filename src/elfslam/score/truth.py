@@ -1,0 +1,135 @@
+"""The truth of a walk, read from the files beside it. Only scoring and studies may look."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path, PurePosixPath
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import Truth
+
+Row = tuple[int, list[str]]
+"""Line number and fields, so that a refusal can name the line."""
+
+WAYPOINT_HEADER = ["t_s", "x_m", "y_m"]
+TUM_COLUMNS = 8
+
+
+def read_truth(path: Path) -> Truth:
+    """Truth from `truth.tum`, `waypoints.csv`, or a recording (folder or .zip) that holds one.
+
+    TUM rows are `t x y z qx qy qz qw`; the heading is the yaw of the quaternion. Waypoints are
+    `t_s,x_m,y_m`; their heading is NaN. Raises InputError where the file is missing, malformed,
+    or has times that do not increase, and where a recording holds no truth.
+    """
+    if path.is_dir():
+        return _from_folder(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file or folder; pass a truth file or a recording")
+    if path.suffix.lower() == ".zip":
+        return _from_zip(path)
+    return _parsed(_decoded(path.read_bytes(), str(path)), str(path))
+
+
+def _from_folder(folder: Path) -> Truth:
+    for name in _PARSERS:
+        if (folder / name).is_file():
+            return read_truth(folder / name)
+    raise _no_truth(str(folder))
+
+
+def _from_zip(path: Path) -> Truth:
+    """The shallowest truth file of the archive (people zip the folder or what lies in it)."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = sorted(map(PurePosixPath, archive.namelist()), key=lambda m: len(m.parts))
+            for member in (m for name in _PARSERS for m in members if m.name == name):
+                source = f"{path}:{member}"
+                return _parsed(_decoded(archive.read(str(member)), source), source)
+    except zipfile.BadZipFile as cause:
+        raise InputError(f"{path}: not a readable .zip; save the recording again") from cause
+    raise _no_truth(str(path))
+
+
+def _no_truth(source: str) -> InputError:
+    wanted = " or ".join(_PARSERS)
+    return InputError(f"{source}: no truth in this recording; put {wanted} into it")
+
+
+def _decoded(raw: bytes, source: str) -> str:
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as cause:
+        raise InputError(f"{source}: not a text file; wanted {' or '.join(_PARSERS)}") from cause
+
+
+def _parsed(text: str, source: str) -> Truth:
+    """By name where the name tells, else by the look of the rows (commas make waypoints)."""
+    name = PurePosixPath(source.replace("\\", "/").rsplit(":", 1)[-1]).name
+    parser = _PARSERS.get(name) or (_waypoints if "," in text else _tum)
+    t_s, poses = parser(text, source)
+    if t_s.size == 0:
+        raise InputError(f"{source}: no rows; wanted at least one pose")
+    try:
+        return Truth(t_s=t_s, world_from_body=poses)
+    except InputError as cause:
+        raise InputError(f"{source}: {cause}") from cause
+
+
+def _tum(text: str, source: str) -> tuple[F64, F64]:
+    rows = [
+        (number, line.split())
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    table = _numbers(rows, TUM_COLUMNS, "t x y z qx qy qz qw", source)
+    x, y, z, w = table[:, 4:].T
+    length = np.linalg.norm(table[:, 4:], axis=1)
+    if (abs(length - 1) > 0.01).any():
+        number = rows[int(np.argmax(abs(length - 1) > 0.01))][0]
+        raise InputError(f"{source}: line {number}: quaternion is not of length 1; normalise it")
+    heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return table[:, 0], np.column_stack([table[:, 1:3], heading])
+
+
+def _waypoints(text: str, source: str) -> tuple[F64, F64]:
+    rows = [
+        (number, [part.strip() for part in line.split(",")])
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip()
+    ]
+    header = ",".join(WAYPOINT_HEADER)
+    if not rows or rows[0][1] != WAYPOINT_HEADER:
+        got = ",".join(rows[0][1])[:60] if rows else "nothing"
+        raise InputError(f"{source}: wanted the header {header}, got {got}; add it")
+    table = _numbers(rows[1:], len(WAYPOINT_HEADER), header, source)
+    return table[:, 0], np.column_stack([table[:, 1:], np.full(len(table), np.nan)])
+
+
+def _numbers(rows: list[Row], columns: int, wanted: str, source: str) -> F64:
+    for number, parts in rows:
+        if len(parts) != columns or not all(map(_is_finite_number, parts)):
+            got = " ".join(parts)[:60]
+            raise InputError(
+                f"{source}: line {number}: wanted {columns} numbers ({wanted}), got {got!r}; "
+                "repair or remove the line"
+            )
+    return np.array([parts for _, parts in rows], dtype=float).reshape(-1, columns)
+
+
+def _is_finite_number(text: str) -> bool:
+    try:
+        return bool(np.isfinite(float(text)))
+    except ValueError:
+        return False
+
+
+_PARSERS: dict[str, Callable[[str, str], tuple[F64, F64]]] = {
+    "truth.tum": _tum,
+    "waypoints.csv": _waypoints,
+}
+"""In the order of preference: full poses before waypoints."""

@@ -1,0 +1,149 @@
+"""The demonstration: map ten simulated walks, locate ten others in the maps, show one of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.parameters import as_dict, digest
+from elfslam.base.values import Fixes, FixStatus, Recording, Truth
+from elfslam.data.fixes_files import write_fixes
+from elfslam.data.recordings import write_recording
+from elfslam.data.runs import write_run
+from elfslam.line.feature import Encoder, OnnxEncoder
+from elfslam.score.bootstrap import interval
+from elfslam.score.errors import (
+    Alignment,
+    alignment_of,
+    fix_distances,
+    position_errors,
+    summarise,
+)
+from elfslam.score.figures import FloorPlan
+from elfslam.score.report import write_fix_report, write_report
+from elfslam.score.tables import methods
+from elfslam.slam import Parameters, Run, locate, map_by_echoes
+from elfslam.world.room import Room
+from elfslam.world.simulate import World, load_world, simulate
+
+WORLD = "living_room"
+SEEDS = tuple(range(10))
+MAPPING_ROUNDS = 5
+LOCATING_ROUNDS = 2
+LOCATING_SEED = 1000
+"""Added to a seed: the walk to be located is another person's."""
+
+Row = dict[str, object]
+
+
+@dataclass
+class Collected:
+    """Errors in metres of each walk, by method and alignment; fixes by status."""
+
+    mapping: dict[tuple[str, str], list[F64]] = field(default_factory=dict)
+    fixes: list[F64] = field(default_factory=list)
+    statuses: dict[str, int] = field(default_factory=dict)
+
+
+def run_demo(
+    out: Path,
+    encoder: Encoder,
+    parameters: Parameters,
+    *,
+    facts: Mapping[str, object],
+    announce: Callable[[str, float | None], None],
+) -> tuple[list[Row], list[Row]]:
+    """Write the first walk's recording, run, fixes and reports to `out`; give the two tables.
+
+    The first table has errors of dead reckoning and SLAM over all seeds, the second those of
+    one-shot localization with the share of windows that got a fix. `announce` hears what is being
+    done and the share done.
+    """
+    world, collected = load_world(WORLD), Collected()
+    for count, seed in enumerate(SEEDS):
+        announce(f"walk {seed}: simulating, mapping and locating", count / len(SEEDS))
+        walk = simulate(world, seed, rounds=MAPPING_ROUNDS)
+        stranger = simulate(world, seed + LOCATING_SEED, rounds=LOCATING_ROUNDS)
+        run = map_by_echoes(walk[0], encoder, parameters)
+        assert run.floor_map is not None
+        fixes = locate(stranger[0], run.floor_map, encoder, parameters)
+        _collect(collected, run, walk[1], fixes, stranger[1])
+        if seed == SEEDS[0]:
+            content = encoder.content if isinstance(encoder, OnnxEncoder) else None
+            described = {**facts, "parameters": as_dict(parameters), "parameters_digest": digest(parameters)}
+            _write_example(out, world, walk, stranger, run, fixes, described, content)
+    announce("done", 1.0)
+    return _mapping_rows(collected), _fix_rows(collected)
+
+
+def floor_plan(room: Room) -> FloorPlan:
+    """A simulated room as it is drawn under walks."""
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
+    boxes = tuple(item.corner_m[:2] + corners * item.size_m[:2] for item in room.furniture)
+    return FloorPlan(room.outline_m, boxes)
+
+
+def _collect(collected: Collected, run: Run, truth: Truth, fixes: Fixes, fix_truth: Truth) -> None:
+    for method, (t_s, poses) in methods(run).items():
+        for alignment in (Alignment.ANCHORED, Alignment.ALIGNED):
+            errors = position_errors(t_s, poses, truth, alignment)
+            collected.mapping.setdefault((method, alignment.value), []).append(errors)
+    world_from_map = alignment_of(run.trajectory, truth)
+    status, errors = fix_distances(fixes, fix_truth, world_from_map)
+    collected.fixes.append(errors[status == FixStatus.OK])
+    for kind in FixStatus:
+        count = int((fixes.status == kind).sum())
+        collected.statuses[kind.name] = collected.statuses.get(kind.name, 0) + count
+
+
+def _mapping_rows(collected: Collected) -> list[Row]:
+    return [
+        {"method": method, "alignment": alignment, **_statistics(walks)}
+        for (method, alignment), walks in collected.mapping.items()
+    ]
+
+
+def _fix_rows(collected: Collected) -> list[Row]:
+    total = sum(collected.statuses.values())
+    answered = collected.statuses[FixStatus.OK.name] / total
+    return [{"method": "ELF one-shot, 0.6 s", **_statistics(collected.fixes), "answered": answered}]
+
+
+def _statistics(walks: list[F64]) -> Row:
+    """Median, mean and Q3 over all footsteps; the median's 95 % interval by resampling walks."""
+    summary = summarise(np.concatenate(walks))
+    low, high = interval(walks, lambda errors: float(np.median(errors)), np.random.default_rng(0))
+    return {
+        "median_m": summary.median_m,
+        "mean_m": summary.mean_m,
+        "q3_m": summary.q3_m,
+        "median_low_m": low,
+        "median_high_m": high,
+        "walks": len(walks),
+    }
+
+
+def _write_example(
+    out: Path,
+    world: World,
+    walk: tuple[Recording, Truth],
+    stranger: tuple[Recording, Truth],
+    run: Run,
+    fixes: Fixes,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+) -> None:
+    plan = floor_plan(world.room)
+    write_recording(walk[0], out / "walk", truth=walk[1])
+    write_recording(stranger[0], out / "stranger", truth=stranger[1])
+    write_run(run, out / "run", facts=facts, encoder=encoder)
+    write_report(out / "run" / "report.html", run, facts=facts)
+    write_report(out / "score.html", run, facts=facts, floor_plan=plan, truth=walk[1])
+    write_fixes(fixes, out / "fixes.csv")
+    assert run.floor_map is not None
+    move = alignment_of(run.trajectory, walk[1])
+    write_fix_report(out / "fixes.html", run.floor_map, fixes, stranger[1], world_from_map=move)

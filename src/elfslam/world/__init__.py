@@ -1,0 +1,1 @@
+"""Floor 3: the simulator of rooms, sound, phones and walkers."""

@@ -1,0 +1,164 @@
+"""A walker with a phone: where the phone is and how it is held, at every moment."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from elfslam.base.arrays import F64, Value, array
+
+KINEMATICS_RATE_HZ = 400.0
+TYPICAL_STEP_M = 0.68
+TYPICAL_SPEED_MPS = 1.25
+TYPICAL_CADENCE_HZ = TYPICAL_SPEED_MPS / TYPICAL_STEP_M
+CORNER_RADIUS_M = 0.45
+
+
+@dataclass(frozen=True)
+class Walker:
+    """A person: gait and the way the phone is held.
+
+    `step_factor` is the true step length over the typical one; it is hidden from the line.
+    """
+
+    speed_mps: float
+    step_factor: float
+    height_m: float
+    pitch_rad: float
+    bounce_m: float
+    sway_m: float = 0.015
+    wander_m: float = 0.10
+    wobble_rad: float = np.deg2rad(4.0)
+    swing_rad: float = np.deg2rad(1.5)
+    tremor_rad: float = np.deg2rad(0.15)
+    body_distance_m: float = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Motion(Value):
+    """The phone along a walk at 400 Hz: position, yaw, pitch and roll, and the walking heading."""
+
+    t_s: F64 = array("n", increasing=True)
+    position_m: F64 = array("n", 3)
+    yaw_rad: F64 = array("n")
+    pitch_rad: F64 = array("n")
+    roll_rad: F64 = array("n")
+    heading_rad: F64 = array("n")
+    steps: F64 = array("n")
+
+
+def random_walker(generator: np.random.Generator) -> Walker:
+    """Someone: speed 1.0 to 1.4 m/s, steps up to 10 % off the typical length."""
+    return Walker(
+        speed_mps=generator.uniform(1.0, 1.4),
+        step_factor=generator.uniform(0.9, 1.1),
+        height_m=generator.uniform(1.1, 1.35),
+        pitch_rad=generator.uniform(0.25, 0.6),
+        bounce_m=generator.uniform(0.014, 0.022),
+        body_distance_m=generator.uniform(0.30, 0.40),
+    )
+
+
+def walk(
+    walker: Walker,
+    route_m: F64,
+    rounds: int,
+    generator: np.random.Generator,
+    standing_s: float = 2.0,
+) -> Motion:
+    """The motion of `rounds` laps of the closed route (k, 2), standing still before and after."""
+    lap_xy, lap_m = _smooth_lap(route_m)
+    dt_s = 1 / KINEMATICS_RATE_HZ
+    upper_s = rounds * lap_m / (0.6 * walker.speed_mps) + 2 * standing_s
+    count = round(upper_s / dt_s)
+    speed = walker.speed_mps * (1 + 0.08 * _wander(generator, count, dt_s, 4.0))
+    speed = np.maximum(speed, 0.5 * walker.speed_mps) * _ramp(count, dt_s, standing_s)
+    distance = np.cumsum(speed) * dt_s
+    end = int(np.searchsorted(distance, rounds * lap_m))
+    count = min(end + round(standing_s / dt_s), count)
+    moving = speed[:count] * (np.arange(count) < end)
+    moving = gaussian_filter1d(moving, 0.15 / dt_s)
+    return _motion(walker, lap_xy, lap_m, moving, dt_s, generator)
+
+
+def _motion(
+    walker: Walker,
+    lap_xy: F64,
+    lap_m: float,
+    speed: F64,
+    dt_s: float,
+    generator: np.random.Generator,
+) -> Motion:
+    count = len(speed)
+    distance = np.cumsum(speed) * dt_s
+    share = distance / lap_m * len(lap_xy)
+    xy, heading = _on_lap(lap_xy, share)
+    xy = gaussian_filter1d(xy, 0.04 / dt_s, axis=0, mode="nearest")
+    heading = gaussian_filter1d(heading, 0.04 / dt_s, mode="nearest")
+    steps = np.cumsum(cadence_hz(walker, speed)) * dt_s
+    gait = np.minimum(speed / walker.speed_mps, 1.0)
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    forward = np.column_stack([np.cos(heading), np.sin(heading)])
+    wander = walker.wander_m * _wander(generator, count, dt_s, 6.0)
+    xy = xy + left * (wander + gait * walker.sway_m * np.sin(np.pi * steps))[:, None]
+    xy = xy + forward * (0.008 * gait * np.sin(2 * np.pi * steps + 0.6))[:, None]
+    stride = np.cos(2 * np.pi * steps) + 0.25 * np.cos(4 * np.pi * steps + 0.9)
+    z = walker.height_m + 0.02 * _wander(generator, count, dt_s, 8.0)
+    z = z + walker.bounce_m * gait**1.5 * stride
+    wobble = walker.wobble_rad * _wander(generator, count, dt_s, 10.0)
+    tremor = walker.tremor_rad * _wander(generator, count, dt_s, 0.3)
+    yaw = heading + wobble + tremor + gait * walker.swing_rad * np.sin(np.pi * steps + 0.4)
+    pitch = walker.pitch_rad + 0.03 * _wander(generator, count, dt_s, 8.0)
+    pitch = pitch + gait * np.deg2rad(1.0) * np.sin(2 * np.pi * steps)
+    roll = 0.03 * _wander(generator, count, dt_s, 8.0)
+    t_s = np.arange(count) * dt_s
+    return Motion(t_s, np.column_stack([xy, z]), yaw, pitch, roll, heading, steps)
+
+
+def cadence_hz(walker: Walker, speed_mps: F64) -> F64:
+    """Steps per second: step length grows with the square root of speed."""
+    relative = np.maximum(speed_mps, 0.0) / (walker.step_factor * TYPICAL_SPEED_MPS)
+    return np.asarray(TYPICAL_CADENCE_HZ * np.sqrt(relative))
+
+
+def _smooth_lap(route_m: F64) -> tuple[F64, float]:
+    """The closed route sampled every centimetre with rounded corners, and its length."""
+    closed = np.vstack([route_m, route_m[:1]])
+    leg_m = np.linalg.norm(np.diff(closed, axis=0), axis=1)
+    along = np.concatenate([[0.0], np.cumsum(leg_m)])
+    at = np.arange(0.0, along[-1], 0.01)
+    xy = np.column_stack([np.interp(at, along, closed[:, k]) for k in range(2)])
+    xy = gaussian_filter1d(xy, CORNER_RADIUS_M / 0.01, axis=0, mode="wrap")
+    length_m = float(np.linalg.norm(np.diff(np.vstack([xy, xy[:1]]), axis=0), axis=1).sum())
+    return xy, length_m
+
+
+def _on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:
+    """Position and heading at fractional index `share` along the closed lap."""
+    index = np.arange(len(lap_xy) + 1)
+    ring = np.vstack([lap_xy, lap_xy[:1]])
+    at = share % len(lap_xy)
+    xy = np.column_stack([np.interp(at, index, ring[:, k]) for k in range(2)])
+    tangent = np.roll(lap_xy, -5, axis=0) - np.roll(lap_xy, 5, axis=0)
+    closed = np.vstack([tangent, tangent[:1]])
+    turns = np.unwrap(np.arctan2(closed[:, 1], closed[:, 0]))
+    lap = share // len(lap_xy)
+    return xy, np.interp(at, index, turns) + lap * (turns[-1] - turns[0])
+
+
+def _wander(generator: np.random.Generator, count: int, dt_s: float, period_s: float) -> F64:
+    """Smooth unit-variance noise that changes over about `period_s`."""
+    knots = max(int(count * dt_s / period_s * 4) + 8, 8)
+    coarse = gaussian_filter1d(generator.standard_normal(knots), 1.5, mode="wrap")
+    coarse /= np.sqrt(1.0 / (2 * np.sqrt(np.pi) * 1.5))
+    at = np.arange(count) * dt_s / (period_s / 4)
+    rough = np.interp(at, np.arange(knots), coarse)
+    return np.asarray(gaussian_filter1d(rough, period_s / 8 / dt_s, mode="nearest"))
+
+
+def _ramp(count: int, dt_s: float, standing_s: float) -> F64:
+    """0 while standing, then up to 1 within a second."""
+    t_s = np.arange(count) * dt_s - standing_s
+    return np.asarray(np.clip(t_s, 0.0, 1.0))

@@ -1,0 +1,74 @@
+"""Sound on disk; cut-off files are refused in test_recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Audio
+from elfslam.data.audio_files import read_audio, read_recorded_sound, write_audio
+
+RATE_HZ = 44_100
+
+
+@settings(max_examples=30, deadline=None)
+@given(
+    samples=arrays(
+        np.float32,
+        st.tuples(st.integers(1, 3), st.integers(1, 300)),
+        elements=st.floats(-1, 1, width=32),
+    )
+)
+def test_flac_keeps_24_bits(tmp_path_factory: pytest.TempPathFactory, samples: np.ndarray) -> None:
+    file = tmp_path_factory.mktemp("sound") / "audio.flac"
+    write_audio(Audio(samples, RATE_HZ), file)
+    np.testing.assert_allclose(read_audio(file).samples, samples, atol=1.3e-7)
+
+
+def write_frames(folder: Path, frames: np.ndarray, t_s: list[float]) -> None:
+    soundfile.write(folder / "frames.flac", frames.reshape(-1), RATE_HZ, subtype="PCM_24")
+    (folder / "frames.csv").write_text("t_s\n" + "".join(f"{t:.9f}\n" for t in t_s))
+
+
+def test_frames_lie_at_their_times_on_silence(tmp_path: Path) -> None:
+    frames = np.random.default_rng(0).uniform(-1, 1, (3, 3528))
+    write_frames(tmp_path, frames, [0.0, 0.1, 0.35])
+    samples = read_recorded_sound(tmp_path).samples
+    assert samples.shape == (1, 15_435 + 3528)
+    for start, frame in zip((0, 4410, 15_435), frames, strict=True):
+        np.testing.assert_allclose(samples[0, start : start + 3528], frame, atol=1e-6)
+    assert not samples[0, 3528:4410].any()
+    assert not samples[0, 7938:15_435].any()
+
+
+@pytest.mark.parametrize(
+    ("t_s", "says"),
+    [
+        ([0.0, 0.1], "not 2 equal frames"),
+        ([-0.1, 0.1, 0.2], "at times from 0 on"),
+        ([0.0, 100.0, 200.0], "wanted seconds"),
+        ([0.0, 0.2, 0.1], "runs backward at row 4"),
+    ],
+)
+def test_frames_that_do_not_fit_are_refused(tmp_path: Path, t_s: list[float], says: str) -> None:
+    write_frames(tmp_path, np.zeros((3, 3529)), t_s)
+    with pytest.raises(InputError, match=says):
+        read_recorded_sound(tmp_path)
+
+
+def test_sound_that_is_not_finite_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "audio.wav"
+    soundfile.write(file, np.array([0.0, np.nan]), RATE_HZ, subtype="FLOAT")
+    with pytest.raises(InputError, match="not finite"):
+        read_audio(file)
+
+
+def test_a_folder_without_sound_has_none(tmp_path: Path) -> None:
+    assert read_recorded_sound(tmp_path) is None

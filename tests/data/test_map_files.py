@@ -1,0 +1,59 @@
+"""Floor maps on disk."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import StoreError
+from elfslam.data.map_files import read_map, write_map
+from elfslam.slam import Run
+
+
+def test_round_trip(tmp_path: Path, run: Run) -> None:
+    write_map(run.floor_map, tmp_path / "map.npz")
+    for path in (tmp_path, tmp_path / "map.npz"):
+        read = read_map(path)
+        for name in ("xy_m", "heading_rad", "walk", "order", "covariance_m2"):
+            np.testing.assert_array_equal(getattr(read, name), getattr(run.floor_map, name))
+        assert (read.parameters_digest, read.sources) == ("abc", ("hall",))
+        for payload, wanted in zip(read.payloads, run.floor_map.payloads, strict=True):
+            assert (payload.kind, payload.encoder) == (wanted.kind, wanted.encoder)
+            np.testing.assert_array_equal(payload.vectors, wanted.vectors)
+
+
+@pytest.mark.parametrize("kept", [0, 10, 300, -30])
+def test_cut_off_maps_are_refused(tmp_path: Path, run: Run, kept: int) -> None:
+    write_map(run.floor_map, tmp_path / "map.npz")
+    content = (tmp_path / "map.npz").read_bytes()
+    (tmp_path / "map.npz").write_bytes(content[:kept])
+    with pytest.raises(StoreError, match=r"map\.npz: is missing or damaged") as refused:
+        read_map(tmp_path)
+    assert "\n" not in str(refused.value)
+
+
+def test_flipped_bytes_are_refused(tmp_path: Path, run: Run) -> None:
+    write_map(run.floor_map, tmp_path / "map.npz")
+    content = (tmp_path / "map.npz").read_bytes()
+    (tmp_path / "map.npz").write_bytes(content[:60] + bytes(40) + content[100:])
+    with pytest.raises(StoreError, match="damaged"):
+        read_map(tmp_path)
+
+
+def test_other_arrays_and_pickles_are_refused(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", xy_m=np.zeros((2, 2)))
+    with pytest.raises(StoreError, match="lacks the array heading_rad"):
+        read_map(tmp_path / "other.npz")
+    np.savez(tmp_path / "pickle.npz", xy_m=np.array([{}], dtype=object))
+    with pytest.raises(StoreError, match="damaged"):
+        read_map(tmp_path / "pickle.npz")
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    with pytest.raises(StoreError, match="lacks the array"):
+        read_map(tmp_path / "array.npy")
+
+
+def test_a_missing_map_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"map\.npz: is missing"):
+        read_map(tmp_path)

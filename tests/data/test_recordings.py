@@ -1,0 +1,233 @@
+"""Recordings on disk: round trips, and one line that names what is wrong."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import Recording, Truth
+from elfslam.data.recordings import read_recording, write_recording
+
+
+def assert_same(read: Recording, wanted: Recording) -> None:
+    assert (read.name, read.device, read.start_pose) == ("hall", "test phone", (1.0, -2.0, 0.5))
+    assert read.audio.rate_hz == wanted.audio.rate_hz
+    np.testing.assert_allclose(read.audio.samples, wanted.audio.samples, atol=2e-7)
+    np.testing.assert_allclose(read.imu.t_s, wanted.imu.t_s, atol=1e-6)
+    np.testing.assert_allclose(read.imu.accel_mps2, wanted.imu.accel_mps2, rtol=1e-8)
+    np.testing.assert_allclose(read.imu.gyro_radps, wanted.imu.gyro_radps, rtol=1e-8)
+    attitude = wanted.orientation.world_from_phone
+    np.testing.assert_allclose(read.orientation.world_from_phone, attitude, atol=1e-8)
+    np.testing.assert_allclose(read.magnetometer.t_s, wanted.magnetometer.t_s, atol=1e-6)
+    np.testing.assert_allclose(read.magnetometer.field_ut, wanted.magnetometer.field_ut, rtol=1e-8)
+    np.testing.assert_allclose(read.emr.amplitude, wanted.emr.amplitude, rtol=1e-8)
+    assert read.wifi.bssids == wanted.wifi.bssids
+    np.testing.assert_allclose(read.wifi.rssi_dbm, wanted.wifi.rssi_dbm)
+    np.testing.assert_allclose(read.wifi.age_s, wanted.wifi.age_s)
+    poses = wanted.odometry.world_from_body
+    np.testing.assert_allclose(read.odometry.world_from_body, poses, atol=1e-8)
+    np.testing.assert_allclose(read.odometry.step_sigma, wanted.odometry.step_sigma, rtol=1e-8)
+
+
+@pytest.fixture
+def folder(tmp_path: Path, recording: Recording) -> Path:
+    write_recording(recording, tmp_path / "hall", chirp_description={"kind": "log"})
+    return tmp_path / "hall"
+
+
+def test_folder_round_trip(folder: Path, recording: Recording) -> None:
+    assert_same(read_recording(folder), recording)
+    assert json.loads((folder / "recording.json").read_text())["chirp"] == {"kind": "log"}
+
+
+@pytest.mark.parametrize("inside", [".", "hall"])
+def test_zip_round_trip(tmp_path: Path, folder: Path, recording: Recording, inside: str) -> None:
+    root = folder if inside == "." else tmp_path
+    made = shutil.make_archive(str(tmp_path.parent / tmp_path.name), "zip", root)
+    assert_same(read_recording(Path(made)), recording)
+
+
+def test_empty_recording_round_trip(tmp_path: Path) -> None:
+    write_recording(Recording("bare", "none"), tmp_path / "bare")
+    assert vars(read_recording(tmp_path / "bare")) == vars(Recording("bare", "none"))
+    assert [file.name for file in (tmp_path / "bare").iterdir()] == ["recording.json"]
+
+
+def test_same_recording_gives_same_bytes(tmp_path: Path, recording: Recording) -> None:
+    for name in ("a", "b"):
+        write_recording(recording, tmp_path / name)
+    for file in (tmp_path / "a").iterdir():
+        assert file.read_bytes() == (tmp_path / "b" / file.name).read_bytes(), file.name
+
+
+def test_truth_is_written_and_never_read(
+    tmp_path: Path, recording: Recording, truth: Truth
+) -> None:
+    write_recording(recording, tmp_path / "with", truth=truth)
+    assert (tmp_path / "with" / "truth.tum").is_file()
+    (tmp_path / "with" / "truth.tum").write_text("not numbers")
+    assert_same(read_recording(tmp_path / "with"), recording)
+
+
+def test_an_existing_folder_is_kept(folder: Path, recording: Recording) -> None:
+    before = sorted(folder.iterdir())
+    with pytest.raises(StoreError, match="already exists"):
+        write_recording(recording, folder)
+    assert sorted(folder.iterdir()) == before
+    assert [path.name for path in folder.parent.iterdir()] == ["hall"]
+
+
+def test_nothing_half_written_is_left(tmp_path: Path, recording: Recording) -> None:
+    with pytest.raises(ValueError, match="Out of range"):
+        write_recording(recording, tmp_path / "new", chirp_description={"rate": float("nan")})
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_gyroscope_moves_to_the_accelerometers_clock(folder: Path) -> None:
+    rows = [f"{t:.3f},{2 * t:.6f},{-t:.6f},1" for t in np.arange(0.105, 1.5, 0.01)]
+    (folder / "gyroscope.csv").write_text("t_s,x,y,z\n" + "\n".join(rows) + "\n")
+    imu = read_recording(folder).imu
+    assert imu.t_s[0] == 0.12
+    assert imu.t_s[-1] <= 1.495
+    np.testing.assert_allclose(imu.gyro_radps[:, 0], 2 * imu.t_s, atol=1e-6)
+
+
+def test_odometry_without_sigmas_gets_assumed_ones(folder: Path) -> None:
+    (folder / "odometry_sigma.csv").unlink()
+    (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n2 10 0 0 0 0 0 1\n")
+    sigma = read_recording(folder).odometry.step_sigma
+    np.testing.assert_allclose(sigma, [[0.2, 0.2, 0.005], [0.005, 0.005, 0.005]])
+
+
+def test_columns_are_found_by_name(folder: Path) -> None:
+    (folder / "magnetometer.csv").write_text("z,y,x,t_s\r\n3,2,1,0.5\r\n30,20,10,0.75\r\n")
+    magnetometer = read_recording(folder).magnetometer
+    assert magnetometer.field_ut.tolist() == [[1, 2, 3], [10, 20, 30]]
+    assert magnetometer.t_s.tolist() == [0.5, 0.75]
+
+
+TABLE_DAMAGES = {
+    "t_s,x,y\n0,1,2\n": "column z is missing",
+    "t_s,x,y,z\n0,1,2,3\n1,nan,2,3\n": "row 3 has 'nan'",
+    "t_s,x,y,z\n0,1,2,3\n\n1,1,2,3\n": "row 3 has",
+    "t_s,x,y,z\n0,1,2,3\n1,1,2,inf\n": "row 3 has 'inf'",
+    "t_s,x,y,z\n0,1,2,3\n1,fast,2,3\n": "row 3 has 'fast'",
+    "t_s,x,y,z\n0,1,2,3\n1,,2,3\n": "row 3 has ''",
+    "t_s,x,y,z\n0,1,2,3\n1,1,2,3\n2,1,2\n": "row 4 has 3 cells, wanted 4",
+    "t_s,x,y,z\n0,1,2,3\n2,1,2,3\n1,1,2,3\n": "time runs backward at row 4",
+    "t_s,x,y,z\n0,1,2,3\n0,1,2,3\n": "time repeats at row 3",
+    "t_s,x,y,z\n": "no rows",
+    "": "is empty",
+}
+
+
+@pytest.mark.parametrize("name", ["accelerometer.csv", "gyroscope.csv", "magnetometer.csv"])
+@pytest.mark.parametrize("text", TABLE_DAMAGES)
+def test_damaged_tables_are_refused(folder: Path, name: str, text: str) -> None:
+    (folder / name).write_text(text)
+    with pytest.raises(InputError, match=TABLE_DAMAGES[text]) as refused:
+        read_recording(folder)
+    assert name in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+MANIFEST_DAMAGES = {
+    "{": "cannot be read as JSON",
+    "[]": "format_version is None, wanted 1",
+    '{"format_version": 2}': "format_version is 2, wanted 1",
+    '{"format_version": 1, "start_pose": [1, 2]}': "start_pose is",
+    '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
+    '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "is not finite",
+    '{"format_version": 1, "audio": {"samples": 9}}': "promises 9",
+}
+
+
+@pytest.mark.parametrize("text", MANIFEST_DAMAGES)
+def test_damaged_manifests_are_refused(folder: Path, text: str) -> None:
+    (folder / "recording.json").write_text(text)
+    with pytest.raises(InputError, match=MANIFEST_DAMAGES[text]):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize(
+    ("absent", "says"),
+    [
+        ("audio.flac", "promises audio and none is there"),
+        ("gyroscope.csv", "gyroscope.csv is missing"),
+        ("accelerometer.csv", "accelerometer.csv is missing"),
+        ("recording.json", "is no recording"),
+    ],
+)
+def test_absent_files_are_refused(folder: Path, absent: str, says: str) -> None:
+    (folder / absent).unlink()
+    with pytest.raises(InputError, match=says):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize("kept", [0, 30, 2000, -1500])
+def test_cut_off_flac_is_refused(folder: Path, kept: int) -> None:
+    content = (folder / "audio.flac").read_bytes()
+    (folder / "audio.flac").write_bytes(content[:kept])
+    with pytest.raises(InputError, match=r"audio\.flac"):
+        read_recording(folder)
+
+
+def test_cut_off_wav_is_refused(folder: Path, recording: Recording) -> None:
+    (folder / "audio.flac").unlink()
+    sound = (recording.audio.samples.T * 32767).astype("<i2").tobytes()
+    form = struct.pack("<IHHIIHH", 16, 1, 2, 44_100, 176_400, 4, 16)
+    body = b"WAVEfmt " + form + b"data" + struct.pack("<I", len(sound)) + sound
+    whole = b"RIFF" + struct.pack("<I", len(body)) + body
+    (folder / "audio.wav").write_bytes(whole)
+    assert read_recording(folder).audio.samples.shape == (2, 4410)
+    (folder / "audio.wav").write_bytes(whole[:-400])
+    with pytest.raises(InputError, match=r"audio\.wav: is cut off"):
+        read_recording(folder)
+
+
+def test_a_quaternion_that_is_no_rotation_is_refused(folder: Path) -> None:
+    (folder / "orientation.csv").write_text("t_s,qx,qy,qz,qw\n0,0,0,0,1\n1,0,0,0,2\n")
+    with pytest.raises(InputError, match="row 3 has a quaternion of length 2"):
+        read_recording(folder)
+
+
+def test_clocks_that_never_meet_are_refused(folder: Path) -> None:
+    (folder / "gyroscope.csv").write_text("t_s,x,y,z\n50,0,0,0\n51,0,0,0\n")
+    with pytest.raises(InputError, match="do not overlap"):
+        read_recording(folder)
+
+
+def test_sigmas_of_another_length_are_refused(folder: Path) -> None:
+    (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="5 rows for 2 poses"):
+        read_recording(folder)
+
+
+def test_missing_path_and_other_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="does not exist"):
+        read_recording(tmp_path / "nothing")
+    (tmp_path / "song.mp3").write_bytes(b"x")
+    with pytest.raises(InputError, match="is no recording"):
+        read_recording(tmp_path / "song.mp3")
+
+
+def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
+    made = Path(shutil.make_archive(str(tmp_path / "walk"), "zip", folder))
+    content = made.read_bytes()
+    for damaged in (b"", content[:500], content[:200] + bytes(400) + content[600:]):
+        made.write_bytes(damaged)
+        with pytest.raises(InputError, match=r"walk\.zip: is no whole \.zip"):
+            read_recording(made)
+
+
+def test_errors_within_a_zip_name_the_zip(tmp_path: Path, folder: Path) -> None:
+    (folder / "emr.csv").write_text("t_s,h1\n0,a\n")
+    made = Path(shutil.make_archive(str(tmp_path / "walk"), "zip", folder))
+    with pytest.raises(InputError, match=r"walk\.zip/emr\.csv: row 2"):
+        read_recording(made)

@@ -1,0 +1,135 @@
+"""Runs on disk."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import Closures
+from elfslam.data.runs import digest_of, read_facts, read_run, write_run
+from elfslam.slam import Run
+
+FACTS = {"parameters": {"closure": {"threshold": 0.4}}, "digest": "abc"}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, run: Run) -> Path:
+    write_run(run, tmp_path / "run", facts=FACTS, encoder=b"weights")
+    return tmp_path / "run"
+
+
+def test_round_trip(folder: Path, run: Run) -> None:
+    read = read_run(folder)
+    assert (read.name, read.seconds) == ("hall", run.seconds)
+    close = {"rtol": 1e-8, "atol": 4e-9}
+    for value in ("odometry", "trajectory", "closures", "features"):
+        for name, wanted in vars(getattr(run, value)).items():
+            got = getattr(getattr(read, value), name)
+            if isinstance(wanted, str):
+                assert got == wanted
+            else:
+                np.testing.assert_allclose(got, wanted, err_msg=f"{value}.{name}", **close)
+    np.testing.assert_allclose(read.similarity.scores, run.similarity.scores, atol=5e-4)
+    assert read.similarity.kind == "elf"
+    np.testing.assert_array_equal(read.floor_map.xy_m, run.floor_map.xy_m)
+
+
+def test_echoes_lose_66_db_at_most(folder: Path, run: Run) -> None:
+    samples = read_run(folder).echoes.samples
+    noise = np.square(samples - run.echoes.samples).mean() / np.square(run.echoes.samples).mean()
+    assert 0 < noise < 10**-6.6
+
+
+def test_a_run_without_the_optional_parts_round_trips(tmp_path: Path, run: Run) -> None:
+    none = Closures([], [], [], np.empty((0, 3)), np.empty((0, 3, 3)))
+    trajectory = replace(run.trajectory, closure_weights=[], status="NO_CLOSURES")
+    bare = replace(
+        run, closures=none, trajectory=trajectory, floor_map=None, echoes=None, features=None
+    )
+    write_run(bare, tmp_path / "run", facts={}, encoder=None)
+    read = read_run(tmp_path / "run")
+    assert (read.floor_map, read.echoes, read.features) == (None, None, None)
+    assert len(read.closures.i) == 0
+    assert read.trajectory.status == "NO_CLOSURES"
+
+
+def test_other_programs_find_their_files(folder: Path) -> None:
+    assert {"map.npz", "report.html"} - {file.name for file in folder.iterdir()} == {"report.html"}
+    header, first, _ = (folder / "closures.csv").read_text().splitlines()
+    assert header.startswith("i,j,t_i_s,t_j_s,score,weight")
+    assert first.startswith("0,4,0.000000,2.000000,0.5,1,")
+    assert (folder / "encoder.onnx").read_bytes() == b"weights"
+    assert json.loads((folder / "timings.json").read_text()) == {"echo": 0.5, "graph": 0.25}
+    assert read_facts(folder) == {"name": "hall", **FACTS}
+
+
+def test_a_run_is_replaced_only_when_asked(folder: Path, run: Run) -> None:
+    with pytest.raises(StoreError, match="already exists; choose another folder or use --force"):
+        write_run(run, folder, facts={}, encoder=None)
+    assert read_facts(folder)["digest"] == "abc"
+    write_run(run, folder, facts={"digest": "new"}, encoder=None, replace=True)
+    assert read_facts(folder)["digest"] == "new"
+    assert not (folder / "encoder.onnx").exists()
+    assert sorted(path.name for path in folder.parent.iterdir()) == ["run"]
+
+
+def test_replacing_spares_what_is_no_run(tmp_path: Path, run: Run) -> None:
+    (tmp_path / "thesis.txt").write_text("years of work")
+    with pytest.raises(StoreError, match=r"holds no run\.json"):
+        write_run(run, tmp_path, facts={}, encoder=None, replace=True)
+    assert (tmp_path / "thesis.txt").exists()
+
+
+FILES = (
+    "run.json",
+    "timings.json",
+    "uncertainty.npz",
+    "similarity.npz",
+    "echoes.npz",
+    "features.npz",
+    "map.npz",
+    "trajectory.tum",
+    "odometry.tum",
+    "closures.csv",
+)
+
+
+@pytest.mark.parametrize("name", FILES)
+def test_every_cut_off_file_is_refused(folder: Path, name: str) -> None:
+    content = (folder / name).read_bytes()
+    (folder / name).write_bytes(content[: len(content) - 25])
+    with pytest.raises(StoreError, match=name.replace(".", r"\.")) as refused:
+        read_run(folder)
+    assert "\n" not in str(refused.value)
+
+
+def test_files_of_different_runs_are_refused(folder: Path) -> None:
+    rows = (folder / "trajectory.tum").read_text().splitlines(keepends=True)
+    (folder / "trajectory.tum").write_text("".join(rows[:-1]))
+    with pytest.raises(StoreError, match="is no whole run"):
+        read_run(folder)
+
+
+def test_a_missing_run_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match=r"run\.json: is missing"):
+        read_run(tmp_path / "none")
+
+
+def test_digest_follows_names_and_contents(tmp_path: Path) -> None:
+    def digest(name: str, content: str) -> str:
+        folder = tmp_path / f"{name}-{content}"
+        folder.mkdir()
+        (folder / name).write_text(content)
+        return digest_of(folder)
+
+    first = digest("a", "x")
+    assert len(first) == 64
+    assert first == digest_of(tmp_path / "a-x")
+    assert len({first, digest("b", "x"), digest("a", "y")}) == 3
+    with pytest.raises(InputError, match="does not exist"):
+        digest_of(tmp_path / "none")

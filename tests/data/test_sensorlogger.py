@@ -1,0 +1,157 @@
+"""Logs of Sensor Logger, as either platform writes them."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import rotation_from_quaternion
+from elfslam.data.sensorlogger import read_sensorlogger
+
+TILT = 0.4
+T_S = np.arange(50) * 0.01
+UP = np.array([0.0, np.sin(TILT), np.cos(TILT)])
+"""Up in the axes of a phone whose top edge was raised by TILT."""
+WORLD_FROM_PHONE = np.array([np.sin(TILT / 2), 0, 0, np.cos(TILT / 2)])
+
+
+def table(values: np.ndarray, columns: str = "z,y,x") -> str:
+    """The app writes its columns backward, and a nanosecond clock in front."""
+    rows = [
+        f"{1718030736872695300 + int(t * 1e9)},{t:.4f}," + ",".join(f"{v:.9f}" for v in row[::-1])
+        for t, row in zip(T_S, np.broadcast_to(values, (len(T_S), len(values))), strict=True)
+    ]
+    return "\n".join([f"time,seconds_elapsed,{columns}", *rows]) + "\n"
+
+
+def metadata(platform: str, standardisation: str = "") -> str:
+    return (
+        "version,device name,recording epoch time,platform,standardisation\n"
+        f"3,Test Phone,1718030736872,{platform},{standardisation}\n"
+    )
+
+
+ANDROID = {
+    "Metadata.csv": metadata("android", "false"),
+    "TotalAcceleration.csv": table(9.80665 * UP),
+    "Accelerometer.csv": table(np.zeros(3)),
+    "Gyroscope.csv": table(np.array([0.1, 0.2, 0.3])),
+    "Magnetometer.csv": table(np.array([10.0, 20.0, -30.0])),
+    "Orientation.csv": table(WORLD_FROM_PHONE, "qw,qz,qy,qx"),
+}
+IOS = {
+    **{name: ANDROID[name] for name in ("Gyroscope.csv", "Magnetometer.csv")},
+    "Metadata.csv": metadata("ios", "false"),
+    "Accelerometer.csv": table(np.array([-0.5, 0.0, 0.0])),
+    "Gravity.csv": table(-9.80665 * UP),
+    "Orientation.csv": table(WORLD_FROM_PHONE * [-1, -1, -1, 1], "qw,qz,qy,qx"),
+}
+
+
+def log(folder: Path, files: dict[str, str | bytes]) -> Path:
+    with zipfile.ZipFile(folder / "walk.zip", "w") as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return folder / "walk.zip"
+
+
+def test_android(tmp_path: Path) -> None:
+    recording = read_sensorlogger(log(tmp_path, ANDROID))
+    assert (recording.name, recording.device) == ("walk", "Test Phone")
+    np.testing.assert_allclose(recording.imu.t_s, T_S)
+    np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.80665 * UP, atol=1e-8)
+    np.testing.assert_allclose(recording.imu.gyro_radps[7], [0.1, 0.2, 0.3])
+    np.testing.assert_allclose(recording.magnetometer.field_ut[7], [10, 20, -30])
+
+
+def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
+    imu = read_sensorlogger(log(tmp_path, IOS)).imu
+    np.testing.assert_allclose(imu.accel_mps2[7], 9.80665 * UP + [0.5, 0, 0], atol=1e-8)
+    np.testing.assert_allclose(imu.gyro_radps[7], [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("standardisation", "gravity", "sign"),
+    [
+        ("true", UP, 1),
+        ("true", -UP, -1),
+        ("false", -UP, 1),
+        ("", -UP, 1),
+        ("", UP, 1),
+    ],
+)
+def test_ios_standardised_or_not(
+    tmp_path: Path, standardisation: str, gravity: np.ndarray, sign: int
+) -> None:
+    still = {"Gravity.csv": table(9.80665 * gravity), "Accelerometer.csv": table(np.zeros(3))}
+    files = {**IOS, **still, "Metadata.csv": metadata("iOS", standardisation)}
+    del files["Orientation.csv"]
+    imu = read_sensorlogger(log(tmp_path, files)).imu
+    np.testing.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
+
+
+def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
+    files = {**ANDROID, "TotalAcceleration.csv": table(UP)}
+    imu = read_sensorlogger(log(tmp_path, files)).imu
+    np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
+
+
+@pytest.mark.parametrize("files", [ANDROID, IOS], ids=["android", "ios"])
+def test_gravity_decides_which_way_the_quaternion_turns(
+    tmp_path: Path, files: dict[str, str]
+) -> None:
+    attitude = read_sensorlogger(log(tmp_path, files)).orientation.world_from_phone
+    np.testing.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
+
+
+def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
+    sideways = table(np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]), "qw,qz,qy,qx")
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways}))
+    assert recording.orientation is None
+
+
+@pytest.mark.parametrize(("rate_hz", "kept"), [(16_000, False), (44_100, True), (48_000, True)])
+def test_only_sound_with_the_chirp_band_is_kept(tmp_path: Path, rate_hz: int, kept: bool) -> None:
+    sound = io.BytesIO()
+    soundfile.write(sound, np.zeros(1000), rate_hz, format="WAV")
+    audio = read_sensorlogger(log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})).audio
+    assert (audio is not None) == kept
+
+
+def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
+    rows = ANDROID["Gyroscope.csv"].splitlines()
+    files = {**ANDROID, "Gyroscope.csv": "\n".join([*rows[:9], rows[8], rows[5], *rows[9:]])}
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, T_S)
+
+
+def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
+    files = {f"folder/{name}": ANDROID[name] for name in ("TotalAcceleration.csv", "Gyroscope.csv")}
+    recording = read_sensorlogger(log(tmp_path, files))
+    assert recording.device == "unknown"
+    assert recording.magnetometer is None
+
+
+@pytest.mark.parametrize("absent", ["Gyroscope.csv", "Gravity.csv", "Accelerometer.csv"])
+def test_missing_motion_sensors_are_refused(tmp_path: Path, absent: str) -> None:
+    files = {name: content for name, content in IOS.items() if name != absent}
+    with pytest.raises(InputError, match=r"walk\.zip: motion sensors are missing"):
+        read_sensorlogger(log(tmp_path, files))
+
+
+def test_damaged_logs_are_refused(tmp_path: Path) -> None:
+    damaged = {**ANDROID, "Gyroscope.csv": "time,seconds_elapsed,z,y,x\n0,0,1,1,1\n1,1,x,1,1\n"}
+    file = log(tmp_path, damaged)
+    with pytest.raises(InputError, match=r"walk\.zip/Gyroscope\.csv: row 3 has 'x'"):
+        read_sensorlogger(file)
+    file = log(tmp_path, ANDROID)
+    file.write_bytes(file.read_bytes()[:3000])
+    with pytest.raises(InputError, match=r"is no whole \.zip"):
+        read_sensorlogger(file)
+    with pytest.raises(InputError, match=r"is no whole \.zip"):
+        read_sensorlogger(tmp_path / "none.zip")

@@ -1,0 +1,48 @@
+"""Tables of numbers; damaged ones are refused in test_recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from elfslam.base.errors import InputError
+from elfslam.data.tables import read_header, read_table, read_timed_table, write_timed_table
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    values=arrays(
+        float, st.tuples(st.integers(1, 20), st.integers(1, 4)), elements=st.floats(-1e6, 1e6)
+    )
+)
+def test_nine_digits_survive(tmp_path_factory: pytest.TempPathFactory, values: np.ndarray) -> None:
+    file = tmp_path_factory.mktemp("table") / "a.csv"
+    columns = ["a", "b", "c", "d"][: values.shape[1]]
+    write_timed_table(file, columns, np.arange(len(values)) / 50, values)
+    assert read_header(file) == ("t_s", *columns)
+    t_s, read = read_timed_table(file, columns)
+    np.testing.assert_allclose(t_s, np.arange(len(values)) / 50)
+    np.testing.assert_allclose(read, values, rtol=1e-8)
+
+
+def test_a_byte_order_mark_and_spaces_do_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(b"\xef\xbb\xbft_s, x \r\n0, 1e1 \r\n\r\n")
+    assert read_table(tmp_path / "a.csv", ["x", "t_s"]).tolist() == [[10, 0]]
+
+
+def test_other_columns_may_hold_anything(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("note,x\nhello,1\n,2\n")
+    assert read_table(tmp_path / "a.csv", ["x"]).tolist() == [[1], [2]]
+
+
+def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_bytes(b"t_s,x\n\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"a\.csv: cannot be read as text"):
+        read_table(tmp_path / "a.csv", ["x"])
+    with pytest.raises(InputError, match="cannot be read as text"):
+        read_table(tmp_path / "none.csv", ["x"])

@@ -1,0 +1,46 @@
+"""Wi-Fi rows and matrices."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.data.wifi_table import read_wifi, scans_from_rows
+
+
+def test_rows_of_one_time_make_one_scan() -> None:
+    wifi = scans_from_rows([2.0, 1.0, 1.0], ["b", "b", "a"], [-40, -50, -60], [0.1, 0.2, 0.3])
+    assert wifi.bssids == ("a", "b")
+    assert wifi.t_s.tolist() == [1.0, 2.0]
+    np.testing.assert_array_equal(wifi.rssi_dbm, [[-60, -50], [np.nan, -40]])
+    np.testing.assert_array_equal(wifi.age_s, [[0.3, 0.2], [np.nan, 0.1]])
+
+
+def test_an_age_may_be_unknown(tmp_path: Path) -> None:
+    file = tmp_path / "wifi.csv"
+    file.write_text("t_s,bssid,rssi_dbm,frequency_mhz,age_s\n1,aa,-50,2437,\n")
+    wifi = read_wifi(file)
+    assert wifi.rssi_dbm.tolist() == [[-50]]
+    assert np.isnan(wifi.age_s).all()
+
+
+HEADER = "t_s,bssid,rssi_dbm,frequency_mhz,age_s\n"
+DAMAGES = {
+    "t_s,bssid,frequency_mhz,age_s\n1,aa,2437,0\n": "column rssi_dbm is missing",
+    HEADER + "1,aa,-50,2437\n": "row 2 has 4 cells, wanted 5",
+    HEADER + "1,aa,loud,2437,0\n": "row 2 has 'loud'",
+    HEADER + "1,aa,nan,2437,0\n": "row 2 has 'nan'",
+    HEADER + "2,aa,-50,2437,0\n1,aa,-50,2437,0\n": "runs backward at row 3",
+    HEADER: "no rows",
+    "": "is empty",
+}
+
+
+@pytest.mark.parametrize("text", DAMAGES)
+def test_damaged_files_are_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "wifi.csv").write_text(text)
+    with pytest.raises(InputError, match=DAMAGES[text]):
+        read_wifi(tmp_path / "wifi.csv")

@@ -1,0 +1,246 @@
+"""Dead reckoning on planted walks: every step, turn and length is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
+from elfslam.base.values import Imu, Odometry
+from elfslam.data.mall import read_walk, walks_in
+from elfslam.line.motion import (
+    MotionParameters,
+    dead_reckon,
+    find_footsteps,
+    gyroscope_bias,
+    nodes_by_distance,
+    step_lengths,
+    walking_heading,
+)
+
+PARAMETERS = MotionParameters()
+TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
+LEVEL = Rotation.identity()
+CADENCE_HZ = 1.8
+REST_S = 3.0
+
+
+def walk(
+    steps,
+    *,
+    rate_hz=50.0,
+    mounting=LEVEL,
+    turns=(),
+    bounce_mps2=2.5,
+    cadence_hz=CADENCE_HZ,
+    bias_radps=(0.0, 0.0, 0.0),
+    decimals=None,
+):
+    """Rest, `steps` steps, rest; `turns` are (at which step, radians), each takes one second."""
+    walking_s = steps / cadence_hz
+    t_s = np.arange(0.0, walking_s + 2 * REST_S, 1.0 / rate_hz)
+    phase = np.clip((t_s - REST_S) * cadence_hz, 0.0, steps)
+    moving = (t_s > REST_S) & (t_s < REST_S + walking_s)
+    vertical = bounce_mps2 * moving * (np.sin(2 * np.pi * phase) + 0.4 * np.sin(4 * np.pi * phase))
+    sway = 0.6 * moving * np.cos(np.pi * phase)
+    yaw_radps = np.zeros_like(t_s)
+    for step, angle_rad in turns:
+        yaw_radps += angle_rad * (np.abs(t_s - REST_S - step / cadence_hz) < 0.5)
+    noise = np.random.default_rng(0).normal(0.0, 0.02, (len(t_s), 3))
+    accel = np.column_stack([sway, 0.5 * vertical, 9.81 + vertical]) + noise
+    gyro = np.column_stack([0.1 * sway, 0 * t_s, yaw_radps + 0.2 * sway])
+    accel, gyro = (mounting.inv().apply(rows) for rows in (accel, gyro))
+    gyro = gyro + np.asarray(bias_radps)
+    if decimals is not None:
+        accel = np.round(accel, decimals)
+    return Imu(t_s, accel, gyro)
+
+
+def square(side_steps, **options):
+    corners = [(side_steps * k, np.pi / 2) for k in (1, 2, 3)]
+    return walk(4 * side_steps, turns=corners, **options)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0])
+@pytest.mark.parametrize("mounting", [LEVEL, TILTED])
+@pytest.mark.parametrize("decimals", [None, 1])
+def test_planted_footsteps_are_counted(rate_hz, mounting, decimals):
+    imu = walk(60, rate_hz=rate_hz, mounting=mounting, decimals=decimals)
+    assert abs(len(find_footsteps(imu, PARAMETERS)) - 60) <= 1
+
+
+@pytest.mark.parametrize(("cadence_hz", "bounce_mps2"), [(1.3, 1.2), (1.8, 2.0), (2.2, 5.0)])
+def test_footsteps_come_at_the_planted_cadence(cadence_hz, bounce_mps2):
+    footsteps = find_footsteps(walk(40, cadence_hz=cadence_hz, bounce_mps2=bounce_mps2), PARAMETERS)
+    assert abs(len(footsteps) - 40) <= 1
+    assert np.diff(footsteps)[3:-3] == pytest.approx(1 / cadence_hz, abs=0.02)
+
+
+def test_a_straight_walk_has_the_planted_length_and_direction():
+    parameters = replace(PARAMETERS, length_per_root_bounce=0.0, step_length_m=0.7)
+    odometry = dead_reckon(walk(80, mounting=TILTED), parameters)
+    x_m, y_m, heading_rad = odometry.world_from_body[-1]
+    assert x_m == pytest.approx(0.7 * 79, abs=0.8)
+    assert abs(y_m) < 0.01 * x_m
+    assert abs(heading_rad) < np.radians(2)
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0])
+def test_a_square_turns_three_corners_and_comes_home(rate_hz):
+    imu = square(20, rate_hz=rate_hz, mounting=TILTED, decimals=1)
+    heading_rad = walking_heading(imu, PARAMETERS)
+    assert heading_rad[-1] - heading_rad[0] == pytest.approx(1.5 * np.pi, abs=np.radians(2))
+    end = dead_reckon(imu, PARAMETERS).world_from_body[-1]
+    assert np.hypot(*end[:2]) < 2.0
+
+
+def test_each_corner_turns_by_the_planted_angle():
+    odometry = dead_reckon(square(20), PARAMETERS)
+    headings = odometry.world_from_body[:, 2]
+    for step, wanted in ((10, 0.0), (30, np.pi / 2), (50, np.pi), (70, 1.5 * np.pi)):
+        assert abs(wrap_angle(headings[step] - wanted)) < np.radians(3)
+
+
+def test_steps_grow_with_cadence_and_bounce():
+    parameters = replace(PARAMETERS, length_per_cadence_m_s=0.2)
+
+    def mean_length(**options):
+        imu = walk(40, **options)
+        return step_lengths(imu, find_footsteps(imu, parameters), parameters).mean()
+
+    usual = mean_length()
+    assert mean_length(cadence_hz=2.2) - usual == pytest.approx(0.2 * 0.4, abs=0.02)
+    assert mean_length(bounce_mps2=4.0) > usual + 0.05
+
+
+def test_turning_the_phone_in_its_mounting_changes_nothing():
+    level, tilted = (
+        dead_reckon(square(15, mounting=mounting), PARAMETERS) for mounting in (LEVEL, TILTED)
+    )
+    assert tilted.t_s == pytest.approx(level.t_s, abs=1e-6)
+    assert tilted.world_from_body == pytest.approx(level.world_from_body, abs=1e-6)
+
+
+def test_a_shift_of_the_clock_moves_only_the_times():
+    imu = square(10)
+    here = dead_reckon(imu, PARAMETERS)
+    later = dead_reckon(Imu(imu.t_s + 1000.0, imu.accel_mps2, imu.gyro_radps), PARAMETERS)
+    assert later.t_s == pytest.approx(here.t_s + 1000.0, abs=1e-6)
+    assert later.world_from_body == pytest.approx(here.world_from_body, abs=1e-6)
+
+
+def test_the_start_pose_moves_the_walk_rigidly():
+    imu, start = square(10), (3.0, -2.0, 1.0)
+    here = dead_reckon(imu, PARAMETERS).world_from_body
+    there = dead_reckon(imu, PARAMETERS, start).world_from_body
+    assert there[0] == pytest.approx(np.array(start), abs=1e-9)
+    moved = compose(compose(np.array(start), np.array([0, 0, -here[0, 2]])), here)
+    assert there[:, :2] == pytest.approx(moved[:, :2], abs=1e-9)
+
+
+def test_rest_reveals_the_gyroscope_bias():
+    bias = (0.01, -0.02, 0.015)
+    imu = walk(60, mounting=TILTED, bias_radps=bias)
+    assert gyroscope_bias(imu, PARAMETERS) == pytest.approx(np.array(bias), abs=0.002)
+    heading_rad = walking_heading(imu, PARAMETERS)
+    assert abs(heading_rad[-1] - heading_rad[0]) < np.radians(2)
+
+
+def test_uncertainty_is_given_for_every_step_and_follows_its_parameters():
+    odometry = dead_reckon(walk(30), PARAMETERS)
+    assert odometry.step_sigma.shape == (len(odometry.t_s) - 1, 3)
+    lengths_m = np.linalg.norm(np.diff(odometry.world_from_body[:, :2], axis=0), axis=1)
+    assert odometry.step_sigma[:, 0] == pytest.approx(PARAMETERS.forward_sigma * lengths_m)
+    assert odometry.step_sigma[:, 2] == pytest.approx(PARAMETERS.heading_sigma_rad)
+
+
+def test_real_walks_end_near_where_they_truly_end(shared_data):
+    archive = shared_data / "mall_walks" / "site1-F4.tar.xz"
+    errors = [end_error(read_walk(path)) for path in islice(walks_in(archive), 12)]
+    assert np.median([error for error in errors if error is not None]) < 0.2
+
+
+def end_error(mall_walk):
+    """End error by path length, the first leg turned onto the true one; none for short walks."""
+    truth = mall_walk.truth
+    odometry = dead_reckon(mall_walk.recording.imu, PARAMETERS)
+    estimated, true = (
+        position @ (1, 1j)
+        for position in (
+            interpolate_poses(odometry.t_s, odometry.world_from_body, truth.t_s)[:, :2],
+            truth.world_from_body[:, :2],
+        )
+    )
+    length_m = np.abs(np.diff(true)).sum()
+    if length_m < 15:
+        return None
+    estimated, true = estimated - estimated[0], true - true[0]
+    turn = true[1] / estimated[1]
+    return abs(estimated[-1] * turn / abs(turn) - true[-1]) / length_m
+
+
+def test_standing_still_takes_no_steps_and_is_refused():
+    imu = walk(0)
+    assert len(find_footsteps(imu, PARAMETERS)) == 0
+    with pytest.raises(InputError, match="found 0 footsteps"):
+        dead_reckon(imu, PARAMETERS)
+
+
+def test_a_pause_takes_no_steps():
+    imu = walk(40)
+    middle = REST_S + 20 / CADENCE_HZ
+    still = np.repeat(imu.accel_mps2[:1], 500, axis=0)
+    row = int(np.searchsorted(imu.t_s, middle))
+    accel = np.vstack([imu.accel_mps2[:row], still, imu.accel_mps2[row:]])
+    gyro = np.vstack([imu.gyro_radps[:row], 0 * still, imu.gyro_radps[row:]])
+    footsteps = find_footsteps(Imu(np.arange(len(accel)) / 50.0, accel, gyro), PARAMETERS)
+    assert abs(len(footsteps) - 40) <= 1
+    assert not ((footsteps > middle + 1.0) & (footsteps < middle + 9.0)).any()
+
+
+def test_a_gap_is_refused_and_named():
+    imu = walk(40)
+    kept = (imu.t_s < 10.0) | (imu.t_s > 12.0)
+    with pytest.raises(InputError, match=r"2\.0\d s missing after 9\.98 s"):
+        dead_reckon(Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept]), PARAMETERS)
+
+
+def test_a_slow_sensor_and_a_short_recording_are_refused():
+    with pytest.raises(InputError, match="samples/s"):
+        dead_reckon(walk(40, rate_hz=10.0), PARAMETERS)
+    imu = walk(40)
+    with pytest.raises(InputError, match="record longer"):
+        dead_reckon(Imu(imu.t_s[:100], imu.accel_mps2[:100], imu.gyro_radps[:100]), PARAMETERS)
+    with pytest.raises(InputError, match="record longer"):
+        dead_reckon(Imu(imu.t_s[:0], imu.accel_mps2[:0], imu.gyro_radps[:0]), PARAMETERS)
+
+
+def device_odometry(count=301):
+    """A device that walks 0.1 m per sample along x, standing for 50 samples in the middle."""
+    x_m = 0.1 * np.concatenate([np.arange(150), np.full(51, 150), np.arange(151, count - 50)])
+    poses = np.column_stack([x_m, 0 * x_m, 0 * x_m])
+    return Odometry(np.arange(len(x_m)) / 10.0, poses, np.full((len(x_m) - 1, 3), 0.01))
+
+
+def test_nodes_lie_apart_by_the_spacing():
+    nodes = nodes_by_distance(device_odometry(), 0.5)
+    gaps_m = np.diff(nodes.world_from_body[:, 0])
+    assert gaps_m == pytest.approx(0.5, abs=1e-9)
+    assert nodes.t_s[0] == 0.0
+
+
+def test_variances_of_the_moves_between_nodes_add_up():
+    device = device_odometry()
+    nodes = nodes_by_distance(device, 0.5)
+    last = int(np.searchsorted(device.t_s, nodes.t_s[-1]))
+    assert np.sum(nodes.step_sigma**2) == pytest.approx(3 * last * 0.01**2)
+
+
+def test_a_device_that_stays_is_refused():
+    with pytest.raises(InputError, match="never gets"):
+        nodes_by_distance(device_odometry(), 100.0)

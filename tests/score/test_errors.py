@@ -1,0 +1,202 @@
+"""Errors of walks and fixes: planted answers, laws, and evo as the oracle."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose
+from elfslam.base.values import Fixes, FixStatus, Trajectory, Truth
+from elfslam.score.alignment import match, placement
+from elfslam.score.errors import (
+    Alignment,
+    alignment_of,
+    end_error_share,
+    fix_errors,
+    path_length_m,
+    position_errors,
+    summarise,
+)
+from elfslam.slam import Run
+
+Moved = Callable[[Truth, np.ndarray], np.ndarray]
+WHERE = np.array([3.0, -2.0, 2.1])
+angle = st.floats(-3.0, 3.0)
+shift = st.floats(-50.0, 50.0)
+
+
+@pytest.mark.parametrize("alignment", list(Alignment))
+def test_a_moved_walk_has_no_error(truth: Truth, moved: Moved, alignment: Alignment) -> None:
+    errors = position_errors(truth.t_s, moved(truth, WHERE), truth, alignment)
+    assert errors.size == truth.t_s.size
+    assert errors.max() < 1e-9
+
+
+def test_scale_is_forgiven_only_where_it_should_be(truth: Truth, moved: Moved) -> None:
+    poses = moved(truth, WHERE) * [1.1, 1.1, 1]
+    assert position_errors(truth.t_s, poses, truth, Alignment.ALIGNED).max() > 0.3
+    matched = match(truth.t_s, poses, truth)
+    found = placement(matched, Alignment.ALIGNED_WITH_SCALE)
+    assert found.scale == pytest.approx(1 / 1.1)
+    assert position_errors(truth.t_s, poses, truth, Alignment.ALIGNED_WITH_SCALE).max() < 1e-9
+
+
+def test_anchored_error_of_a_wrong_first_heading() -> None:
+    """A straight walk with its heading wrong by a: the error grows as 2 d sin(a / 2)."""
+    t_s, away_m, wrong = np.arange(11.0), np.linspace(0, 20, 11), 0.1
+    straight = np.column_stack([away_m, 0 * away_m, 0 * away_m])
+    poses = straight + [0, 0, wrong] * (t_s == 0)[:, None]
+    errors = position_errors(t_s, poses, Truth(t_s, straight), Alignment.ANCHORED)
+    assert np.allclose(errors, 2 * away_m * np.sin(wrong / 2))
+    assert end_error_share(t_s, poses, Truth(t_s, straight)) == pytest.approx(2 * np.sin(wrong / 2))
+
+
+def test_dense_truth_is_interpolated_and_only_its_span_counts() -> None:
+    truth = Truth([0, 10], [[0, 0, 0], [10, 0, 0]])
+    t_s = np.array([-1, 0, 2.5, 5, 11])
+    poses = np.array([[9, 9, 0], [0, 0, 0], [2.5, 0.3, 0], [5, 0.4, 0], [9, 9, 0]])
+    errors = position_errors(t_s, poses, truth, Alignment.ANCHORED)
+    assert np.allclose(errors, [0, 0.3, 0.4])
+
+
+@pytest.mark.parametrize("alignment", list(Alignment))
+def test_waypoints_are_where_it_is_judged(
+    truth: Truth, waypoints: Truth, moved: Moved, alignment: Alignment
+) -> None:
+    """Between waypoints the estimate may do as it likes; the anchor turns by travel."""
+    poses = moved(truth, WHERE)
+    poses[3::7] += 5.0
+    poses[:, 2] = 0.0
+    errors = position_errors(truth.t_s, poses, waypoints, alignment)
+    assert errors.size == waypoints.t_s.size
+    assert errors.max() < 1e-9
+
+
+def test_the_walker_stands_at_the_first_and_last_waypoint() -> None:
+    truth = Truth([0.0, 5.0, 10.0], [[0, 0, np.nan], [5, 0, np.nan], [10, 0, np.nan]])
+    t_s = np.array([1.0, 5.0, 9.0])
+    poses = np.array([[0, 0, 0], [5, 1, 0], [10, 0, 0]], float)
+    errors = position_errors(t_s, poses, truth, Alignment.ALIGNED)
+    assert np.allclose(errors, [1 / 3, 2 / 3, 1 / 3])
+
+
+def test_walks_apart_in_time_are_refused(truth: Truth) -> None:
+    with pytest.raises(InputError, match="share 0 times"):
+        position_errors(truth.t_s + 1e4, truth.world_from_body, truth, Alignment.ALIGNED)
+
+
+@settings(max_examples=25, deadline=None)
+@given(x=shift, y=shift, turn=angle, seed=st.integers(0, 99))
+def test_moving_the_estimate_changes_no_error(
+    truth: Truth, x: float, y: float, turn: float, seed: int
+) -> None:
+    noise = np.random.default_rng(seed).normal(0, 0.3, truth.world_from_body.shape)
+    poses = truth.world_from_body + noise
+    there = compose(np.array([x, y, turn]), poses)
+    rmse = {}
+    for alignment in Alignment:
+        errors = position_errors(truth.t_s, poses, truth, alignment)
+        assert np.allclose(errors, position_errors(truth.t_s, there, truth, alignment), atol=1e-6)
+        rmse[alignment] = summarise(errors).rmse_m
+    assert rmse[Alignment.ALIGNED_WITH_SCALE] <= rmse[Alignment.ALIGNED] + 1e-9
+    assert rmse[Alignment.ALIGNED] <= rmse[Alignment.ANCHORED] + 1e-9
+
+
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("alignment", [Alignment.ALIGNED, Alignment.ALIGNED_WITH_SCALE])
+def test_evo_agrees(run: Run, truth: Truth, alignment: Alignment) -> None:
+    pytest.importorskip("evo", reason="evo is absent (test extra)")
+    from evo.core import metrics, trajectory
+
+    def path(poses: np.ndarray) -> trajectory.PoseTrajectory3D:
+        zeros = np.zeros(len(poses))
+        half = poses[:, 2] / 2
+        turns = np.column_stack([np.cos(half), zeros, zeros, np.sin(half)])
+        return trajectory.PoseTrajectory3D(
+            np.column_stack([poses[:, :2], zeros]), turns, truth.t_s.copy()
+        )
+
+    reference, estimate = path(truth.world_from_body), path(run.odometry.world_from_body)
+    estimate.align(reference, correct_scale=alignment is Alignment.ALIGNED_WITH_SCALE)
+    error = metrics.APE(metrics.PoseRelation.translation_part)
+    error.process_data((reference, estimate))
+    odometry = run.odometry
+    ours = position_errors(odometry.t_s, odometry.world_from_body, truth, alignment)
+    assert summarise(ours).rmse_m == pytest.approx(
+        error.get_statistic(metrics.StatisticsType.rmse), rel=1e-9
+    )
+    assert ours.max() == pytest.approx(error.get_statistic(metrics.StatisticsType.max), rel=1e-9)
+
+
+def test_summary_of_known_errors() -> None:
+    summary = summarise(np.array([0.0, 1.0, 2.0, 3.0, 4.0]))
+    assert (summary.median_m, summary.mean_m, summary.q3_m) == (2, 2, 3)
+    assert (summary.rmse_m, summary.maximum_m, summary.count) == (np.sqrt(6), 4, 5)
+    nothing = summarise(np.empty(0))
+    assert nothing.count == 0 and np.isnan(nothing.median_m)
+
+
+def test_path_length() -> None:
+    assert path_length_m(np.array([[0, 0], [3, 4], [3, 5.0]])) == 6
+
+
+def test_alignment_of_finds_where_the_map_lies(truth: Truth, moved: Moved) -> None:
+    poses, size = moved(truth, WHERE), truth.t_s.size
+    walk = Trajectory(truth.t_s, poses, np.zeros((size, 3, 3)), np.empty(0), "OK")
+    assert np.allclose(alignment_of(walk, truth), WHERE)
+
+
+def planted_fixes(xy_m: np.ndarray, t_s: np.ndarray) -> Fixes:
+    """Fixes 0 and 4 are ambiguous, 1 and 5 are refused, the others stand."""
+    status = np.full(t_s.size, FixStatus.OK)
+    status[[0, 4]], status[1], status[5] = FixStatus.AMBIGUOUS, FixStatus.UNKNOWN_PLACE, 3
+    xy_m = np.where((status >= FixStatus.UNKNOWN_PLACE)[:, None], np.nan, xy_m)
+    unknown = np.full(t_s.size, np.nan)
+    return Fixes(t_s, xy_m, unknown, np.full((t_s.size, 2, 2), np.nan), unknown, status)
+
+
+def test_fixes_are_scored_with_what_was_refused(truth: Truth, moved: Moved) -> None:
+    xy_m = moved(truth, WHERE)[:, :2].copy()
+    xy_m[[0, 4]] += [0, 2.0]
+    xy_m[2:4] += [0.5, 0]
+    summary = fix_errors(planted_fixes(xy_m, truth.t_s), truth, WHERE)
+    assert summary.ambiguous.median_m == pytest.approx(2.0)
+    assert summary.ambiguous.count == 2
+    assert summary.ok.count == truth.t_s.size - 4
+    assert summary.ok.maximum_m == pytest.approx(0.5)
+    assert summary.ok.median_m < 1e-9
+    assert summary.by_status == {
+        "OK": truth.t_s.size - 4,
+        "AMBIGUOUS": 2,
+        "UNKNOWN_PLACE": 1,
+        "NO_ECHO": 1,
+    }
+    assert summary.coverage == pytest.approx((truth.t_s.size - 4) / truth.t_s.size)
+
+
+def test_fixes_at_waypoints_are_interpolated(truth: Truth, waypoints: Truth, moved: Moved) -> None:
+    later = truth.t_s[:-1] + 0.2
+    poses = moved(truth, WHERE)
+    xy_m = poses[:-1, :2] + (poses[1:, :2] - poses[:-1, :2]) * (0.2 / np.diff(truth.t_s))[:, None]
+    summary = fix_errors(planted_fixes(xy_m, later), waypoints, WHERE)
+    assert summary.ok.count == waypoints.t_s.size - 1  # the first waypoint precedes all fixes
+    assert summary.ok.median_m < 0.01
+
+
+def test_a_waypoint_beside_an_ambiguous_fix_is_ambiguous(truth: Truth, waypoints: Truth) -> None:
+    later = truth.t_s[3:] + 0.2  # fix 4 comes just after the waypoint of row 7
+    summary = fix_errors(planted_fixes(truth.world_from_body[3:, :2], later), waypoints, WHERE)
+    assert summary.ambiguous.count == 1
+    assert summary.ok.count == waypoints.t_s.size - 2
+
+
+def test_fixes_outside_the_truth_are_counted_but_not_scored(truth: Truth) -> None:
+    xy_m = np.zeros((6, 2))
+    summary = fix_errors(planted_fixes(xy_m, truth.t_s[-1] + 1 + np.arange(6.0)), truth, WHERE)
+    assert summary.ok.count == 0
+    assert summary.by_status["OK"] == 2

@@ -1,0 +1,92 @@
+"""Traces hold what they should; reductions keep what matters."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Closures, Similarity
+from elfslam.score import charts, figures
+from elfslam.slam import Run
+
+
+def test_an_ellipse_has_the_axes_of_its_covariance() -> None:
+    covariance = np.array([[[4.0, 0], [0, 1.0]]])
+    trace = figures.ellipse_trace(np.array([[10.0, 5.0]]), covariance, figures.SLAM)
+    x, y = np.asarray(trace.x), np.asarray(trace.y)
+    assert np.nanmax(x) == pytest.approx(12, abs=0.02)
+    assert np.nanmin(y) == pytest.approx(4, abs=0.02)
+
+
+@pytest.mark.parametrize("lean", [1.2, -1.2])
+def test_an_ellipse_lies_one_sigma_away_all_round(lean: float) -> None:
+    covariance = np.array([[4.0, lean], [lean, 1.0]])
+    trace = figures.ellipse_trace(np.zeros((1, 2)), covariance[None], figures.SLAM)
+    ring = np.column_stack([trace.x, trace.y]).astype(float)[:-1]
+    squared = np.einsum("ni,ij,nj->n", ring, np.linalg.inv(covariance), ring)
+    assert np.allclose(squared, 1, atol=0.01)
+
+
+def test_closures_are_grouped_by_weight() -> None:
+    xy_m = np.array([[0, 0], [1, 0], [2, 0], [3, 0.0]])
+    closures = Closures([0, 1], [2, 3], [1, 1], np.zeros((2, 3)), np.zeros((2, 3, 3)))
+    traces = figures.closure_traces(xy_m, closures, np.array([0.0, 1.0]))
+    names = ["closures, rejected (1)", "closures, trusted (1)"]
+    assert [trace.name for trace in traces] == names
+    assert np.asarray(traces[0].x)[:2].tolist() == [0, 2]
+
+
+def test_judged_closures_leave_out_the_unknown() -> None:
+    xy_m = np.array([[0, 0], [1, 0], [2, 0], [3, 0.0]])
+    closures = Closures([0, 1, 2], [2, 3, 3], [1, 1, 1], np.zeros((3, 3)), np.zeros((3, 3, 3)))
+    right, known = np.array([True, False, False]), np.array([True, True, False])
+    traces = figures.judged_closure_traces(xy_m, closures, right, known)
+    assert [trace.name for trace in traces] == ["closures, right (1)", "closures, wrong (1)"]
+
+
+def test_thinned_keeps_the_ends_and_the_few() -> None:
+    assert figures.thinned(5, 40).tolist() == [0, 1, 2, 3, 4]
+    assert figures.thinned(1000, 3).tolist() == [0, 499, 999]
+    assert figures.thinned(0, 3).tolist() == []
+
+
+def test_a_plan_has_equal_axes() -> None:
+    assert figures.plan([]).layout.yaxis.scaleanchor == "x"
+
+
+def test_a_flat_outline_is_refused() -> None:
+    with pytest.raises(InputError, match="outline"):
+        figures.FloorPlan(outline=np.zeros(4))
+
+
+def test_reduction_keeps_the_greatest_score() -> None:
+    size = 2 * charts.MATRIX_AT_MOST + 1
+    scores = np.zeros((size, size), np.float32)
+    scores[1234, 77] = 0.9
+    small, starts = charts.reduced(scores)
+    assert max(small.shape) <= charts.MATRIX_AT_MOST
+    row, column = np.unravel_index(np.argmax(small), small.shape)
+    assert starts[row] <= 1234 < starts[row + 1] and starts[column] <= 77 < starts[column + 1]
+    assert small[row, column] == pytest.approx(0.9)
+
+
+def test_a_small_matrix_is_shown_whole() -> None:
+    small, starts = charts.reduced(np.eye(3, dtype=np.float32))
+    assert small.tolist() == np.eye(3).tolist()
+    assert starts.tolist() == [0, 1, 2]
+
+
+def test_the_histogram_counts_each_pair_once() -> None:
+    scores = np.eye(20, dtype=np.float32)
+    scores[2, 5] = scores[5, 2] = 0.7
+    figure = charts.histogram_figure(Similarity(scores, "elf"), 0.4)
+    assert np.sum(figure.data[0].y) == 20 * 19 / 2
+    assert figure.layout.shapes[0].x0 == 0.4
+
+
+def test_the_error_share_ends_at_the_greatest_error(run: Run) -> None:
+    errors = np.array([0.5, 2.0, 1.0])
+    figure = charts.error_share_figure({("SLAM", "aligned"): (np.arange(3.0), errors)})
+    assert (figure.data[0].x[-1], figure.data[0].y[-1]) == (2.0, 1.0)
+    assert figure.data[0].line.color == figures.SLAM
