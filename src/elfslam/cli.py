@@ -20,7 +20,7 @@ from elfslam.base.values import FixStatus, Recording
 from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
 from elfslam.console import Announce, exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
-from elfslam.data.folders import new_file
+from elfslam.data.folders import new_file, refuse_occupied
 from elfslam.data.importing import LogFormat, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
@@ -28,6 +28,7 @@ from elfslam.data.runs import digest_of, read_facts, read_run, write_run
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.score.errors import alignment_of
+from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_fix_report, write_map_page, write_report, write_world_page
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
@@ -149,24 +150,15 @@ def map_command(
     setting: Setting = None,
 ) -> None:
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
-    parameters = settings_of(parameter_file, setting)
+    job = MapJob(by, start, encoder, _plan(plan), settings_of(parameter_file, setting), force)
     paths = recordings_in(recording)
-    closed = True
-    with progress_bar() as announce:
-        for count, path in enumerate(paths):
-            walk = _with_start(read_recording(path), start)
-            announce(walk.name, None if len(paths) == 1 else count / len(paths))
-            run = _map_one(walk, by, encoder, parameters, announce)
-            folder = out if len(paths) == 1 and path == recording else out / path.name
-            _write_mapped(run, walk, folder, path, encoder, plan, parameters, replace=force)
-            closed = run.trajectory.status == "OK" or run.similarity.kind == "motion"
-    if len(paths) == 1:
+    if paths == [recording]:
+        with progress_bar() as announce:
+            run, facts = _map_into(out, recording, job, announce)
+        write_report(out / "report.html", run, facts=facts, floor_plan=job.plan)
         _say_mapped(run, out)
-    if not closed and len(paths) == 1:
-        raise HonestFailure(
-            f"{walk.name}: no loop closure found, the trajectory is dead reckoning; "
-            "walk at least two rounds of the same route"
-        )
+    else:
+        _map_many(out, paths, job)
 
 
 def recordings_in(path: Path) -> list[Path]:
@@ -176,6 +168,76 @@ def recordings_in(path: Path) -> list[Path]:
         if inside:
             return inside
     return [path]
+
+
+@dataclass(frozen=True)
+class MapJob:
+    """How recordings are to be mapped."""
+
+    by: Modality | None
+    start: str | None
+    encoder: str
+    plan: FloorPlan | None
+    parameters: Settings
+    replace: bool
+
+
+def _map_many(out: Path, paths: list[Path], job: MapJob) -> None:
+    """Map each recording that can be mapped; `elfslam show` draws the report of any of them."""
+    refused: list[str] = []
+    with progress_bar() as announce:
+        for count, path in enumerate(paths):
+            announce(path.name, count / len(paths))
+            try:
+                _map_into(out / path.name, path, job, lambda what, share: None)
+            except InputError as error:
+                refused.append(f"{path.name}: {error}")
+    for line in refused:
+        say(f"not mapped: {line}")
+    say(f"mapped {len(paths) - len(refused)} of {len(paths)} recordings into {out}")
+    if refused:
+        raise HonestFailure(f"{len(refused)} recordings could not be mapped, see above")
+
+
+def _map_into(
+    folder: Path, path: Path, job: MapJob, announce: Announce
+) -> tuple[slam.Run, dict[str, Any]]:
+    """Map one recording into a run folder; the run, and the facts that run.json states."""
+    refuse_occupied(folder, "run.json" if job.replace else None)
+    recording = _with_start(read_recording(path), job.start)
+    by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
+    encoder = load_encoder(job.encoder) if by is Modality.ELF else None
+    run = _map_one(recording, by, encoder, job.parameters, announce)
+    facts: dict[str, Any] = {
+        **_versions(),
+        "device": recording.device,
+        "recording_digest": digest_of(path),
+        "encoder": None if encoder is None else encoder.identity,
+        "parameters_digest": digest(_line_only(job.parameters)),
+        "parameters": as_dict(job.parameters),
+    }
+    content = encoder.content if isinstance(encoder, OnnxEncoder) else None
+    write_run(run, folder, facts=facts, encoder=content, replace=job.replace)
+    return run, facts
+
+
+def _map_one(
+    recording: Recording, by: Modality, encoder: Encoder | None, known: Settings, announce: Announce
+) -> slam.Run:
+    def stage(name: str) -> None:
+        announce(f"{recording.name}: {name}", None)
+
+    if encoder is not None:
+        return slam.map_by_echoes(recording, encoder, known, announce=stage)
+    makers = {
+        Modality.MOTION: slam.no_similarity,
+        Modality.MAGNETIC: lambda walk, nodes: magnetic_similarity(walk, nodes, known.magnetic),
+    }
+    return slam.map_by(recording, makers[by], known, announce=stage)
+
+
+def _plan(world: str | None) -> FloorPlan | None:
+    return None if world is None else floor_plan(load_world(world).room)
 
 
 def _with_start(recording: Recording, start: str | None) -> Recording:
@@ -189,51 +251,6 @@ def _with_start(recording: Recording, start: str | None) -> Recording:
     return Recording(**{**fields, "start_pose": (x_m, y_m, heading_rad)})
 
 
-def _map_one(
-    recording: Recording, by: Modality | None, encoder: str, parameters: Settings, announce: Announce
-) -> slam.Run:
-    def stage(name: str) -> None:
-        announce(f"{recording.name}: {name}", None)
-
-    by = by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
-    if by is Modality.ELF:
-        return slam.map_by_echoes(recording, load_encoder(encoder), parameters, announce=stage)
-    if by is Modality.MOTION:
-        return slam.map_by(recording, slam.no_similarity, parameters, announce=stage)
-    return slam.map_by(
-        recording,
-        lambda walk, nodes: magnetic_similarity(walk, nodes, parameters.magnetic),
-        parameters,
-        announce=stage,
-    )
-
-
-def _write_mapped(
-    run: slam.Run,
-    recording: Recording,
-    folder: Path,
-    source: Path,
-    encoder: str,
-    plan: str | None,
-    parameters: Settings,
-    *,
-    replace: bool,
-) -> None:
-    used = load_encoder(encoder) if run.features is not None else None
-    facts: dict[str, Any] = {
-        **_versions(),
-        "device": recording.device,
-        "recording_digest": digest_of(source),
-        "encoder": None if used is None else used.identity,
-        "parameters_digest": digest(_line_only(parameters)),
-        "parameters": as_dict(parameters),
-    }
-    content = used.content if isinstance(used, OnnxEncoder) else None
-    write_run(run, folder, facts=facts, encoder=content, replace=replace)
-    outline = None if plan is None else floor_plan(load_world(plan).room)
-    write_report(folder / "report.html", run, facts=facts, floor_plan=outline)
-
-
 def _say_mapped(run: slam.Run, out: Path) -> None:
     for at_s, lost_s in [] if run.echoes is None else run.echoes.losses_s:
         say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it were put in place")
@@ -241,6 +258,11 @@ def _say_mapped(run: slam.Run, out: Path) -> None:
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
         f"{int((run.trajectory.closure_weights > 0.5).sum())} of them kept; look at {out / 'report.html'}"
     )
+    if run.trajectory.status != "OK" and run.similarity.kind != "motion":
+        raise HonestFailure(
+            f"{run.name}: no loop closure found, the trajectory is dead reckoning; "
+            "walk at least two rounds of the same route"
+        )
 
 
 @app.command("locate")
@@ -297,9 +319,8 @@ def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: boo
     print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
     if len(run.closures.i) and not as_json:
         print_rows([closure_scores(run, truth)], title="Closures", as_json=False)
-    outline = None if plan is None else floor_plan(load_world(plan).room)
     with new_file(folder / "score.html") as partial:
-        write_report(partial, run, facts=read_facts(folder), floor_plan=outline, truth=truth)
+        write_report(partial, run, facts=read_facts(folder), floor_plan=_plan(plan), truth=truth)
 
 
 def _score_fixes(

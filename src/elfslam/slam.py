@@ -141,7 +141,7 @@ def map_by(
 def no_similarity(recording: Recording, nodes: Odometry) -> Similarity:
     """Nothing resembles anything: mapping by this is dead reckoning alone."""
     count = len(nodes.t_s) - 1
-    return Similarity(np.zeros((count, count)), kind="motion")
+    return Similarity(np.zeros((count, count), dtype=np.float32), kind="motion")
 
 
 def locate(

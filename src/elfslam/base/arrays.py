@@ -98,7 +98,8 @@ def _size_agrees(size: int, dimension: Dimension, sizes: dict[str, int]) -> bool
     if match is None:
         raise ValueError(f"dimension {dimension!r} is neither a size nor a name")
     offset = int(match[2] or 0)
-    return sizes.setdefault(match[1], size - offset) == max(size - offset, 0)
+    known = sizes.setdefault(match[1], max(size - offset, 0))
+    return size == max(known + offset, 0)
 
 
 def _check_increasing(name: str, t: npt.NDArray[Any]) -> None:

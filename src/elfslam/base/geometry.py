@@ -36,7 +36,7 @@ def between(world_from_a: F64, world_from_b: F64) -> F64:
 
 
 def chain(start: F64, moves: F64) -> F64:
-    """Poses (n+1, 3) reached from `start` by `moves` (n, 3), each in the frame of its predecessor."""
+    """Poses (n+1, 3) reached from `start` by `moves` (n, 3), each seen from the pose before."""
     headings = np.concatenate([[start[2]], start[2] + np.cumsum(moves[:, 2])])
     cos, sin = np.cos(headings[:-1]), np.sin(headings[:-1])
     x = np.cumsum(cos * moves[:, 0] - sin * moves[:, 1])

@@ -129,8 +129,7 @@ def _read_toml(file: Path) -> dict[str, Any]:
 
 def _flatten(nested: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:
     for group, values in nested.items():
-        if not isinstance(values, dict):
+        if isinstance(values, dict):
+            yield from ((f"{group}.{name}", value) for name, value in values.items())
+        else:
             yield group, values
-            continue
-        for name, value in values.items():
-            yield f"{group}.{name}", value

@@ -21,7 +21,7 @@ def new_folder(folder: Path, *, replaces: str | None = None) -> Iterator[Path]:
     A folder with content is only replaced where it holds a file called `replaces`, so that
     a mistyped path never costs anything else. Raises StoreError.
     """
-    _refuse_occupied(folder, replaces)
+    refuse_occupied(folder, replaces)
     partial = _sibling(folder)
     try:
         partial.mkdir(parents=True)
@@ -60,7 +60,7 @@ def _sibling(path: Path) -> Path:
     return path.parent / f".{path.name}.{secrets.token_hex(4)}.partial"
 
 
-def _refuse_occupied(folder: Path, replaces: str | None) -> None:
+def refuse_occupied(folder: Path, replaces: str | None) -> None:
     if folder.is_dir():
         occupied = any(folder.iterdir()) and not (replaces and (folder / replaces).is_file())
     else:

@@ -12,7 +12,8 @@ import torch
 from onnx import numpy_helper
 
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.network import BINS, CompactEncoder
+from elfslam.learn.network import CompactEncoder
+from elfslam.line.feature import BINS
 
 
 def export_encoder(network: CompactEncoder, path: Path) -> None:
@@ -40,7 +41,7 @@ def _traced(network: CompactEncoder) -> bytes:
         torch.onnx.export(
             network.eval(),
             example,
-            buffer,
+            buffer,  # type: ignore[arg-type]
             input_names=["samples", "device_log_spectrum"],
             output_names=["elf"],
             dynamic_axes={"samples": {0: "n"}, "elf": {0: "n"}},

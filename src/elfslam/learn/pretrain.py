@@ -16,8 +16,9 @@ from torch import Tensor
 from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import nt_xent
-from elfslam.learn.network import BINS, CompactEncoder
+from elfslam.learn.network import CompactEncoder
 from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import BINS
 
 PairsOf = Callable[[int], EchoPairs]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
@@ -112,8 +113,8 @@ def _resume(checkpoint: Path, network: CompactEncoder, optimizer: torch.optim.Op
         state: dict[str, Any] = torch.load(checkpoint, weights_only=True)
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
+        return int(state["step"])
     except Exception as cause:  # torch raises many types for a damaged or foreign file
         raise StoreError(
             f"{checkpoint}: not a checkpoint of this network; delete it to start over"
         ) from cause
-    return int(state["step"])

@@ -28,7 +28,7 @@ class ChirpParameters:
     duration_s: float = parameter(0.010, "s", "length of one excitation", low=0.001, high=0.05)
     period_s: float = parameter(0.100, "s", "time from one excitation to the next", low=0.08)
     fade_s: float = parameter(
-        0.0005, "s", "raised-cosine fade at both ends, against clicks", low=0.0
+        0.001, "s", "raised-cosine fade at both ends, against clicks", low=0.0
     )
 
 

@@ -45,9 +45,16 @@ class EchoParameters:
     clipped_share: float = parameter(
         0.001, "", "more samples at full scale are refused", low=0.0, high=1.0
     )
+    seam_contrast: float = parameter(
+        9.0, "", "click over the usual at a break of the stream", low=1.0
+    )
     shortfall_s: float = parameter(
         0.25, "s", "sound shorter than motion by more is a loss", low=0.0
     )
+
+
+SEAM_BAND_HZ = 20_800.0
+"""Above the chirp; a break in the waveform reaches there, room noise hardly does."""
 
 
 @dataclass(frozen=True)
@@ -75,12 +82,37 @@ def cut_echoes(
     heard = np.array([_holds_echo(samples, start) for start in starts])
     traces = np.stack([samples[start : start + ECHO_SAMPLES] for start in starts[heard]])
     missing_s = 0.0 if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
+    if missing_s > parameters.shortfall_s and not arrivals.jumps:
+        arrivals = _with_seam(arrivals, samples, round(chirp.period_s * ECHO_RATE_HZ), parameters)
     t_s, losses_s = _arrival_times(arrivals, chirp.period_s, missing_s, parameters)
     return Echoes(t_s[heard], traces, _snr_db(samples, starts[heard]), losses_s)
 
 
+def _with_seam(
+    arrivals: Arrivals, samples: F32, period: int, parameters: EchoParameters
+) -> Arrivals:
+    """Arrivals with a jump of whole periods at the seam of the stream, if one is heard.
+
+    Where whole periods are lost the chirps keep their beat, but the waveform breaks: a click above
+    the chirp band, where a frame is otherwise as quiet as the frames around it.
+    """
+    highpass = signal.butter(8, SEAM_BAND_HZ, "highpass", fs=ECHO_RATE_HZ, output="sos")
+    sharp = np.abs(signal.sosfiltfilt(highpass, samples)).astype(np.float32)
+    frames = sharp[: len(sharp) // period * period].reshape(-1, period)
+    excess = frames / (np.median(frames, axis=0) + 1e-9)
+    excess[[0, -1]] = 0.0  # the ends of the stream are breaks of their own
+    excess = excess.ravel()
+    seam = int(np.argmax(excess))
+    if excess[seam] < parameters.seam_contrast:
+        return arrivals
+    after = int(np.searchsorted(arrivals.samples, seam))
+    return Arrivals(
+        arrivals.samples, ((max(after, 1), 0),) if after < len(arrivals.samples) else ()
+    )
+
+
 def _holds_echo(samples: F32, start: int) -> bool:
-    """Whether the stream goes on long enough behind a direct arrival, and not in digital silence."""
+    """Whether the stream goes on behind a direct arrival, and not in digital silence."""
     trace = samples[start : start + ECHO_SAMPLES]
     return len(trace) == ECHO_SAMPLES and bool(trace.any())
 
@@ -105,8 +137,8 @@ def check_audio(audio: Audio, parameters: EchoParameters) -> None:
 
 
 def to_echo_rate(audio: Audio) -> F32:
-    """Channel 0 at 44.1 kHz; a long filter keeps 15 to 20 kHz flat when it resamples from 48 kHz."""
-    samples = audio.samples[0]
+    """Channel 0 at 44.1 kHz, resampled from 48 kHz by a long filter, flat from 15 to 20 kHz."""
+    samples: F32 = audio.samples[0]
     if audio.rate_hz == ECHO_RATE_HZ:
         return samples
     if audio.rate_hz != RESAMPLED_RATE_HZ:
@@ -141,7 +173,7 @@ def find_arrivals(envelope: F32, period: int, parameters: EchoParameters) -> Arr
     while expected < len(envelope):
         peak = _strongest(envelope, expected - slack, expected + slack + 1)
         if envelope[peak] < level:
-            peak = _strongest(envelope, expected - slack, expected - slack + period)
+            peak = _strongest(envelope, expected - period // 2, expected + period // 2)
             if envelope[peak] < level:
                 expected += period
                 continue
@@ -202,7 +234,8 @@ def _arrival_times(
         t_s[k:] += lost_s
     if not arrivals.jumps and missing_s > parameters.shortfall_s:
         losses.append((t_s[-1], missing_s))
-    losses += [(t_s[k - 1] + period_s, gap - period_s) for k, gap in silences]
+    jumped = {k for k, _ in arrivals.jumps}
+    losses += [(t_s[k - 1] + period_s, gap - period_s) for k, gap in silences if k not in jumped]
     return t_s, np.array(sorted(losses), dtype=np.float64).reshape(-1, 2)
 
 

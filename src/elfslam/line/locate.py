@@ -39,11 +39,12 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
     was made with another encoder.
     """
     payload = elf_payload(floor_map, features.encoder)
-    edges = np.arange(features.t_s[0], features.t_s[-1] + parameters.window_s, parameters.window_s)
+    start_s, end_s = features.t_s[[0, -1]]
+    count = int((end_s - start_s) / parameters.window_s) + 1
+    edges = start_s + parameters.window_s * np.arange(count + 1)
     window = np.searchsorted(edges, features.t_s, side="right") - 1
     rows = [
-        _fix(features.vectors[window == k], floor_map, payload, parameters)
-        for k in range(len(edges) - 1)
+        _fix(features.vectors[window == k], floor_map, payload, parameters) for k in range(count)
     ]
     xy, heading, covariance, score, status = (
         np.array(column) for column in zip(*rows, strict=True)

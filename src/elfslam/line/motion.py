@@ -55,13 +55,14 @@ class MotionParameters:
     )
     bounce_window_s: float = parameter(4.0, "s", "span over which the bounce is averaged", low=0.5)
     step_length_m: float = parameter(
-        0.70, "m", "step length at the typical cadence and bounce", low=0.1, high=1.5
+        0.69, "m", "step length at the typical cadence and bounce", low=0.1, high=1.5
     )
+    # The calibration walks say nothing of cadence: their quick steps are shuffling, short ones.
     length_per_cadence_m_s: float = parameter(
         0.0, "m s", "growth of the step length with cadence (m per step/s)"
     )
     length_per_root_bounce: float = parameter(
-        0.21, "m / sqrt(m/s2)", "growth of the step length with root bounce"
+        0.15, "m / sqrt(m/s2)", "growth of the step length with root bounce"
     )
     typical_cadence_hz: float = parameter(
         1.8, "Hz", "cadence at which step_length_m holds", low=0.5, high=4.0
@@ -212,7 +213,8 @@ def check_imu(imu: Imu, parameters: MotionParameters) -> None:
     if gaps_s[worst] > parameters.longest_gap_s:
         raise InputError(
             f"inertial data: {gaps_s[worst]:.2f} s missing after {imu.t_s[worst]:.2f} s, "
-            f"wanted gaps of at most {parameters.longest_gap_s:g} s; cut the recording there or raise longest_gap_s"
+            f"wanted gaps of at most {parameters.longest_gap_s:g} s; cut the recording there "
+            "or raise longest_gap_s"
         )
     if _rate_hz(imu.t_s) < parameters.least_rate_hz:
         raise InputError(

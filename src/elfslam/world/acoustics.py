@@ -73,7 +73,7 @@ def _axis_images(length_m: float, reflection: F64, reach: int) -> tuple[F64, F64
     n = np.repeat(np.arange(-reach, reach + 1), 2)
     odd = np.tile([0, 1], 2 * reach + 1)
     gain = reflection[0] ** np.abs(n - odd) * reflection[1] ** np.abs(n)
-    return 1.0 - 2.0 * odd, 2.0 * n * length_m, gain
+    return 1.0 - 2.0 * odd, np.asarray(2.0 * n * length_m, dtype=np.float64), gain
 
 
 def _air_db_per_m() -> float:
@@ -88,12 +88,12 @@ def _pulse_table() -> F32:
     return (np.sinc(x) * window).astype(np.float32)
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
 def _lobe(cosine: float, directivity: float) -> float:
     return (1.0 - directivity) + directivity * cosine
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
 def _shadow(forward: float, depth: float) -> float:
     """Gain of a direction by its forward component: 1 ahead, 1 - depth straight behind."""
     behind = min(max((-forward - 0.5) / 0.3, 0.0), 1.0)

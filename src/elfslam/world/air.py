@@ -23,4 +23,4 @@ def absorption_db_per_m(
     oxygen = 0.01275 * math.exp(-2239.1 / kelvin) / (oxygen_hz + frequency_hz**2 / oxygen_hz)
     nitrogen = 0.1068 * math.exp(-3352.0 / kelvin) / (nitrogen_hz + frequency_hz**2 / nitrogen_hz)
     classical = 1.84e-11 * relative**0.5
-    return 8.686 * frequency_hz**2 * (classical + relative**-2.5 * (oxygen + nitrogen))
+    return float(8.686 * frequency_hz**2 * (classical + relative**-2.5 * (oxygen + nitrogen)))

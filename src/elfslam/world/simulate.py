@@ -53,8 +53,8 @@ def load_world(name: str) -> World:
         raise InputError(
             f"world {name!r}: wanted {', '.join(world_names())} or a TOML file; no such world"
         )
-    text = (built_in if built_in.is_file() else path).read_text(encoding="utf-8")
     try:
+        text = (built_in if built_in.is_file() else path).read_text(encoding="utf-8")
         table = tomllib.loads(text)
         furniture = tuple(Furniture(**item) for item in table.get("furniture", []))
         generator = np.random.default_rng(table["furniture_seed"])
@@ -62,7 +62,7 @@ def load_world(name: str) -> World:
             np.array(table["size_m"]), np.array(table["reflection"]), furniture, generator
         )
         return World(table["name"], room, np.array(table["route_m"]))
-    except (KeyError, TypeError, tomllib.TOMLDecodeError) as cause:
+    except (KeyError, TypeError, ValueError) as cause:
         raise InputError(
             f"world {name!r}: not a world description ({cause}); compare with a built-in one"
         ) from cause

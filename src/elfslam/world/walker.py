@@ -56,7 +56,7 @@ def random_walker(generator: np.random.Generator) -> Walker:
         step_factor=generator.uniform(0.9, 1.1),
         height_m=generator.uniform(1.1, 1.35),
         pitch_rad=generator.uniform(0.25, 0.6),
-        bounce_m=generator.uniform(0.014, 0.022),
+        bounce_m=generator.uniform(0.0265, 0.0295),
         body_distance_m=generator.uniform(0.30, 0.40),
     )
 
@@ -113,7 +113,7 @@ def _motion(
     pitch = walker.pitch_rad + 0.03 * _wander(generator, count, dt_s, 8.0)
     pitch = pitch + gait * np.deg2rad(1.0) * np.sin(2 * np.pi * steps)
     roll = 0.03 * _wander(generator, count, dt_s, 8.0)
-    t_s = np.arange(count) * dt_s
+    t_s = np.asarray(np.arange(count) * dt_s, dtype=np.float64)
     return Motion(t_s, np.column_stack([xy, z]), yaw, pitch, roll, heading, steps)
 
 

@@ -1,0 +1,151 @@
+"""Every value of the line declares its shapes, so that a mix-up stops where it happens."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from elfslam.base import values
+from elfslam.base.arrays import Value
+from elfslam.base.errors import InputError
+from elfslam.base.values import ECHO_SAMPLES, FixStatus
+
+T_S = np.arange(3.0)
+UNIT = np.eye(4)[:3]
+MAKERS: dict[str, Callable[[], Value]] = {
+    "Chirp": lambda: values.Chirp(np.zeros(441), 44_100, 0.1, [15e3, 20e3]),
+    "Audio": lambda: values.Audio(np.zeros((2, 9)), 44_100),
+    "Imu": lambda: values.Imu(T_S, np.zeros((3, 3)), np.zeros((3, 3))),
+    "Magnetometer": lambda: values.Magnetometer(T_S, np.zeros((3, 3))),
+    "WifiScans": lambda: values.WifiScans(
+        T_S, ("a", "b"), np.full((3, 2), np.nan), np.zeros((3, 2))
+    ),
+    "Orientation": lambda: values.Orientation(T_S, UNIT),
+    "Emr": lambda: values.Emr(T_S, np.zeros((3, 5))),
+    "Odometry": lambda: values.Odometry(T_S, np.zeros((3, 3)), np.ones((2, 3))),
+    "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
+    "Echoes": lambda: values.Echoes(
+        T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros(3), np.zeros((0, 2))
+    ),
+    "EchoPairs": lambda: values.EchoPairs(
+        np.zeros((3, ECHO_SAMPLES)), np.zeros((3, ECHO_SAMPLES)), [0, 0, 1], np.zeros((3, 2))
+    ),
+    "Features": lambda: values.Features(T_S, UNIT, "stub"),
+    "Similarity": lambda: values.Similarity(np.zeros((3, 3)), "stub"),
+    "Closures": lambda: values.Closures([0], [2], [0.5], np.zeros((1, 3)), np.eye(3)[None, :, :]),
+    "PoseGraph": lambda: values.PoseGraph(
+        np.zeros((3, 3)), [[0, 1], [1, 2]], np.zeros((2, 3)), np.zeros((2, 3, 3)), [False, True]
+    ),
+    "Trajectory": lambda: values.Trajectory(
+        T_S, np.zeros((3, 3)), np.zeros((3, 3, 3)), np.zeros(1), "OK"
+    ),
+    "Payload": lambda: values.Payload("elf", "stub", np.zeros((3, 4))),
+    "FloorMap": lambda: values.FloorMap(
+        np.zeros((3, 2)), T_S, [0, 0, 0], [0, 1, 2], np.zeros((3, 2, 2)), (), "digest", ("walk",)
+    ),
+    "Fixes": lambda: values.Fixes(
+        T_S,
+        np.full((3, 2), np.nan),
+        np.full(3, np.nan),
+        np.full((3, 2, 2), np.nan),
+        np.full(3, np.nan),
+        [FixStatus.OK, FixStatus.UNKNOWN_PLACE, FixStatus.NO_ECHO],
+    ),
+}
+NAN_ALLOWED = {
+    "WifiScans.rssi_dbm",
+    "WifiScans.age_s",
+    "Truth.world_from_body",
+    "Fixes.xy_m",
+    "Fixes.heading_rad",
+    "Fixes.covariance_m2",
+    "Fixes.score",
+}
+
+
+def array_fields() -> list[tuple[str, str]]:
+    """Every (type, field) that holds an array."""
+    return [
+        (name, field.name)
+        for name in MAKERS
+        for field in dataclasses.fields(getattr(values, name))
+        if "array" in field.metadata
+    ]
+
+
+def test_every_value_is_tried_here() -> None:
+    declared = {
+        name
+        for name, item in vars(values).items()
+        if isinstance(item, type) and issubclass(item, Value) and item is not Value
+    }
+    assert declared == set(MAKERS)
+
+
+@pytest.mark.parametrize(("name", "field"), array_fields())
+def test_each_array_is_frozen_and_refused_with_another_shape(name: str, field: str) -> None:
+    made = MAKERS[name]()
+    given = getattr(made, field)
+    assert not given.flags.writeable
+    with pytest.raises(InputError, match=rf"{name}\.{field}: wanted shape .* got"):
+        dataclasses.replace(made, **{field: np.zeros((*given.shape, 2))})
+
+
+@pytest.mark.parametrize(("name", "field"), array_fields())
+def test_nan_is_refused_but_where_it_means_unknown(name: str, field: str) -> None:
+    made = MAKERS[name]()
+    given = getattr(made, field)
+    if given.dtype.kind != "f" or given.size == 0:
+        assert (name, field) in {
+            ("Echoes", "losses_s"),
+            ("EchoPairs", "room"),
+            ("Closures", "i"),
+            ("Closures", "j"),
+            ("PoseGraph", "edges"),
+            ("PoseGraph", "is_closure"),
+            ("FloorMap", "walk"),
+            ("FloorMap", "order"),
+            ("Fixes", "status"),
+        }
+        return
+    unknown = {field: np.full(given.shape, np.nan)}
+    if f"{name}.{field}" in NAN_ALLOWED:
+        assert np.isnan(getattr(dataclasses.replace(made, **unknown), field)).all()
+    else:
+        with pytest.raises(InputError, match=rf"{name}\.{field}: row 0 is not finite"):
+            dataclasses.replace(made, **unknown)
+
+
+@pytest.mark.parametrize("name", [name for name, field in array_fields() if field == "t_s"])
+def test_time_runs_forward_in_every_value(name: str) -> None:
+    with pytest.raises(InputError, match=rf"{name}\.t_s: time runs backward at row 1"):
+        dataclasses.replace(MAKERS[name](), t_s=T_S[::-1])
+
+
+def test_an_odometry_has_one_sigma_less_than_nodes() -> None:
+    with pytest.raises(InputError, match=r"Odometry.step_sigma: wanted shape \(n-1, 3\)"):
+        values.Odometry(T_S, np.zeros((3, 3)), np.ones((3, 3)))
+
+
+def test_quaternions_and_features_must_be_unit_rows() -> None:
+    with pytest.raises(InputError, match=r"Orientation.world_from_phone: wanted rows of length 1"):
+        values.Orientation(T_S, 2 * UNIT)
+    with pytest.raises(InputError, match=r"Features.vectors: wanted rows of length 1"):
+        values.Features(T_S, np.zeros((3, 4)), "stub")
+
+
+def test_an_echo_trace_is_exactly_one_image_of_48_windows() -> None:
+    assert ECHO_SAMPLES == 96 + 47 * 48
+    assert round((0.010 + 0.001) * 44_100) == values.DISCARDED_SAMPLES
+    with pytest.raises(InputError, match=r"Echoes.samples: wanted shape \(n=3, 2352\)"):
+        values.Echoes(T_S, np.zeros((3, 2205)), np.zeros(3), np.zeros((0, 2)))
+
+
+def test_a_recording_holds_no_truth_and_nothing_by_default() -> None:
+    names = [field.name for field in dataclasses.fields(values.Recording)]
+    assert "truth" not in names
+    bare = values.Recording("walk", "phone")
+    assert all(getattr(bare, name) is None for name in names[2:])

@@ -1,0 +1,202 @@
+"""Geomagnetic similarity: the warping against a naive oracle, planted fields, real walks."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import interpolate_poses
+from elfslam.base.values import Magnetometer, Odometry, Orientation
+from elfslam.baselines.magnetic import (
+    MagneticParameters,
+    field_sequences,
+    levelled_field,
+    magnetic_similarity,
+    turned_round,
+    warping_costs,
+)
+from elfslam.data.magnetic import read_magnetic
+from elfslam.line.motion import nodes_by_distance
+
+PARAMETERS = MagneticParameters()
+SPEED_MPS = 1.0
+FIELD_RATE_HZ = 20.0
+
+
+def corridor_field(x_m):
+    """The world field (n, 3) along a corridor, smooth and different everywhere in 0 to 40 m."""
+    generator = np.random.default_rng(3)
+    waves = generator.uniform(0.15, 0.6, (6, 3)), generator.uniform(0, 7, (6, 3))
+    bent = np.sin(2 * np.pi * waves[0] * x_m[:, None, None] + waves[1]).sum(axis=1)
+    return np.array([15.0, 0.0, -42.0]) + 4.0 * bent
+
+
+def about_vertical(angle_rad):
+    return Rotation.from_rotvec(np.outer(angle_rad, [0.0, 0.0, 1.0]))
+
+
+def there_and(back, *, mounting=None, noise_ut=0.2, bias_ut=(0.0, 0.0, 0.0), pace=1.0):
+    """A corridor walked twice: 30 m, then the same way again, or back the other way.
+
+    `pace` is the speed of the second pass over that of the first. Returns field, attitude, nodes.
+    """
+    half_s = 30.0 / SPEED_MPS
+    t_s = np.arange(0.0, half_s * (1 + 1 / pace), 1 / FIELD_RATE_HZ)
+    second = t_s >= half_s
+    progress_m = np.where(second, (t_s - half_s) * SPEED_MPS * pace, t_s * SPEED_MPS)
+    x_m = np.where(second & back, 30.0 - progress_m, progress_m)
+    yaw = about_vertical(np.where(second & back, np.pi, 0.0))
+    attitude = yaw * (mounting or Rotation.identity())
+    field = attitude.inv().apply(corridor_field(x_m)) + np.asarray(bias_ut)
+    field = field + np.random.default_rng(1).normal(0.0, noise_ut, field.shape)
+    odometer_m = np.where(second, 30.0 + progress_m, progress_m)
+    nodes_t_s = np.interp(np.arange(0.0, 60.0, 0.5), odometer_m, t_s)
+    poses = np.column_stack([np.arange(0.0, 60.0, 0.5), *np.zeros((2, 120))])
+    nodes = Odometry(nodes_t_s, poses, np.full((119, 3), 0.05))
+    return Magnetometer(t_s, field), Orientation(t_s, attitude.as_quat()), nodes
+
+
+def naive_cost(one, other, band):
+    """Dynamic time warping straight from its recursive definition."""
+
+    @cache
+    def best(i, j):
+        if (i, j) == (-1, -1):
+            return 0.0
+        if min(i, j) < 0 or abs(i - j) > band:
+            return np.inf
+        before = min(best(i - 1, j), best(i, j - 1), best(i - 1, j - 1))
+        return np.linalg.norm(one[i] - other[j]) + before
+
+    return best(len(one) - 1, len(other) - 1) / len(one)
+
+
+@pytest.mark.parametrize("band", [0, 1, 3, 9])
+@pytest.mark.parametrize("components", [1, 3])
+def test_warping_agrees_with_the_naive_recursion(band, components):
+    generator = np.random.default_rng(band)
+    windows, others = (generator.normal(size=(k, 9, components)) for k in (4, 5))
+    wanted = [[naive_cost(one, other, band) for other in others] for one in windows]
+    assert warping_costs(windows, others, band) == pytest.approx(np.array(wanted))
+
+
+def test_warping_forgives_a_shift_within_its_band():
+    wave = np.sin(np.arange(40) / 3.0)[:, None]
+    here, shifted = wave[None, 5:25], wave[None, 7:27]
+    assert warping_costs(here, shifted, 3)[0, 0] < 0.3 * warping_costs(here, shifted, 0)[0, 0]
+
+
+def test_a_repeated_stretch_is_found_where_it_was_planted():
+    scores = magnetic_similarity(*there_and(False), PARAMETERS).scores
+    rows = np.arange(5, 50)
+    far = np.abs(np.subtract.outer(np.arange(119), np.arange(119))) >= 12
+    best = np.argmax(np.where(far, scores, 0.0), axis=1)
+    assert np.abs(best[rows] - (rows + 60)).max() <= 1
+    assert scores[rows, rows + 60].min() > 0.6
+    assert np.median(scores[far]) < 0.3
+
+
+def test_a_repeated_stretch_is_found_at_another_pace():
+    scores = magnetic_similarity(*there_and(False, pace=0.7), PARAMETERS).scores
+    rows = np.arange(5, 50)
+    assert scores[rows, rows + 60].min() > 0.6
+
+
+def test_a_stretch_walked_back_is_found_turned_round():
+    scores = magnetic_similarity(*there_and(True), PARAMETERS).scores
+    rows = np.arange(5, 50)
+    assert scores[rows, 119 - rows].min() > 0.6
+
+
+def test_scores_are_symmetric_bounded_and_one_for_a_stretch_and_itself():
+    scores = magnetic_similarity(*there_and(False), PARAMETERS).scores
+    assert scores == pytest.approx(scores.T)
+    assert np.diag(scores) == pytest.approx(1.0)
+    assert scores.min() >= 0.0
+    assert scores.max() <= 1.0
+
+
+@pytest.mark.parametrize("back", [False, True])
+def test_the_magnetism_of_the_phone_changes_nothing(back):
+    clean = magnetic_similarity(*there_and(back), PARAMETERS).scores
+    biased = magnetic_similarity(*there_and(back, bias_ut=(20.0, -35.0, 8.0)), PARAMETERS).scores
+    assert biased == pytest.approx(clean, abs=1e-5)
+
+
+def test_the_strength_of_the_field_does_not_matter():
+    magnetometer, orientation, nodes = there_and(False)
+    stronger = Magnetometer(magnetometer.t_s, 3.0 * magnetometer.field_ut)
+    here, there = (
+        magnetic_similarity(field, orientation, nodes, PARAMETERS).scores
+        for field in (magnetometer, stronger)
+    )
+    assert there == pytest.approx(here, abs=1e-5)
+
+
+def test_levelling_undoes_roll_and_pitch():
+    tilt = Rotation.from_euler("xy", [30, 25], degrees=True)
+    flat_field, flat_attitude, _ = there_and(False, noise_ut=0.0)
+    tilted_field, tilted_attitude, _ = there_and(False, noise_ut=0.0, mounting=tilt)
+    flat = levelled_field(flat_field, flat_attitude)
+    tilted = levelled_field(tilted_field, tilted_attitude)
+    assert tilted[:, 2] == pytest.approx(flat[:, 2])
+    assert np.hypot(*tilted[:, :2].T) == pytest.approx(np.hypot(*flat[:, :2].T))
+
+
+def test_yaw_drift_of_the_orientation_changes_nothing():
+    magnetometer, orientation, _ = there_and(True)
+    drift = about_vertical(np.linspace(0, 2, len(orientation.t_s)))
+    drifted = (drift * Rotation.from_quat(np.array(orientation.world_from_phone))).as_quat()
+    here = levelled_field(magnetometer, orientation)
+    there = levelled_field(magnetometer, Orientation(orientation.t_s, drifted))
+    assert there == pytest.approx(here)
+
+
+def test_without_orientation_the_magnitude_serves():
+    magnetometer, _, nodes = there_and(False)
+    windows = field_sequences(magnetometer, None, nodes, PARAMETERS)
+    assert windows.shape == (119, 17, 1)
+    scores = magnetic_similarity(magnetometer, None, nodes, PARAMETERS).scores
+    rows = np.arange(5, 50)
+    assert scores[rows, rows + 60].min() > 0.6
+
+
+def test_turning_round_twice_is_the_same_stretch():
+    windows = np.random.default_rng(0).normal(size=(4, 7, 3))
+    assert np.array_equal(turned_round(turned_round(windows)), windows)
+
+
+def test_a_wider_scale_raises_every_score():
+    walk = there_and(False)
+    narrow = magnetic_similarity(*walk, PARAMETERS).scores
+    wide = magnetic_similarity(*walk, replace(PARAMETERS, cost_scale=2.0)).scores
+    assert (wide >= narrow).all()
+    assert wide.mean() > narrow.mean()
+
+
+def test_a_magnetometer_that_slept_through_the_walk_is_refused():
+    magnetometer, orientation, nodes = there_and(False)
+    late = Magnetometer(magnetometer.t_s + 1000.0, magnetometer.field_ut)
+    with pytest.raises(InputError, match="got 0 samples"):
+        magnetic_similarity(late, orientation, nodes, PARAMETERS)
+
+
+def test_returns_of_a_real_walk_are_told_from_other_places(shared_data):
+    path = shared_data / "magnetic" / "eight.mat"
+    recording, truth = read_magnetic(path, np.random.default_rng(0))
+    nodes = nodes_by_distance(recording.odometry, 0.5)
+    similarity = magnetic_similarity(
+        recording.magnetometer, recording.orientation, nodes, PARAMETERS
+    )
+    middle_s = (nodes.t_s[1:] + nodes.t_s[:-1]) / 2
+    xy_m = interpolate_poses(truth.t_s, truth.world_from_body, middle_s)[:, :2]
+    i, j = np.triu_indices(len(xy_m), 12)
+    same_place = np.linalg.norm(xy_m[i] - xy_m[j], axis=1) < 1.0
+    candidate = similarity.scores[i, j] >= 0.4
+    assert same_place[candidate].mean() > 0.9
+    assert candidate[same_place].mean() > 0.5

@@ -1,0 +1,324 @@
+"""Echoes are cut where they were planted, whatever happens to the stream."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy import signal
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, cut_echoes, to_echo_rate
+
+RATE_HZ = 44_100
+FRAME = 4_410
+PARAMETERS = EchoParameters()
+ROOM = ((0.0183, 0.3), (0.031, 0.2), (0.047, 0.1))
+"""Planted echoes: delay behind the direct arrival (s) and gain."""
+QUIET_S = 0.085
+"""Behind a direct arrival: chirp and echoes are over, so a stream cut here cuts no chirp."""
+
+
+def chirp_at(rate_hz: int = RATE_HZ) -> Chirp:
+    return make_chirp(ChirpParameters(), rate_hz)
+
+
+def stream(
+    arrivals_s: Sequence[float] | F64,
+    seconds: float,
+    *,
+    rate_hz: int = RATE_HZ,
+    echoes: Sequence[tuple[float, float]] = ROOM,
+    level: float = 0.2,
+    noise: float = 1e-5,
+) -> F32:
+    """A stream with a chirp and its echoes at each arrival, placed to fractions of a sample."""
+    pad, block = 64, round(0.1 * rate_hz)
+    spectrum = np.fft.rfft(chirp_at(rate_hz).samples, block + pad)
+    turns = np.fft.rfftfreq(block + pad)
+    samples = np.zeros(round(seconds * rate_hz) + 2 * block)
+    for arrival in np.asarray(arrivals_s) * rate_hz:
+        whole = int(arrival)
+        delays = [(0.0, 1.0), *echoes]
+        shift = sum(
+            gain * np.exp(-2j * np.pi * turns * (pad / 2 + arrival - whole + delay_s * rate_hz))
+            for delay_s, gain in delays
+        )
+        start = whole - pad // 2 + pad
+        samples[start : start + block + pad] += level * np.fft.irfft(spectrum * shift, block + pad)
+    heard = samples[pad : pad + round(seconds * rate_hz)]
+    generator = np.random.default_rng(5)
+    return (heard + noise * generator.standard_normal(len(heard))).astype(np.float32)
+
+
+def audio_of(samples: F32, rate_hz: int = RATE_HZ) -> Audio:
+    return Audio(samples[None, :], rate_hz)
+
+
+def cut(samples: F32, duration_s: float | None = None, rate_hz: int = RATE_HZ) -> Echoes:
+    return cut_echoes(audio_of(samples, rate_hz), chirp_at(rate_hz), PARAMETERS, duration_s)
+
+
+def grid(count: int, first_s: float = 0.03) -> F64:
+    return first_s + 0.1 * np.arange(count)
+
+
+def strongest_delay(trace: F32) -> int:
+    """Where in a trace the chirp correlates best (envelope)."""
+    return int(np.argmax(np.abs(np.correlate(trace, signal.hilbert(chirp_at().samples)))))
+
+
+@pytest.mark.parametrize("rate_hz", [44_100, 48_000])
+@pytest.mark.parametrize("first_s", [0.0, 1_323 / 44_100, 0.0300074, 0.0905])
+def test_the_direct_arrival_is_found_to_the_sample(rate_hz: int, first_s: float) -> None:
+    planted_s = grid(24, first_s)
+    echoes = cut(stream(planted_s, 2.5, rate_hz=rate_hz), rate_hz=rate_hz)
+    assert len(echoes.t_s) >= 23
+    npt.assert_allclose(echoes.t_s, planted_s[: len(echoes.t_s)], atol=0.51 / 44_100)
+    assert echoes.losses_s.shape == (0, 2)
+    assert echoes.rate_hz == 44_100
+
+
+@pytest.mark.parametrize("rate_hz", [44_100, 48_000])
+def test_an_echo_planted_at_7_3_ms_is_found_there(rate_hz: int) -> None:
+    planted = ((DISCARDED_SAMPLES / 44_100 + 0.0073, 0.3),)
+    echoes = cut(stream(grid(25), 2.5, rate_hz=rate_hz, echoes=planted), rate_hz=rate_hz)
+    found_s = np.array([strongest_delay(trace) for trace in echoes.samples]) / 44_100
+    npt.assert_allclose(found_s, 0.0073, atol=1 / 44_100)
+
+
+def test_a_trace_is_the_stream_485_samples_behind_the_arrival() -> None:
+    samples = stream(grid(25), 2.5)
+    echoes = cut(samples)
+    starts = 1_323 + FRAME * np.arange(25) + 485
+    assert echoes.samples.shape == (25, ECHO_SAMPLES)
+    npt.assert_array_equal(echoes.samples, [samples[k : k + ECHO_SAMPLES] for k in starts])
+
+
+def test_a_frame_that_ends_early_gives_no_echo() -> None:
+    samples = stream(grid(25), 2.5)
+    end = 1_323 + 24 * FRAME + 485 + ECHO_SAMPLES
+    assert len(cut(samples[:end]).t_s) == 25
+    assert len(cut(samples[: end - 1]).t_s) == 24
+
+
+def test_only_the_first_channel_is_heard() -> None:
+    samples = stream(grid(25), 2.5)
+    both = Audio(np.stack([samples, samples[::-1]]), RATE_HZ)
+    npt.assert_array_equal(cut_echoes(both, chirp_at(), PARAMETERS).samples, cut(samples).samples)
+
+
+def test_resampling_agrees_with_the_fft_and_is_flat_in_the_band() -> None:
+    generator = np.random.default_rng(0)
+    spectrum = np.zeros(24_001, dtype=complex)
+    band = slice(15_000, 20_001)
+    spectrum[band] = np.exp(2j * np.pi * generator.random(5_001))
+    second = np.fft.irfft(spectrum)
+    second *= 0.5 / np.abs(second).max()
+    ours = to_echo_rate(audio_of(np.tile(second, 3).astype(np.float32), 48_000))
+    middle = ours[44_100:88_200]
+    oracle = signal.resample(second, 44_100)
+    gain_db = 20 * np.log10(np.abs(np.fft.rfft(middle)[band]) / np.abs(np.fft.rfft(oracle)[band]))
+    assert len(ours) == 3 * 44_100
+    assert np.abs(gain_db).max() < 0.2
+    npt.assert_allclose(middle, oracle, atol=2e-3 * np.abs(oracle).max())
+
+
+def test_what_lies_above_the_new_band_is_not_folded_into_it() -> None:
+    t_s = np.arange(96_000) / 48_000
+    folded = to_echo_rate(audio_of(np.sin(2 * np.pi * 23_500 * t_s).astype(np.float32), 48_000))
+    assert np.abs(folded[2_000:-2_000]).max() < 1e-3
+
+
+def test_a_stream_at_its_own_rate_is_left_alone() -> None:
+    samples = stream(grid(5), 0.5)
+    npt.assert_array_equal(to_echo_rate(audio_of(samples)), samples)
+
+
+def test_two_overlapping_halves_give_the_echoes_of_the_whole() -> None:
+    samples = stream(grid(60), 6.0, noise=1e-4)
+    whole, offset = cut(samples), 2 * RATE_HZ + 777
+    first, second = cut(samples[: 4 * RATE_HZ + 99]), cut(samples[offset:])
+    for part, shift_s in ((first, 0.0), (second, offset / RATE_HZ)):
+        rows = np.searchsorted(whole.t_s, part.t_s + shift_s - 1e-6)
+        npt.assert_allclose(part.t_s + shift_s, whole.t_s[rows], atol=1e-9)
+        npt.assert_array_equal(part.samples, whole.samples[rows])
+        # The very last frame of a part may lack the quiet tail that the noise is read from.
+        npt.assert_allclose(part.snr_db[:-1], whole.snr_db[rows][:-1], atol=1e-6)
+    assert first.t_s[-1] > second.t_s[0] + offset / RATE_HZ
+    assert len(second.t_s) >= 39
+
+
+def test_jitter_of_a_millisecond_is_followed() -> None:
+    jitter_s = np.random.default_rng(3).integers(-44, 45, 40) / RATE_HZ
+    planted_s = grid(40) + jitter_s
+    echoes = cut(stream(planted_s, 4.05))
+    npt.assert_allclose(echoes.t_s, planted_s, atol=0.6 / RATE_HZ)
+    assert len(echoes.losses_s) == 0
+
+
+@pytest.mark.parametrize(("gain", "direct"), [(1.6, True), (3.5, False)])
+def test_an_earlier_peak_of_half_the_height_is_the_direct_one(gain: float, direct: bool) -> None:
+    planted_s = grid(25)
+    echoes = cut(stream(planted_s, 2.5, echoes=((0.001, gain),), level=0.1))
+    wanted_s = planted_s if direct else planted_s + 0.001
+    npt.assert_allclose(echoes.t_s, wanted_s, atol=2 / RATE_HZ)
+
+
+def test_a_jump_by_10_ms_is_recovered_and_recorded() -> None:
+    samples, planted_s = stream(grid(40), 4.0), grid(40)
+    lost_from = round((planted_s[17] + QUIET_S) * RATE_HZ)
+    echoes = cut(np.delete(samples, np.s_[lost_from : lost_from + 441]))
+    npt.assert_allclose(echoes.t_s, planted_s, atol=1e-4)
+    assert echoes.losses_s.shape == (1, 2)
+    npt.assert_allclose(echoes.losses_s[0], [lost_from / RATE_HZ, 0.01], atol=[0.1, 1e-4])
+
+
+def test_jumps_add_up() -> None:
+    samples, planted_s = stream(grid(60), 6.0), grid(60)
+    lost_from = [round((planted_s[k] + QUIET_S) * RATE_HZ) for k in (17, 38)]
+    rows = np.r_[lost_from[0] : lost_from[0] + 300, lost_from[1] : lost_from[1] + 441]
+    echoes = cut(np.delete(samples, rows))
+    npt.assert_allclose(echoes.t_s, planted_s, atol=1e-4)
+    npt.assert_allclose(echoes.losses_s[:, 1], [300 / RATE_HZ, 0.01], atol=1e-4)
+    npt.assert_allclose(echoes.losses_s[:, 0], np.array(lost_from) / RATE_HZ, atol=0.1)
+
+
+def test_half_a_second_of_zeros_is_reported_where_and_how_long() -> None:
+    samples, planted_s = stream(grid(40), 4.0), grid(40)
+    lost_from = round((planted_s[17] + QUIET_S) * RATE_HZ)
+    samples[lost_from : lost_from + RATE_HZ // 2] = 0.0
+    echoes = cut(samples, duration_s=4.0)
+    npt.assert_allclose(echoes.t_s, np.delete(planted_s, np.s_[18:23]), atol=1e-4)
+    assert echoes.losses_s.shape == (1, 2)
+    npt.assert_allclose(echoes.losses_s[0], [planted_s[18], 0.5], atol=1e-4)
+
+
+def test_missing_sound_is_put_back_where_the_phase_jumps() -> None:
+    samples, planted_s = stream(grid(60), 6.0), grid(60)
+    lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
+    lost = round(0.53 * RATE_HZ)
+    kept = np.delete(samples, np.s_[lost_from : lost_from + lost])
+    echoes = cut(kept, duration_s=6.0)
+    survivors_s = planted_s[
+        (planted_s * RATE_HZ < lost_from) | (planted_s * RATE_HZ > lost_from + lost)
+    ]
+    npt.assert_allclose(echoes.t_s, survivors_s, atol=1e-4)
+    npt.assert_allclose(echoes.losses_s, [[planted_s[31], 0.53]], atol=1e-4)
+    blind = cut(kept)
+    npt.assert_allclose(blind.losses_s[:, 1], [0.03], atol=1e-4)
+    npt.assert_allclose(blind.t_s[31:], echoes.t_s[31:] - 0.5, atol=1e-9)
+
+
+def test_whole_periods_lost_show_only_against_the_other_sensors() -> None:
+    samples, planted_s = stream(grid(60), 6.0), grid(60)
+    lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
+    kept = np.delete(samples, np.s_[lost_from : lost_from + RATE_HZ // 2])
+    assert len(cut(kept).losses_s) == 0
+    echoes = cut(kept, duration_s=6.0)
+    npt.assert_allclose(echoes.losses_s[:, 1], [0.5], atol=1e-4)
+    npt.assert_allclose(echoes.t_s, planted_s[:55], atol=1e-4)
+    assert len(cut(kept, duration_s=5.5 + 0.9 * PARAMETERS.shortfall_s).losses_s) == 0
+
+
+def test_silence_after_a_jump_is_reported_on_the_recordings_clock() -> None:
+    samples, planted_s = stream(grid(60), 6.0), grid(60)
+    silent_from = round((planted_s[40] + QUIET_S) * RATE_HZ)
+    samples[silent_from : silent_from + RATE_HZ // 5] = 0.0
+    jump_at = round((planted_s[10] + QUIET_S) * RATE_HZ)
+    echoes = cut(np.delete(samples, np.s_[jump_at : jump_at + 2_205]))
+    npt.assert_allclose(echoes.losses_s, [[planted_s[11], 0.05], [planted_s[41], 0.2]], atol=1e-4)
+
+
+def test_silence_before_the_first_chirp_is_no_loss_and_shifts_nothing() -> None:
+    planted_s = grid(40, first_s=0.537)
+    echoes = cut(stream(planted_s, 4.5))
+    npt.assert_allclose(echoes.t_s, planted_s[: len(echoes.t_s)], atol=1e-4)
+    assert len(echoes.t_s) >= 39
+    assert len(echoes.losses_s) == 0
+
+
+def test_an_arrival_with_nothing_but_zeros_behind_it_gives_no_echo() -> None:
+    samples, planted_s = stream(grid(40), 4.0), grid(40)
+    broken = round((planted_s[17] + 0.0105) * RATE_HZ)
+    samples[broken : broken + RATE_HZ // 10 - 500] = 0.0
+    echoes = cut(samples)
+    npt.assert_allclose(echoes.t_s, np.delete(planted_s, 17), atol=1e-4)
+    assert echoes.samples.any(axis=1).all()
+
+
+def test_noise_lowers_the_snr() -> None:
+    levels = [
+        float(np.median(cut(stream(grid(25), 2.5, noise=noise)).snr_db))
+        for noise in (1e-5, 1e-4, 1e-3)
+    ]
+    npt.assert_allclose(np.diff(levels), -20, atol=1.5)
+
+
+def test_the_snr_is_the_planted_one() -> None:
+    ratio, noise = 100.0, 1e-3
+    generator = np.random.default_rng(1)
+    samples = stream(grid(25), 2.5, echoes=(), noise=noise)
+    sos = signal.butter(6, (15_000, 20_000), "bandpass", fs=RATE_HZ, output="sos")
+    tail = signal.sosfilt(sos, generator.standard_normal(len(samples)))
+    quiet = samples.copy()
+    for start in np.round(grid(25) * RATE_HZ).astype(int) + DISCARDED_SAMPLES:
+        samples[start : start + ECHO_SAMPLES] += 0.1 * tail[start : start + ECHO_SAMPLES]
+    added = np.diff(samples - quiet, n=2)[2_000:4_000].std() ** 2
+    floor = 6 * noise**2
+    """Second differences of white noise: 1 + 4 + 1 times its power."""
+    assert added / floor > ratio
+    npt.assert_allclose(np.median(cut(samples).snr_db), 10 * np.log10(1 + added / floor), atol=1.0)
+
+
+def test_sound_that_is_too_short_is_refused() -> None:
+    with pytest.raises(InputError, match=r"wanted at least 2 s, got 1.90 s; record longer"):
+        cut(stream(grid(19), 1.9))
+    patient = dataclasses.replace(PARAMETERS, minimum_duration_s=1.0)
+    assert len(cut_echoes(audio_of(stream(grid(19), 1.9)), chirp_at(), patient).t_s) == 19
+
+
+def test_silence_is_refused() -> None:
+    with pytest.raises(InputError, match="audio: it is silent; check that the microphone"):
+        cut(np.zeros(3 * RATE_HZ, dtype=np.float32))
+
+
+def test_clipped_sound_is_refused_with_its_share() -> None:
+    clipped = np.clip(stream(grid(30), 3.0, level=2.0), -1, 1)
+    share = np.mean(np.abs(clipped) >= 0.999)
+    with pytest.raises(InputError, match=rf"{share:.1%} of the samples are clipped; lower the vol"):
+        cut(clipped)
+
+
+def test_noise_without_chirps_is_refused() -> None:
+    noise = 0.1 * np.random.default_rng(2).standard_normal(4 * RATE_HZ)
+    with pytest.raises(InputError, match="no chirps in the 15-20 kHz band; turn echo cancellation"):
+        cut(noise.astype(np.float32))
+
+
+def test_a_recording_that_mostly_lacks_chirps_is_refused_with_the_count() -> None:
+    strong = dataclasses.replace(PARAMETERS, found_share=0.9)
+    samples = stream(grid(25), 3.0)
+    with pytest.raises(InputError, match=r"chirps in 25 of 30 frames, wanted 90%; check that"):
+        cut_echoes(audio_of(samples), chirp_at(), strong)
+    assert len(cut(samples).t_s) == 25
+
+
+@pytest.mark.parametrize("rate_hz", [32_000, 96_000])
+def test_sound_at_another_rate_is_refused(rate_hz: int) -> None:
+    audio = audio_of(stream(grid(30), 3.0), rate_hz)
+    with pytest.raises(InputError, match=rf"wanted 44100 or 48000 Hz, got {rate_hz}; record again"):
+        to_echo_rate(audio)
+
+
+def test_phones_that_play_and_record_at_different_rates_get_on() -> None:
+    samples = stream(grid(25), 2.5)
+    npt.assert_array_equal(
+        cut_echoes(audio_of(samples), chirp_at(48_000), PARAMETERS).t_s, cut(samples).t_s
+    )
