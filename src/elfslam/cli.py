@@ -16,7 +16,7 @@ import typer
 from elfslam import __version__, slam
 from elfslam.base.errors import HonestFailure, InputError, ParameterError
 from elfslam.base.parameters import as_dict, digest, load, rows
-from elfslam.base.values import FixStatus, Recording
+from elfslam.base.values import FixStatus, Odometry, Recording, Similarity
 from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
 from elfslam.console import Announce, exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
@@ -231,9 +231,17 @@ def _map_one(
         return slam.map_by_echoes(recording, encoder, known, announce=stage)
     makers = {
         Modality.MOTION: slam.no_similarity,
-        Modality.MAGNETIC: lambda walk, nodes: magnetic_similarity(walk, nodes, known.magnetic),
+        Modality.MAGNETIC: lambda walk, nodes: _field_similarity(walk, nodes, known.magnetic),
     }
     return slam.map_by(recording, makers[by], known, announce=stage)
+
+
+def _field_similarity(
+    recording: Recording, nodes: Odometry, known: MagneticParameters
+) -> Similarity:
+    if recording.magnetometer is None:
+        raise InputError(f"{recording.name}: it has no magnetometer; map it with --by elf or motion")
+    return magnetic_similarity(recording.magnetometer, recording.orientation, nodes, known)
 
 
 def _plan(world: str | None) -> FloorPlan | None:

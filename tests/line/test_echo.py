@@ -177,7 +177,7 @@ def test_a_jump_by_10_ms_is_recovered_and_recorded() -> None:
     echoes = cut(np.delete(samples, np.s_[lost_from : lost_from + 441]))
     npt.assert_allclose(echoes.t_s, planted_s, atol=1e-4)
     assert echoes.losses_s.shape == (1, 2)
-    npt.assert_allclose(echoes.losses_s[0], [lost_from / RATE_HZ, 0.01], atol=[0.1, 1e-4])
+    npt.assert_allclose(echoes.losses_s, [[planted_s[18], 0.01]], atol=1e-4)
 
 
 def test_jumps_add_up() -> None:
@@ -186,8 +186,8 @@ def test_jumps_add_up() -> None:
     rows = np.r_[lost_from[0] : lost_from[0] + 300, lost_from[1] : lost_from[1] + 441]
     echoes = cut(np.delete(samples, rows))
     npt.assert_allclose(echoes.t_s, planted_s, atol=1e-4)
-    npt.assert_allclose(echoes.losses_s[:, 1], [300 / RATE_HZ, 0.01], atol=1e-4)
-    npt.assert_allclose(echoes.losses_s[:, 0], np.array(lost_from) / RATE_HZ, atol=0.1)
+    wanted = [[planted_s[18], 300 / RATE_HZ], [planted_s[39], 0.01]]
+    npt.assert_allclose(echoes.losses_s, wanted, atol=1e-4)
 
 
 def test_half_a_second_of_zeros_is_reported_where_and_how_long() -> None:
@@ -225,6 +225,31 @@ def test_whole_periods_lost_show_only_against_the_other_sensors() -> None:
     npt.assert_allclose(echoes.losses_s[:, 1], [0.5], atol=1e-4)
     npt.assert_allclose(echoes.t_s, planted_s[:55], atol=1e-4)
     assert len(cut(kept, duration_s=5.5 + 0.9 * PARAMETERS.shortfall_s).losses_s) == 0
+
+
+def rumble(count: int) -> F32:
+    """Room noise below 4 kHz, as ventilation and voices make it."""
+    white = np.random.default_rng(9).standard_normal(count)
+    sos = signal.butter(4, 4_000, fs=RATE_HZ, output="sos")
+    return (5e-3 * signal.sosfilt(sos, white)).astype(np.float32)
+
+
+def test_whole_periods_are_put_back_where_the_waveform_breaks() -> None:
+    planted_s = grid(60)
+    samples = stream(planted_s, 6.0) + rumble(6 * RATE_HZ)
+    lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
+    kept = np.delete(samples, np.s_[lost_from : lost_from + RATE_HZ // 2])
+    echoes = cut(kept, duration_s=6.0)
+    npt.assert_allclose(echoes.losses_s, [[planted_s[31], 0.5]], atol=1e-4)
+    npt.assert_allclose(echoes.t_s, np.delete(planted_s, np.s_[31:36]), atol=1e-4)
+
+
+def test_a_click_behind_the_last_chirp_moves_no_echo() -> None:
+    samples = stream(grid(25), 3.0) + rumble(3 * RATE_HZ)
+    samples[round(2.75 * RATE_HZ)] += 0.5
+    echoes = cut(samples, duration_s=3.5)
+    npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
+    npt.assert_allclose(echoes.losses_s[-1, 1], 0.5, atol=1e-4)
 
 
 def test_silence_after_a_jump_is_reported_on_the_recordings_clock() -> None:

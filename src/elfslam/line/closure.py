@@ -19,6 +19,10 @@ from elfslam.base.arrays import F32, F64, I64, Bool
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Odometry, Similarity
 
+GATHERED_WITHIN = (2.0, 1.5, 1.0)
+"""A line is fitted to the points this close, as shares of `line_distance`: one that starts out
+skewed cuts off the very points that would turn it back, so the first rounds reach further."""
+
 
 @dataclass(frozen=True)
 class ClosureParameters:
@@ -107,7 +111,7 @@ def _lines_in_slice(points: I64, parameters: ClosureParameters) -> F64:
 
 def _line(points: I64, parameters: ClosureParameters) -> F64:
     i, j = points[:, 0].astype(float), points[:, 1].astype(float)
-    if len(points) < parameters.line_points or np.ptp(i) + 1 < parameters.line_length:
+    if not _long_enough(i, parameters):
         return np.zeros((0, 4))
     ransac = RANSACRegressor(
         LinearRegression(),
@@ -122,20 +126,24 @@ def _line(points: I64, parameters: ClosureParameters) -> F64:
             ransac.fit(i[:, None], j)
     except ValueError:  # no two candidates make a plausible line
         return np.zeros((0, 4))
-    return _inliers(points, ransac, parameters)
+    return _inliers(points, ransac.inlier_mask_, parameters)
 
 
-def _inliers(points: I64, ransac: RANSACRegressor, parameters: ClosureParameters) -> F64:
-    inlier: Bool = ransac.inlier_mask_
-    slope = float(ransac.estimator_.coef_[0])
-    kept = points[inlier]
-    enough = (
-        len(kept) >= parameters.line_points and np.ptp(kept[:, 0]) + 1 >= parameters.line_length
-    )
-    if not enough or not _plausible(slope, parameters):
-        return np.zeros((0, 4))
-    on_line = ransac.predict(kept[:, :1].astype(float))
-    return np.column_stack([kept, on_line, np.full(len(kept), slope)])
+def _inliers(points: I64, inlier: Bool, parameters: ClosureParameters) -> F64:
+    """What lies near the best line through the inliers: RANSAC's own is drawn through two only."""
+    i, j = points.T.astype(float)
+    for share in GATHERED_WITHIN:
+        slope, offset = np.polyfit(i[inlier], j[inlier], 1)
+        line_j = slope * i + offset
+        inlier = np.abs(j - line_j) <= share * parameters.line_distance
+        if not (_long_enough(i[inlier], parameters) and _plausible(slope, parameters)):
+            return np.zeros((0, 4))
+    return np.column_stack([points, line_j, np.full(len(points), slope)])[inlier]
+
+
+def _long_enough(i: F64, parameters: ClosureParameters) -> bool:
+    enough = len(i) >= parameters.line_points
+    return enough and bool(np.ptp(i) + 1 >= parameters.line_length)
 
 
 def _plausible(slope: float, parameters: ClosureParameters) -> bool:

@@ -30,7 +30,7 @@ class MotionParameters:
         0.5, "m", "distance between nodes where the device brings odometry", low=0.05
     )
     least_rate_hz: float = parameter(20.0, "Hz", "slower inertial sensors are refused", low=10.0)
-    least_duration_s: float = parameter(3.0, "s", "shorter recordings are refused", low=1.0)
+    least_duration_s: float = parameter(2.0, "s", "shorter recordings are refused", low=1.0)
     longest_gap_s: float = parameter(
         0.5, "s", "recordings with a longer interruption are refused", low=0.01
     )

@@ -61,11 +61,27 @@ def load_world(name: str) -> World:
         room = furnish(
             np.array(table["size_m"]), np.array(table["reflection"]), furniture, generator
         )
-        return World(table["name"], room, np.array(table["route_m"]))
+        world = World(table["name"], room, np.array(table["route_m"]))
     except (KeyError, TypeError, ValueError) as cause:
         raise InputError(
             f"world {name!r}: not a world description ({cause}); compare with a built-in one"
         ) from cause
+    _check_world(world)
+    return world
+
+
+def _check_world(world: World) -> None:
+    """Refuse walls that give more than they get, and a route through them."""
+    reflection, length_m = world.room.reflection, world.room.size_m[:2]
+    if (reflection < 0).any() or (reflection > 1).any():
+        raise InputError(
+            f"world {world.name!r}: wanted six reflections from 0 to 1, got {reflection.tolist()}; "
+            "correct them"
+        )
+    if (world.route_m < 0).any() or (world.route_m > length_m).any():
+        raise InputError(
+            f"world {world.name!r}: the route leaves the room; move its corners inside"
+        )
 
 
 def simulate(

@@ -124,15 +124,17 @@ def cadence_hz(walker: Walker, speed_mps: F64) -> F64:
 
 
 def _smooth_lap(route_m: F64) -> tuple[F64, float]:
-    """The closed route sampled every centimetre with rounded corners, and its length."""
-    closed = np.vstack([route_m, route_m[:1]])
-    leg_m = np.linalg.norm(np.diff(closed, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(leg_m)])
-    at = np.arange(0.0, along[-1], 0.01)
-    xy = np.column_stack([np.interp(at, along, closed[:, k]) for k in range(2)])
-    xy = gaussian_filter1d(xy, CORNER_RADIUS_M / 0.01, axis=0, mode="wrap")
-    length_m = float(np.linalg.norm(np.diff(np.vstack([xy, xy[:1]]), axis=0), axis=1).sum())
-    return xy, length_m
+    """The closed route with rounded corners, evenly sampled about every centimetre; its length."""
+    rough = _evenly_sampled(route_m)[0]
+    return _evenly_sampled(gaussian_filter1d(rough, CORNER_RADIUS_M / 0.01, axis=0, mode="wrap"))
+
+
+def _evenly_sampled(ring_m: F64) -> tuple[F64, float]:
+    """Points along a closed polygon, about a centimetre apart, and its length."""
+    closed = np.vstack([ring_m, ring_m[:1]])
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], round(along[-1] / 0.01), endpoint=False)
+    return np.column_stack([np.interp(at, along, closed[:, k]) for k in range(2)]), float(along[-1])
 
 
 def _on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:

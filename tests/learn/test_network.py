@@ -1,0 +1,122 @@
+"""The compact encoder: the line's spectrogram inside, unit rows outside."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
+from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log
+from elfslam.line.feature import BINS, FIRST_BIN, spectrogram
+
+NO_CALIBRATION = torch.zeros(BINS)
+
+
+def traces(count: int, seed: int = 0) -> Tensor:
+    """Decaying noise, about as loud as echoes are."""
+    decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
+    noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
+    return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def network() -> CompactEncoder:
+    """A network whose batch statistics have seen some echoes."""
+    torch.manual_seed(0)
+    made = CompactEncoder(8)
+    made.train()
+    with torch.no_grad():
+        for seed in range(3):
+            made(traces(32, seed), NO_CALIBRATION)
+    return made.eval()
+
+
+def test_the_spectrogram_is_that_of_the_line() -> None:
+    samples = traces(7)
+    ours = Spectrogram()(samples).numpy()
+    theirs = spectrogram(samples.numpy())
+    assert ours.shape == (7, 12, 48)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-4, atol=1e-4 * theirs.max())
+
+
+@pytest.mark.parametrize("row", [0, 5, 11])
+def test_a_tone_lights_its_own_row(row: int) -> None:
+    hz = (FIRST_BIN + row) * 44_100 / 96
+    tone = np.sin(2 * np.pi * hz * np.arange(ECHO_SAMPLES) / 44_100).astype(np.float32)
+    image = Spectrogram()(torch.from_numpy(tone)[None])[0]
+    assert (image.argmax(dim=0) == row).all()
+    assert float(image[row].mean()) == pytest.approx(24.0, rel=1e-3)  # half of a Hann window's 48
+
+
+def test_rows_are_unit(network: CompactEncoder) -> None:
+    with torch.no_grad():
+        elf = network(traces(20, 5), NO_CALIBRATION)
+    assert elf.shape == (20, ELF_SIZE)
+    np.testing.assert_allclose(torch.linalg.norm(elf, dim=1).numpy(), 1.0, atol=1e-5)
+    assert float(torch.pdist(elf).min()) > 1e-3, "other echoes, other features"
+
+
+def test_rows_are_row_by_row(network: CompactEncoder) -> None:
+    samples = traces(9, 5)
+    with torch.no_grad():
+        whole = network(samples, NO_CALIBRATION)
+        alone = torch.cat([network(samples[k : k + 1], NO_CALIBRATION) for k in range(9)])
+        shuffled = network(samples.flip(0), NO_CALIBRATION).flip(0)
+    np.testing.assert_allclose(alone.numpy(), whole.numpy(), atol=1e-5)
+    np.testing.assert_allclose(shuffled.numpy(), whole.numpy(), atol=1e-5)
+
+
+@pytest.mark.parametrize("gain", [0.05, 0.5, 20.0])
+def test_the_level_drops_out(network: CompactEncoder, gain: float) -> None:
+    """A phone at 20 % volume gives the same feature."""
+    samples = traces(6, 5)
+    with torch.no_grad():
+        soft, loud = network(samples, NO_CALIBRATION), network(gain * samples, NO_CALIBRATION)
+    np.testing.assert_allclose(soft.numpy(), loud.numpy(), atol=1e-3)
+
+
+def test_the_sign_of_the_microphone_drops_out(network: CompactEncoder) -> None:
+    samples = traces(6, 5)
+    with torch.no_grad():
+        plus, minus = network(samples, NO_CALIBRATION), network(-samples, NO_CALIBRATION)
+    np.testing.assert_allclose(plus.numpy(), minus.numpy(), atol=1e-5)
+
+
+def test_silence_gives_a_feature_and_no_nan(network: CompactEncoder) -> None:
+    with torch.no_grad():
+        elf = network(torch.zeros(2, ECHO_SAMPLES), NO_CALIBRATION)
+    assert torch.isfinite(elf).all()
+
+
+def test_the_image_has_zero_mean_and_unit_variance() -> None:
+    image = normalised_log(Spectrogram()(traces(5)), NO_CALIBRATION)
+    assert float(image.mean(dim=(1, 2)).abs().max()) < 1e-5
+    np.testing.assert_allclose(image.var(dim=(1, 2), correction=0).numpy(), 1.0, atol=1e-4)
+
+
+def test_a_calibration_takes_the_phone_out() -> None:
+    """A response that multiplies each row is undone by its logarithm, far above the floor."""
+    magnitude = 1.0 + torch.rand(3, BINS, 48, generator=torch.Generator().manual_seed(0))
+    log_response = torch.linspace(-0.3, 0.3, BINS)
+    plain = normalised_log(magnitude, NO_CALIBRATION)
+    coloured = magnitude * torch.exp(log_response)[:, None]
+    off = (normalised_log(coloured, NO_CALIBRATION) - plain).abs().max()
+    calibrated = (normalised_log(coloured, log_response) - plain).abs().max()
+    assert float(calibrated) < 0.05 * float(off)
+
+
+def test_time_is_not_averaged_away(network: CompactEncoder) -> None:
+    """The delay of an echo is its place: the same echo 10 ms later is another feature."""
+    early = torch.zeros(1, ECHO_SAMPLES)
+    early[0, 400:841] = traces(1)[0, :441]
+    late = early.roll(441, dims=1)
+    with torch.no_grad():
+        one, other = network(early, NO_CALIBRATION), network(late, NO_CALIBRATION)
+    assert float(one[0] @ other[0]) < 0.999
+
+
+def test_the_width_sets_the_size() -> None:
+    small, large = (sum(p.numel() for p in CompactEncoder(w).parameters()) for w in (8, 24))
+    assert small < large < 500_000

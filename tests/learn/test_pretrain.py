@@ -1,0 +1,192 @@
+"""Pre-training: it learns, it resumes where it was, and it refuses what it cannot resume."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from elfslam.base.errors import StoreError
+from elfslam.base.values import ECHO_SAMPLES, EchoPairs
+from elfslam.learn.network import CompactEncoder
+from elfslam.learn.pretrain import PairsOf, Progress, pair_loss, pretrain
+from elfslam.learn.settings import PretrainParameters
+
+TINY = PretrainParameters(
+    steps=4, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
+)
+
+
+def fake_pairs(step: int, *, count: int = 8, noise: float = 0.3) -> EchoPairs:
+    """Every place has a decaying noise of its own, and both echoes are that plus a little more."""
+    generator = np.random.default_rng([9, step])
+    decay = np.exp(-np.arange(ECHO_SAMPLES) / 600)
+    place, one, other = generator.standard_normal((3, count, ECHO_SAMPLES)) * decay
+    return EchoPairs(
+        first=place + noise * one,
+        second=place + noise * other,
+        room=np.arange(count) % 2,
+        xy_m=generator.uniform(0, 20, (count, 2)),
+    )
+
+
+class KilledError(Exception):
+    """Stands for whatever ends a training run early."""
+
+
+def run(
+    folder: Path,
+    parameters: PretrainParameters = TINY,
+    *,
+    pairs_of: PairsOf = fake_pairs,
+    report: Callable[[Progress], None] = lambda progress: None,
+    seed: int = 0,
+) -> CompactEncoder:
+    return pretrain(
+        pairs_of, parameters, seed=seed, checkpoint=folder / "training.pt", report=report
+    )
+
+
+def killed_after(step: int) -> Callable[[Progress], None]:
+    def report(progress: Progress) -> None:
+        if progress.step > step:
+            raise KilledError
+
+    return report
+
+
+def same_weights(one: CompactEncoder, other: CompactEncoder) -> bool:
+    pairs = zip(one.state_dict().values(), other.state_dict().values(), strict=True)
+    return all(torch.equal(a, b) for a, b in pairs)
+
+
+def test_the_loss_falls(tmp_path: Path) -> None:
+    losses: list[float] = []
+    parameters = replace(TINY, steps=20, warmup_steps=3)
+    network = run(
+        tmp_path,
+        parameters,
+        pairs_of=lambda step: fake_pairs(0),
+        report=lambda progress: losses.append(progress.loss),
+    )
+    assert len(losses) == 20
+    assert losses[-1] < 0.2 * losses[0]
+    assert not network.training
+
+
+def test_what_was_learnt_holds_for_places_never_seen(tmp_path: Path) -> None:
+    unseen = fake_pairs(1000, count=64)
+    trained = run(tmp_path, replace(TINY, steps=25), pairs_of=lambda k: fake_pairs(k, count=24))
+    torch.manual_seed(0)
+    fresh = CompactEncoder(4).eval()
+    with torch.no_grad():
+        print(float(pair_loss(trained, unseen, TINY)), float(pair_loss(fresh, unseen, TINY)))
+
+
+def test_the_same_seed_gives_the_same_encoder(tmp_path: Path) -> None:
+    folders = [tmp_path / name for name in "abc"]
+    for folder in folders:
+        folder.mkdir()
+    first, again, other = (
+        run(folder, seed=seed) for folder, seed in zip(folders, (1, 1, 2), strict=True)
+    )
+    assert same_weights(first, again)
+    assert not same_weights(first, other)
+
+
+def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
+    """Two steps, a kill, and two more: bit for bit the four steps in one go."""
+    straight, broken = tmp_path / "straight", tmp_path / "broken"
+    straight.mkdir()
+    broken.mkdir()
+    whole = run(straight)
+    with pytest.raises(KilledError):
+        run(broken, report=killed_after(2))
+    steps: list[int] = []
+    resumed = run(broken, report=lambda progress: steps.append(progress.step))
+    assert steps == [3, 4]
+    assert same_weights(whole, resumed)
+    assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_finished_run_only_reads_its_checkpoint(tmp_path: Path) -> None:
+    whole = run(tmp_path)
+    steps: list[int] = []
+    again = run(tmp_path, report=lambda progress: steps.append(progress.step))
+    assert steps == []
+    assert same_weights(whole, again)
+
+
+def test_every_step_gets_its_own_batch_in_order(tmp_path: Path) -> None:
+    """However far ahead batches are made, no more than a few wait, and none is skipped."""
+    asked: list[int] = []
+    lead: list[int] = []
+
+    def pairs_of(step: int) -> EchoPairs:
+        asked.append(step)
+        return fake_pairs(step)
+
+    run(
+        tmp_path,
+        replace(TINY, steps=12),
+        pairs_of=pairs_of,
+        report=lambda progress: lead.append(max(asked) - progress.step),
+    )
+    assert asked == list(range(12))
+    assert max(lead) <= 3
+
+
+def test_a_failing_stream_ends_the_training(tmp_path: Path) -> None:
+    def pairs_of(step: int) -> EchoPairs:
+        if step == 2:
+            raise KilledError
+        return fake_pairs(step)
+
+    with pytest.raises(KilledError):
+        run(tmp_path, pairs_of=pairs_of)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a checkpoint", b"PK\x03\x04 torn"])
+def test_a_damaged_checkpoint_is_refused(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / "training.pt").write_bytes(content)
+    with pytest.raises(StoreError, match=r"training\.pt: not a checkpoint of this network; delete"):
+        run(tmp_path)
+    assert (tmp_path / "training.pt").read_bytes() == content
+
+
+def test_the_first_half_of_a_checkpoint_is_refused(tmp_path: Path) -> None:
+    run(tmp_path)
+    path = tmp_path / "training.pt"
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(StoreError, match="not a checkpoint"):
+        run(tmp_path)
+
+
+def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:
+    run(tmp_path)
+    with pytest.raises(StoreError, match="not a checkpoint of this network"):
+        run(tmp_path, replace(TINY, width=8))
+
+
+@pytest.mark.parametrize("missing", ["step", "network", "optimizer"])
+def test_a_checkpoint_without_its_parts_is_refused(tmp_path: Path, missing: str) -> None:
+    run(tmp_path)
+    path = tmp_path / "training.pt"
+    state = torch.load(path, weights_only=True)
+    torch.save({key: value for key, value in state.items() if key != missing}, path)
+    with pytest.raises(StoreError, match="not a checkpoint"):
+        run(tmp_path)
+
+
+def test_places_too_near_are_no_negatives() -> None:
+    """All eight places of one room within reach of each other: only positives are left."""
+    batch, network = fake_pairs(0), CompactEncoder(4).eval()
+    together = replace(batch, room=np.zeros(8, dtype=np.int64), xy_m=np.zeros((8, 2)))
+    apart = replace(together, room=np.arange(8))
+    with torch.no_grad():
+        assert float(pair_loss(network, together, TINY)) == pytest.approx(0.0, abs=1e-6)
+        assert float(pair_loss(network, apart, TINY)) > 0.5

@@ -1,0 +1,218 @@
+"""Features: the spectrogram against a naive one, and encoders that work row by row."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import onnx
+import onnxruntime
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+from scipy import signal
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes
+from elfslam.line.feature import (
+    Encoder,
+    OnnxEncoder,
+    SpectralEncoder,
+    extract_features,
+    load_encoder,
+    spectrogram,
+)
+
+LARGEST_SHIPPED_BYTES = 2_000_000
+
+
+def traces(count: int, seed: int = 0) -> F32:
+    """Traces that die away, each with its own echoes."""
+    generator = np.random.default_rng(seed)
+    fading = np.exp(-np.arange(ECHO_SAMPLES) / 800)
+    return (0.05 * fading * generator.standard_normal((count, ECHO_SAMPLES))).astype(np.float32)
+
+
+def tiny_encoder(*, samples: int = ECHO_SAMPLES, output: str = "elf", seed: int = 1) -> bytes:
+    """An ONNX graph that projects at random and normalises."""
+    weights = np.random.default_rng(seed).normal(size=(samples, ELF_SIZE)).astype(np.float32)
+    graph = helper.make_graph(
+        [
+            helper.make_node("MatMul", ["samples", "weights"], ["projected"]),
+            helper.make_node("LpNormalization", ["projected"], [output], axis=1, p=2),
+        ],
+        "tiny",
+        [helper.make_tensor_value_info("samples", TensorProto.FLOAT, ["n", samples])],
+        [helper.make_tensor_value_info(output, TensorProto.FLOAT, ["n", ELF_SIZE])],
+        [numpy_helper.from_array(weights, "weights")],
+    )
+    model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+    onnx.checker.check_model(model)
+    return bytes(model.SerializeToString())
+
+
+@pytest.fixture(scope="module")
+def compact() -> OnnxEncoder:
+    encoder = load_encoder("compact")
+    assert isinstance(encoder, OnnxEncoder)
+    return encoder
+
+
+def assert_row_by_row(encoder: Encoder, rows: F32) -> None:
+    """A batch gives what each row gives alone, in any order."""
+    together = encoder.embed(rows)
+    alone = np.vstack([encoder.embed(rows[k : k + 1]) for k in (0, 1, len(rows) - 1)])
+    npt.assert_allclose(together[[0, 1, -1]], alone, atol=1e-5)
+    npt.assert_allclose(encoder.embed(rows[::-1]), together[::-1], atol=1e-5)
+    npt.assert_allclose(np.linalg.norm(together, axis=1), 1.0, atol=1e-5)
+
+
+def test_the_spectrogram_is_the_naive_dft() -> None:
+    trace = traces(1)[0].astype(np.float64)
+    n = np.arange(96)
+    window = 0.5 - 0.5 * np.cos(2 * np.pi * n / 96)
+    naive: F64 = np.array(
+        [
+            [
+                abs(np.sum(window * trace[48 * t : 48 * t + 96] * np.exp(-2j * np.pi * b * n / 96)))
+                for t in range(48)
+            ]
+            for b in range(33, 45)
+        ]
+    )
+    npt.assert_allclose(spectrogram(trace[None].astype(np.float32))[0], naive, rtol=1e-3, atol=1e-6)
+
+
+def test_the_spectrogram_is_that_of_scipy_between_15_and_20_khz() -> None:
+    rows = traces(5)
+    frequency_hz, _, oracle = signal.spectrogram(
+        rows, 44_100, "hann", 96, 48, detrend=False, scaling="spectrum", mode="magnitude"
+    )
+    ours = spectrogram(rows)
+    assert ours.shape == (5, 12, 48)
+    assert ours.dtype == np.float32
+    npt.assert_allclose(ours, 48 * oracle[:, 33:45], rtol=1e-3, atol=1e-6)
+    npt.assert_allclose(frequency_hz[[33, 44]], [15_159, 20_213], atol=1)
+
+
+@pytest.mark.parametrize("row", [0, 5, 11])
+def test_a_tone_lights_its_own_row(row: int) -> None:
+    tone = np.sin(2 * np.pi * (33 + row) / 96 * np.arange(ECHO_SAMPLES)).astype(np.float32)
+    image = spectrogram(tone[None])[0]
+    assert (image.argmax(axis=0) == row).all()
+
+
+def test_an_echo_lights_its_own_column() -> None:
+    trace = np.zeros((1, ECHO_SAMPLES), dtype=np.float32)
+    trace[0, 48 * 20 + 48] = 1.0
+    assert spectrogram(trace)[0].sum(axis=0).argmax() == 20
+
+
+def test_spectral_features_are_unit_rows_row_by_row() -> None:
+    encoder = SpectralEncoder()
+    assert_row_by_row(encoder, traces(7))
+    assert encoder.embed(traces(7)).shape == (7, 576)
+
+
+def test_the_level_does_not_matter_to_a_spectral_feature() -> None:
+    encoder, rows = SpectralEncoder(), traces(4)
+    npt.assert_allclose(encoder.embed(8 * rows), encoder.embed(rows), atol=1e-3)
+
+
+def test_decay_and_colour_drop_out_but_echoes_do_not() -> None:
+    encoder, rows = SpectralEncoder(), traces(2)
+    faster = rows * np.exp(-np.arange(ECHO_SAMPLES) / 5_000).astype(np.float32)
+    coloured = signal.lfilter([1.0, 0.3], 1.0, rows, axis=1).astype(np.float32)
+    for other in (faster, coloured):
+        same = np.sum(encoder.embed(rows) * encoder.embed(other), axis=1)
+        assert same.min() > 0.98
+    first, second = encoder.embed(rows)
+    assert abs(first @ second) < 0.3
+
+
+def test_an_onnx_graph_is_run_and_known_by_its_content() -> None:
+    content = tiny_encoder()
+    encoder, rows = OnnxEncoder(content, "tiny"), traces(300)
+    weights = np.random.default_rng(1).normal(size=(ECHO_SAMPLES, ELF_SIZE))
+    wanted = rows @ weights
+    wanted /= np.linalg.norm(wanted, axis=1, keepdims=True)
+    npt.assert_allclose(encoder.embed(rows), wanted, atol=1e-4)
+    assert_row_by_row(encoder, rows)
+    assert encoder.content == content
+    assert encoder.identity == OnnxEncoder(content, "the same").identity
+    assert encoder.identity != OnnxEncoder(tiny_encoder(seed=2), "tiny").identity
+    assert len(encoder.identity) == 16
+
+
+def test_no_echoes_give_no_vectors() -> None:
+    assert OnnxEncoder(tiny_encoder(), "tiny").embed(traces(0)).shape == (0, ELF_SIZE)
+
+
+def test_an_encoder_is_loaded_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "mine.onnx"
+    file.write_bytes(tiny_encoder())
+    assert load_encoder(str(file)).identity == OnnxEncoder(tiny_encoder(), "x").identity
+    assert isinstance(load_encoder("spectral"), SpectralEncoder)
+
+
+def test_a_missing_file_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"wanted compact, spectral or an ONNX file; no such file"):
+        load_encoder(str(tmp_path / "none.onnx"))
+
+
+def test_garbage_is_refused(tmp_path: Path) -> None:
+    file = tmp_path / "garbage.onnx"
+    file.write_bytes(b"not a graph at all")
+    with pytest.raises(InputError, match=r"garbage.onnx: not a readable ONNX graph; pass the"):
+        load_encoder(str(file))
+
+
+@pytest.mark.parametrize("content", [tiny_encoder(samples=2_000), tiny_encoder(output="vector")])
+def test_a_graph_for_something_else_is_refused(content: bytes) -> None:
+    with pytest.raises(InputError, match=r"wanted input samples \(n, 2352\) and output elf, got"):
+        OnnxEncoder(content, "other")
+
+
+def test_every_echo_gets_its_feature() -> None:
+    rows, t_s = traces(3), np.array([0.1, 0.2, 0.4])
+    features = extract_features(Echoes(t_s, rows, np.zeros(3), np.zeros((0, 2))), SpectralEncoder())
+    npt.assert_array_equal(features.t_s, t_s)
+    npt.assert_array_equal(features.vectors, SpectralEncoder().embed(rows))
+    assert features.encoder == "spectral-1"
+
+
+def test_the_shipped_encoder_is_small_and_works_row_by_row(compact: OnnxEncoder) -> None:
+    assert len(compact.content) <= LARGEST_SHIPPED_BYTES
+    assert_row_by_row(compact, traces(260))
+    assert compact.embed(traces(3)).shape == (3, ELF_SIZE)
+
+
+def test_the_shipped_encoder_does_not_hear_the_level(compact: OnnxEncoder) -> None:
+    rows = traces(4)
+    npt.assert_allclose(compact.embed(20 * rows), compact.embed(rows), atol=1e-3)
+
+
+def test_the_shipped_encoder_tells_echoes_apart(compact: OnnxEncoder) -> None:
+    vectors = compact.embed(traces(20))
+    cosines = (vectors @ vectors.T)[~np.eye(20, dtype=bool)]
+    assert cosines.mean() < 0.9
+
+
+def test_the_shipped_encoder_takes_a_device_calibration_that_defaults_to_none(
+    compact: OnnxEncoder,
+) -> None:
+    session = onnxruntime.InferenceSession(compact.content, providers=["CPUExecutionProvider"])
+    optional = {item.name: item.shape for item in session.get_overridable_initializers()}
+    assert optional["device_log_spectrum"] == [12]
+    rows = traces(3)
+
+    def calibrated(spectrum: F32) -> F32:
+        given = {"samples": rows, "device_log_spectrum": spectrum}
+        return np.asarray(session.run(["elf"], given)[0])
+
+    npt.assert_allclose(calibrated(np.zeros(12, np.float32)), compact.embed(rows), atol=1e-6)
+    # A response that slopes across the band changes the ELF; a mere gain does not.
+    slope = np.linspace(-1, 1, 12, dtype=np.float32)
+    assert np.abs(calibrated(slope) - compact.embed(rows)).max() > 1e-3
+    npt.assert_allclose(calibrated(np.full(12, 0.7, np.float32)), compact.embed(rows), atol=1e-4)
