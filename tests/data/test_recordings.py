@@ -144,7 +144,7 @@ MANIFEST_DAMAGES = {
     '{"format_version": 1, "start_pose": [1, 2]}': "start_pose is",
     '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
     '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "is not finite",
-    '{"format_version": 1, "audio": {"samples": 9}}': "promises 9",
+    '{"format_version": 1, "audio": {"samples": 9000}}': "promises 9000",
 }
 
 

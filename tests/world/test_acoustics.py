@@ -382,8 +382,7 @@ def test_every_row_is_by_itself_and_always_the_same() -> None:
         assert (alone[0] == whole[k]).all()
 
 
-def test_moving_and_turning_the_world_turns_nothing() -> None:
-    """A mirrored room with a mirrored phone sounds the same."""
+def test_a_mirrored_room_with_a_mirrored_phone_sounds_the_same() -> None:
     point = np.array([4.0, 1.0, 0.5])
     room = room_of(REFLECTION, point)
     mirrored = room_of(
@@ -393,6 +392,17 @@ def test_moving_and_turning_the_world_turns_nothing() -> None:
     here = echoes_at(room, yaw_rad=0.7, pitch_rad=0.3)
     there = echoes_at(mirrored, place_m=place, yaw_rad=-0.7, pitch_rad=0.3)
     assert np.linalg.norm(here - there) < 5e-3 * np.linalg.norm(here)
+
+
+def test_an_empty_even_room_looks_the_same_after_half_a_turn() -> None:
+    """Why furniture and materials matter: nothing else tells the two places apart."""
+    even, uneven = room_of(REFLECTION[[0, 0, 2, 2, 4, 5]]), room_of(REFLECTION)
+    across = np.array([*(SIZE_M - PLACE_M)[:2], PLACE_M[2]])
+    for room, expected in ((even, True), (uneven, False)):
+        here = echoes_at(room, yaw_rad=0.7, pitch_rad=0.3)
+        there = echoes_at(room, place_m=across, yaw_rad=0.7 + np.pi, pitch_rad=0.3)
+        same = np.linalg.norm(here - there) < 5e-3 * np.linalg.norm(here)
+        assert same == expected
 
 
 @pytest.mark.parametrize("rate_hz", [44_100, 48_000])

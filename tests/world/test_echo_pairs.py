@@ -17,6 +17,7 @@ from elfslam.world.echo_pairs import (
     POSITIVE_DISTANCE_M,
     WALL_MARGIN_M,
     _cut,
+    _places,
     _within,
     echo_pairs,
     random_device,
@@ -65,6 +66,19 @@ def test_positives_fill_the_disc_evenly() -> None:
     share = (np.linalg.norm(shift, axis=1) / POSITIVE_DISTANCE_M) ** 2  # uniform in [0, 1]
     assert share.mean() == pytest.approx(0.5, abs=0.01)
     assert np.abs(shift.mean(axis=0)).max() < 0.003
+
+
+@pytest.mark.parametrize("count", [8, 9])
+def test_half_of_the_places_are_the_others_after_half_a_turn(count: int) -> None:
+    room = random_room(generator_of(2))
+    xy, yaw = _places(generator_of(3), room, count)
+    half = (count + 1) // 2
+    assert xy.shape == (count, 2)
+    assert yaw.shape == (count,)
+    np.testing.assert_allclose(xy[half:], room.size_m[:2] - xy[: count - half])
+    np.testing.assert_allclose(yaw[half:], yaw[: count - half] + np.pi)
+    assert (xy >= WALL_MARGIN_M).all()
+    assert (xy <= room.size_m[:2] - WALL_MARGIN_M).all()
 
 
 @pytest.mark.parametrize("name", ["spectral", "compact"])

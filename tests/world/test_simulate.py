@@ -7,13 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.values import Audio, Recording, Truth
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Recording, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes, find_arrivals, matched_envelope
 from elfslam.line.feature import SpectralEncoder
+from elfslam.world.acoustics import image_sources, render_frames, room_responses
+from elfslam.world.air import SPEED_OF_SOUND_MPS
+from elfslam.world.device import named_device
 from elfslam.world.room import Furniture
 from elfslam.world.simulate import (
     LATENCY_S,
@@ -23,6 +27,7 @@ from elfslam.world.simulate import (
     simulate,
     world_names,
 )
+from elfslam.world.walker import KINEMATICS_RATE_HZ, random_walker, walk
 
 PERIOD_SAMPLES = 4410
 WORLD_TOML = """
@@ -192,7 +197,7 @@ def test_all_clocks_run_equally_long(walked: tuple[Recording, Truth]) -> None:
 @pytest.mark.parametrize("seed", range(3))
 def test_the_line_finds_every_direct_sound(studio: World, seed: int) -> None:
     """One every 100 ms to the sample, at a latency of this run."""
-    audio = audio_of(simulate(studio, seed, rounds=1)[0])
+    audio = audio_of(simulate(studio, seed, rounds=2)[0])
     chirp = make_chirp(ChirpParameters(), audio.rate_hz)
     envelope = matched_envelope(audio.samples[0], chirp)
     arrivals = find_arrivals(envelope, PERIOD_SAMPLES, EchoParameters())
@@ -201,6 +206,40 @@ def test_the_line_finds_every_direct_sound(studio: World, seed: int) -> None:
     first_s = arrivals.samples[0] / audio.rate_hz
     assert LATENCY_S[0] < first_s < LATENCY_S[1] + 0.001
     assert len(arrivals.samples) >= audio.samples.shape[1] // PERIOD_SAMPLES - 2
+
+
+@pytest.mark.parametrize("moment_s", [1.0, 5.0, 9.0, 13.0])
+def test_every_chirp_is_heard_where_the_walker_was(
+    studio: World, walked: tuple[Recording, Truth], moment_s: float
+) -> None:
+    """The same walker on the same walk, and the room's answer at one moment of it."""
+    generator = np.random.default_rng([3, 1])
+    walker = random_walker(generator)
+    motion = walk(walker, studio.route_m, 1, generator)
+    assert (walked[1].world_from_body[:, :2] == motion.position_m[::8, :2]).all()
+    audio = audio_of(walked[0])
+    chirp, device = make_chirp(ChirpParameters(), audio.rate_hz), named_device("any")
+    direct = cut_echoes(audio, chirp, EchoParameters())
+    k = int(np.searchsorted(direct.t_s, moment_s))
+    at = [int((direct.t_s[k] - device.separation_m / SPEED_OF_SOUND_MPS) * KINEMATICS_RATE_HZ)]
+    responses = room_responses(
+        studio.room,
+        image_sources(studio.room),
+        device,
+        motion.position_m[at],
+        motion.yaw_rad[at],
+        motion.pitch_rad[at],
+        np.array([walker.body_distance_m]),
+    )
+    frame = render_frames(responses, chirp, device)[0]
+    high = signal.butter(6, 13_000, "highpass", fs=audio.rate_hz, output="sos")
+    heard = signal.sosfiltfilt(high, direct.samples[k])
+    likeness = []
+    for start in range(DISCARDED_SAMPLES, DISCARDED_SAMPLES + 40):
+        expected = frame[start : start + ECHO_SAMPLES]
+        likeness.append(np.corrcoef(expected, heard)[0, 1])
+    assert np.argmax(likeness) == pytest.approx(19.3, abs=1.5), "the way of the direct sound"
+    assert max(likeness) > 0.9
 
 
 def test_every_run_has_its_own_latency(studio: World) -> None:

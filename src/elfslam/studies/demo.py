@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -56,6 +56,7 @@ def run_demo(
     *,
     facts: Mapping[str, object],
     announce: Callable[[str, float | None], None],
+    seeds: Sequence[int] = SEEDS,
 ) -> tuple[list[Row], list[Row]]:
     """Write the first walk's recording, run, fixes and reports to `out`; give the two tables.
 
@@ -64,15 +65,15 @@ def run_demo(
     done and the share done.
     """
     world, collected = load_world(WORLD), Collected()
-    for count, seed in enumerate(SEEDS):
-        announce(f"walk {seed}: simulating, mapping and locating", count / len(SEEDS))
+    for count, seed in enumerate(seeds):
+        announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))
         walk = simulate(world, seed, rounds=MAPPING_ROUNDS)
         stranger = simulate(world, seed + LOCATING_SEED, rounds=LOCATING_ROUNDS)
         run = map_by_echoes(walk[0], encoder, parameters)
         assert run.floor_map is not None
         fixes = locate(stranger[0], run.floor_map, encoder, parameters)
         _collect(collected, run, walk[1], fixes, stranger[1])
-        if seed == SEEDS[0]:
+        if seed == seeds[0]:
             content = encoder.content if isinstance(encoder, OnnxEncoder) else None
             described = {**facts, "parameters": as_dict(parameters), "parameters_digest": digest(parameters)}
             _write_example(out, world, walk, stranger, run, fixes, described, content)

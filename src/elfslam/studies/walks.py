@@ -22,7 +22,8 @@ FEWEST_WAYPOINTS = 3
 def score_walks(runs: Path, truths: Path) -> list[Row]:
     """A row per method: medians over the walks, each with a 95 % interval by resampling walks.
 
-    A walk counts where its truth has at least three waypoints; the others are counted apart.
+    A walk counts where its truth has at least three waypoints; the others are counted apart. SLAM
+    has a row only where some walk closed a loop.
     """
     folders = sorted(item.parent for item in runs.glob("*/run.json"))
     if not folders:
@@ -33,7 +34,10 @@ def score_walks(runs: Path, truths: Path) -> list[Row]:
         if len(truth.t_s) < FEWEST_WAYPOINTS:
             continue
         run = read_run(folder)
-        for method, (t_s, poses) in methods(run).items():
+        known = methods(run)
+        if run.trajectory.status != "OK":
+            known.pop("SLAM")
+        for method, (t_s, poses) in known.items():
             collected.setdefault(method, []).append(_measure(t_s, poses, truth))
     return [_row(method, measures, len(folders)) for method, measures in collected.items()]
 

@@ -25,6 +25,8 @@ POSITIVE_DISTANCE_M = 0.20
 WALL_MARGIN_M = 0.4
 ONE_HEADING_SHARE = 0.5
 """Share of rooms in which all phones point nearly the same way, as on a walk down an aisle."""
+STRANGER_SHARE = 0.5
+"""Share of rooms in which the second echo is another holder's: other height, tilt and body."""
 
 
 def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPairs:
@@ -76,22 +78,42 @@ def _pairs_in_room(
 ) -> tuple[F32, F32, F64]:
     room, device = random_room(generator), random_device(generator)
     images = image_sources(room)
-    xy = generator.uniform(WALL_MARGIN_M, room.size_m[:2] - WALL_MARGIN_M, (count, 2))
-    yaw = generator.uniform(-np.pi, np.pi) + generator.normal(0, 0.2, count)
-    if generator.uniform() > ONE_HEADING_SHARE:
-        yaw += generator.integers(0, 4, count) * np.pi / 2
-    height, pitch = generator.uniform(1.0, 1.45), generator.uniform(0.1, 0.7)
-    body_m = np.full(count, generator.uniform(0.3, 0.4))
+    xy, yaw = _places(generator, room, count)
+    holder = _random_holder(generator)
+    stranger = generator.uniform() < STRANGER_SHARE
+    holders = holder, _random_holder(generator) if stranger else holder
+    shifts = np.zeros((count, 2)), _within(generator, count, POSITIVE_DISTANCE_M)
     sides = []
-    for shift in (np.zeros((count, 2)), _within(generator, count, POSITIVE_DISTANCE_M)):
-        position = np.column_stack([xy + shift, height + generator.normal(0, 0.03, count)])
+    for shift, (height_m, pitch_rad, body_m) in zip(shifts, holders, strict=True):
+        position = np.column_stack([xy + shift, height_m + generator.normal(0, 0.03, count)])
         turned = yaw + generator.normal(0, 0.12, count)
-        tilted = pitch + generator.normal(0, 0.06, count)
-        responses = room_responses(room, images, device, position, turned, tilted, body_m)
+        tilted = pitch_rad + generator.normal(0, 0.06, count)
+        body = np.full(count, body_m)
+        responses = room_responses(room, images, device, position, turned, tilted, body)
         frames = render_frames(responses, chirp, device)
         noise = generator.standard_normal(frames.shape, dtype=np.float32)
         sides.append(_cut(generator, frames + np.float32(device.noise_rms) * noise, device))
     return sides[0], sides[1], xy
+
+
+def _places(generator: np.random.Generator, room: Room, count: int) -> tuple[F64, F64]:
+    """Positions and yaws; the second half is the first after half a turn of the room.
+
+    An empty shoebox sounds the same from there: only furniture and materials tell the two apart,
+    and they are what the network has to listen to.
+    """
+    half = (count + 1) // 2
+    xy = generator.uniform(WALL_MARGIN_M, room.size_m[:2] - WALL_MARGIN_M, (half, 2))
+    yaw = generator.uniform(-np.pi, np.pi) + generator.normal(0, 0.2, half)
+    if generator.uniform() > ONE_HEADING_SHARE:
+        yaw += generator.integers(0, 4, half) * np.pi / 2
+    both = np.vstack([xy, room.size_m[:2] - xy])[:count]
+    return both, np.concatenate([yaw, yaw + np.pi])[:count]
+
+
+def _random_holder(generator: np.random.Generator) -> tuple[float, float, float]:
+    """Height (m), pitch (rad) and distance of the body (m) of a person with a phone."""
+    return generator.uniform(1.05, 1.40), generator.uniform(0.2, 0.65), generator.uniform(0.3, 0.4)
 
 
 def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:

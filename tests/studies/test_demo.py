@@ -1,0 +1,41 @@
+"""The demonstration on one walk of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.data.recordings import read_recording
+from elfslam.line.feature import load_encoder
+from elfslam.slam import Parameters
+from elfslam.studies.demo import floor_plan, run_demo
+from elfslam.world.simulate import load_world
+
+
+@pytest.mark.slow
+def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
+    heard: list[float | None] = []
+    walks, fixes = run_demo(
+        tmp_path,
+        load_encoder("compact"),
+        Parameters(),
+        facts={},
+        announce=lambda what, share: heard.append(share),
+        seeds=(500,),
+    )
+    median = {(row["method"], row["alignment"]): row["median_m"] for row in walks}
+    assert median["SLAM", "aligned"] < median["dead reckoning", "aligned"]
+    assert 0 < fixes[0]["answered"] <= 1  # type: ignore[operator]
+    assert heard == [0.0, 1.0]
+    names = {item.name for item in tmp_path.iterdir()}
+    assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}
+    assert read_recording(tmp_path / "walk").start_pose is None
+
+
+def test_the_floor_plan_shows_every_piece_of_furniture() -> None:
+    room = load_world("studio").room
+    plan = floor_plan(room)
+    assert len(plan.obstacles) == len(room.furniture)
+    np.testing.assert_allclose(plan.obstacles[0][2], (room.furniture[0].corner_m + room.furniture[0].size_m)[:2])

@@ -1,0 +1,63 @@
+"""Scores of many walks at once."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Closures, Odometry, Similarity, Trajectory, Truth
+from elfslam.data.recordings import write_recording
+from elfslam.data.runs import write_run
+from elfslam.slam import Run
+from elfslam.studies.walks import score_walks
+
+POSES = np.column_stack([np.arange(11.0), np.zeros(11), np.zeros(11)])
+TIMES = np.arange(11.0)
+
+
+def straight_run(name: str, scale: float, status: str) -> Run:
+    """Ten metres walked straight ahead, measured `scale` times as long."""
+    poses = POSES * [scale, 1, 1]
+    none = Closures([], [], [], np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    return Run(
+        name,
+        Odometry(TIMES, poses, np.full((10, 3), 0.1)),
+        Similarity(np.zeros((10, 10)), "motion"),
+        none,
+        Trajectory(TIMES, POSES, np.tile(np.eye(3), (11, 1, 1)), [], status),
+        None,
+        None,
+        None,
+    )
+
+
+@pytest.fixture
+def folders(tmp_path: Path) -> tuple[Path, Path]:
+    from elfslam.base.values import Recording
+
+    waypoints = Truth([0.0, 5.0, 10.0], [[0, 0, np.nan], [5, 0, np.nan], [10, 0, np.nan]])
+    two = Truth([0.0, 10.0], [[0, 0, np.nan], [10, 0, np.nan]])
+    for name, scale, truth in (("a", 1.1, waypoints), ("b", 1.3, waypoints), ("c", 2.0, two)):
+        run = replace(straight_run(name, scale, "OK" if name == "a" else "NO_CLOSURES"))
+        write_run(run, tmp_path / "runs" / name, facts={}, encoder=None)
+        write_recording(Recording(name, "phone"), tmp_path / "walks" / name, truth=truth)
+    return tmp_path / "runs", tmp_path / "walks"
+
+
+def test_medians_over_walks_with_enough_waypoints(folders: tuple[Path, Path]) -> None:
+    reckoned, slam = score_walks(*folders)
+    assert (reckoned["method"], reckoned["walks"], reckoned["scored"]) == ("dead reckoning", 3, 2)
+    assert reckoned["length_ratio"] == pytest.approx(1.2)
+    assert reckoned["end_error_percent"] == pytest.approx(20.0)
+    assert reckoned["scaled_rmse_m"] == pytest.approx(0.0, abs=1e-6)
+    assert (slam["method"], slam["scored"]) == ("SLAM", 1)
+    assert slam["aligned_rmse_m"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="holds no run"):
+        score_walks(tmp_path, tmp_path)

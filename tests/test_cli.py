@@ -1,0 +1,313 @@
+"""The command as a user meets it: the whole line, and every bad input as one line and exit code 2."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from elfslam.cli import main
+
+Outcome = tuple[int, str, str]
+Elfslam = Callable[..., Outcome]
+
+
+def run_command(*arguments: object) -> int:
+    """The exit code of `elfslam ARGUMENTS` in this process."""
+    before, sys.argv = sys.argv, ["elfslam", *map(str, arguments)]
+    try:
+        main()
+    except SystemExit as leave:
+        return int(leave.code or 0)
+    finally:
+        sys.argv = before
+    raise AssertionError("the command must exit")
+
+
+@pytest.fixture
+def elfslam(capsys: pytest.CaptureFixture[str]) -> Elfslam:
+    def run(*arguments: object) -> Outcome:
+        capsys.readouterr()
+        code = run_command(*arguments)
+        seen = capsys.readouterr()
+        return code, seen.out, seen.err
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording with its truth."""
+    folder = tmp_path_factory.mktemp("simulated") / "walk"
+    assert run_command("simulate", "studio", folder, "--seed", 107, "--rounds", 3) == 0
+    return folder
+
+
+@pytest.fixture(scope="session")
+def mapped(walk: Path) -> Path:
+    """The run made of it."""
+    folder = walk.parent / "run"
+    assert run_command("map", walk, folder) == 0
+    return folder
+
+
+@pytest.fixture
+def copy(walk: Path, tmp_path: Path) -> Path:
+    """A copy of the recording to damage."""
+    return Path(shutil.copytree(walk, tmp_path / "copy"))
+
+
+def test_a_simulated_walk_holds_what_a_phone_records_and_the_truth_apart(walk: Path) -> None:
+    names = {file.name for file in walk.iterdir()}
+    assert names == {
+        "recording.json",
+        "audio.flac",
+        "accelerometer.csv",
+        "gyroscope.csv",
+        "truth.tum",
+    }
+    assert json.loads((walk / "recording.json").read_text())["start_pose"] is None
+
+
+def test_the_same_seed_gives_the_same_bytes(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    elfslam("simulate", "studio", tmp_path / "again", "--seed", 107, "--rounds", 3)
+    for file in ("audio.flac", "accelerometer.csv", "gyroscope.csv", "truth.tum"):
+        assert (tmp_path / "again" / file).read_bytes() == (walk / file).read_bytes()
+
+
+def test_mapping_writes_a_run_that_never_saw_the_truth(
+    walk: Path, mapped: Path, copy: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    (copy / "truth.tum").unlink()
+    assert elfslam("map", copy, tmp_path / "blind")[0] == 0
+    for file in ("trajectory.tum", "closures.csv"):
+        assert (tmp_path / "blind" / file).read_bytes() == (mapped / file).read_bytes()
+    assert {"encoder.onnx", "map.npz", "run.json", "timings.json", "report.html"} <= {
+        file.name for file in mapped.iterdir()
+    }
+
+
+def test_slam_beats_dead_reckoning(walk: Path, mapped: Path, elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("score", mapped, walk, "--json", "--floor-plan", "studio")
+    medians = {(row["method"], row["alignment"]): row["median_m"] for row in json.loads(out)}
+    assert code == 0
+    assert medians["SLAM", "aligned"] < 0.8 * medians["dead reckoning", "aligned"]
+    assert medians["SLAM", "aligned with scale"] < 0.25
+    assert (mapped / "score.html").exists()
+
+
+def test_a_second_walk_is_located_in_the_map(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    stranger, fixes = tmp_path / "stranger", tmp_path / "fixes.csv"
+    elfslam("simulate", "studio", stranger, "--seed", 108, "--rounds", 1)
+    assert elfslam("locate", stranger, mapped, fixes)[0] == 0
+    code, out, _ = elfslam(
+        "score", fixes, stranger, "--map", mapped, "--map-truth", walk, "--json"
+    )
+    ok = next(row for row in json.loads(out) if row["status"] == "OK")
+    assert code == 0
+    assert ok["coverage"] > 0.5
+    assert ok["median_m"] < 0.6
+
+
+def test_another_building_is_an_unknown_place(
+    mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    elfslam("simulate", "office", tmp_path / "office", "--seed", 109, "--rounds", 1)
+    code, out, err = elfslam(
+        "locate", tmp_path / "office", mapped, tmp_path / "fixes.csv", "--json"
+    )
+    counts = json.loads(out)[0]
+    assert code == (1 if counts["OK"] == 0 else 0)
+    assert counts["UNKNOWN_PLACE"] >= 0.9 * counts["fixes"]
+    assert code == 0 or "nowhere in" in err
+
+
+def test_the_parameters_are_listed_and_can_be_set(elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("parameters", "--json", "--set", "closure.threshold=0.5")
+    table = {row["name"]: row for row in json.loads(out)}
+    assert code == 0
+    assert table["closure.threshold"]["value"] == 0.5
+    assert all(row["meaning"] for row in table.values())
+
+
+def test_pages_are_drawn(mapped: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    for what in (mapped, mapped / "map.npz", "living_room"):
+        page = tmp_path / "page.html"
+        assert elfslam("show", what, page)[0] == 0
+        assert page.read_text().startswith("<!")
+        page.unlink()
+
+
+def test_a_walk_without_a_second_round_says_so_and_still_writes_its_run(
+    tmp_path: Path, elfslam: Elfslam
+) -> None:
+    elfslam("simulate", "studio", tmp_path / "walk", "--seed", 110, "--rounds", 1)
+    code, _, err = elfslam("map", tmp_path / "walk", tmp_path / "run")
+    assert code == 1
+    assert "no loop closure" in err
+    assert (tmp_path / "run" / "trajectory.tum").exists()
+
+
+def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
+    copy: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    samples, rate_hz = soundfile.read(copy / "audio.flac", dtype="float32")
+    at = 20 * rate_hz + 3000
+    kept = np.delete(samples, slice(at, at + rate_hz // 2))
+    soundfile.write(copy / "audio.flac", kept, rate_hz, subtype="PCM_24")
+    code, _, err = elfslam("map", copy, tmp_path / "run")
+    assert code == 0
+    assert "lost 0.50 s at 20." in err
+    before, after = (np.loadtxt(run / "trajectory.tum") for run in (mapped, tmp_path / "run"))
+    assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
+
+
+def sound(change: Callable[[np.ndarray], np.ndarray], rate_hz: int = 44_100) -> Callable[[Path], None]:
+    """A damage done to the sound of a recording."""
+
+    def damage(folder: Path) -> None:
+        samples, _ = soundfile.read(folder / "audio.flac", dtype="float32")
+        soundfile.write(folder / "audio.flac", change(samples), rate_hz, subtype="PCM_24")
+
+    return damage
+
+
+def table(change: Callable[[list[str]], list[str]], file: str = "gyroscope.csv") -> Callable[[Path], None]:
+    """A damage done to the lines of a table."""
+
+    def damage(folder: Path) -> None:
+        lines = (folder / file).read_text().splitlines(keepends=True)
+        (folder / file).write_text("".join(change(lines)))
+
+    return damage
+
+
+def noise(samples: np.ndarray) -> np.ndarray:
+    return 0.1 * np.random.default_rng(0).standard_normal(len(samples)).astype(np.float32)
+
+
+def short_sound(folder: Path) -> None:
+    sound(lambda samples: samples[:40_000])(folder)
+    manifest = json.loads((folder / "recording.json").read_text())
+    manifest["audio"].pop("samples")
+    (folder / "recording.json").write_text(json.dumps(manifest))
+
+
+def no_motion(folder: Path) -> None:
+    (folder / "accelerometer.csv").unlink()
+    (folder / "gyroscope.csv").unlink()
+
+
+def cut_file(folder: Path) -> None:
+    content = (folder / "audio.flac").read_bytes()
+    (folder / "audio.flac").write_bytes(content[: len(content) // 2])
+
+
+def nan_row(lines: list[str]) -> list[str]:
+    return [*lines[:50], lines[50].split(",")[0] + ",nan,0,0\n", *lines[51:]]
+
+
+DAMAGES = {
+    "no chirps": (sound(noise), "no chirps"),
+    "clipped": (sound(lambda samples: np.clip(40 * samples, -1, 1)), "clipped"),
+    "silent": (sound(np.zeros_like), "silent"),
+    "wrong rate": (sound(lambda samples: samples, 22_050), "22050"),
+    "too short": (short_sound, "at least 2 s"),
+    "truncated sound": (cut_file, "audio.flac"),
+    "sound of half the walk": (sound(lambda samples: samples[: len(samples) // 2]), "cut off"),
+    "no manifest": (lambda folder: (folder / "recording.json").unlink(), "recording"),
+    "NaN": (table(nan_row), "gyroscope.csv"),
+    "backward": (table(lambda rows: [*rows[:40], rows[41], rows[40], *rows[42:]]), "gyroscope.csv"),
+    "repeated": (table(lambda rows: [*rows[:40], rows[39], *rows[40:]]), "gyroscope.csv"),
+    "gap": (table(lambda rows: rows[:900] + rows[1200:], "accelerometer.csv"), "s"),
+    "cut table": (table(lambda rows: [*rows[:500], rows[500][:12]]), "gyroscope.csv"),
+    "no accelerometer": (lambda folder: (folder / "accelerometer.csv").unlink(), "accelerometer"),
+    "no motion": (no_motion, "motion sensors"),
+}
+
+
+@pytest.mark.parametrize(("damage", "words"), DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_recording_is_refused_in_one_line(
+    damage: Callable[[Path], None], words: str, copy: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    damage(copy)
+    code, out, err = elfslam("map", copy, tmp_path / "run")
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert err.startswith("elfslam: ")
+    assert words in err
+    assert {item.name for item in tmp_path.iterdir()} == {"copy"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["map", "{tmp}/nothing", "{tmp}/out"], "does not exist"),
+        (["map", "{walk}", "{tmp}/out", "--set", "closure.treshold=0.5"], "closure.threshold"),
+        (["map", "{walk}", "{tmp}/out", "--set", "closure.threshold=high"], "float"),
+        (["map", "{walk}", "{tmp}/out", "--encoder", "{tmp}/none.onnx"], "no such file"),
+        (["map", "{walk}", "{tmp}/out", "--by", "magnetic"], "magnetometer"),
+        (["map", "{walk}", "{tmp}/out", "--start", "here"], "X,Y,HEADING"),
+        (["map", "{walk}", "{tmp}/out", "--floor-plan", "atlantis"], "atlantis"),
+        (["map", "{walk}", "{walk}"], "already exists"),
+        (["locate", "{walk}", "{mapped}", "{tmp}/out", "--encoder", "spectral"], "encoder"),
+        (["locate", "{walk}", "{walk}", "{tmp}/out"], "map"),
+        (["score", "{mapped}", "{tmp}/none"], "none"),
+        (["score", "{tmp}/none", "{walk}"], "none"),
+        (["score", "{tmp}/none.csv", "{walk}", "--map", "{mapped}"], "--map-truth"),
+        (["show", "atlantis", "{tmp}/out"], "atlantis"),
+        (["simulate", "atlantis", "{tmp}/out"], "studio"),
+        (["simulate", "studio", "{walk}"], "exists"),
+        (["simulate", "studio", "{tmp}/out", "--rate", "16000"], "16000"),
+        (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
+        (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(
+    arguments: list[str], words: str, walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    filled = [text.format(tmp=tmp_path, walk=walk, mapped=mapped) for text in arguments]
+    code, out, err = elfslam(*filled)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_unknown_option_exits_with_two(elfslam: Elfslam) -> None:
+    assert elfslam("map", "--nonsense")[0] == 2
+
+
+def test_real_magnetic_walks_come_nearer_the_truth(
+    shared_data: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    for name in ("library", "eight"):
+        recording, run = tmp_path / name, tmp_path / f"{name}-run"
+        elfslam("import", "magnetic", shared_data / "magnetic" / f"{name}.mat", recording)
+        assert elfslam("map", recording, run, "--by", "magnetic")[0] == 0
+        rows = json.loads(elfslam("score", run, recording, "--json")[1])
+        rmse = {(row["method"], row["alignment"]): row["rmse_m"] for row in rows}
+        assert rmse["SLAM", "aligned"] < 0.8 * rmse["dead reckoning", "aligned"]
+
+
+@pytest.mark.slow
+def test_every_real_mall_walk_is_dead_reckoned(
+    shared_data: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, out, _ = elfslam("import", "mall", shared_data / "mall_walks", tmp_path / "walks", "--json")
+    assert (code, json.loads(out)[0]["recordings"]) == (0, 215)
+    assert json.loads(out)[0]["damaged_lines"] == 0
+    assert elfslam("map", tmp_path / "walks", tmp_path / "runs")[0] == 0
+    rows = json.loads(elfslam("score", tmp_path / "runs", tmp_path / "walks", "--json")[1])
+    assert [row["method"] for row in rows] == ["dead reckoning"]
+    assert rows[0]["walks"] == 215
+    assert rows[0]["end_error_percent"] < 15.0

@@ -1,0 +1,55 @@
+"""Tables, exit codes and silence in a pipe."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from elfslam.base.errors import HonestFailure, InputError
+from elfslam.console import exit_code_of, print_rows, progress_bar
+
+ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]
+
+
+def test_a_table_shows_every_cell(capsys: pytest.CaptureFixture[str]) -> None:
+    print_rows(ROWS, title="Things", as_json=False)
+    out = capsys.readouterr().out
+    for text in ("Things", "x_m", "0.12", "1.23e+04", "-", "OK 3"):
+        assert text in out
+
+
+def test_json_keeps_full_precision(capsys: pytest.CaptureFixture[str]) -> None:
+    print_rows(ROWS, title="Things", as_json=True)
+    assert json.loads(capsys.readouterr().out) == ROWS
+
+
+def fail(error: Exception) -> None:
+    raise error
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (InputError("bad"), 2),
+        (HonestFailure("nothing found"), 1),
+        (PermissionError(13, "Permission denied", "map.npz"), 2),
+    ],
+)
+def test_errors_become_one_line(
+    error: Exception, code: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert exit_code_of(lambda: fail(error)) == code
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_programming_error_is_not_hidden() -> None:
+    with pytest.raises(KeyError):
+        exit_code_of(lambda: fail(KeyError("bug")))
+
+
+def test_progress_is_silent_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_bar() as announce:
+        announce("working", 0.5)
+        announce("working", None)
+    assert capsys.readouterr() == ("", "")

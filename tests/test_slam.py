@@ -1,0 +1,289 @@
+"""The line put together, on a simulated walk of two rounds through the studio."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam import slam
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import digest, load, rows
+from elfslam.base.values import (
+    Audio,
+    Echoes,
+    FixStatus,
+    Odometry,
+    Recording,
+    Similarity,
+    Truth,
+)
+from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
+from elfslam.slam import Parameters, Run, map_by, map_by_echoes, no_similarity, walk_nodes
+from elfslam.world.simulate import load_world, simulate
+
+PARAMETERS = Parameters()
+
+
+@pytest.fixture(scope="module")
+def walk() -> tuple[Recording, Truth]:
+    return simulate(load_world("studio"), seed=7, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def recording(walk: tuple[Recording, Truth]) -> Recording:
+    return walk[0]
+
+
+@pytest.fixture(scope="module")
+def encoder() -> Encoder:
+    return load_encoder("compact")
+
+
+@pytest.fixture(scope="module")
+def run(recording: Recording, encoder: Encoder) -> Run:
+    return map_by_echoes(recording, encoder, PARAMETERS)
+
+
+def true_xy_m(truth: Truth, t_s: F64) -> F64:
+    columns = [np.interp(t_s, truth.t_s, truth.world_from_body[:, axis]) for axis in (0, 1)]
+    return np.column_stack(columns)
+
+
+def shape_error_m(xy_m: F64, wanted_m: F64) -> float:
+    """How far distances between any two positions are off: no alignment is needed to compare."""
+    apart, wanted = (
+        np.linalg.norm(rows[:, None] - rows[None, :], axis=2) for rows in (xy_m, wanted_m)
+    )
+    return float(np.sqrt(np.mean((apart - wanted) ** 2)))
+
+
+def test_echoes_straighten_the_walk(run: Run, walk: tuple[Recording, Truth]) -> None:
+    wanted_m = true_xy_m(walk[1], run.odometry.t_s)
+    before_m = shape_error_m(run.odometry.world_from_body[:, :2], wanted_m)
+    after_m = shape_error_m(run.trajectory.world_from_body[:, :2], wanted_m)
+    assert run.trajectory.status == "OK"
+    assert len(run.closures.i) >= 10
+    assert after_m < 0.7 * before_m
+    kept = run.trajectory.closure_weights > 0.5
+    apart_m = np.linalg.norm(
+        wanted_m[run.closures.i[kept]] - wanted_m[run.closures.j[kept]], axis=1
+    )
+    assert np.median(apart_m) < 0.5
+
+
+def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> None:
+    nodes = len(run.odometry.t_s)
+    assert run.floor_map is not None
+    assert run.echoes is not None
+    assert run.features is not None
+    npt.assert_array_equal(run.features.t_s, run.echoes.t_s)
+    npt.assert_array_equal(run.trajectory.t_s, run.odometry.t_s)
+    assert run.similarity.scores.shape == (nodes - 1, nodes - 1)
+    assert len(run.trajectory.closure_weights) == len(run.closures.i)
+    inside = (run.echoes.t_s >= run.odometry.t_s[0]) & (run.echoes.t_s <= run.odometry.t_s[-1])
+    assert len(run.floor_map.xy_m) == inside.sum()
+    assert run.floor_map.parameters_digest == digest(PARAMETERS)
+    assert run.floor_map.sources == (recording.name,)
+    assert run.floor_map.payloads[0].encoder == run.features.encoder
+    assert run.name == recording.name
+    assert recording.audio is not None
+    assert len(run.echoes.t_s) > 9.5 * recording.audio.samples.shape[1] / recording.audio.rate_hz
+
+
+def test_an_encoder_without_learning_runs_on_the_same_line(recording: Recording) -> None:
+    announced: list[str] = []
+    made = map_by_echoes(recording, SpectralEncoder(), PARAMETERS, announce=announced.append)
+    stages = ["motion", "echoes", "features", "similarity", "closures", "graph", "map"]
+    assert announced == stages
+    assert list(made.seconds) == stages
+    assert all(0 < seconds < 60 for seconds in made.seconds.values())
+    assert made.similarity.kind == "elf:spectral-1"
+    neighbours = np.diagonal(made.similarity.scores, 1)
+    assert neighbours.mean() > made.similarity.scores.mean() + 0.02
+
+
+def test_a_footstep_sounds_like_itself_more_than_like_others(run: Run) -> None:
+    scores = run.similarity.scores
+    assert np.diagonal(scores)[5:-5].mean() > scores.mean() + 0.2
+
+
+def test_fine_tuning_enters_as_a_function(recording: Recording) -> None:
+    seen: list[tuple[Encoder, Echoes]] = []
+
+    class Tuned(SpectralEncoder):
+        identity = "tuned"
+
+    def adapt(given: Encoder, echoes: Echoes) -> Encoder:
+        seen.append((given, echoes))
+        return Tuned()
+
+    shipped = SpectralEncoder()
+    made = map_by_echoes(recording, shipped, PARAMETERS, adapt=adapt)
+    assert [given for given, _ in seen] == [shipped]
+    assert seen[0][1] is made.echoes
+    assert made.features is not None
+    assert made.features.encoder == "tuned"
+
+
+def test_the_same_recording_gives_the_same_run(
+    recording: Recording, encoder: Encoder, run: Run
+) -> None:
+    again = map_by_echoes(recording, encoder, PARAMETERS)
+    npt.assert_array_equal(again.trajectory.world_from_body, run.trajectory.world_from_body)
+    npt.assert_array_equal(again.closures.i, run.closures.i)
+
+
+def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth]) -> None:
+    recording, truth = walk
+    asked: list[tuple[Recording, Odometry]] = []
+
+    def true_neighbours(given: Recording, nodes: Odometry) -> Similarity:
+        asked.append((given, nodes))
+        middle_s = np.array([(a + b) / 2 for a, b in pairwise(nodes.t_s)])
+        xy_m = true_xy_m(truth, middle_s)
+        apart_m = np.linalg.norm(xy_m[:, None] - xy_m[None, :], axis=2)
+        return Similarity(np.exp(-((apart_m / 0.8) ** 2)).astype(np.float32), "oracle")
+
+    announced: list[str] = []
+    made = map_by(recording, true_neighbours, PARAMETERS, announce=announced.append)
+    stages = ["motion", "similarity", "closures", "graph"]
+    assert announced == list(made.seconds) == stages
+    assert asked[0][0] is recording
+    assert asked[0][1] is made.odometry
+    assert (made.floor_map, made.echoes, made.features) == (None, None, None)
+    assert made.trajectory.status == "OK"
+    wanted_m = true_xy_m(truth, made.odometry.t_s)
+    before_m = shape_error_m(made.odometry.world_from_body[:, :2], wanted_m)
+    assert shape_error_m(made.trajectory.world_from_body[:, :2], wanted_m) < 0.7 * before_m
+
+
+def test_mapping_by_nothing_is_dead_reckoning(recording: Recording) -> None:
+    made = map_by(recording, no_similarity, PARAMETERS)
+    assert made.trajectory.status == "NO_CLOSURES"
+    npt.assert_allclose(made.trajectory.world_from_body, made.odometry.world_from_body, atol=1e-6)
+
+
+def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder, run: Run) -> None:
+    assert run.floor_map is not None
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    good = fixes.status == FixStatus.OK
+    there = (fixes.t_s > run.odometry.t_s[0]) & (fixes.t_s < run.odometry.t_s[-1])
+    assert (good & there).sum() > 0.8 * there.sum()
+    columns = [
+        np.interp(fixes.t_s, run.trajectory.t_s, run.trajectory.world_from_body[:, axis])
+        for axis in (0, 1)
+    ]
+    error_m = np.linalg.norm(fixes.xy_m - np.column_stack(columns), axis=1)[good & there]
+    assert np.median(error_m) < 0.4
+
+
+def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
+    assert run.floor_map is not None
+    recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    good = fixes.status == FixStatus.OK
+    assert good.mean() > 0.3
+    wanted_m = true_xy_m(truth, fixes.t_s[good])
+    lost_m = shape_error_m(np.zeros_like(wanted_m), wanted_m)
+    assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.5 * lost_m
+
+
+def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> None:
+    assert run.floor_map is not None
+    with pytest.raises(InputError, match="got echoes encoded by spectral-1"):
+        slam.locate(recording, run.floor_map, SpectralEncoder(), PARAMETERS)
+
+
+def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
+    slow, fast = (
+        slam.hear(simulate(load_world("studio"), 7, rounds=1, rate_hz=rate_hz)[0], PARAMETERS)
+        for rate_hz in (44_100, 48_000)
+    )
+    count = min(len(slow.t_s), len(fast.t_s))
+    assert count > 100
+    npt.assert_allclose(slow.t_s[:count], fast.t_s[:count], atol=1e-3)
+    same = np.sum(encoder.embed(slow.samples[:count]) * encoder.embed(fast.samples[:count]), axis=1)
+    assert np.median(same) > 0.9
+
+
+def test_lost_sound_is_measured_against_the_motion_sensors(recording: Recording) -> None:
+    assert recording.audio is not None
+    samples = recording.audio.samples[:, : -2 * 44_100]
+    shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
+    npt.assert_allclose(slam.hear(shorter, PARAMETERS).losses_s[-1, 1], 2.0, atol=0.05)
+    blind = slam.hear(dataclasses.replace(shorter, imu=None), PARAMETERS)
+    assert len(blind.losses_s) == 0
+
+
+def test_nodes_are_footsteps_from_the_start_pose(recording: Recording) -> None:
+    placed = dataclasses.replace(recording, start_pose=(3.0, -2.0, 1.0))
+    nodes = walk_nodes(placed, PARAMETERS)
+    npt.assert_allclose(nodes.world_from_body[0], [3.0, -2.0, 1.0])
+    npt.assert_allclose(walk_nodes(recording, PARAMETERS).world_from_body[0], 0.0)
+    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
+    assert 0.4 < np.median(steps_m) < 1.0
+
+
+def straight_odometry() -> Odometry:
+    """A device that brings its own odometry: 10 m straight ahead in steps of 10 cm."""
+    poses = np.column_stack([np.linspace(0, 10, 101), np.zeros((101, 2))])
+    return Odometry(0.1 * np.arange(101), poses, np.full((100, 3), 0.01))
+
+
+def test_a_device_with_odometry_needs_no_footsteps() -> None:
+    bare = Recording("arkit", "tablet", odometry=straight_odometry())
+    nodes = walk_nodes(bare, load(PARAMETERS, None, ["motion.node_spacing_m=1.0"]))
+    npt.assert_allclose(nodes.world_from_body[:, 0], np.arange(11), atol=0.11)
+    npt.assert_allclose(nodes.step_sigma[1:-1], 0.01 * np.sqrt(10), rtol=0.06)
+    assert map_by(bare, no_similarity, PARAMETERS).trajectory.status == "NO_CLOSURES"
+
+
+def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -> None:
+    both = dataclasses.replace(recording, odometry=straight_odometry())
+    npt.assert_array_equal(walk_nodes(both, PARAMETERS).t_s, walk_nodes(recording, PARAMETERS).t_s)
+
+
+def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
+    still = dataclasses.replace(recording, imu=None)
+    with pytest.raises(InputError, match=r"studio seed 7: it has neither motion sensors nor odom"):
+        map_by_echoes(still, SpectralEncoder(), PARAMETERS)
+
+
+def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
+    deaf = dataclasses.replace(recording, audio=None)
+    with pytest.raises(InputError, match=r"studio seed 7: it has no sound; map it with --by magn"):
+        map_by_echoes(deaf, SpectralEncoder(), PARAMETERS)
+
+
+def test_a_recording_at_another_rate_is_refused(recording: Recording) -> None:
+    samples: F32 = np.zeros((1, 99_000), dtype=np.float32)
+    strange = dataclasses.replace(recording, audio=Audio(samples, 22_050))
+    with pytest.raises(InputError, match="wanted 44100 or 48000 Hz, got 22050"):
+        slam.hear(strange, PARAMETERS)
+
+
+def test_every_parameter_of_the_line_has_a_meaning_and_stays_in_its_own_range() -> None:
+    listed = list(rows(PARAMETERS))
+    assert len(listed) > 40
+    for row in listed:
+        assert row.meaning
+        text = f"'{row.value}'" if isinstance(row.value, str) else str(row.value).lower()
+        assert load(PARAMETERS, None, [f"{row.name}={text}"]) == PARAMETERS
+
+
+def test_the_line_needs_no_torch_and_no_plotting() -> None:
+    program = (
+        "import sys, elfslam.slam; "
+        "print([name for name in ('torch', 'plotly', 'fastapi') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
