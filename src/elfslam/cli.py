@@ -3,33 +3,39 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass, field
-from datetime import UTC, datetime
-from enum import StrEnum
-from importlib import metadata
+from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 import typer
 
-from elfslam import __version__, slam
-from elfslam.base.errors import HonestFailure, InputError, ParameterError
-from elfslam.base.parameters import as_dict, digest, load, rows
-from elfslam.base.values import FixStatus, Odometry, Recording, Similarity
-from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
-from elfslam.console import Announce, exit_code_of, print_rows, progress_bar, say
+from elfslam import slam
+from elfslam.base.errors import HonestFailure, InputError
+from elfslam.base.parameters import load, rows
+from elfslam.base.values import FixStatus
+from elfslam.console import exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
-from elfslam.data.folders import new_file, refuse_occupied
+from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.data.runs import digest_of, read_facts, read_run, write_run
-from elfslam.learn.settings import PretrainParameters
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.data.runs import read_facts, read_run
+from elfslam.line.feature import Encoder, load_encoder
+from elfslam.mapping import (
+    MapJob,
+    Modality,
+    Settings,
+    line_only,
+    map_into,
+    map_many,
+    parse_start,
+    recordings_in,
+    versions,
+)
 from elfslam.score.errors import alignment_of
 from elfslam.score.figures import FloorPlan
-from elfslam.score.report import write_fix_report, write_map_page, write_report, write_world_page
+from elfslam.score.report import write_map_page, write_report, write_world_page
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
 from elfslam.studies.demo import floor_plan, run_demo
@@ -46,33 +52,15 @@ app = typer.Typer(
 )
 
 
-@dataclass(frozen=True)
-class Settings(slam.Parameters):
-    """Every parameter there is: the line's, the rivals' and the training's."""
-
-    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
-    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
-
-
-class Modality(StrEnum):
-    """What closes the loops."""
-
-    ELF = "elf"
-    MAGNETIC = "magnetic"
-    MOTION = "motion"
-
-
-ParameterFile = Annotated[Path | None, typer.Option("--parameters", help="TOML file of parameters.")]
+ParameterFile = Annotated[
+    Path | None, typer.Option("--parameters", help="TOML file of parameters.")
+]
 Setting = Annotated[list[str] | None, typer.Option("--set", help="group.name=value, repeatable.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 EncoderName = Annotated[str, typer.Option("--encoder", help="compact, spectral or an ONNX file.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an older run.")]
 Plan = Annotated[str | None, typer.Option("--floor-plan", help="World whose plan is drawn below.")]
-
-
-def settings_of(file: Path | None, settings: list[str] | None) -> Settings:
-    return load(Settings(), file, settings or [])
 
 
 @app.command()
@@ -84,10 +72,10 @@ def demo(
     as_json: AsJson = False,
 ) -> None:
     """Map ten simulated walks, locate ten others in them, write one of each with its reports."""
-    parameters = settings_of(parameter_file, setting)
+    parameters = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce:
         walks, fixes = run_demo(
-            out, load_encoder(encoder), _line_only(parameters), facts=_versions(), announce=announce
+            out, load_encoder(encoder), line_only(parameters), facts=versions(), announce=announce
         )
     print_rows(walks, title="Mapping, 5 rounds in a room of 60 m2 (m)", as_json=as_json)
     print_rows(fixes, title="A second walk located in each map (m)", as_json=as_json)
@@ -150,121 +138,37 @@ def map_command(
     setting: Setting = None,
 ) -> None:
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
-    job = MapJob(by, start, encoder, _plan(plan), settings_of(parameter_file, setting), force)
+    known = load(Settings(), parameter_file, setting or [])
+    drawn = _plan(plan)
+    job = MapJob(by, parse_start(start), encoder, known, force)
     paths = recordings_in(recording)
+    with progress_bar() as announce:
+        if paths == [recording]:
+            run, facts = map_into(out, recording, job, announce)
+        else:
+            refused = map_many(out, paths, job, announce)
     if paths == [recording]:
-        with progress_bar() as announce:
-            run, facts = _map_into(out, recording, job, announce)
-        write_report(out / "report.html", run, facts=facts, floor_plan=job.plan)
+        write_report(out / "report.html", run, facts=facts, floor_plan=drawn)
         _say_mapped(run, out)
     else:
-        _map_many(out, paths, job)
+        _say_mapped_many(refused, len(paths), out)
 
 
-def recordings_in(path: Path) -> list[Path]:
-    """The recording at `path`, or those in the folder `path`."""
-    if path.is_dir() and not (path / "recording.json").exists():
-        inside = sorted(item.parent for item in path.glob("*/recording.json"))
-        if inside:
-            return inside
-    return [path]
-
-
-@dataclass(frozen=True)
-class MapJob:
-    """How recordings are to be mapped."""
-
-    by: Modality | None
-    start: str | None
-    encoder: str
-    plan: FloorPlan | None
-    parameters: Settings
-    replace: bool
-
-
-def _map_many(out: Path, paths: list[Path], job: MapJob) -> None:
-    """Map each recording that can be mapped; `elfslam show` draws the report of any of them."""
-    refused: list[str] = []
-    with progress_bar() as announce:
-        for count, path in enumerate(paths):
-            announce(path.name, count / len(paths))
-            try:
-                _map_into(out / path.name, path, job, lambda what, share: None)
-            except InputError as error:
-                refused.append(f"{path.name}: {error}")
-    for line in refused:
-        say(f"not mapped: {line}")
-    say(f"mapped {len(paths) - len(refused)} of {len(paths)} recordings into {out}")
+def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
+    for name, reason in refused.items():
+        say(f"not mapped: {name}: {reason}")
+    say(f"mapped {count - len(refused)} of {count} recordings into {out}")
     if refused:
         raise HonestFailure(f"{len(refused)} recordings could not be mapped, see above")
-
-
-def _map_into(
-    folder: Path, path: Path, job: MapJob, announce: Announce
-) -> tuple[slam.Run, dict[str, Any]]:
-    """Map one recording into a run folder; the run, and the facts that run.json states."""
-    refuse_occupied(folder, "run.json" if job.replace else None)
-    recording = _with_start(read_recording(path), job.start)
-    by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
-    encoder = load_encoder(job.encoder) if by is Modality.ELF else None
-    run = _map_one(recording, by, encoder, job.parameters, announce)
-    facts: dict[str, Any] = {
-        **_versions(),
-        "device": recording.device,
-        "recording_digest": digest_of(path),
-        "encoder": None if encoder is None else encoder.identity,
-        "parameters_digest": digest(_line_only(job.parameters)),
-        "parameters": as_dict(job.parameters),
-    }
-    content = encoder.content if isinstance(encoder, OnnxEncoder) else None
-    write_run(run, folder, facts=facts, encoder=content, replace=job.replace)
-    return run, facts
-
-
-def _map_one(
-    recording: Recording, by: Modality, encoder: Encoder | None, known: Settings, announce: Announce
-) -> slam.Run:
-    def stage(name: str) -> None:
-        announce(f"{recording.name}: {name}", None)
-
-    if encoder is not None:
-        return slam.map_by_echoes(recording, encoder, known, announce=stage)
-    makers = {
-        Modality.MOTION: slam.no_similarity,
-        Modality.MAGNETIC: lambda walk, nodes: _field_similarity(walk, nodes, known.magnetic),
-    }
-    return slam.map_by(recording, makers[by], known, announce=stage)
-
-
-def _field_similarity(
-    recording: Recording, nodes: Odometry, known: MagneticParameters
-) -> Similarity:
-    if recording.magnetometer is None:
-        raise InputError(f"{recording.name}: it has no magnetometer; map it with --by elf or motion")
-    return magnetic_similarity(recording.magnetometer, recording.orientation, nodes, known)
-
-
-def _plan(world: str | None) -> FloorPlan | None:
-    return None if world is None else floor_plan(load_world(world).room)
-
-
-def _with_start(recording: Recording, start: str | None) -> Recording:
-    if start is None:
-        return recording
-    try:
-        x_m, y_m, heading_rad = (float(part) for part in start.split(","))
-    except ValueError as cause:
-        raise ParameterError(f"--start: wanted X,Y,HEADING such as 1.5,2,0, got {start!r}") from cause
-    fields = {name: getattr(recording, name) for name in recording.__dataclass_fields__}
-    return Recording(**{**fields, "start_pose": (x_m, y_m, heading_rad)})
 
 
 def _say_mapped(run: slam.Run, out: Path) -> None:
     for at_s, lost_s in [] if run.echoes is None else run.echoes.losses_s:
         say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it were put in place")
+    kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
-        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
-        f"{int((run.trajectory.closure_weights > 0.5).sum())} of them kept; look at {out / 'report.html'}"
+        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} of them kept; "
+        f"look at {out / 'report.html'}"
     )
     if run.trajectory.status != "OK" and run.similarity.kind != "motion":
         raise HonestFailure(
@@ -284,14 +188,18 @@ def locate_command(
     as_json: AsJson = False,
 ) -> None:
     """Locate a recording in a map, one fix per 0.6 s of sound."""
-    parameters = settings_of(parameter_file, setting)
+    parameters = load(Settings(), parameter_file, setting or [])
     known = read_map(floor_map)
     with progress_bar() as announce:
         announce("locating", None)
-        fixes = slam.locate(read_recording(recording), known, _encoder_of(floor_map, encoder), parameters)
+        fixes = slam.locate(
+            read_recording(recording), known, _encoder_of(floor_map, encoder), parameters
+        )
     write_fixes(fixes, out)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
-    print_rows([{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json)
+    print_rows(
+        [{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json
+    )
     if counts["OK"] == 0:
         raise HonestFailure(f"{recording}: nowhere in {floor_map}; is it the same place?")
 
@@ -367,7 +275,7 @@ def parameters(
     parameter_file: ParameterFile = None, setting: Setting = None, as_json: AsJson = False
 ) -> None:
     """Every parameter, its value, unit and meaning."""
-    known = settings_of(parameter_file, setting)
+    known = load(Settings(), parameter_file, setting or [])
     print_rows([asdict(row) for row in rows(known)], title="Parameters", as_json=as_json)
 
 
@@ -378,24 +286,17 @@ def pretrain_command(
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
-    """Train the compact encoder on simulated echoes; goes on from OUT.checkpoint if there is one."""
+    """Train the compact encoder on simulated echoes; goes on after a kill."""
     from elfslam.studies.pretraining import pretrain_on_simulated_echoes
 
-    known = settings_of(parameter_file, setting).pretrain
+    known = load(Settings(), parameter_file, setting or []).pretrain
     with progress_bar() as announce:
         loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce)
     say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
 
 
-def _line_only(known: Settings) -> slam.Parameters:
-    """The groups that decide what a map looks like."""
-    return slam.Parameters(**{name: getattr(known, name) for name in slam.Parameters.__dataclass_fields__})
-
-
-def _versions() -> dict[str, object]:
-    libraries = {name: metadata.version(name) for name in ("numpy", "gtsam", "onnxruntime")}
-    made = datetime.now(UTC).isoformat(timespec="seconds")
-    return {"elfslam": __version__, "libraries": libraries, "made_utc": made}
+def _plan(world: str | None) -> FloorPlan | None:
+    return None if world is None else floor_plan(load_world(world).room)
 
 
 def main() -> None:

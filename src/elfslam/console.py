@@ -24,7 +24,9 @@ def progress_bar() -> Iterator[Announce]:
     """A progress bar on a terminal, silence in a pipe."""
     console = Console(stderr=True)
     columns = TextColumn("{task.description:<44.44}"), BarColumn(), TimeElapsedColumn()
-    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
         task = bar.add_task("starting", total=None)
 
         def announce(what: str, share: float | None) -> None:
@@ -72,6 +74,7 @@ def exit_code_of(command: Callable[[], object]) -> int:
         say(f"elfslam: {error}")
         return BAD_INPUT
     except OSError as error:
-        say(f"elfslam: {error.filename or 'file'}: {error.strerror or error}; check path, rights and free space")
+        reason = error.strerror or error
+        say(f"elfslam: {error.filename or 'file'}: {reason}; check path, rights and free space")
         return BAD_INPUT
     return DONE

@@ -106,6 +106,17 @@ def test_steps_times_their_length_are_the_distance_walked(seed: int) -> None:
     assert np.sum(step_m * cadence) / KINEMATICS_RATE_HZ == pytest.approx(2 * LAP_M, rel=2e-3)
 
 
+def test_no_step_is_shorter_in_a_turn() -> None:
+    """Step by step: the way gone is the length that belongs to the step's own cadence."""
+    walker = straight_walker()
+    motion = walk(walker, ROUTE_M, 2, np.random.default_rng(0))
+    way_m = np.concatenate([[0], np.cumsum(ground_speed(motion))]) / KINEMATICS_RATE_HZ
+    footfalls = np.searchsorted(motion.steps, np.arange(4, int(motion.steps[-1]) - 3))
+    step_s = np.diff(motion.t_s[footfalls])
+    expected_m = walker.step_factor * TYPICAL_STEP_M / (TYPICAL_CADENCE_HZ * step_s)
+    np.testing.assert_allclose(np.diff(way_m[footfalls]), expected_m, rtol=0.03)
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_speed_and_cadence_are_those_of_the_walker(seed: int) -> None:
     walker, motion = walker_of(seed), motion_of(seed)

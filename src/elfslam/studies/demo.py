@@ -75,7 +75,11 @@ def run_demo(
         _collect(collected, run, walk[1], fixes, stranger[1])
         if seed == seeds[0]:
             content = encoder.content if isinstance(encoder, OnnxEncoder) else None
-            described = {**facts, "parameters": as_dict(parameters), "parameters_digest": digest(parameters)}
+            described = {
+                **facts,
+                "parameters": as_dict(parameters),
+                "parameters_digest": digest(parameters),
+            }
             _write_example(out, world, walk, stranger, run, fixes, described, content)
     announce("done", 1.0)
     return _mapping_rows(collected), _fix_rows(collected)

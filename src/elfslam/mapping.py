@@ -1,0 +1,149 @@
+"""A recording on disk becomes a run on disk: what `elfslam map` does, for one or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from elfslam import __version__, slam
+from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.parameters import as_dict, digest
+from elfslam.base.values import Odometry, Recording, Similarity
+from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
+from elfslam.data.folders import refuse_occupied
+from elfslam.data.recordings import read_recording
+from elfslam.data.runs import digest_of, write_run
+from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+
+Announce = Callable[[str, float | None], None]
+"""Hears what is being done, and the share done where it is known."""
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Settings(slam.Parameters):
+    """Every parameter there is: the line's, the rivals' and the training's."""
+
+    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
+    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
+
+
+class Modality(StrEnum):
+    """What closes the loops."""
+
+    ELF = "elf"
+    MAGNETIC = "magnetic"
+    MOTION = "motion"
+
+
+@dataclass(frozen=True)
+class MapJob:
+    """How recordings are to be mapped."""
+
+    by: Modality | None
+    start_pose: Pose | None
+    encoder: str
+    parameters: Settings
+    overwrite: bool
+
+
+def recordings_in(path: Path) -> list[Path]:
+    """The recording at `path`, or those in the folder `path`."""
+    if path.is_dir() and not (path / "recording.json").exists():
+        inside = sorted(item.parent for item in path.glob("*/recording.json"))
+        if inside:
+            return inside
+    return [path]
+
+
+def map_many(out: Path, paths: list[Path], job: MapJob, announce: Announce) -> dict[str, str]:
+    """Map each recording into a folder of `out`; why not, by name, for those that cannot be.
+
+    No reports are written: `elfslam show` draws any of them.
+    """
+    refused: dict[str, str] = {}
+    for count, path in enumerate(paths):
+        announce(path.name, count / len(paths))
+        try:
+            map_into(out / path.name, path, job, lambda what, share: None)
+        except InputError as error:
+            refused[path.name] = str(error)
+    return refused
+
+
+def map_into(
+    folder: Path, path: Path, job: MapJob, announce: Announce
+) -> tuple[slam.Run, dict[str, Any]]:
+    """Map one recording into a run folder; the run, and the facts that run.json states."""
+    refuse_occupied(folder, "run.json" if job.overwrite else None)
+    recording = read_recording(path)
+    if job.start_pose is not None:
+        recording = replace(recording, start_pose=job.start_pose)
+    by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
+    encoder = load_encoder(job.encoder) if by is Modality.ELF else None
+    run = _map_one(recording, by, encoder, job.parameters, announce)
+    facts: dict[str, Any] = {
+        **versions(),
+        "device": recording.device,
+        "recording_digest": digest_of(path),
+        "encoder": None if encoder is None else encoder.identity,
+        "parameters_digest": digest(line_only(job.parameters)),
+        "parameters": as_dict(job.parameters),
+    }
+    content = encoder.content if isinstance(encoder, OnnxEncoder) else None
+    write_run(run, folder, facts=facts, encoder=content, replace=job.overwrite)
+    return run, facts
+
+
+def _map_one(
+    recording: Recording, by: Modality, encoder: Encoder | None, known: Settings, announce: Announce
+) -> slam.Run:
+    def stage(name: str) -> None:
+        announce(f"{recording.name}: {name}", None)
+
+    if encoder is not None:
+        return slam.map_by_echoes(recording, encoder, known, announce=stage)
+    makers = {
+        Modality.MOTION: slam.no_similarity,
+        Modality.MAGNETIC: lambda walk, nodes: _field_similarity(walk, nodes, known.magnetic),
+    }
+    return slam.map_by(recording, makers[by], known, announce=stage)
+
+
+def _field_similarity(
+    recording: Recording, nodes: Odometry, known: MagneticParameters
+) -> Similarity:
+    if recording.magnetometer is None:
+        raise InputError(f"{recording.name}: no magnetometer; map it with --by elf or motion")
+    return magnetic_similarity(recording.magnetometer, recording.orientation, nodes, known)
+
+
+def parse_start(text: str | None) -> Pose | None:
+    """The start pose in "X,Y,HEADING" (m, m, rad). Raises ParameterError."""
+    if text is None:
+        return None
+    try:
+        x_m, y_m, heading_rad = (float(part) for part in text.split(","))
+    except ValueError as cause:
+        raise ParameterError(f"--start: wanted X,Y,HEADING (m, m, rad), got {text!r}") from cause
+    return x_m, y_m, heading_rad
+
+
+def line_only(known: Settings) -> slam.Parameters:
+    """The groups that decide what a map looks like."""
+    return slam.Parameters(
+        **{name: getattr(known, name) for name in slam.Parameters.__dataclass_fields__}
+    )
+
+
+def versions() -> dict[str, object]:
+    """What made a run: this package, the libraries that decide its numbers, and when."""
+    libraries = {name: metadata.version(name) for name in ("numpy", "gtsam", "onnxruntime")}
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"elfslam": __version__, "libraries": libraries, "made_utc": made}
