@@ -1,4 +1,4 @@
-"""The command as a user meets it: the whole line, and every bad input as one line and exit code 2."""
+"""The command as a user meets it: the whole line, and every bad input refused in one line."""
 
 from __future__ import annotations
 
@@ -108,9 +108,7 @@ def test_a_second_walk_is_located_in_the_map(
     stranger, fixes = tmp_path / "stranger", tmp_path / "fixes.csv"
     elfslam("simulate", "studio", stranger, "--seed", 108, "--rounds", 1)
     assert elfslam("locate", stranger, mapped, fixes)[0] == 0
-    code, out, _ = elfslam(
-        "score", fixes, stranger, "--map", mapped, "--map-truth", walk, "--json"
-    )
+    code, out, _ = elfslam("score", fixes, stranger, "--map", mapped, "--map-truth", walk, "--json")
     ok = next(row for row in json.loads(out) if row["status"] == "OK")
     assert code == 0
     assert ok["coverage"] > 0.5
@@ -170,7 +168,9 @@ def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
     assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
 
 
-def sound(change: Callable[[np.ndarray], np.ndarray], rate_hz: int = 44_100) -> Callable[[Path], None]:
+def sound(
+    change: Callable[[np.ndarray], np.ndarray], rate_hz: int = 44_100
+) -> Callable[[Path], None]:
     """A damage done to the sound of a recording."""
 
     def damage(folder: Path) -> None:
@@ -180,7 +180,9 @@ def sound(change: Callable[[np.ndarray], np.ndarray], rate_hz: int = 44_100) -> 
     return damage
 
 
-def table(change: Callable[[list[str]], list[str]], file: str = "gyroscope.csv") -> Callable[[Path], None]:
+def table(
+    change: Callable[[list[str]], list[str]], file: str = "gyroscope.csv"
+) -> Callable[[Path], None]:
     """A damage done to the lines of a table."""
 
     def damage(folder: Path) -> None:
@@ -303,7 +305,9 @@ def test_real_magnetic_walks_come_nearer_the_truth(
 def test_every_real_mall_walk_is_dead_reckoned(
     shared_data: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
-    code, out, _ = elfslam("import", "mall", shared_data / "mall_walks", tmp_path / "walks", "--json")
+    code, out, _ = elfslam(
+        "import", "mall", shared_data / "mall_walks", tmp_path / "walks", "--json"
+    )
     assert (code, json.loads(out)[0]["recordings"]) == (0, 215)
     assert json.loads(out)[0]["damaged_lines"] == 0
     assert elfslam("map", tmp_path / "walks", tmp_path / "runs")[0] == 0

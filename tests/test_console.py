@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from elfslam.base.errors import HonestFailure, InputError
+from elfslam.base.errors import NoAnswerError, InputError
 from elfslam.console import exit_code_of, print_rows, progress_bar
 
 ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]
@@ -32,7 +32,7 @@ def fail(error: Exception) -> None:
     ("error", "code"),
     [
         (InputError("bad"), 2),
-        (HonestFailure("nothing found"), 1),
+        (NoAnswerError("nothing found"), 1),
         (PermissionError(13, "Permission denied", "map.npz"), 2),
     ],
 )

@@ -98,7 +98,9 @@ def test_base_needs_numpy_and_the_standard_library_only() -> None:
     for path in (PACKAGE / "base").glob("*.py"):
         for module in imported_modules(ast.parse(path.read_text())):
             top = module.split(".")[0]
-            assert top in BASE_MAY_IMPORT or top in sys.stdlib_module_names, f"{path.name}: {module}"
+            assert top in BASE_MAY_IMPORT or top in sys.stdlib_module_names, (
+                f"{path.name}: {module}"
+            )
 
 
 def function_sizes() -> dict[str, int]:
@@ -112,7 +114,9 @@ def function_sizes() -> dict[str, int]:
 
 
 def test_files_and_functions_are_small() -> None:
-    long_files = [p.name for p in source_files() if len(p.read_text().splitlines()) > MOST_FILE_LINES]
+    long_files = [
+        p.name for p in source_files() if len(p.read_text().splitlines()) > MOST_FILE_LINES
+    ]
     sizes = function_sizes()
     assert long_files == []
     assert [name for name, size in sizes.items() if size > MOST_FUNCTION_LINES] == []
@@ -128,7 +132,8 @@ def test_no_function_takes_a_boolean_by_position() -> None:
                 offences += [
                     f"{path.name}:{node.name}({argument.arg})"
                     for argument in positional
-                    if isinstance(argument.annotation, ast.Name) and argument.annotation.id == "bool"
+                    if isinstance(argument.annotation, ast.Name)
+                    and argument.annotation.id == "bool"
                 ]
     assert offences == []
 

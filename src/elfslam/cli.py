@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import HonestFailure, InputError
+from elfslam.base.errors import NoAnswerError, InputError
 from elfslam.base.parameters import load, rows
 from elfslam.base.values import FixStatus
 from elfslam.console import exit_code_of, print_rows, progress_bar, say
@@ -159,7 +159,7 @@ def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
         say(f"not mapped: {name}: {reason}")
     say(f"mapped {count - len(refused)} of {count} recordings into {out}")
     if refused:
-        raise HonestFailure(f"{len(refused)} recordings could not be mapped, see above")
+        raise NoAnswerError(f"{len(refused)} recordings could not be mapped, see above")
 
 
 def _say_mapped(run: slam.Run, out: Path) -> None:
@@ -167,11 +167,11 @@ def _say_mapped(run: slam.Run, out: Path) -> None:
         say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it were put in place")
     kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
-        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} of them kept; "
+        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "
         f"look at {out / 'report.html'}"
     )
     if run.trajectory.status != "OK" and run.similarity.kind != "motion":
-        raise HonestFailure(
+        raise NoAnswerError(
             f"{run.name}: no loop closure found, the trajectory is dead reckoning; "
             "walk at least two rounds of the same route"
         )
@@ -201,7 +201,7 @@ def locate_command(
         [{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json
     )
     if counts["OK"] == 0:
-        raise HonestFailure(f"{recording}: nowhere in {floor_map}; is it the same place?")
+        raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
 
 
 def _encoder_of(floor_map: Path, name: str | None) -> Encoder:

@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from elfslam.base.errors import ElfslamError, HonestFailure
+from elfslam.base.errors import ElfslamError, NoAnswerError
 
 DONE, NO_ANSWER, BAD_INPUT = 0, 1, 2
 
@@ -67,7 +67,7 @@ def exit_code_of(command: Callable[[], object]) -> int:
     """Run `command`; an error becomes one line and an exit code."""
     try:
         command()
-    except HonestFailure as failure:
+    except NoAnswerError as failure:
         say(f"elfslam: {failure}")
         return NO_ANSWER
     except ElfslamError as error:

@@ -78,6 +78,17 @@ def test_one_row_has_no_moves_and_so_has_none() -> None:
         walk(t_s=[1.0], pose=np.zeros((1, 3)), moves=np.zeros((1, 3)))
 
 
+def test_an_offset_may_come_before_the_size_itself() -> None:
+    @dataclass(frozen=True, eq=False)
+    class Steps(Value):
+        moves: F64 = array("n-1", 2)
+        poses: F64 = array("n", 2)
+
+    assert len(Steps(np.zeros((3, 2)), np.zeros((4, 2))).poses) == 4
+    with pytest.raises(InputError, match=r"Steps.poses: wanted shape \(n=4, 2\), got \(2, 2\)"):
+        Steps(np.zeros((3, 2)), np.zeros((2, 2)))
+
+
 def test_arrays_are_read_only_copies() -> None:
     given = np.zeros((4, 3))
     made = walk(pose=given)

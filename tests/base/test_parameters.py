@@ -155,6 +155,7 @@ def test_the_digest_changes_exactly_when_a_value_does(name: str, value: Any) -> 
     assert digest(changed) != before
     assert digest(replace(changed, name, old)) == before
     assert digest(Groups(Closing(), Closing())) == before
+    assert len(before) == 16
 
 
 def test_parameters_go_to_a_file_and_come_back(tmp_path: Path) -> None:

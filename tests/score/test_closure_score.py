@@ -58,5 +58,6 @@ def test_closures_outside_the_truth_are_not_judged() -> None:
 def test_no_closures_have_no_precision() -> None:
     score = score_closures(closures(), T_S, there_and_back())
     assert score.count == 0
-    assert np.isnan(score.precision) and np.isnan(score.median_distance_m)
+    assert np.isnan(score.precision)
+    assert np.isnan(score.median_distance_m)
     assert score.recall == 0

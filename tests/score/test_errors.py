@@ -138,7 +138,8 @@ def test_summary_of_known_errors() -> None:
     assert (summary.median_m, summary.mean_m, summary.q3_m) == (2, 2, 3)
     assert (summary.rmse_m, summary.maximum_m, summary.count) == (np.sqrt(6), 4, 5)
     nothing = summarise(np.empty(0))
-    assert nothing.count == 0 and np.isnan(nothing.median_m)
+    assert nothing.count == 0
+    assert np.isnan(nothing.median_m)
 
 
 def test_path_length() -> None:

@@ -67,7 +67,8 @@ def test_reduction_keeps_the_greatest_score() -> None:
     small, starts = charts.reduced(scores)
     assert max(small.shape) <= charts.MATRIX_AT_MOST
     row, column = np.unravel_index(np.argmax(small), small.shape)
-    assert starts[row] <= 1234 < starts[row + 1] and starts[column] <= 77 < starts[column + 1]
+    assert starts[row] <= 1234 < starts[row + 1]
+    assert starts[column] <= 77 < starts[column + 1]
     assert small[row, column] == pytest.approx(0.9)
 
 

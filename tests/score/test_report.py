@@ -105,11 +105,14 @@ def test_no_truth_no_trace_of_it(tmp_path: Path, run: Run, truth: Truth) -> None
     path = tmp_path / "report.html"
     write_report(path, run, facts=FACTS)
     drawn = figures_of(path) + outline(path).text
-    assert "truth" not in drawn.lower() and "error" not in drawn.lower()
+    assert "truth" not in drawn.lower()
+    assert "error" not in drawn.lower()
     write_report(path, run, facts=FACTS, truth=truth)
     drawn = figures_of(path) + outline(path).text
-    assert '"name":"truth"' in drawn and "closures, wrong (2)" in drawn
-    assert "Errors (m)" in drawn and "aligned with scale" in drawn
+    assert '"name":"truth"' in drawn
+    assert "closures, wrong (2)" in drawn
+    assert "Errors (m)" in drawn
+    assert "aligned with scale" in drawn
 
 
 def test_a_report_with_waypoints_and_floor_plan(
@@ -147,7 +150,8 @@ def test_a_bare_run_still_gives_a_report(tmp_path: Path, run: Run, truth: Truth)
     )
     write_report(tmp_path / "report.html", bare, facts={}, truth=truth)
     seen = outline(tmp_path / "report.html")
-    assert "NO_CLOSURES" in seen.text and "details" not in seen.tags
+    assert "NO_CLOSURES" in seen.text
+    assert "details" not in seen.tags
 
 
 def test_nothing_half_written(tmp_path: Path, run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -167,18 +171,22 @@ def test_nothing_half_written(tmp_path: Path, run: Run, monkeypatch: pytest.Monk
 def test_fix_report(tmp_path: Path, floor_map: FloorMap, fixes: Fixes, truth: Truth) -> None:
     path = tmp_path / "fixes.html"
     write_fix_report(path, floor_map, fixes)
-    assert "truth" not in figures_of(path) and '"name":"ambiguous"' in figures_of(path)
+    assert "truth" not in figures_of(path)
+    assert '"name":"ambiguous"' in figures_of(path)
     write_fix_report(path, floor_map, fixes, truth)
     seen = outline(path)
-    assert '"name":"truth"' in figures_of(path) and '"name":"error"' in figures_of(path)
-    assert "coverage" in seen.text and "UNKNOWN_PLACE 5" in seen.text
+    assert '"name":"truth"' in figures_of(path)
+    assert '"name":"error"' in figures_of(path)
+    assert "coverage" in seen.text
+    assert "UNKNOWN_PLACE 5" in seen.text
     assert seen.references == []
 
 
 def test_map_and_world_pages(tmp_path: Path, floor_map: FloorMap, floor_plan: FloorPlan) -> None:
     write_map_page(tmp_path / "map.html", floor_map)
     seen = outline(tmp_path / "map.html")
-    assert "<i>Monday</i>" in seen.text and "compact-1" in seen.text
+    assert "<i>Monday</i>" in seen.text
+    assert "compact-1" in seen.text
     assert '"name":"walk 1"' in figures_of(tmp_path / "map.html")
     route = np.array([[1, 1], [4, 1], [4, 5.0]])
     write_world_page(tmp_path / "world.html", floor_plan, route, title="room <1>")

@@ -38,4 +38,6 @@ def test_the_floor_plan_shows_every_piece_of_furniture() -> None:
     room = load_world("studio").room
     plan = floor_plan(room)
     assert len(plan.obstacles) == len(room.furniture)
-    np.testing.assert_allclose(plan.obstacles[0][2], (room.furniture[0].corner_m + room.furniture[0].size_m)[:2])
+    np.testing.assert_allclose(
+        plan.obstacles[0][2], (room.furniture[0].corner_m + room.furniture[0].size_m)[:2]
+    )

@@ -18,7 +18,10 @@ def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     shares: list[float | None] = []
     for name in ("one", "two"):
         loss = pretrain_on_simulated_echoes(
-            tmp_path / f"{name}.onnx", SMALL, seed=3, announce=lambda what, share: shares.append(share)
+            tmp_path / f"{name}.onnx",
+            SMALL,
+            seed=3,
+            announce=lambda what, share: shares.append(share),
         )
         assert loss > 0
     one, two = (load_encoder(str(tmp_path / f"{name}.onnx")) for name in ("one", "two"))

@@ -17,5 +17,5 @@ class StoreError(ElfslamError):
     """Something on disk that cannot be read back or must not be overwritten."""
 
 
-class HonestFailure(ElfslamError):  # noqa: N818 - a failure of the world, not an error
+class NoAnswerError(ElfslamError):
     """The input was fine, but the world gave no answer (exit code 1)."""

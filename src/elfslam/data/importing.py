@@ -32,7 +32,9 @@ class Imported:
     damaged_lines: int
 
 
-def read_logs(log_format: LogFormat, path: Path, generator: np.random.Generator) -> Iterator[Imported]:
+def read_logs(
+    log_format: LogFormat, path: Path, generator: np.random.Generator
+) -> Iterator[Imported]:
     """Every recording at `path`; `generator` drifts odometry that would else be the truth."""
     if log_format is LogFormat.MALL:
         for file in walks_in(path):

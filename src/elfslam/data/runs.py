@@ -48,7 +48,9 @@ def write_run(
     encoder: bytes | None,
     replace: bool = False,
 ) -> None:
-    """The run as a folder; `facts` go into run.json beside the run's name, `encoder` (ONNX) into encoder.onnx.
+    """The run as a folder.
+
+    `facts` go into run.json beside the run's name, `encoder` (an ONNX file) into encoder.onnx.
 
     Raises StoreError where a folder with content is there; with `replace` an older run (and
     nothing else) gives way.

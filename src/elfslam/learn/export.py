@@ -11,7 +11,7 @@ import onnx
 import torch
 from onnx import numpy_helper
 
-from elfslam.base.values import ECHO_SAMPLES
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
 from elfslam.line.feature import BINS
 
@@ -26,6 +26,7 @@ def export_encoder(network: CompactEncoder, path: Path) -> None:
     model.graph.initializer.append(
         numpy_helper.from_array(np.zeros(BINS, dtype=np.float32), "device_log_spectrum")
     )
+    model.graph.output[0].type.tensor_type.shape.dim[1].dim_value = ELF_SIZE
     onnx.checker.check_model(model)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")

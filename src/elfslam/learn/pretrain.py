@@ -43,14 +43,18 @@ def pretrain(
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
 
     Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
-    where it was. The same seed gives the same encoder on the same number of threads.
+    where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
+    fixes the number of threads, on which rounding depends. Raises StoreError for a checkpoint of
+    another run.
     """
     torch.manual_seed(seed)
+    torch.set_num_threads(parameters.threads)
     network = CompactEncoder(parameters.width)
     optimizer = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
-    first = _resume(checkpoint, network, optimizer)
+    run = f"seed {seed}, {parameters}"
+    first = _resume(checkpoint, run, network, optimizer)
     network.train()
     for step, batch in _prefetched(pairs_of, first, parameters.steps):
         for group in optimizer.param_groups:
@@ -61,7 +65,7 @@ def pretrain(
         optimizer.step()
         report(Progress(step + 1, float(loss.item())))
         if (step + 1) % parameters.checkpoint_steps == 0:
-            _save(checkpoint, step + 1, network, optimizer)
+            _save(checkpoint, run, step + 1, network, optimizer)
     return network.eval()
 
 
@@ -97,23 +101,36 @@ def _prefetched(
 
 
 def _save(
-    checkpoint: Path, step: int, network: CompactEncoder, optimizer: torch.optim.Optimizer
+    checkpoint: Path,
+    run: str,
+    step: int,
+    network: CompactEncoder,
+    optimizer: torch.optim.Optimizer,
 ) -> None:
-    state = {"step": step, "network": network.state_dict(), "optimizer": optimizer.state_dict()}
+    parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
+    state = {"run": run, "step": step, **parts}
     partial = checkpoint.with_suffix(".partial")
     torch.save(state, partial)
     partial.replace(checkpoint)
 
 
-def _resume(checkpoint: Path, network: CompactEncoder, optimizer: torch.optim.Optimizer) -> int:
-    """The next step; 0 where there is no checkpoint."""
+def _resume(
+    checkpoint: Path, run: str, network: CompactEncoder, optimizer: torch.optim.Optimizer
+) -> int:
+    """The next step; 0 where there is no checkpoint. Raises StoreError for one of another run."""
     if not checkpoint.exists():
         return 0
     try:
         state: dict[str, Any] = torch.load(checkpoint, weights_only=True)
+        if state["run"] != run:
+            raise StoreError(
+                f"{checkpoint}: of another seed or other parameters; delete it to start over"
+            )
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
         return int(state["step"])
+    except StoreError:
+        raise
     except Exception as cause:  # torch raises many types for a damaged or foreign file
         raise StoreError(
             f"{checkpoint}: not a checkpoint of this network; delete it to start over"

@@ -25,3 +25,4 @@ class PretrainParameters:
         0.5, "m", "places of one room this close are no negatives", low=0.0
     )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
+    threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)

@@ -64,7 +64,7 @@ class OnnxEncoder:
     """
 
     def __init__(self, content: bytes, name: str) -> None:
-        import onnxruntime  # noqa: PLC0415 - slow to import, and only some encoders need it
+        import onnxruntime
 
         options = onnxruntime.SessionOptions()
         options.log_severity_level = 3

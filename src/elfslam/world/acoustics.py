@@ -59,13 +59,23 @@ def image_sources(room: Room) -> Images:
     sign = np.column_stack([axes[a][0][index[:, a]] for a in range(3)])
     offset = np.column_stack([axes[a][1][index[:, a]] for a in range(3)])
     gain = np.prod([axes[a][2][index[:, a]] for a in range(3)], axis=0)
-    distance = np.linalg.norm((sign - 1) * room.size_m / 2 + offset, axis=1)
+    from_centre = np.abs((sign - 1) * room.size_m / 2 + offset)
+    distance = np.linalg.norm(from_centre, axis=1)
     strength = gain / np.maximum(distance, 1.0) * 10 ** (-_air_db_per_m() * distance / 20)
-    strength[distance > LONGEST_PATH_M + np.linalg.norm(room.size_m) / 2] = 0.0
+    strength[_nearest_m(from_centre, sign, room.size_m) > LONGEST_PATH_M] = 0.0
     strength[(sign > 0).all(axis=1) & (offset == 0).all(axis=1)] = 0.0
     keep = np.argsort(-strength)[:MOST_IMAGES]
     keep = np.sort(keep[strength[keep] > 0])
     return Images(sign[keep], offset[keep], gain[keep])
+
+
+def _nearest_m(from_centre_m: F64, sign: F64, size_m: F64) -> F64:
+    """Least path length of each image (k) as the phone moves through the room.
+
+    Along an axis that it mirrors, an image comes nearer by the phone's way twice.
+    """
+    nearer = np.where(sign < 0, size_m, 0.0)
+    return np.asarray(np.linalg.norm(np.maximum(from_centre_m - nearer, 0.0), axis=1))
 
 
 def _axis_images(length_m: float, reflection: F64, reach: int) -> tuple[F64, F64, F64]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import ParameterError
 from elfslam.base.values import (
     DISCARDED_SAMPLES,
     ECHO_RATE_HZ,
@@ -30,7 +31,14 @@ STRANGER_SHARE = 0.5
 
 
 def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPairs:
-    """`pairs` places with two echoes each, an equal number from each of `rooms` random rooms."""
+    """`pairs` places with two echoes each, an equal number from each of `rooms` random rooms.
+
+    Raises ParameterError where `pairs` is no multiple of `rooms`.
+    """
+    if pairs % rooms:
+        raise ParameterError(
+            f"pairs: wanted a multiple of rooms ({rooms}), got {pairs}; change one"
+        )
     chirp = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
     batch = [_pairs_in_room(generator, pairs // rooms, chirp) for _ in range(rooms)]
     first, second, xy_m = (np.concatenate(column) for column in zip(*batch, strict=True))
