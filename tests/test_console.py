@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from elfslam.base.errors import NoAnswerError, InputError
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.console import exit_code_of, print_rows, progress_bar
 
 ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]

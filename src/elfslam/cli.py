@@ -11,7 +11,7 @@ import numpy as np
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import NoAnswerError, InputError
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import load, rows
 from elfslam.base.values import FixStatus
 from elfslam.console import exit_code_of, print_rows, progress_bar, say
@@ -234,7 +234,7 @@ def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: boo
     run, truth = read_run(folder), read_truth(truth_path)
     print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
     if len(run.closures.i) and not as_json:
-        print_rows([closure_scores(run, truth)], title="Closures", as_json=False)
+        print_rows(closure_scores(run, truth), title="Closures", as_json=False)
     with new_file(folder / "score.html") as partial:
         write_report(partial, run, facts=read_facts(folder), floor_plan=_plan(plan), truth=truth)
 

@@ -37,12 +37,16 @@ def test_closures_are_grouped_by_weight() -> None:
     assert np.asarray(traces[0].x)[:2].tolist() == [0, 2]
 
 
-def test_judged_closures_leave_out_the_unknown() -> None:
+def test_judged_closures_are_coloured_and_leave_out_the_unknown() -> None:
     xy_m = np.array([[0, 0], [1, 0], [2, 0], [3, 0.0]])
-    closures = Closures([0, 1, 2], [2, 3, 3], [1, 1, 1], np.zeros((3, 3)), np.zeros((3, 3, 3)))
-    right, known = np.array([True, False, False]), np.array([True, True, False])
-    traces = figures.judged_closure_traces(xy_m, closures, right, known)
-    assert [trace.name for trace in traces] == ["closures, right (1)", "closures, wrong (1)"]
+    closures = Closures(
+        [0, 1, 2, 0], [2, 3, 3, 3], [1, 1, 1, 1], np.zeros((4, 3)), np.zeros((4, 3, 3))
+    )
+    right, known = np.array([True, False, False, False]), np.array([True, True, False, True])
+    kept = np.array([True, True, True, False])
+    traces = figures.judged_closure_traces(xy_m, closures, right, known, kept)
+    names = [f"closures, {word} (1)" for word in ("rejected", "right", "wrong")]
+    assert [trace.name for trace in traces] == names
 
 
 def test_thinned_keeps_the_ends_and_the_few() -> None:

@@ -110,7 +110,8 @@ def test_no_truth_no_trace_of_it(tmp_path: Path, run: Run, truth: Truth) -> None
     write_report(path, run, facts=FACTS, truth=truth)
     drawn = figures_of(path) + outline(path).text
     assert '"name":"truth"' in drawn
-    assert "closures, wrong (2)" in drawn
+    assert "closures, right (" in drawn
+    assert "closures, rejected (" in drawn
     assert "Errors (m)" in drawn
     assert "aligned with scale" in drawn
 

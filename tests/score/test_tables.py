@@ -27,13 +27,20 @@ def test_a_row_per_method_and_alignment(run: Run, truth: Truth) -> None:
 def test_rows_are_json(run: Run, truth: Truth) -> None:
     unknown = np.full(1, np.nan)
     refused = Fixes([3.0], [[np.nan, np.nan]], unknown, np.full((1, 2, 2), np.nan), unknown, [2])
-    rows = [*run_scores(run, truth), closure_scores(run, truth)]
+    rows = [*run_scores(run, truth), *closure_scores(run, truth)]
     fixes = fix_scores(refused, truth, np.zeros(3))
     assert json.loads(json.dumps([*rows, *fixes], allow_nan=False)) == [*rows, *fixes]
     assert fixes[0]["median_m"] is None
     assert fixes[0]["by_status"] == {"OK": 0, "AMBIGUOUS": 0, "UNKNOWN_PLACE": 1, "NO_ECHO": 0}
 
 
-def test_planted_wrong_closures_lower_the_precision(run: Run, truth: Truth) -> None:
+def test_planted_wrong_closures_lower_the_precision_until_the_graph_rejects_them(
+    run: Run, truth: Truth
+) -> None:
+    curated, kept = closure_scores(run, truth)
     count = run.closures.i.size
-    assert closure_scores(run, truth)["precision"] == pytest.approx((count - 2) / count)
+    assert curated["precision"] == pytest.approx((count - 2) / count)
+    assert (curated["count"], kept["count"]) == (
+        count,
+        int((run.trajectory.closure_weights > 0.5).sum()),
+    )

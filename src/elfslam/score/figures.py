@@ -133,13 +133,20 @@ def closure_traces(xy_m: F64, closures: Closures, weights: F64) -> list[go.Scatt
 
 
 def judged_closure_traces(
-    xy_m: F64, closures: Closures, right: Bool, known: Bool
+    xy_m: F64, closures: Closures, right: Bool, known: Bool, kept: Bool
 ) -> list[go.Scatter]:
-    """Closures coloured right or wrong; those the truth cannot judge are left out."""
-    kinds = [("right", RIGHT, known & right), ("wrong", WRONG, known & ~right)]
+    """Closures coloured right or wrong; faint where the back end rejected them.
+
+    Those that the truth cannot judge are left out.
+    """
+    kinds = [
+        ("rejected", TRUTH, known & ~kept, 0.25),
+        ("right", RIGHT, known & kept & right, 0.6),
+        ("wrong", WRONG, known & kept & ~right, 0.9),
+    ]
     return [
-        _links(xy_m, closures, chosen, f"closures, {word} ({int(chosen.sum())})", color, 0.6)
-        for word, color, chosen in kinds
+        _links(xy_m, closures, chosen, f"closures, {word} ({int(chosen.sum())})", color, opacity)
+        for word, color, chosen, opacity in kinds
         if chosen.any()
     ]
 

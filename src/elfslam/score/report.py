@@ -130,7 +130,8 @@ def _walk_panel(run: Run, floor_plan: FloorPlan | None, truth: Truth | None) -> 
     else:
         score = score_closures(run.closures, run.trajectory.t_s, truth)
         known = np.isfinite(score.distance_m)
-        links = (poses[:, :2], run.closures, score.right, known)
+        kept = run.trajectory.closure_weights > 0.5
+        links = (poses[:, :2], run.closures, score.right, known, kept)
         traces += figures.judged_closure_traces(*links)
         true_xy = truth.world_from_body[:, :2]
         traces += figures.walk_traces(true_xy, "truth", figures.TRUTH, dash="dash")
@@ -175,7 +176,7 @@ def _error_panels(run: Run, truth: Truth) -> list[Panel]:
         for alignment in (Alignment.ANCHORED, Alignment.ALIGNED)
     }
     rows = [_short(row) for row in run_scores(run, truth)]
-    closures = rows_table([_short(closure_scores(run, truth))])
+    closures = rows_table([_short(row) for row in closure_scores(run, truth)])
     return [
         Panel("Errors (m)", rows_table(rows), ERROR_NOTE, wide=True),
         Panel("Closures against the truth (m)", closures, CLOSURE_NOTE, wide=True),
@@ -188,7 +189,10 @@ ERROR_NOTE = (
     "Anchored: only the first pose is given. Aligned: the best rigid fit. With scale: the length "
     "of a step is forgiven too."
 )
-CLOSURE_NOTE = "A closure is right when its two ends truly lie within the radius."
+CLOSURE_NOTE = (
+    "A closure is right when its two ends truly lie within the radius. "
+    "Curated: what the similarity gave. Kept: what the graph believes."
+)
 
 
 def _evidence_panels(run: Run, parameters: Mapping[str, object]) -> list[Panel]:

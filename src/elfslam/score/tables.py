@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
-from elfslam.base.arrays import F64
-from elfslam.base.values import Fixes, Truth
+import numpy as np
+
+from elfslam.base.arrays import F64, Bool
+from elfslam.base.values import Closures, Fixes, Truth
 from elfslam.score.closure_score import score_closures
 from elfslam.score.errors import (
     Alignment,
@@ -44,11 +46,23 @@ def run_scores(run: Run, truth: Truth) -> list[ScoreRow]:
     return rows
 
 
-def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> ScoreRow:
-    """Precision, recall, count and median true distance of a run's closures."""
-    score = score_closures(run.closures, run.trajectory.t_s, truth, radius_m=radius_m)
+def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> list[ScoreRow]:
+    """Precision, recall, count and median true distance of the closures, curated and kept."""
+    kept = run.trajectory.closure_weights > 0.5
+    stages = {"curated": np.ones_like(kept), "kept": kept}
+    return [
+        _closure_row(name, _chosen(run.closures, rows), run, truth, radius_m)
+        for name, rows in stages.items()
+    ]
+
+
+def _closure_row(
+    name: str, closures: Closures, run: Run, truth: Truth, radius_m: float
+) -> ScoreRow:
+    score = score_closures(closures, run.trajectory.t_s, truth, radius_m=radius_m)
     return _plain(
         {
+            "closures": name,
             "radius_m": radius_m,
             "precision": score.precision,
             "recall": score.recall,
@@ -56,6 +70,11 @@ def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> ScoreRow
             "median_distance_m": score.median_distance_m,
         }
     )
+
+
+def _chosen(closures: Closures, rows: Bool) -> Closures:
+    parts = (getattr(closures, item.name)[rows] for item in fields(Closures))
+    return Closures(*parts)
 
 
 def fix_scores(fixes: Fixes, truth: Truth, world_from_map: F64) -> list[ScoreRow]:
