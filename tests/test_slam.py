@@ -167,6 +167,7 @@ def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth])
 def test_mapping_by_nothing_is_dead_reckoning(recording: Recording) -> None:
     made = map_by(recording, no_similarity, PARAMETERS)
     assert made.trajectory.status == "NO_CLOSURES"
+    assert made.similarity.scores.shape == (len(made.odometry.t_s) - 1,) * 2
     npt.assert_allclose(made.trajectory.world_from_body, made.odometry.world_from_body, atol=1e-6)
 
 

@@ -34,16 +34,18 @@ def traces(count: int, seed: int = 0) -> F32:
     return (0.05 * fading * generator.standard_normal((count, ECHO_SAMPLES))).astype(np.float32)
 
 
-def tiny_encoder(*, samples: int = ECHO_SAMPLES, output: str = "elf", seed: int = 1) -> bytes:
+def tiny_encoder(
+    *, samples: int = ECHO_SAMPLES, given: str = "samples", output: str = "elf", seed: int = 1
+) -> bytes:
     """An ONNX graph that projects at random and normalises."""
     weights = np.random.default_rng(seed).normal(size=(samples, ELF_SIZE)).astype(np.float32)
     graph = helper.make_graph(
         [
-            helper.make_node("MatMul", ["samples", "weights"], ["projected"]),
+            helper.make_node("MatMul", [given, "weights"], ["projected"]),
             helper.make_node("LpNormalization", ["projected"], [output], axis=1, p=2),
         ],
         "tiny",
-        [helper.make_tensor_value_info("samples", TensorProto.FLOAT, ["n", samples])],
+        [helper.make_tensor_value_info(given, TensorProto.FLOAT, ["n", samples])],
         [helper.make_tensor_value_info(output, TensorProto.FLOAT, ["n", ELF_SIZE])],
         [numpy_helper.from_array(weights, "weights")],
     )
@@ -120,6 +122,16 @@ def test_the_level_does_not_matter_to_a_spectral_feature() -> None:
     npt.assert_allclose(encoder.embed(8 * rows), encoder.embed(rows), atol=1e-3)
 
 
+def test_a_spectral_feature_has_neither_level_nor_decay_in_any_row() -> None:
+    images = SpectralEncoder().embed(traces(5)).reshape(5, 12, 48)
+    npt.assert_allclose(images.mean(axis=2), 0, atol=1e-5)
+    npt.assert_allclose(images @ np.linspace(-1, 1, 48), 0, atol=1e-4)
+
+
+def test_silence_has_no_spectral_feature() -> None:
+    assert not SpectralEncoder().embed(np.zeros((2, ECHO_SAMPLES), np.float32)).any()
+
+
 def test_decay_and_colour_drop_out_but_echoes_do_not() -> None:
     encoder, rows = SpectralEncoder(), traces(2)
     faster = rows * np.exp(-np.arange(ECHO_SAMPLES) / 5_000).astype(np.float32)
@@ -168,9 +180,17 @@ def test_garbage_is_refused(tmp_path: Path) -> None:
         load_encoder(str(file))
 
 
-@pytest.mark.parametrize("content", [tiny_encoder(samples=2_000), tiny_encoder(output="vector")])
-def test_a_graph_for_something_else_is_refused(content: bytes) -> None:
-    with pytest.raises(InputError, match=r"wanted input samples \(n, 2352\) and output elf, got"):
+@pytest.mark.parametrize(
+    ("content", "got"),
+    [
+        (tiny_encoder(samples=2_000), "2000"),
+        (tiny_encoder(output="vector"), "samples"),
+        (tiny_encoder(given="sound"), "sound"),
+    ],
+)
+def test_a_graph_for_something_else_is_refused(content: bytes, got: str) -> None:
+    wanted = rf"other: wanted input samples \(n, 2352\) and output elf, got .*{got}.*; export it"
+    with pytest.raises(InputError, match=wanted):
         OnnxEncoder(content, "other")
 
 
