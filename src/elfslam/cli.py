@@ -164,7 +164,10 @@ def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
 
 def _say_mapped(run: slam.Run, out: Path) -> None:
     for at_s, lost_s in [] if run.echoes is None else run.echoes.losses_s:
-        say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it were put in place")
+        if lost_s > 0:
+            say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it are in place")
+        else:
+            say(f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost")
     kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "

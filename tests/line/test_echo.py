@@ -85,6 +85,12 @@ def test_the_direct_arrival_is_found_to_the_sample(rate_hz: int, first_s: float)
     assert echoes.rate_hz == 44_100
 
 
+@pytest.mark.parametrize("level", [3e-4, 0.5])
+def test_soft_and_loud_chirps_are_found_alike(level: float) -> None:
+    echoes = cut(stream(grid(25), 2.5, level=level, noise=1e-6))
+    npt.assert_allclose(echoes.t_s, grid(25), atol=0.51 / 44_100)
+
+
 @pytest.mark.parametrize("rate_hz", [44_100, 48_000])
 def test_an_echo_planted_at_7_3_ms_is_found_there(rate_hz: int) -> None:
     planted = ((DISCARDED_SAMPLES / 44_100 + 0.0073, 0.3),)
@@ -347,3 +353,18 @@ def test_phones_that_play_and_record_at_different_rates_get_on() -> None:
     npt.assert_array_equal(
         cut_echoes(audio_of(samples), chirp_at(48_000), PARAMETERS).t_s, cut(samples).t_s
     )
+
+
+def test_a_playback_that_falls_behind_is_a_break_and_no_loss() -> None:
+    period = round(0.1 * 44_100)
+    arrivals = 500 + period * np.arange(40) + np.where(np.arange(40) >= 20, 441, 0)
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    samples = np.zeros(period * 42, dtype=np.float32)
+    samples += 1e-5 * np.random.default_rng(0).standard_normal(len(samples)).astype(np.float32)
+    for arrival in arrivals:
+        samples[arrival : arrival + len(chirp.samples)] += 0.3 * chirp.samples
+    duration_s = len(samples) / 44_100
+    echoes = cut_echoes(Audio(samples[None], 44_100), chirp, EchoParameters(), duration_s)
+    assert echoes.losses_s.shape == (1, 2)
+    assert echoes.losses_s[0, 1] == 0.0
+    np.testing.assert_allclose(echoes.t_s, arrivals / 44_100, atol=1e-4)

@@ -128,7 +128,8 @@ class Truth(Value):
 class Echoes(Value):
     """Aligned echo traces; sample 0 lies 485 samples after the direct arrival.
 
-    `losses_s` lists the interruptions of the stream: (when, how many seconds were lost).
+    `losses_s` lists the breaks of the stream: (when, how many seconds were lost); 0 s where the
+    offset between playing and recording changed and no sound was lost.
     """
 
     t_s: F64 = array("n", increasing=True)

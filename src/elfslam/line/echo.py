@@ -81,8 +81,8 @@ def cut_echoes(
     starts = arrivals.samples + DISCARDED_SAMPLES
     heard = np.array([_holds_echo(samples, start) for start in starts])
     traces = np.stack([samples[start : start + ECHO_SAMPLES] for start in starts[heard]])
-    missing_s = 0.0 if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
-    if missing_s > parameters.shortfall_s and not arrivals.jumps:
+    missing_s = None if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
+    if (missing_s or 0.0) > parameters.shortfall_s and not arrivals.jumps:
         arrivals = _with_seam(arrivals, samples, round(chirp.period_s * ECHO_RATE_HZ), parameters)
     t_s, losses_s = _arrival_times(arrivals, chirp.period_s, missing_s, parameters)
     return Echoes(t_s[heard], traces, _snr_db(samples, starts[heard]), losses_s)
@@ -220,23 +220,36 @@ def _earliest(envelope: F32, peak: int, early: int, share: float) -> int:
 
 
 def _arrival_times(
-    arrivals: Arrivals, period_s: float, missing_s: float, parameters: EchoParameters
+    arrivals: Arrivals, period_s: float, missing_s: float | None, parameters: EchoParameters
 ) -> tuple[F64, F64]:
     """Times of the arrivals with lost stretches put back, and the losses (when, seconds)."""
     t_s = arrivals.samples / ECHO_RATE_HZ
     silences = _silences(t_s, period_s)
     losses = []
-    jumped_s = sum(jump for _, jump in arrivals.jumps) / ECHO_RATE_HZ
-    whole_s = max(round((missing_s - jumped_s) / period_s), 0) * period_s
-    for index, (k, jump) in enumerate(arrivals.jumps):
-        lost_s = jump / ECHO_RATE_HZ + (whole_s if index == 0 else 0.0)
+    for k, lost_s in _lost_at_jumps(arrivals.jumps, period_s, missing_s):
         losses.append((t_s[k - 1] + period_s, lost_s))
         t_s[k:] += lost_s
-    if not arrivals.jumps and missing_s > parameters.shortfall_s:
-        losses.append((t_s[-1], missing_s))
+    if not arrivals.jumps and (missing_s or 0.0) > parameters.shortfall_s:
+        losses.append((t_s[-1], missing_s or 0.0))
     jumped = {k for k, _ in arrivals.jumps}
     losses += [(t_s[k - 1] + period_s, gap - period_s) for k, gap in silences if k not in jumped]
     return t_s, np.array(sorted(losses), dtype=np.float64).reshape(-1, 2)
+
+
+def _lost_at_jumps(
+    jumps: tuple[tuple[int, int], ...], period_s: float, missing_s: float | None
+) -> list[tuple[int, float]]:
+    """The arrival after each jump and the seconds lost there.
+
+    What is missing beyond the jumps is whole periods, put at the first. Where nothing is missing
+    the jumps are no losses: playing fell behind recording, and the clock is as it was.
+    """
+    jumped_s = sum(jump for _, jump in jumps) / ECHO_RATE_HZ
+    if missing_s is not None and missing_s < jumped_s / 2:
+        return [(k, 0.0) for k, _ in jumps]
+    whole_s = max(round(((missing_s or 0.0) - jumped_s) / period_s), 0) * period_s
+    lost = [(k, jump / ECHO_RATE_HZ) for k, jump in jumps]
+    return [(k, lost_s + whole_s * (index == 0)) for index, (k, lost_s) in enumerate(lost)]
 
 
 def _silences(t_s: F64, period_s: float) -> list[tuple[int, float]]:

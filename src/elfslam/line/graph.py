@@ -51,9 +51,11 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
     The first pose stays where it is. Without closures the dead reckoning comes back as it was.
     """
     problem, initial = _as_gtsam(graph, parameters)
-    robust = parameters.robust and bool(graph.is_closure.any())
-    solved, weights = (_solve_robust if robust else _solve)(problem, initial, graph, parameters)
-    kept = _weighted(problem, graph, weights)
+    near, weights = initial, np.ones(int(graph.is_closure.sum()))
+    if parameters.robust and len(weights):
+        near, weights = _choose_closures(problem, initial, graph, parameters)
+    kept = _without_rejected(problem, graph, weights)
+    solved = _solve(kept, near, parameters)
     covariance = _marginals(kept, solved, len(graph.initial))
     poses = np.array([_pose(solved.atPose2(k)) for k in range(len(graph.initial))])
     status = "OK" if (weights > 0.5).any() else "NO_CLOSURES"
@@ -76,27 +78,14 @@ def _as_gtsam(
     return problem, initial
 
 
-def _solve(
+def _choose_closures(
     problem: gtsam.NonlinearFactorGraph,
     initial: gtsam.Values,
     graph: PoseGraph,
     parameters: GraphParameters,
 ) -> tuple[gtsam.Values, F64]:
-    settings = gtsam.LevenbergMarquardtParams()
-    settings.setMaxIterations(parameters.iterations)
-    solved = gtsam.LevenbergMarquardtOptimizer(problem, initial, settings).optimize()
-    return solved, np.ones(int(graph.is_closure.sum()))
-
-
-def _solve_robust(
-    problem: gtsam.NonlinearFactorGraph,
-    initial: gtsam.Values,
-    graph: PoseGraph,
-    parameters: GraphParameters,
-) -> tuple[gtsam.Values, F64]:
-    inner = gtsam.LevenbergMarquardtParams()
-    inner.setMaxIterations(parameters.iterations)
-    settings = gtsam.GncLMParams(inner)
+    """Poses, and a weight per closure: 1 believed, 0 rejected."""
+    settings = gtsam.GncLMParams(_solver_settings(parameters))
     settings.setLossType(gtsam.GncLossType.TLS)
     trusted = [*np.flatnonzero(~graph.is_closure), len(graph.edges)]
     settings.setKnownInliers([int(k) for k in trusted])
@@ -107,16 +96,28 @@ def _solve_robust(
     return solved, weights[graph.is_closure]
 
 
-def _weighted(
+def _without_rejected(
     problem: gtsam.NonlinearFactorGraph, graph: PoseGraph, weights: F64
 ) -> gtsam.NonlinearFactorGraph:
-    """The problem without the closures that were rejected."""
     kept = gtsam.NonlinearFactorGraph()
     trust = np.ones(problem.size())
     trust[np.flatnonzero(graph.is_closure)] = weights
     for k in np.flatnonzero(trust > 0.5):
         kept.add(problem.at(int(k)))
     return kept
+
+
+def _solve(
+    problem: gtsam.NonlinearFactorGraph, near: gtsam.Values, parameters: GraphParameters
+) -> gtsam.Values:
+    settings = _solver_settings(parameters)
+    return gtsam.LevenbergMarquardtOptimizer(problem, near, settings).optimize()
+
+
+def _solver_settings(parameters: GraphParameters) -> gtsam.LevenbergMarquardtParams:
+    settings = gtsam.LevenbergMarquardtParams()
+    settings.setMaxIterations(parameters.iterations)
+    return settings
 
 
 def _marginals(problem: gtsam.NonlinearFactorGraph, solved: gtsam.Values, count: int) -> F64:

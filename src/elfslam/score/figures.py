@@ -30,8 +30,10 @@ GRID = "rgba(127,127,127,0.18)"
 LINES_AT_MOST = 3000
 ELLIPSES_AT_MOST = 40
 ELLIPSE_CORNERS = 25
-WEIGHT_BINS = ((0.0, 0.25, "rejected"), (0.25, 0.75, "doubted"), (0.75, np.inf, "trusted"))
-WEIGHT_STRENGTH = {"rejected": 0.35, "doubted": 0.6, "trusted": 0.9}
+REJECTED = "rejected"
+"""Closures that the back end did not believe: drawn when their name in the legend is tapped."""
+WEIGHT_BINS = ((0.0, 0.25, REJECTED), (0.25, 0.75, "doubted"), (0.75, np.inf, "trusted"))
+WEIGHT_STRENGTH = {REJECTED: 0.35, "doubted": 0.6, "trusted": 0.9}
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,7 +142,7 @@ def judged_closure_traces(
     Those that the truth cannot judge are left out.
     """
     kinds = [
-        ("rejected", TRUTH, known & ~kept, 0.25),
+        (REJECTED, TRUTH, known & ~kept, 0.25),
         ("right", RIGHT, known & kept & right, 0.6),
         ("wrong", WRONG, known & kept & ~right, 0.9),
     ]
@@ -207,7 +209,8 @@ def _links(
     rows = rows[thinned(rows.size, LINES_AT_MOST)]
     pairs = np.stack([xy_m[closures.i[rows]], xy_m[closures.j[rows]]], axis=1)
     line = {"color": color, "width": 1}
-    return _scatter(_broken(pairs), name=name, mode="lines", line=line, opacity=opacity, skip=True)
+    trace = _scatter(_broken(pairs), name=name, mode="lines", line=line, opacity=opacity, skip=True)
+    return trace.update(visible="legendonly" if REJECTED in name else True)
 
 
 def _area(ring: F64, fill: str, width: int) -> go.Scatter:
