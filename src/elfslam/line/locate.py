@@ -26,7 +26,7 @@ class LocateParameters:
         1.0, "m", "spots this close to the best count as the same place", low=0.05
     )
     ambiguous_below: float = parameter(
-        0.65, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
+        0.75, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
     )
     sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", low=0.0)
 
