@@ -82,9 +82,9 @@ def test_between_two_spots_the_fix_lies_between_them() -> None:
 def test_the_covariance_holds_the_spread_the_spots_own_and_a_floor() -> None:
     vectors = place_vectors()
     floor_map = made_map(vectors)
-    sharp = locate_one_shot(heard_at(vectors, [20], noise=0.0), floor_map, PARAMETERS)
+    even = locate_one_shot(heard_at(vectors, [20], noise=0.0), floor_map, PARAMETERS)
     own = np.diag([0.04, 0.09]) + PARAMETERS.sigma_floor_m**2 * np.eye(2)
-    npt.assert_allclose(sharp.covariance_m2[0], own, atol=0.02)
+    npt.assert_allclose(even.covariance_m2[0], own, atol=0.02)
     warm = dataclasses.replace(PARAMETERS, temperature=0.5, near_m=3.0, ambiguous_below=0.0)
     vague = locate_one_shot(heard_at(vectors, [20], noise=0.0), floor_map, warm)
     extra = vague.covariance_m2[0] - own
@@ -111,12 +111,12 @@ def test_two_far_places_that_sound_the_same_are_ambiguous() -> None:
 
 
 def test_three_far_places_are_ambiguous_and_near_ones_are_not() -> None:
-    sharp = dataclasses.replace(PARAMETERS, temperature=0.03)
+    even = dataclasses.replace(PARAMETERS, ambiguous_below=0.5)
     far, near = place_vectors().copy(), place_vectors().copy()
     far[[25, 40]] = far[10]
     near[[9, 11]] = near[10]
     for vectors, status in ((far, FixStatus.AMBIGUOUS), (near, FixStatus.OK)):
-        fixes = locate_one_shot(heard_at(vectors, [10]), made_map(vectors), sharp)
+        fixes = locate_one_shot(heard_at(vectors, [10]), made_map(vectors), even)
         assert fixes.status.tolist() == [status]
 
 
