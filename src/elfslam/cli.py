@@ -230,7 +230,7 @@ def score(
     elif (estimate / "run.json").exists():
         _score_run(estimate, truth, plan, as_json=as_json)
     else:
-        print_rows(score_walks(estimate, truth), title=f"Runs in {estimate} (m)", as_json=as_json)
+        print_rows(score_walks(estimate, truth), title=f"Runs in {estimate}", as_json=as_json)
 
 
 def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: bool) -> None:
@@ -279,7 +279,10 @@ def parameters(
 ) -> None:
     """Every parameter, its value, unit and meaning."""
     known = load(Settings(), parameter_file, setting or [])
-    print_rows([asdict(row) for row in rows(known)], title="Parameters", as_json=as_json)
+    table = [asdict(row) for row in rows(known)]
+    if not as_json:
+        table = [{**row, "value": str(row["value"])} for row in table]
+    print_rows(table, title="Parameters", as_json=as_json)
 
 
 @app.command("pretrain")

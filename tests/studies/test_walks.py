@@ -49,13 +49,15 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_medians_over_walks_with_enough_waypoints(folders: tuple[Path, Path]) -> None:
-    reckoned, slam = score_walks(*folders)
-    assert (reckoned["method"], reckoned["walks"], reckoned["scored"]) == ("dead reckoning", 3, 2)
-    assert reckoned["length_ratio"] == pytest.approx(1.2)
-    assert reckoned["end_error_percent"] == pytest.approx(20.0)
-    assert reckoned["scaled_rmse_m"] == pytest.approx(0.0, abs=1e-6)
-    assert (slam["method"], slam["scored"]) == ("SLAM", 1)
-    assert slam["aligned_rmse_m"] == pytest.approx(0.0, abs=1e-6)
+    table = {(row["method"], row["measure"]): row for row in score_walks(*folders)}
+    reckoned = table["dead reckoning", "length_ratio"]
+    assert (reckoned["walks"], reckoned["scored"]) == (3, 2)
+    assert (reckoned["low_95"], reckoned["high_95"]) == pytest.approx((1.1, 1.3))
+    assert reckoned["median"] == pytest.approx(1.2)
+    assert table["dead reckoning", "end_error_percent"]["median"] == pytest.approx(20.0)
+    assert table["dead reckoning", "scaled_rmse_m"]["median"] == pytest.approx(0.0, abs=1e-6)
+    assert table["SLAM", "aligned_rmse_m"]["scored"] == 1
+    assert table["SLAM", "aligned_rmse_m"]["median"] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:

@@ -20,7 +20,7 @@ FEWEST_WAYPOINTS = 3
 
 
 def score_walks(runs: Path, truths: Path) -> list[Row]:
-    """A row per method: medians over the walks, each with a 95 % interval by resampling walks.
+    """A row per method and measure: the median over the walks and its 95 % interval, by resampling.
 
     A walk counts where its truth has at least three waypoints; the others are counted apart. SLAM
     has a row only where some walk closed a loop.
@@ -39,7 +39,11 @@ def score_walks(runs: Path, truths: Path) -> list[Row]:
             known.pop("SLAM")
         for method, (t_s, poses) in known.items():
             collected.setdefault(method, []).append(_measure(t_s, poses, truth))
-    return [_row(method, measures, len(folders)) for method, measures in collected.items()]
+    return [
+        _row(method, measure, [each[measure] for each in measures], len(folders))
+        for method, measures in collected.items()
+        for measure in measures[0]
+    ]
 
 
 def _measure(t_s: np.ndarray, poses: np.ndarray, truth: Truth) -> dict[str, float]:
@@ -53,12 +57,16 @@ def _measure(t_s: np.ndarray, poses: np.ndarray, truth: Truth) -> dict[str, floa
     }
 
 
-def _row(method: str, measures: list[dict[str, float]], walks: int) -> Row:
-    row: Row = {"method": method, "walks": walks, "scored": len(measures)}
-    generator = np.random.default_rng(0)
-    for name in measures[0]:
-        values = np.array([measure[name] for measure in measures])
-        low, high = interval(list(values[:, None]), lambda some: float(np.median(some)), generator)
-        row[name] = float(np.median(values))
-        row[f"{name}_95"] = f"{low:.2f} to {high:.2f}"
-    return row
+def _row(method: str, measure: str, values: list[float], walks: int) -> Row:
+    """The median of one measure over the walks, with its 95 % interval."""
+    each = [np.array([value]) for value in values]
+    low, high = interval(each, lambda some: float(np.median(some)), np.random.default_rng(0))
+    return {
+        "method": method,
+        "measure": measure,
+        "median": float(np.median(values)),
+        "low_95": low,
+        "high_95": high,
+        "scored": len(values),
+        "walks": walks,
+    }
