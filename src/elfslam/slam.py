@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
@@ -62,6 +63,7 @@ class Run:
 
 
 Announce = Callable[[str], None]
+Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
 SimilarityMaker = Callable[[Recording, Odometry], Similarity]
 
@@ -85,19 +87,17 @@ def map_by_echoes(
 ) -> Run:
     """A walk with sound becomes a straightened trajectory and a map of ELFs."""
     seconds: dict[str, float] = {}
-    with _stage("motion", seconds, announce):
+    stage = partial(_stage, seconds, announce)
+    with stage("motion"):
         nodes = walk_nodes(recording, parameters)
-    with _stage("echoes", seconds, announce):
+    with stage("echoes"):
         echoes = hear(recording, parameters)
-    with _stage("features", seconds, announce):
+    with stage("features"):
         features = extract_features(echoes, adapt(encoder, echoes))
-    with _stage("similarity", seconds, announce):
+    with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
-    with _stage("closures", seconds, announce):
-        closures = find_closures(similarity, nodes, parameters.closure)
-    with _stage("graph", seconds, announce):
-        trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
-    with _stage("map", seconds, announce):
+    closures, trajectory = _close_loops(nodes, similarity, parameters, stage)
+    with stage("map"):
         floor_map = trajectory_map(
             trajectory,
             features,
@@ -105,17 +105,8 @@ def map_by_echoes(
             parameters_digest=digest(parameters),
             source=recording.name,
         )
-    return Run(
-        recording.name,
-        nodes,
-        similarity,
-        closures,
-        trajectory,
-        floor_map,
-        echoes,
-        features,
-        seconds,
-    )
+    evidence = similarity, closures, trajectory, floor_map, echoes, features
+    return Run(recording.name, nodes, *evidence, seconds)
 
 
 def map_by(
@@ -127,15 +118,24 @@ def map_by(
 ) -> Run:
     """The same with another sense: whatever makes a similarity between nodes closes the loops."""
     seconds: dict[str, float] = {}
-    with _stage("motion", seconds, announce):
+    stage = partial(_stage, seconds, announce)
+    with stage("motion"):
         nodes = walk_nodes(recording, parameters)
-    with _stage("similarity", seconds, announce):
+    with stage("similarity"):
         similarity = similarity_of(recording, nodes)
-    with _stage("closures", seconds, announce):
-        closures = find_closures(similarity, nodes, parameters.closure)
-    with _stage("graph", seconds, announce):
-        trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    closures, trajectory = _close_loops(nodes, similarity, parameters, stage)
     return Run(recording.name, nodes, similarity, closures, trajectory, None, None, None, seconds)
+
+
+def _close_loops(
+    nodes: Odometry, similarity: Similarity, parameters: Parameters, stage: Stage
+) -> tuple[Closures, Trajectory]:
+    """What resembles closes loops, and the loops straighten the walk."""
+    with stage("closures"):
+        closures = find_closures(similarity, nodes, parameters.closure)
+    with stage("graph"):
+        trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    return closures, trajectory
 
 
 def no_similarity(recording: Recording, nodes: Odometry) -> Similarity:
@@ -177,7 +177,8 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
 
 
 @contextmanager
-def _stage(name: str, seconds: dict[str, float], announce: Announce) -> Iterator[None]:
+def _stage(seconds: dict[str, float], announce: Announce, name: str) -> Iterator[None]:
+    """Announce a stage and note in `seconds` how long it took."""
     announce(name)
     start = time.perf_counter()
     yield
