@@ -69,7 +69,8 @@ def _at(motion: Motion, rows: F64, t_s: F64) -> F64:
     before = np.minimum((t_s * KINEMATICS_RATE_HZ + 1e-6).astype(int), len(rows) - 1)
     share = (t_s * KINEMATICS_RATE_HZ - before)[:, None]
     after = np.minimum(before + 1, len(rows) - 1)
-    return np.where(share < 1e-6, rows[before], (1 - share) * rows[before] + share * rows[after])
+    mixed = (1 - share) * rows[before] + share * rows[after]
+    return np.asarray(np.where(share < 1e-6, rows[before], mixed))
 
 
 def gauss_markov(

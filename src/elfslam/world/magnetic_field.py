@@ -22,16 +22,17 @@ BLOCK = 2000
 class Magnetism:
     """What the `[magnetic]` table of a world says.
 
-    `north_deg` is where magnetic north lies in the plane, counter-clockwise from x; `depth_m` is
-    how far behind a surface steel may lie; `moment_am2` is its standard deviation per axis.
+    `north_deg` is where magnetic north lies in the plane, counter-clockwise from x. Steel lies up
+    to `depth_m` behind a surface, and no nearer than half of it; `moment_am2` is the standard
+    deviation of its moment per axis.
     """
 
     strength_ut: float = 49.0
     inclination_deg: float = 47.0
     north_deg: float = 90.0
     dipoles_per_m2: float = 0.3
-    moment_am2: float = 60.0
-    depth_m: float = 0.6
+    moment_am2: float = 480.0
+    depth_m: float = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,14 +56,16 @@ class MagnetometerGrade:
 
 
 AK09911 = MagnetometerGrade(
-    name="AKM AK09911", rate_hz=50.0, resolution_ut=0.6, noise_ut=0.75, hard_iron_ut=3.5
+    name="AKM AK09911", rate_hz=50.0, resolution_ut=0.6, noise_ut=0.75, hard_iron_ut=5.0
 )
 """Data sheet MS1526-E-01: 0.6 uT per digit. It states no noise: 0.75 uT is what 50 Hz readings of
 the mall phone, which has this part, scatter from one to the next; the hard iron that calibration
 leaves makes the mean magnitude differ between walks there by about 5 uT."""
 
 
-def magnetic_field(room: Room, magnetism: Magnetism, generator: np.random.Generator) -> MagneticField:
+def magnetic_field(
+    room: Room, magnetism: Magnetism, generator: np.random.Generator
+) -> MagneticField:
     """The field of a room whose six surfaces hide dipoles drawn from `generator`."""
     dip, north = np.deg2rad(magnetism.inclination_deg), np.deg2rad(magnetism.north_deg)
     ahead = [np.cos(dip) * np.cos(north), np.cos(dip) * np.sin(north), -np.sin(dip)]
@@ -100,7 +103,7 @@ def _behind_surfaces(size_m: F64, magnetism: Magnetism, generator: np.random.Gen
     count = round(float(areas.sum()) * magnetism.dipoles_per_m2)
     surface = generator.choice(6, size=count, p=areas / areas.sum())
     points = generator.uniform(0, 1, (count, 3)) * size_m
-    depth_m = magnetism.depth_m * generator.uniform(0, 1, count)
+    depth_m = magnetism.depth_m * generator.uniform(0.5, 1, count)
     axis, far = surface // 2, surface % 2 == 1
     points[np.arange(count), axis] = np.where(far, size_m[axis] + depth_m, -depth_m)
     return np.asarray(points)

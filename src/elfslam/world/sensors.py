@@ -80,7 +80,11 @@ def read_surroundings(table: Mapping[str, Any], room: Room, seed: int) -> Surrou
 
 
 def sense(
-    around: Surroundings, motion: Motion, seed: int, sensors: Collection[Sensor]
+    around: Surroundings,
+    motion: Motion,
+    seed: int,
+    sensors: Collection[Sensor],
+    wifi: WifiParameters,
 ) -> Readings:
     """What each sensor reads along a walk; each has its own noise, whichever others there are.
 
@@ -91,7 +95,7 @@ def sense(
         _check_present(around.access_points, Sensor.WIFI, "[[access_point]]")
         generator = np.random.default_rng([seed, 2])
         readings["wifi"] = scan(
-            motion, around.access_points, around.walls_m, around.seed, generator, WifiParameters()
+            motion, around.access_points, around.walls_m, around.seed, generator, wifi
         )
     if Sensor.MAGNETIC in sensors:
         _check_present(around.field, Sensor.MAGNETIC, "[magnetic]")

@@ -21,6 +21,7 @@ from elfslam.world.imu import read_imu
 from elfslam.world.room import Furniture, Room, furnish
 from elfslam.world.sensors import Sensor, Surroundings, read_surroundings, sense
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
+from elfslam.world.wifi import WifiParameters
 
 TRUTH_RATE_HZ = 50.0
 LATENCY_S = (0.012, 0.090)
@@ -97,6 +98,7 @@ def simulate(
     sound: bool = True,
     sensors: Collection[Sensor] = (),
     grade: ImuGrade = BMI160,
+    wifi: WifiParameters | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Recording, Truth]:
     """A walk of `rounds` laps: a recording without any truth in it, and the truth apart.
@@ -110,7 +112,7 @@ def simulate(
     route_m = world.route_m[::-1] if reverse else world.route_m
     motion = walk(walker, route_m, rounds, generator)
     around = world.surroundings or read_surroundings({}, world.room, 0)
-    readings = sense(around, motion, seed, sensors)
+    readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     device = named_device("simulated phone")
     imu = read_imu(motion, grade, generator)
     audio = None

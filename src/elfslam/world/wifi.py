@@ -17,7 +17,7 @@ SHADOW_WAVES = 200
 NEAREST_M = 0.5
 """Closer than this the power no longer rises: antennas are not points."""
 SIGHTING_AGE_S = (0.7, 1.6)
-"""Age of an entry that was heard in the scan itself, as in the mall walks (10 to 40 % of all)."""
+"""Age of an entry that was heard in the scan itself, as in the mall walks."""
 PERIOD_JITTER = 0.05
 
 
@@ -38,12 +38,13 @@ class WifiParameters:
     scan_rate_hz: float = parameter(0.8, "Hz", "scans per second", low=0.01, high=10.0)
     exponent: float = parameter(2.8, "", "power falls with this power of distance", low=1.0)
     wall_loss_db: float = parameter(6.0, "dB", "loss in every wall crossed", low=0.0)
-    body_loss_db: float = parameter(4.0, "dB", "loss through the holder, fully behind", low=0.0)
-    shadowing_db: float = parameter(5.0, "dB", "standard deviation over the floor", low=0.0)
-    correlation_m: float = parameter(3.0, "m", "shadowing falls to 1/e in this", low=0.1)
-    fading_db: float = parameter(3.0, "dB", "standard deviation from scan to scan", low=0.0)
+    body_loss_db: float = parameter(6.0, "dB", "loss through the holder, fully behind", low=0.0)
+    shadowing_db: float = parameter(4.0, "dB", "standard deviation over the floor", low=0.0)
+    correlation_m: float = parameter(8.0, "m", "shadowing falls to 1/e in this", low=0.1)
+    fading_db: float = parameter(4.5, "dB", "standard deviation from scan to scan", low=0.0)
     threshold_dbm: float = parameter(-92.0, "dBm", "weaker beacons are not heard")
-    missed_share: float = parameter(0.2, "", "beacons missed by chance", low=0.0, high=1.0)
+    missed_share: float = parameter(0.6, "", "missed by chance at the threshold", low=0.0, high=1.0)
+    missed_halving_db: float = parameter(12.0, "dB", "so much stronger, half as many", low=0.1)
     forget_s: float = parameter(30.0, "s", "an entry not heard for so long is dropped", low=0.0)
 
 
@@ -135,7 +136,9 @@ def scan(
         heard_dbm[:, column] += shadow_db(shadowing, position_m[:, :2])
         heard_dbm[:, column] -= parameters.body_loss_db * _behind(motion, at, point)
     heard_dbm = np.round(heard_dbm)
-    missed = generator.uniform(0, 1, shape) < parameters.missed_share
+    above_db = heard_dbm - parameters.threshold_dbm
+    missed_share = parameters.missed_share * 0.5 ** (above_db / parameters.missed_halving_db)
+    missed = generator.uniform(0, 1, shape) < missed_share
     heard_dbm[missed | (heard_dbm < parameters.threshold_dbm)] = np.nan
     return _with_stale_entries(t_s, points, heard_dbm, age_s, parameters)
 
@@ -176,7 +179,7 @@ def _with_stale_entries(
     scans, seen = ~absent.all(axis=1), ~absent.all(axis=0)
     if not seen.any():
         return None
-    order = sorted(np.flatnonzero(seen), key=lambda k: points[k].bssid)
+    order = sorted(np.flatnonzero(seen).tolist(), key=lambda k: points[k].bssid)
     names = tuple(points[k].bssid for k in order)
     kept = np.ix_(scans, order)
     return WifiScans(t_s[scans], names, rssi_dbm[kept], age_s[kept])
