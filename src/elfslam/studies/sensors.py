@@ -57,12 +57,12 @@ def compare_sensors(
     The last column is None without `data`, a folder that holds `mall_walks/*.tar.xz`. `walks` are
     simulated in each place, and `mall_walks` read of each floor.
     """
+    announce("reading the mall walks", None)
+    real = {} if data is None else statistics(list(_mall(data, mall_walks)))
     announce("simulating rooms", None)
     rooms = [_simulated(load_world(name), walks) for name in ROOMS]
     announce("simulating a hall", None)
     large = [_simulated(hall(), walks, rounds=1)]
-    announce("reading the mall walks", None)
-    real = {} if data is None else statistics(list(_mall(data, mall_walks)))
     columns = {
         "simulated rooms": statistics(rooms),
         "simulated hall": statistics(large),
