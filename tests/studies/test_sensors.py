@@ -128,10 +128,12 @@ def test_without_real_walks_their_column_is_empty(table: list[dict[str, object]]
 
 
 def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str, object]]) -> None:
-    """What the constants were chosen for; the hall is the simulated place most like the mall."""
-    rows = {
-        str(row["quantity"]): row for row in compare_sensors(shared_data, walks=1, mall_walks=8)
-    }
+    """What the constants were chosen for; the hall is the simulated place most like the mall.
+
+    Two walks, since one alone is hardly ever twice within a metre of a place.
+    """
+    compared = compare_sensors(shared_data, walks=2, mall_walks=8)
+    rows = {str(row["quantity"]): row for row in compared}
     for name, factor in (
         ("step rate, median", 1.1),
         ("time between scans, median", 1.25),
