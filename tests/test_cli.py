@@ -13,6 +13,8 @@ import pytest
 import soundfile
 
 from elfslam.cli import main
+from elfslam.data.recordings import read_recording
+from elfslam.studies import catalogue
 
 Outcome = tuple[int, str, str]
 Elfslam = Callable[..., Outcome]
@@ -79,6 +81,27 @@ def test_the_same_seed_gives_the_same_bytes(walk: Path, tmp_path: Path, elfslam:
     elfslam("simulate", "studio", tmp_path / "again", "--seed", 107, "--rounds", 3)
     for file in ("audio.flac", "accelerometer.csv", "gyroscope.csv", "truth.tum"):
         assert (tmp_path / "again" / file).read_bytes() == (walk / file).read_bytes()
+
+
+def test_a_walk_brings_the_sensors_asked_for(tmp_path: Path, elfslam: Elfslam) -> None:
+    out = tmp_path / "walk"
+    asked = ("--rounds", 1, "--sensors", "wifi,magnetic,emr")
+    assert elfslam("simulate", "studio", out, *asked)[0] == 0
+    recording = read_recording(out)
+    assert recording.wifi is not None
+    assert recording.magnetometer is not None
+    assert recording.emr is not None
+
+
+def test_a_study_is_printed_and_written(tmp_path: Path, elfslam: Elfslam) -> None:
+    def study(data: Path | None, announce: object) -> list[dict[str, object]]:
+        return [{"quantity": "step rate", "value": 1.9}]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue, "STUDIES", {"gait": study})
+        code, out, _ = elfslam("study", "gait", tmp_path / "out", "--json")
+    assert (code, json.loads(out)) == (0, [{"quantity": "step rate", "value": 1.9}])
+    assert json.loads((tmp_path / "out" / "gait.json").read_text()) == json.loads(out)
 
 
 def test_mapping_writes_a_run_that_never_saw_the_truth(
@@ -269,6 +292,9 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "atlantis", "{tmp}/out"], "studio"),
         (["simulate", "studio", "{walk}"], "exists"),
         (["simulate", "studio", "{tmp}/out", "--rate", "16000"], "16000"),
+        (["simulate", "studio", "{tmp}/out", "--sensors", "wifi,radar"], "radar"),
+        (["study", "everything", "{tmp}/out"], "wanted sensors"),
+        (["study", "sensors", "{tmp}/out", "--data", "{walk}"], "mall_walks"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),

@@ -38,8 +38,10 @@ from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_map_page, write_report, write_world_page
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
+from elfslam.studies.catalogue import STUDIES, run_study
 from elfslam.studies.demo import floor_plan, run_demo
 from elfslam.studies.walks import score_walks
+from elfslam.world.sensors import parse_sensors
 from elfslam.world.simulate import describe_chirp, load_world, simulate, world_names
 
 app = typer.Typer(
@@ -90,6 +92,7 @@ def simulate_command(
     rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
+    sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     with progress_bar() as announce:
@@ -99,6 +102,7 @@ def simulate_command(
             rounds=rounds,
             rate_hz=rate_hz,
             reverse=reverse,
+            sensors=parse_sensors(sensors),
             progress=lambda share: announce(f"simulating {world}", share),
         )
     write_recording(recording, out, chirp_description=describe_chirp(), truth=truth)
@@ -271,6 +275,21 @@ def show(
             route_m = np.vstack([world.route_m, world.route_m[:1]])
             write_world_page(partial, floor_plan(world.room), route_m, title=world.name)
     say(f"look at {out}")
+
+
+@app.command()
+def study(
+    name: Annotated[str, typer.Argument(help=", ".join(STUDIES))],
+    out: Annotated[Path, typer.Argument(help="Folder for the table, as JSON and as CSV.")],
+    data: Annotated[
+        Path | None, typer.Option(envvar="ELFSLAM_DATA", help="Folder of real recordings.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the table of a study."""
+    with progress_bar() as announce:
+        table = run_study(name, out, data, announce)
+    print_rows(table, title=f"Study: {name}", as_json=as_json)
 
 
 @app.command()

@@ -13,6 +13,9 @@ from elfslam.world.device import (
     BAND_LOW_HZ,
     BIN_HZ,
     BMI160,
+    BROWSER,
+    ICM20948,
+    LSM6DSO,
     Device,
     named_device,
     smooth_response,
@@ -52,3 +55,23 @@ def test_the_grade_is_the_one_of_the_data_sheet() -> None:
     assert np.rad2deg(BMI160.gyro_noise_radps_rthz) == pytest.approx(0.007)
     assert BMI160.accel_noise_mps2_rthz == pytest.approx(1.765e-3, rel=1e-3)
     assert BMI160.accel_bias_mps2 == pytest.approx(0.392, rel=1e-2)
+
+
+def test_the_other_grades_are_those_of_their_data_sheets() -> None:
+    """DS12140: 3.8 mdps/rtHz, 70 ug/rtHz, 20 mg. DS-000189: 15 mdps/rtHz, 230 ug/rtHz, 25 mg."""
+    stated = {LSM6DSO: (0.0038, 70, 20), ICM20948: (0.015, 230, 25)}
+    for grade, (gyro_dps, accel_ug, offset_mg) in stated.items():
+        assert np.rad2deg(grade.gyro_noise_radps_rthz) == pytest.approx(gyro_dps)
+        assert grade.accel_noise_mps2_rthz / 9.80665e-6 == pytest.approx(accel_ug)
+        assert grade.accel_bias_mps2 / 9.80665e-3 == pytest.approx(offset_mg)
+        assert np.rad2deg(grade.gyro_bias_instability_radps) * 3600 == pytest.approx(10.0)
+
+
+def test_the_first_grade_has_not_changed() -> None:
+    assert BMI160.gyro_bias_instability_radps == 0.0
+    assert BMI160.decimals is None
+
+
+def test_a_browser_is_slow_and_rounds() -> None:
+    assert (BROWSER.rate_hz, BROWSER.decimals) == (60.0, 1)
+    assert BROWSER.gyro_noise_radps_rthz == BMI160.gyro_noise_radps_rthz

@@ -8,8 +8,17 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.world.device import BMI160, ImuGrade
-from elfslam.world.imu import GRAVITY_MPS2, GYRO_SCALE_ERROR, attitude, read_imu
+from elfslam.line.motion import MotionParameters, find_footsteps
+from elfslam.world.device import BMI160, BROWSER, LSM6DSO, ImuGrade
+from elfslam.world.imu import (
+    ALLAN_PEAK,
+    BIAS_CORRELATION_S,
+    GRAVITY_MPS2,
+    GYRO_SCALE_ERROR,
+    attitude,
+    gauss_markov,
+    read_imu,
+)
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker, walk
 
 PERFECT = ImuGrade("perfect", 100.0, 0.0, 0.0, 0.0, 0.0)
@@ -134,10 +143,59 @@ def test_browsers_round() -> None:
         assert len(np.unique(np.round(values * 10))) > 10
 
 
-@pytest.mark.parametrize("rate_hz", [50.0, 100.0, 200.0])
+@pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0, 104.0, 200.0])
 def test_the_clock_runs_at_the_rate_of_the_grade(rate_hz: float) -> None:
     motion = walking()
     imu = read_imu(motion, replace(BMI160, rate_hz=rate_hz), generator_of())
     np.testing.assert_allclose(np.diff(imu.t_s), 1 / rate_hz, atol=1e-9)
     assert imu.t_s[0] == 0.0
     assert imu.t_s[-1] == pytest.approx(motion.t_s[-1], abs=1.5 / rate_hz)
+
+
+def test_a_rate_that_divides_nothing_reads_between() -> None:
+    """60 Hz does not divide 400 Hz: samples lie on the straight line between its neighbours."""
+    motion = walking()
+    fast = read_imu(motion, replace(PERFECT, rate_hz=400.0), generator_of())
+    odd = read_imu(motion, replace(PERFECT, rate_hz=60.0), generator_of())
+    for name in ("accel_mps2", "gyro_radps"):
+        columns = [np.interp(odd.t_s, fast.t_s, axis) for axis in getattr(fast, name).T]
+        np.testing.assert_allclose(getattr(odd, name), np.column_stack(columns), atol=1e-9)
+
+
+def test_a_browser_gives_60_hz_in_tenths() -> None:
+    imu = read_imu(walking(), BROWSER, generator_of())
+    assert 1 / np.diff(imu.t_s).mean() == pytest.approx(60.0)
+    for values in (imu.accel_mps2, np.rad2deg(imu.gyro_radps)):
+        np.testing.assert_allclose(values * 10, np.round(values * 10), atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_steps_are_found_in_what_a_browser_gives(seed: int) -> None:
+    motion = walking(seed, rounds=2)
+    found = find_footsteps(read_imu(motion, BROWSER, generator_of(seed)), MotionParameters())
+    assert len(found) == pytest.approx(motion.steps[-1], abs=3)
+
+
+def allan_deviation(rates: F64, size: int) -> float:
+    means = rates[: len(rates) // size * size].reshape(-1, size, rates.shape[1]).mean(axis=1)
+    return float(np.sqrt((np.diff(means, axis=0) ** 2).mean() / 2))
+
+
+def test_the_bias_wanders_as_far_as_its_instability() -> None:
+    """The Allan deviation peaks there, at 1.89 correlation times."""
+    bias = gauss_markov(generator_of(), (400_000, 3), BIAS_CORRELATION_S, 1.0)
+    assert bias.std() == pytest.approx(1.0, rel=0.05)
+    sizes = [round(share * BIAS_CORRELATION_S) for share in (0.3, 1.89, 12.0)]
+    short, peak, long = (allan_deviation(bias / ALLAN_PEAK, size) for size in sizes)
+    assert peak == pytest.approx(1.0, rel=0.06)
+    assert short < 0.8
+    assert long < 0.8
+
+
+def test_only_grades_with_instability_wander() -> None:
+    motion = standing(2.0)
+    steady = replace(LSM6DSO, gyro_bias_instability_radps=0.0)
+    wandering, plain = (read_imu(motion, grade, generator_of()) for grade in (LSM6DSO, steady))
+    difference = wandering.gyro_radps - plain.gyro_radps
+    assert wandering.accel_mps2.tobytes() == plain.accel_mps2.tobytes()
+    assert 0 < np.abs(difference).max() < 10 * LSM6DSO.gyro_bias_instability_radps

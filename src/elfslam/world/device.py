@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,7 +16,11 @@ BIN_HZ = 10.0
 
 @dataclass(frozen=True)
 class ImuGrade:
-    """Errors of a motion sensor, one standard deviation each."""
+    """Errors of a motion sensor, one standard deviation each.
+
+    A bias instability is the flat floor of the Allan deviation. `decimals` is to how many places
+    the stream is rounded, in m/s2 and degrees per second; None leaves it as it is.
+    """
 
     name: str
     rate_hz: float
@@ -24,6 +28,8 @@ class ImuGrade:
     gyro_bias_radps: float
     accel_noise_mps2_rthz: float
     accel_bias_mps2: float
+    gyro_bias_instability_radps: float = 0.0
+    decimals: int | None = None
 
 
 BMI160 = ImuGrade(
@@ -37,6 +43,37 @@ BMI160 = ImuGrade(
 """Data sheet BST-BMI160-DS000: gyroscope noise 0.007 deg/s/rtHz, accelerometer noise 180 ug/rtHz
 and offset 40 mg. The gyroscope's zero-rate offset drifts by 0.05 deg/s per kelvin; the phone's own
 calibration removes it at rest, and 0.1 deg/s stands for 2 K of warming since then."""
+
+PHONE_BIAS_INSTABILITY_RADPS = np.deg2rad(10.0 / 3600)
+"""No data sheet below states one. Eleven Android phones had gyroscope biases of 5 to 20 deg/h
+(doi 10.12265/j.gnss.2025047); 10 deg/h stands for them."""
+
+LSM6DSO = ImuGrade(
+    name="ST LSM6DSO",
+    rate_hz=100.0,
+    gyro_noise_radps_rthz=np.deg2rad(0.0038),
+    gyro_bias_radps=np.deg2rad(0.02),
+    accel_noise_mps2_rthz=70e-6 * 9.80665,
+    accel_bias_mps2=0.020 * 9.80665,
+    gyro_bias_instability_radps=PHONE_BIAS_INSTABILITY_RADPS,
+)
+"""Data sheet DS12140, table of mechanical characteristics: 3.8 mdps/rtHz, 70 ug/rtHz at 2 g, zero-g
+offset 20 mg, zero-rate change 0.010 deg/s per kelvin (here times 2 K)."""
+
+ICM20948 = ImuGrade(
+    name="TDK InvenSense ICM-20948",
+    rate_hz=100.0,
+    gyro_noise_radps_rthz=np.deg2rad(0.015),
+    gyro_bias_radps=np.deg2rad(0.1),
+    accel_noise_mps2_rthz=230e-6 * 9.80665,
+    accel_bias_mps2=0.025 * 9.80665,
+    gyro_bias_instability_radps=PHONE_BIAS_INSTABILITY_RADPS,
+)
+"""Data sheet DS-000189 revision 1.3, tables 1 and 2: 0.015 deg/s/rtHz, 230 ug/rtHz, zero-g offset
+25 mg (component), zero-rate change 0.05 deg/s per kelvin (here times 2 K)."""
+
+BROWSER = replace(BMI160, name="browser on Bosch BMI160", rate_hz=60.0, decimals=1)
+"""What a page gets by devicemotion: 60 Hz, rounded to 0.1 m/s2 and 0.1 deg/s."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -16,10 +16,12 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Chirp, Recording, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.acoustics import FRAME_S, Images, image_sources, render_frames, room_responses
-from elfslam.world.device import BMI160, Device, named_device
+from elfslam.world.device import BMI160, Device, ImuGrade, named_device
 from elfslam.world.imu import read_imu
 from elfslam.world.room import Furniture, Room, furnish
+from elfslam.world.sensors import Sensor, Surroundings, read_surroundings, sense
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
+from elfslam.world.wifi import WifiParameters
 
 TRUTH_RATE_HZ = 50.0
 LATENCY_S = (0.012, 0.090)
@@ -30,11 +32,12 @@ RUMBLE_RMS = 3e-4
 
 @dataclass(frozen=True, eq=False)
 class World(Value):
-    """A furnished room and the closed route that is walked in it."""
+    """A furnished room, the closed route that is walked in it, and what other sensors find."""
 
     name: str
     room: Room
     route_m: F64 = array("k", 2)
+    surroundings: Surroundings | None = None
 
 
 def world_names() -> list[str]:
@@ -61,7 +64,8 @@ def load_world(name: str) -> World:
         room = furnish(
             np.array(table["size_m"]), np.array(table["reflection"]), furniture, generator
         )
-        world = World(table["name"], room, np.array(table["route_m"]))
+        around = read_surroundings(table, room, table["furniture_seed"])
+        world = World(table["name"], room, np.array(table["route_m"]), around)
     except (KeyError, TypeError, ValueError) as cause:
         raise InputError(
             f"world {name!r}: not a world description ({cause}); compare with a built-in one"
@@ -91,22 +95,31 @@ def simulate(
     rounds: int = 5,
     rate_hz: int = 44_100,
     reverse: bool = False,
+    sound: bool = True,
+    sensors: Collection[Sensor] = (),
+    grade: ImuGrade = BMI160,
+    wifi: WifiParameters | None = None,
     progress: Callable[[float], None] = lambda share: None,
 ) -> tuple[Recording, Truth]:
     """A walk of `rounds` laps: a recording without any truth in it, and the truth apart.
 
-    The same world and seed give the same bytes. `reverse` walks the route the other way round.
-    `progress` hears the share done.
+    The same world and seed give the same bytes. `reverse` walks the route the other way round;
+    without `sound` the slow part is left out; `sensors` come on top and change nothing else.
+    `progress` hears the share done. Raises InputError where the world lacks what a sensor needs.
     """
     generator = np.random.default_rng([seed, 1])
     walker = random_walker(generator)
     route_m = world.route_m[::-1] if reverse else world.route_m
     motion = walk(walker, route_m, rounds, generator)
+    around = world.surroundings or read_surroundings({}, world.room, 0)
+    readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     device = named_device("simulated phone")
-    imu = read_imu(motion, BMI160, generator)
-    audio = _record_audio(world.room, device, walker, motion, rate_hz, generator, progress)
-    name = f"{world.name} seed {seed}"
-    recording = Recording(name=name, device=f"{device.name}, {BMI160.name}", audio=audio, imu=imu)
+    imu = read_imu(motion, grade, generator)
+    audio = None
+    if sound:
+        audio = _record_audio(world.room, device, walker, motion, rate_hz, generator, progress)
+    name, phone = f"{world.name} seed {seed}", f"{device.name}, {grade.name}"
+    recording = Recording(name=name, device=phone, audio=audio, imu=imu, **readings)
     return recording, _truth(motion)
 
 

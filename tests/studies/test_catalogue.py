@@ -1,0 +1,48 @@
+"""Studies by name, and their tables on disk."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.studies import catalogue
+from elfslam.studies.catalogue import STUDIES, run_study
+
+ROWS: list[dict[str, object]] = [
+    {"quantity": "speed", "value": 1.25},
+    {"quantity": "size, of steps", "value": None},
+]
+
+
+def silent(what: str, share: float | None) -> None:
+    """Hears nothing."""
+
+
+def test_a_table_is_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Path | None] = []
+
+    def study(data: Path | None, announce: catalogue.Announce) -> list[dict[str, object]]:
+        asked.append(data)
+        return ROWS
+
+    monkeypatch.setattr(catalogue, "STUDIES", {"gait": study})
+    out = tmp_path / "new" / "folder"
+    assert run_study("gait", out, tmp_path, silent) == ROWS
+    assert asked == [tmp_path]
+    assert json.loads((out / "gait.json").read_text()) == ROWS
+    with (out / "gait.csv").open(newline="") as stream:
+        read = list(csv.DictReader(stream))
+    assert read == [
+        {"quantity": "speed", "value": "1.25"},
+        {"quantity": "size, of steps", "value": ""},
+    ]
+
+
+def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=f"study 'sensor': wanted {', '.join(STUDIES)}; no such"):
+        run_study("sensor", tmp_path / "out", None, silent)
+    assert not (tmp_path / "out").exists()

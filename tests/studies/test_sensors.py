@@ -1,0 +1,156 @@
+"""Simulated sensors beside real ones: planted statistics come out, and rows are whole."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
+from elfslam.studies.sensors import compare_sensors, hall, statistics
+from elfslam.world.wifi import walls_crossed
+
+CADENCE_HZ = 1.8
+BOUNCE_MPS2 = 4.0
+FIELD_LENGTH_M = 3.0
+
+
+def walk_of(seed: int, length_m: float = 300.0) -> tuple[Recording, Truth]:
+    """Straight on at 1 m/s: known cadence, scans and an Ornstein-Uhlenbeck field."""
+    generator = np.random.default_rng(seed)
+    t_s = np.arange(0.0, length_m, 0.02)
+    up = 9.81 + BOUNCE_MPS2 * np.cos(2 * np.pi * CADENCE_HZ * t_s)
+    imu = Imu(t_s, np.column_stack([0 * t_s, 0 * t_s, up]), np.zeros((len(t_s), 3)))
+    magnitude_ut = 45 + seed + smooth_noise(generator, t_s, FIELD_LENGTH_M)
+    field_ut = np.column_stack([0 * t_s, 0 * t_s, -magnitude_ut])
+    truth = Truth([0.0, length_m], [[0, 0, np.nan], [length_m, 0, np.nan]])
+    recording = Recording(
+        f"{seed}", "planted", imu=imu, magnetometer=Magnetometer(t_s, field_ut), wifi=scans(seed)
+    )
+    return recording, truth
+
+
+def smooth_noise(generator: np.random.Generator, t_s: F64, length_m: float) -> F64:
+    """Standard deviation 5, correlation exp(-d / length) along a walk at 1 m/s."""
+    keep = np.exp(-0.02 / length_m)
+    value, rows = generator.standard_normal(), []
+    for push in generator.standard_normal(len(t_s)):
+        rows.append(value)
+        value = keep * value + np.sqrt(1 - keep**2) * push
+    return 5 * np.array(rows)
+
+
+def scans(seed: int) -> WifiScans:
+    """One access point with 3 dB of noise, and one that was last seen long before."""
+    t_s = 2.0 + 2.5 * np.arange(100)
+    noise = 3 * np.random.default_rng([seed, 1]).standard_normal(100)
+    rssi_dbm = np.column_stack([-60 - 0.1 * t_s + noise, np.full(100, -90.0)])
+    return WifiScans(t_s, ("a", "b"), rssi_dbm, np.tile([1.0, 9.0], (100, 1)))
+
+
+def test_what_was_planted_comes_out() -> None:
+    found = statistics([[walk_of(seed) for seed in range(4)]])
+    assert found["walks", ""] == 4
+    assert found["step rate, median", "Hz"] == pytest.approx(CADENCE_HZ, rel=0.02)
+    peak = found["acceleration above rest, 99th percentile", "m/s2"]
+    assert peak == pytest.approx(BOUNCE_MPS2, abs=0.1)
+    assert found["gyroscope scatter, quietest second", "rad/s"] == 0.0
+    assert found["time between scans, median", "s"] == pytest.approx(2.5)
+    assert found["access points in a scan, median", ""] == 2
+    assert found["entries last seen more than 5 s before", "share"] == 0.5
+    assert found["RSSI spread at one place", "dB"] == pytest.approx(3.0, rel=0.15)
+    assert found["field magnitude, mean", "uT"] == pytest.approx(46.5, abs=1.0)
+
+
+def test_the_trend_of_a_signal_is_a_spread_over_distance() -> None:
+    """0.1 dB per metre adds 0.5 dB (over root 2) at 5 m and 1 dB at 10 m to the noise."""
+    found = statistics([[walk_of(seed) for seed in range(4)]])
+    over_m = [found[f"RSSI spread {lag} m apart", "dB"] ** 2 for lag in (5, 10)]
+    assert over_m[1] - over_m[0] == pytest.approx((1.0 - 0.25) / 2, abs=0.8)
+    total = found["RSSI spread over the walks", "dB"] ** 2
+    assert total == pytest.approx(9 + (0.1 * 250) ** 2 / 12, rel=0.1)
+    correlation = found["RSSI correlation 5 m apart", ""]
+    assert correlation == pytest.approx(1 - over_m[0] / total)
+
+
+def test_the_correlation_of_the_field_comes_out() -> None:
+    found = statistics([[walk_of(seed) for seed in range(6)]])
+    assert found["field magnitude, spread along a walk", "uT"] == pytest.approx(5.0, rel=0.12)
+    for lag_m in (1, 2, 5):
+        wanted = np.exp(-lag_m / FIELD_LENGTH_M)
+        assert found[f"field correlation over {lag_m} m", ""] == pytest.approx(wanted, abs=0.09)
+
+
+def test_places_are_not_mixed() -> None:
+    """Two floors whose signals differ by 40 dB at the same spot: no spread at one place."""
+    (recording, truth), other = walk_of(0), walk_of(1)
+    assert recording.wifi is not None
+    wifi = recording.wifi
+    louder = WifiScans(wifi.t_s, wifi.bssids, wifi.rssi_dbm + 40, wifi.age_s)
+    shifted = Recording("louder", "planted", imu=recording.imu, wifi=louder)
+    field = (Recording("f", "planted", imu=other[0].imu, magnetometer=other[0].magnetometer), truth)
+    apart = statistics([[(recording, truth), field], [(shifted, truth)]])
+    mixed = statistics([[(recording, truth), field, (shifted, truth)]])
+    assert apart["RSSI spread at one place", "dB"] < 0.01 or np.isnan(
+        apart["RSSI spread at one place", "dB"]
+    )
+    assert mixed["RSSI spread at one place", "dB"] == pytest.approx(40 / 2**0.5)
+
+
+def test_the_hall_has_open_floor_and_shops_around() -> None:
+    world = hall()
+    around = world.surroundings
+    assert around is not None
+    middle, corner = world.room.size_m[:2] / 2, world.room.size_m[:2] - 1
+    assert walls_crossed(corner[None, :], middle, around.walls_m)[0] == 0
+    outside = np.array([[-15.0, 20.0], [95.0, 20.0]])
+    assert walls_crossed(outside, middle, around.walls_m).tolist() == [2, 4]
+    assert len({point.bssid for point in around.access_points}) == len(around.access_points)
+
+
+@pytest.fixture(scope="module")
+def table() -> list[dict[str, object]]:
+    heard: list[str] = []
+    rows = compare_sensors(None, lambda what, share: heard.append(what), walks=1)
+    assert heard
+    return rows
+
+
+def test_without_real_walks_their_column_is_empty(table: list[dict[str, object]]) -> None:
+    assert [row["real mall"] for row in table] == [None] * len(table)
+    names = [str(row["quantity"]) for row in table]
+    assert len(set(names)) == len(names)
+    for wanted in ("step rate", "acceleration", "gyroscope", "access points", "RSSI", "field"):
+        assert any(name.startswith(wanted) for name in names)
+
+
+def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str, object]]) -> None:
+    """What the constants were chosen for; the hall is the simulated place most like the mall.
+
+    Two walks, since one alone is hardly ever twice within a metre of a place.
+    """
+    compared = compare_sensors(shared_data, walks=2, mall_walks=8)
+    rows = {str(row["quantity"]): row for row in compared}
+    for name, factor in (
+        ("step rate, median", 1.1),
+        ("time between scans, median", 1.25),
+        ("access points in a scan, median", 2.0),
+        ("entries last seen more than 5 s before", 1.6),
+        ("RSSI spread at one place", 1.4),
+        ("RSSI spread 10 m apart", 1.4),
+        ("field magnitude, spread along a walk", 1.7),
+        ("field correlation over 1 m", 1.2),
+    ):
+        simulated, real = rows[name]["simulated hall"], rows[name]["real mall"]
+        assert isinstance(simulated, float)
+        assert isinstance(real, float)
+        assert 1 / factor < simulated / real < factor, name
+    assert [row["quantity"] for row in table] == list(rows)
+
+
+def test_a_folder_without_mall_walks_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"holds no mall_walks/\*.tar.xz"):
+        compare_sensors(tmp_path, walks=1)

@@ -1,0 +1,246 @@
+"""Sensors beside sound and motion: their tables, their independence, their way to disk and back."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Emr, Magnetometer, Recording, WifiScans
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.world.device import BMI160, BROWSER
+from elfslam.world.sensors import Sensor, parse_sensors
+from elfslam.world.simulate import World, load_world, simulate, world_names
+from elfslam.world.wifi import MALL_SCANS
+
+CLOSET = """
+name = "closet"
+size_m = [4.0, 3.0, 2.5]
+reflection = [0.8, 0.8, 0.8, 0.8, 0.5, 0.7]
+furniture_seed = 3
+route_m = [[0.8, 0.8], [3.2, 0.8], [3.2, 2.2], [0.8, 2.2]]
+"""
+TABLES = """
+[[access_point]]
+bssid = "router"
+position_m = [3.5, 2.5, 2.0]
+power_dbm = 15.0
+channel = 6
+
+[[access_point]]
+bssid = "neighbour"
+position_m = [-4.0, 1.0, 2.0]
+
+[magnetic]
+strength_ut = 48.0
+north_deg = 30.0
+
+[[power_line]]
+name = "sockets"
+from_m = [0.0, 0.0, 0.3]
+to_m = [4.0, 0.0, 0.3]
+current_a = [1.0, 0.1, 0.4]
+"""
+SENSED = ("wifi", "magnetometer", "emr")
+
+
+def world_of(folder: Path, text: str) -> World:
+    path = folder / "closet.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_world(str(path))
+
+
+@pytest.fixture(scope="module")
+def studio() -> World:
+    return load_world("studio")
+
+
+@pytest.fixture(scope="module")
+def sensed(studio: World) -> Recording:
+    return simulate(studio, 3, rounds=1, sound=False, sensors=list(Sensor))[0]
+
+
+def bytes_of(value: object) -> bytes:
+    assert isinstance(value, WifiScans | Magnetometer | Emr)
+    arrays = [getattr(value, item.name) for item in fields(value)]
+    return b"".join(values.tobytes() for values in arrays if isinstance(values, np.ndarray))
+
+
+# --- nothing else changes ---
+
+
+def test_a_walk_without_them_is_what_it_always_was(studio: World) -> None:
+    """Readings of this walk before these sensors existed; any other draw would change them."""
+    recording, truth = simulate(studio, 3, rounds=1)
+    assert recording.audio is not None
+    assert recording.imu is not None
+    assert [getattr(recording, name) for name in SENSED] == [None] * 3
+    sound = recording.audio.samples[0, [5_000, 100_000, 300_000]]
+    np.testing.assert_allclose(sound, [-1.231732e-4, -5.580817e-4, -1.535352e-4], atol=1e-8)
+    accel, gyro = recording.imu.accel_mps2[700], recording.imu.gyro_radps[700]
+    np.testing.assert_allclose(accel, [-1.1879293, 3.5676326, 9.5712644], atol=1e-6)
+    np.testing.assert_allclose(gyro, [-0.1318850, 0.3966502, 0.8894377], atol=1e-6)
+    np.testing.assert_allclose(truth.world_from_body[600], [5.1999916, 5.4568185, 3.0918498])
+    assert recording.audio.samples.shape == (1, 910_003)
+
+
+def test_they_leave_sound_and_motion_alone(studio: World) -> None:
+    plain, full = (
+        simulate(studio, 3, rounds=1, sensors=sensors) for sensors in ((), tuple(Sensor))
+    )
+    assert plain[0].audio is not None
+    assert plain[0].imu is not None
+    assert full[0].audio is not None
+    assert full[0].imu is not None
+    assert full[0].audio.samples.tobytes() == plain[0].audio.samples.tobytes()
+    assert full[0].imu.gyro_radps.tobytes() == plain[0].imu.gyro_radps.tobytes()
+    assert full[1].world_from_body.tobytes() == plain[1].world_from_body.tobytes()
+
+
+@pytest.mark.parametrize(("sensor", "name"), list(zip(Sensor, SENSED, strict=True)))
+def test_each_reads_the_same_without_the_others(
+    studio: World, sensed: Recording, sensor: Sensor, name: str
+) -> None:
+    alone = simulate(studio, 3, rounds=1, sound=False, sensors=[sensor])[0]
+    assert bytes_of(getattr(alone, name)) == bytes_of(getattr(sensed, name))
+    others = set(SENSED) - {name}
+    assert all(getattr(alone, other) is None for other in others)
+    another_day = simulate(studio, 4, rounds=1, sound=False, sensors=[sensor])[0]
+    assert bytes_of(getattr(another_day, name)) != bytes_of(getattr(sensed, name))
+
+
+def test_without_sound_the_walk_is_the_same(studio: World) -> None:
+    silent, truth = simulate(studio, 3, rounds=1, sound=False)
+    heard, other_truth = simulate(studio, 3, rounds=1)
+    assert silent.audio is None
+    assert silent.imu is not None
+    assert heard.imu is not None
+    assert silent.imu.accel_mps2.tobytes() == heard.imu.accel_mps2.tobytes()
+    assert truth.world_from_body.tobytes() == other_truth.world_from_body.tobytes()
+
+
+def test_another_grade_and_another_way_to_scan(studio: World) -> None:
+    recording, truth = simulate(
+        studio, 3, rounds=1, sound=False, grade=BROWSER, sensors=[Sensor.WIFI], wifi=MALL_SCANS
+    )
+    assert recording.device == f"simulated phone, {BROWSER.name}"
+    assert recording.imu is not None
+    assert recording.wifi is not None
+    assert 1 / np.diff(recording.imu.t_s).mean() == pytest.approx(60.0)
+    assert np.diff(recording.wifi.t_s).mean() == pytest.approx(2.2, abs=0.1)
+    assert BMI160.name in simulate(studio, 3, rounds=1, sound=False)[0].device
+    assert truth.t_s[-1] > 10
+
+
+# --- worlds ---
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_built_in_worlds_have_something_for_every_sensor(name: str) -> None:
+    recording = simulate(load_world(name), 0, rounds=1, sound=False, sensors=list(Sensor))[0]
+    assert recording.wifi is not None
+    assert recording.magnetometer is not None
+    assert recording.emr is not None
+    assert len(recording.wifi.bssids) == 5
+    magnitude_ut = np.linalg.norm(recording.magnetometer.field_ut, axis=1)
+    assert 30 < magnitude_ut.mean() < 75
+    assert 1 < magnitude_ut.std() < 15
+    assert np.ptp(recording.emr.amplitude[:, 0]) > 0.1
+
+
+def test_a_world_from_a_file(tmp_path: Path) -> None:
+    world = world_of(tmp_path, CLOSET + TABLES)
+    recording = simulate(world, 0, rounds=2, sound=False, sensors=list(Sensor))[0]
+    assert recording.wifi is not None
+    assert recording.emr is not None
+    assert recording.wifi.bssids == ("neighbour", "router")
+    assert recording.emr.amplitude.shape[1] == 3
+
+
+def test_the_walls_of_the_room_count(tmp_path: Path) -> None:
+    """The neighbour is heard through one wall."""
+    world = world_of(tmp_path, CLOSET + TABLES)
+    assert world.surroundings is not None
+    heard = []
+    for walls_m in (world.surroundings.walls_m, np.zeros((0, 2, 2))):
+        around = replace(world.surroundings, walls_m=walls_m)
+        recording = simulate(
+            replace(world, surroundings=around), 0, rounds=2, sound=False, sensors=[Sensor.WIFI]
+        )[0]
+        assert recording.wifi is not None
+        heard.append(np.nanmean(recording.wifi.rssi_dbm, axis=0))
+    neighbour, router = heard[1] - heard[0]
+    assert neighbour == pytest.approx(6.0, abs=1.0)
+    assert router == pytest.approx(0.0, abs=1.0)
+
+
+@pytest.mark.parametrize(
+    ("sensor", "table"),
+    [
+        (Sensor.WIFI, r"\[\[access_point\]\]"),
+        (Sensor.MAGNETIC, r"\[magnetic\]"),
+        (Sensor.EMR, r"\[\[power_line\]\]"),
+    ],
+)
+def test_a_world_without_a_table_refuses_its_sensor(
+    tmp_path: Path, sensor: Sensor, table: str
+) -> None:
+    with pytest.raises(InputError, match=f"sensor {sensor}: the world has no {table}; add one"):
+        simulate(world_of(tmp_path, CLOSET), 0, rounds=1, sound=False, sensors=[sensor])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        ("[3.5, 2.5, 2.0]", "[3.5, 2.5]", r"access_point 'router': .*position_m: wanted shape"),
+        ("channel = 6", "channel = 20", "access_point 'router': channel 20: wanted 1 to 14"),
+        ("channel = 6", 'channel = "six"', "access_point 'router': channel is 'six'"),
+        ("power_dbm = 15.0", 'power_dbm = "loud"', "access_point 'router': power_dbm is 'loud'"),
+        ("power_dbm = 15.0", "watt = 15.0", "access_point 'router': knows no 'watt'"),
+        ("position_m = [-4.0, 1.0, 2.0]", "", "access_point 'neighbour': .*position_m"),
+        ('"neighbour"', '"router"', "access_point 'router': appears twice"),
+        ('bssid = "neighbour"', "bssid = 7", "access_point 7: bssid is 7, wanted a name"),
+        ('bssid = "neighbour"', "", "access_point 2: .*bssid"),
+        ("strength_ut = 48.0", "strength_ut = -1.0", "magnetic: strength_ut is -1.0"),
+        ("strength_ut = 48.0", "strength_t = 48.0", "magnetic: knows no 'strength_t'"),
+        ("north_deg = 30.0", 'north_deg = "up"', "magnetic: north_deg is 'up'"),
+        ("to_m = [4.0, 0.0, 0.3]", "to_m = [0.0, 0.0, 0.3]", "power_line 'sockets': begins where"),
+        ("[1.0, 0.1, 0.4]", "[]", "power_line 'sockets': current_a has to be amplitudes"),
+        ("[1.0, 0.1, 0.4]", "[1.0, -0.1]", "power_line 'sockets': current_a has to be amplitudes"),
+        ("[[power_line]]", "[power_line]", r"power_line: wanted \[\[power_line\]\] tables"),
+        ("[magnetic]", "[[magnetic]]", "magnetic: wanted a .magnetic. table"),
+    ],
+)
+def test_a_broken_table_is_refused_by_name(
+    tmp_path: Path, old: str, new: str, complaint: str
+) -> None:
+    assert old in TABLES
+    with pytest.raises(InputError, match=complaint) as refusal:
+        world_of(tmp_path, CLOSET + TABLES.replace(old, new, 1))
+    assert "\n" not in str(refusal.value)
+
+
+# --- names and disk ---
+
+
+def test_sensors_by_name() -> None:
+    assert parse_sensors("wifi, emr") == {Sensor.WIFI, Sensor.EMR}
+    assert parse_sensors("") == set()
+    with pytest.raises(InputError, match="sensor 'radar': wanted wifi, magnetic, emr"):
+        parse_sensors("wifi,radar")
+
+
+def test_they_come_back_from_disk(sensed: Recording, tmp_path: Path) -> None:
+    write_recording(sensed, tmp_path / "walk")
+    back = read_recording(tmp_path / "walk")
+    for name in SENSED:
+        written, read = getattr(sensed, name), getattr(back, name)
+        for item in fields(written):
+            one, other = getattr(written, item.name), getattr(read, item.name)
+            if isinstance(one, np.ndarray):
+                np.testing.assert_allclose(other, one, rtol=1e-6, atol=1e-6)
+            else:
+                assert one == other
