@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +14,7 @@ import typer
 from elfslam import slam
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import load, rows
-from elfslam.base.values import FixStatus
+from elfslam.base.values import Echoes, FixStatus
 from elfslam.console import exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
 from elfslam.data.folders import new_file
@@ -158,6 +159,17 @@ def map_command(
         _say_mapped_many(refused, len(paths), out)
 
 
+def _breaks(echoes: Echoes) -> Iterator[str]:
+    """What happened to the stream, a line for each break."""
+    for at_s, lost_s in echoes.losses_s:
+        if lost_s == 0:
+            yield f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost"
+        elif at_s >= echoes.t_s[-1]:
+            yield f"the sound is {lost_s:.2f} s shorter than the motion; where is unknown"
+        else:
+            yield f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it are in place"
+
+
 def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
     for name, reason in refused.items():
         say(f"not mapped: {name}: {reason}")
@@ -167,11 +179,8 @@ def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
 
 
 def _say_mapped(run: slam.Run, out: Path) -> None:
-    for at_s, lost_s in [] if run.echoes is None else run.echoes.losses_s:
-        if lost_s > 0:
-            say(f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it are in place")
-        else:
-            say(f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost")
+    for line in [] if run.echoes is None else _breaks(run.echoes):
+        say(line)
     kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "
