@@ -7,6 +7,7 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 .PHONY: demo test fast lint coverage pretrain clean
 
 demo: $(VENV)/.installed
+	rm -rf demo
 	$(BIN)/elfslam demo demo
 
 test: lint

@@ -16,6 +16,7 @@ from elfslam.cli import main
 from elfslam.data.recordings import read_recording
 from elfslam.studies import catalogue
 
+SENSORS = ("ACCELEROMETER", "GYROSCOPE")
 Outcome = tuple[int, str, str]
 Elfslam = Callable[..., Outcome]
 
@@ -245,6 +246,7 @@ DAMAGES = {
     "clipped": (sound(lambda samples: np.clip(40 * samples, -1, 1)), "clipped"),
     "silent": (sound(np.zeros_like), "silent"),
     "wrong rate": (sound(lambda samples: samples, 22_050), "22050"),
+    "mislabelled rate": (sound(lambda samples: samples, 48_000), "chirps come every"),
     "too short": (short_sound, "at least 2 s"),
     "truncated sound": (cut_file, "audio.flac"),
     "sound of half the walk": (sound(lambda samples: samples[: len(samples) // 2]), "cut off"),
@@ -281,6 +283,7 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["map", "{walk}", "{tmp}/out", "--encoder", "{tmp}/none.onnx"], "no such file"),
         (["map", "{walk}", "{tmp}/out", "--by", "magnetic"], "magnetometer"),
         (["map", "{walk}", "{tmp}/out", "--start", "here"], "X,Y,HEADING"),
+        (["map", "{walk}", "{tmp}/out", "--start", "1e308,0,0"], "finite"),
         (["map", "{walk}", "{tmp}/out", "--floor-plan", "atlantis"], "atlantis"),
         (["map", "{walk}", "{walk}"], "already exists"),
         (["locate", "{walk}", "{mapped}", "{tmp}/out", "--encoder", "spectral"], "encoder"),
@@ -311,8 +314,45 @@ def test_bad_arguments_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_option_exits_with_two(elfslam: Elfslam) -> None:
-    assert elfslam("map", "--nonsense")[0] == 2
+@pytest.mark.parametrize("arguments", [["map", "--nonsense"], ["map"], ["sing"], ["map", "a"]])
+def test_a_wrong_command_line_is_refused_in_one_line(
+    arguments: list[str], elfslam: Elfslam
+) -> None:
+    code, out, err = elfslam(*arguments)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert "elfslam --help" in err
+
+
+def test_help_is_no_error(elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("--help")
+    assert code == 0
+    assert "simulate" in out
+
+
+def test_one_bad_log_among_many_costs_no_other(tmp_path: Path, elfslam: Elfslam) -> None:
+    rows = [f"{k * 20}\tTYPE_{kind}\t0\t0\t9.8\t3" for k in range(9) for kind in SENSORS]
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "good.txt").write_text("\n".join(rows) + "\n")
+    (tmp_path / "logs" / "bad.txt").write_text("nothing of use\n")
+    code, out, err = elfslam("import", "mall", tmp_path / "logs", tmp_path / "walks", "--json")
+    assert code == 1
+    assert json.loads(out)[0]["recordings"] == 1
+    assert "bad.txt" in err
+    assert [item.name for item in (tmp_path / "walks").iterdir()] == ["good"]
+
+
+def test_a_demo_does_not_write_over_anything(tmp_path: Path, elfslam: Elfslam) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "thesis.txt").write_text("mine")
+    assert elfslam("demo", tmp_path)[0] == 2
+    assert [item.name for item in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_folder_is_no_encoder(tmp_path: Path, elfslam: Elfslam) -> None:
+    code, _, err = elfslam("pretrain", tmp_path, "--set", "pretrain.steps=1")
+    assert code == 2
+    assert "is a folder" in err
 
 
 def test_real_magnetic_walks_come_nearer_the_truth(

@@ -12,13 +12,13 @@ import numpy as np
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import InputError, NoAnswerError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load, rows
 from elfslam.base.values import Echoes, FixStatus
-from elfslam.console import exit_code_of, print_rows, progress_bar, say
+from elfslam.console import DONE, INTERRUPTED, exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
 from elfslam.data.folders import new_file
-from elfslam.data.importing import LogFormat, read_logs, takes_many
+from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.data.runs import read_facts, read_run
@@ -120,14 +120,22 @@ def import_command(
 ) -> None:
     """Turn someone else's log into recordings."""
     count = damaged = 0
+    refused: list[Refused] = []
     with progress_bar() as announce:
         for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
-            announce(f"{item.recording.name}", None)
+            if isinstance(item, Refused):
+                refused.append(item)
+                continue
+            announce(item.recording.name, None)
             folder = out / item.recording.name if takes_many(log_format) else out
             write_recording(item.recording, folder, truth=item.truth)
             count, damaged = count + 1, damaged + item.damaged_lines
     summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
     print_rows([summary], title="Imported", as_json=as_json)
+    for log in refused:
+        say(f"not imported: {log.name}: {log.reason}")
+    if refused:
+        raise NoAnswerError(f"{len(refused)} logs could not be imported, see above")
 
 
 @app.command("map")
@@ -333,6 +341,21 @@ def _plan(world: str | None) -> FloorPlan | None:
     return None if world is None else floor_plan(load_world(world).room)
 
 
+def _run_app() -> None:
+    """The commands; what Typer refuses becomes one line as well."""
+    if len(sys.argv) == 1:
+        app()
+    try:
+        sys.exit(app(standalone_mode=False) or DONE)
+    except (typer.Abort, KeyboardInterrupt) as stop:
+        raise SystemExit(INTERRUPTED) from stop
+    except Exception as error:
+        explain = getattr(error, "format_message", None)
+        if explain is None:
+            raise
+        raise ParameterError(f"{explain()} See elfslam --help") from error
+
+
 def main() -> None:
     """The `elfslam` command."""
-    sys.exit(exit_code_of(app))
+    sys.exit(exit_code_of(_run_app))

@@ -14,7 +14,7 @@ from rich.table import Table
 
 from elfslam.base.errors import ElfslamError, NoAnswerError
 
-DONE, NO_ANSWER, BAD_INPUT = 0, 1, 2
+DONE, NO_ANSWER, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
 
 Announce = Callable[[str, float | None], None]
 """Hears what is being done, and the share done where it is known."""
@@ -63,7 +63,7 @@ def _cell(value: object) -> str:
 
 def say(message: str) -> None:
     """A line for the person at the terminal, apart from the output proper."""
-    print(message, file=sys.stderr)
+    print(" ".join(message.split("\n")), file=sys.stderr)
 
 
 def exit_code_of(command: Callable[[], object]) -> int:

@@ -23,6 +23,7 @@ from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 
 Announce = Callable[[str, float | None], None]
 """Hears what is being done, and the share done where it is known."""
+FARTHEST_M = 1e6
 Pose = tuple[float, float, float]
 
 
@@ -132,6 +133,10 @@ def parse_start(text: str | None) -> Pose | None:
         x_m, y_m, heading_rad = (float(part) for part in text.split(","))
     except ValueError as cause:
         raise ParameterError(f"--start: wanted X,Y,HEADING (m, m, rad), got {text!r}") from cause
+    if not all(abs(number) < FARTHEST_M for number in (x_m, y_m, heading_rad)):
+        raise ParameterError(
+            f"--start: wanted finite numbers, got {text!r}; give metres and radians"
+        )
     return x_m, y_m, heading_rad
 
 

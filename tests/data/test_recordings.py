@@ -231,3 +231,19 @@ def test_errors_within_a_zip_name_the_zip(tmp_path: Path, folder: Path) -> None:
     made = Path(shutil.make_archive(str(tmp_path / "walk"), "zip", folder))
     with pytest.raises(InputError, match=r"walk\.zip/emr\.csv: row 2"):
         read_recording(made)
+
+
+@pytest.mark.parametrize(
+    "given", ['"123"', "true", '{"x": 1}', "[true, 0, 0]", f"[1{'0' * 400}, 0, 0]"]
+)
+def test_odd_start_poses_are_refused(folder: Path, given: str) -> None:
+    (folder / "recording.json").write_text(f'{{"format_version": 1, "start_pose": {given}}}')
+    with pytest.raises(InputError, match="start_pose"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"format_version": true}'])
+def test_odd_manifests_are_refused(folder: Path, text: str) -> None:
+    (folder / "recording.json").write_text(text)
+    with pytest.raises(InputError, match=r"recording\.json"):
+        read_recording(folder)

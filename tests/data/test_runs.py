@@ -133,3 +133,19 @@ def test_digest_follows_names_and_contents(tmp_path: Path) -> None:
     assert len({first, digest("b", "x"), digest("a", "y")}) == 3
     with pytest.raises(InputError, match="does not exist"):
         digest_of(tmp_path / "none")
+
+
+def test_closures_of_footsteps_that_are_not_there_are_refused(folder: Path) -> None:
+    file = folder / "closures.csv"
+    header, first, *rest = file.read_text().splitlines()
+    cells = first.split(",")
+    file.write_text("\n".join([header, ",".join([cells[0], "9999", *cells[2:]]), *rest]) + "\n")
+    with pytest.raises(StoreError, match="names more than"):
+        read_run(folder)
+
+
+@pytest.mark.parametrize("content", ['{"echo": null}', '{"echo": [1]}'])
+def test_odd_timings_are_refused(folder: Path, content: str) -> None:
+    (folder / "timings.json").write_text(content)
+    with pytest.raises(StoreError, match="is no whole run"):
+        read_run(folder)

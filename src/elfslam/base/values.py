@@ -15,6 +15,7 @@ from enum import IntEnum
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.errors import InputError
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
@@ -224,6 +225,15 @@ class FloorMap(Value):
     payloads: tuple[Payload, ...]
     parameters_digest: str
     sources: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        for payload in self.payloads:
+            if len(payload.vectors) != len(self.xy_m):
+                raise InputError(
+                    f"FloorMap.payloads: {payload.kind} has {len(payload.vectors)} rows, wanted "
+                    f"one for each of {len(self.xy_m)} spots; make the map again"
+                )
 
 
 class FixStatus(IntEnum):

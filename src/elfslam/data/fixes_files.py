@@ -63,6 +63,8 @@ def _read_row(file: Path, number: int, row: Mapping[str, str | None]) -> tuple[l
         numbers = [float(row[name] or "nan") for name in NUMBERS]
     except (KeyError, ValueError) as cause:
         raise InputError(f"{file}: row {number} is no fix ({cause}); repair it") from cause
-    if not math.isfinite(numbers[0]) or (status is FixStatus.OK and math.isnan(numbers[1])):
+    placed = [math.isfinite(number) for number in numbers[1:]]
+    lacking = any(placed) != all(placed) or (status is FixStatus.OK and not all(placed))
+    if not math.isfinite(numbers[0]) or lacking or any(map(math.isinf, numbers)):
         raise InputError(f"{file}: row {number} lacks its time or position; repair it")
     return numbers, int(status)

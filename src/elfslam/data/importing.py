@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.magnetic import read_magnetic
 from elfslam.data.mall import read_walk, walks_in
@@ -32,13 +33,27 @@ class Imported:
     damaged_lines: int
 
 
+@dataclass(frozen=True)
+class Refused:
+    """A log among many that could not be read, and why."""
+
+    name: str
+    reason: str
+
+
 def read_logs(
     log_format: LogFormat, path: Path, generator: np.random.Generator
-) -> Iterator[Imported]:
+) -> Iterator[Imported | Refused]:
     """Every recording at `path`; `generator` drifts odometry that would else be the truth."""
     if log_format is LogFormat.MALL:
         for file in walks_in(path):
-            walk = read_walk(file)
+            try:
+                walk = read_walk(file)
+            except InputError as error:
+                if file == path:
+                    raise
+                yield Refused(file.name, str(error))
+                continue
             truth = walk.truth if len(walk.truth.t_s) else None
             yield Imported(walk.recording, truth, walk.damaged_lines)
     elif log_format is LogFormat.MAGNETIC:

@@ -89,7 +89,11 @@ def _load(path: Path) -> dict[str, F64]:
         if data[name].shape != wanted or rows < 2:
             got = data[name].shape
             raise InputError(f"{path}: {name} has shape {got}, wanted {wanted}; check the file")
+        if data[name].dtype.kind not in "iuf" or not np.isfinite(data[name]).all():
+            raise InputError(f"{path}: {name} holds more than finite numbers; check the file")
     lead_in = LEAD_IN_SAMPLES.get(path.stem, 0)
+    if rows < lead_in + 2:
+        raise InputError(f"{path}: got {rows} samples, wanted more than {lead_in}; check the file")
     return {name: np.asarray(array[lead_in:], dtype=float) for name, array in data.items()}
 
 

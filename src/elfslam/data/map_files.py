@@ -44,5 +44,5 @@ def read_map(path: Path) -> FloorMap:
             parameters_digest=str(arrays["parameters_digest"]),
             sources=tuple(arrays["sources"].tolist()),
         )
-    except (InputError, KeyError, ValueError) as cause:
+    except (InputError, KeyError, TypeError, ValueError) as cause:
         raise StoreError(f"{file}: is no floor map ({cause}); make it again") from cause

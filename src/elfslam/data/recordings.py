@@ -12,8 +12,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from elfslam import __version__
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Recording, Truth
@@ -31,6 +29,10 @@ from elfslam.data.truth_files import write_truth
 from elfslam.data.wifi_table import read_wifi
 
 FORMAT_VERSION = 1
+MACOSX = "__MACOSX"
+"""Where the Mac's zip program puts its own files."""
+POSE = ("x_m", "y_m", "heading_rad")
+FARTHEST_M = 1e6
 MOST_LOST_SHARE = 0.1
 """A stream may lose some samples, which echo cutting recovers; more is a file that was cut off."""
 MANIFEST = "recording.json"
@@ -76,7 +78,8 @@ def read_recording(path: Path) -> Recording:
 
 
 def _folder_within(unpacked: Path) -> Path:
-    manifests = [unpacked / MANIFEST, *sorted(unpacked.glob(f"*/{MANIFEST}"))]
+    inside = (file for file in sorted(unpacked.glob(f"*/{MANIFEST}")) if file.parent.name != MACOSX)
+    manifests = [unpacked / MANIFEST, *inside]
     return next((file.parent for file in manifests if file.is_file()), unpacked)
 
 
@@ -122,10 +125,10 @@ def _read_manifest(file: Path) -> dict[str, Any]:
         raise InputError(f"{file.parent}: is no recording; wanted a folder with {MANIFEST}")
     try:
         manifest = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as cause:
+    except (OSError, ValueError, RecursionError) as cause:
         raise InputError(f"{file}: cannot be read as JSON ({cause}); repair it") from cause
     version = manifest.get("format_version") if isinstance(manifest, dict) else None
-    if version != FORMAT_VERSION:
+    if isinstance(version, bool) or version != FORMAT_VERSION:
         raise InputError(
             f"{file}: format_version is {version!r}, wanted {FORMAT_VERSION}; "
             "use a newer elfslam or convert the recording"
@@ -137,14 +140,12 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
     given = manifest.get("start_pose")
     if given is None:
         return None
-    try:
-        x_m, y_m, heading_rad = (float(number) for number in given)
-    except (TypeError, ValueError) as cause:
-        raise InputError(
-            f"{file}: start_pose is {given!r}, wanted [x_m, y_m, heading_rad]"
-        ) from cause
-    if not np.isfinite([x_m, y_m, heading_rad]).all():
-        raise InputError(f"{file}: start_pose {given!r} is not finite; give three numbers")
+    numbers = isinstance(given, list) and all(type(number) in (int, float) for number in given)
+    if not numbers or len(given) != len(POSE):
+        raise InputError(f"{file}: start_pose is {given!r:.60}, wanted [{', '.join(POSE)}]")
+    if not all(abs(number) < FARTHEST_M for number in given):
+        raise InputError(f"{file}: start_pose {given!r:.60} is not finite; give three numbers")
+    x_m, y_m, heading_rad = map(float, given)
     return x_m, y_m, heading_rad
 
 

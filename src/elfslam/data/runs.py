@@ -72,7 +72,7 @@ def read_run(folder: Path) -> Run:
     """The run in a folder. Raises StoreError where it is missing, cut off or damaged."""
     try:
         return _read_run(folder)
-    except (InputError, ValueError) as cause:
+    except (InputError, ValueError, TypeError, IndexError) as cause:
         raise StoreError(f"{folder}: is no whole run ({cause}); map the recording again") from cause
 
 
@@ -100,11 +100,14 @@ def _read_run(folder: Path) -> Run:
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
     similarity = read_npz(folder / "similarity.npz", ["scores", "kind"])
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
+    closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
+    if (np.concatenate([closures.i, closures.j, [0]]) >= len(trajectory_t_s)).any():
+        raise InputError(f"closures.csv: names more than {len(trajectory_t_s)} footsteps")
     return Run(
         name=str(facts.get("name", folder.name)),
         odometry=Odometry(*read_tum(folder / "odometry.tum"), spread["step_sigma"]),
         similarity=Similarity(similarity["scores"], str(similarity["kind"])),
-        closures=_read_closures(folder / "closures.csv", spread["closure_covariance"]),
+        closures=closures,
         trajectory=Trajectory(
             trajectory_t_s,
             trajectory_poses,
@@ -127,7 +130,7 @@ def _write_json(file: Path, content: Mapping[str, object]) -> None:
 def _read_json(file: Path) -> dict[str, Any]:
     try:
         content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as cause:
+    except (OSError, ValueError, RecursionError) as cause:
         raise StoreError(f"{file}: is missing or damaged ({cause}); map again") from cause
     if not isinstance(content, dict):
         raise StoreError(f"{file}: wanted a JSON object; map the recording again")

@@ -36,6 +36,9 @@ class EchoParameters:
     level_share: float = parameter(
         0.35, "", "direct arrival over its typical level", low=0.0, high=1.0
     )
+    jump_share: float = parameter(
+        0.2, "", "more jumps than this per chirp mean another rate or period", low=0.0, high=1.0
+    )
     early_share: float = parameter(
         0.5, "", "an earlier peak this strong is the direct one", low=0.0, high=1.0
     )
@@ -183,6 +186,7 @@ def find_arrivals(envelope: F32, period: int, parameters: EchoParameters) -> Arr
         found.append(direct)
         expected = direct + period
     _check_found(len(found), len(envelope) / period, parameters)
+    _check_beat(np.array(found), len(jumps), parameters)
     return Arrivals(np.array(found, dtype=np.int64), tuple(jumps))
 
 
@@ -203,6 +207,15 @@ def _check_found(found: int, frames: float, parameters: EchoParameters) -> None:
         raise InputError(
             f"audio: chirps in {found} of {frames:.0f} frames, "
             f"wanted {parameters.found_share:.0%}; check that the loudspeaker played all the time"
+        )
+
+
+def _check_beat(found: I64, jumps: int, parameters: EchoParameters) -> None:
+    if jumps > parameters.jump_share * len(found):
+        beat_ms = float(np.median(np.diff(found))) / ECHO_RATE_HZ * 1000
+        raise InputError(
+            f"audio: chirps come every {beat_ms:.1f} ms, not at the period of the chirp; "
+            "check the rate that the file claims, and chirp.period_s"
         )
 
 

@@ -39,6 +39,11 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
     was made with another encoder.
     """
     payload = elf_payload(floor_map, features.encoder)
+    if len(payload.vectors) == 0 or payload.vectors.shape[1] != features.vectors.shape[1]:
+        raise InputError(
+            f"map: its ELFs have shape {payload.vectors.shape}, wanted some of "
+            f"{features.vectors.shape[1]} numbers each; make the map again"
+        )
     start_s, end_s = features.t_s[[0, -1]]
     count = int((end_s - start_s) / parameters.window_s) + 1
     edges = start_s + parameters.window_s * np.arange(count + 1)

@@ -12,6 +12,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Truth
 from elfslam.data.fixes_files import write_fixes
+from elfslam.data.folders import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import write_run
 from elfslam.line.feature import Encoder, OnnxEncoder
@@ -64,6 +65,8 @@ def run_demo(
     one-shot localization with the share of windows that got a fix. `announce` hears what is being
     done and the share done.
     """
+    for name in ("walk", "stranger", "run"):
+        refuse_occupied(out / name, None)
     world, collected = load_world(WORLD), Collected()
     for count, seed in enumerate(seeds):
         announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.export import export_encoder
 from elfslam.learn.pretrain import Progress, pretrain
@@ -25,6 +26,8 @@ def pretrain_on_simulated_echoes(
 
     The checkpoint lies beside `out` until the training is done, so that a killed run goes on.
     """
+    if out.is_dir():
+        raise StoreError(f"{out}: is a folder; name a file such as {out / 'compact.onnx'}")
     losses: list[float] = []
 
     def batch(step: int) -> EchoPairs:
