@@ -11,7 +11,7 @@ demo: $(VENV)/.installed
 	$(BIN)/elfslam demo demo
 
 test: lint
-	$(BIN)/python -m pytest --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
+	$(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 
 fast: $(VENV)/.installed-test
