@@ -103,3 +103,8 @@ def test_other_rates_are_refused(rate_hz: int) -> None:
 def test_an_unknown_kind_is_refused_with_the_known_ones() -> None:
     with pytest.raises(ParameterError, match="wanted chirp, tone or fhss, got 'whistle'"):
         make_chirp(ChirpParameters(kind="whistle"), 44_100)
+
+
+def test_a_band_that_ends_before_it_begins_is_refused() -> None:
+    with pytest.raises(ParameterError, match=r"chirp\.band_high_hz"):
+        make_chirp(ChirpParameters(band_low_hz=18_000.0, band_high_hz=16_000.0), 44_100)

@@ -38,6 +38,11 @@ def make_chirp(parameters: ChirpParameters, rate_hz: int) -> Chirp:
     Raises InputError for a rate other than 44.1 or 48 kHz, ParameterError for an unknown kind.
     """
     check_rate(rate_hz)
+    if not 0 < parameters.band_low_hz < parameters.band_high_hz:
+        raise ParameterError(
+            f"chirp.band_high_hz: wanted more than band_low_hz ({parameters.band_low_hz:g}), "
+            f"got {parameters.band_high_hz:g}; set both"
+        )
     t_s = np.arange(round(parameters.duration_s * rate_hz)) / rate_hz
     phase_rad = _phase_rad(parameters, t_s)
     samples = (np.sin(phase_rad) * _fade(t_s, parameters)).astype(np.float32)
