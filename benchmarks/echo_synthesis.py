@@ -25,7 +25,8 @@ from elfslam.slam import Parameters, Run, map_by_echoes
 from elfslam.world.acoustics import image_sources, render_frames, room_responses
 from elfslam.world.device import named_device
 from elfslam.world.room import Room
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
 
 WALL_MARGIN_M = 0.5
 

@@ -26,7 +26,8 @@ from elfslam.base.values import (
 )
 from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.slam import Parameters, Run, map_by, map_by_echoes, no_similarity, walk_nodes
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
 
 PARAMETERS = Parameters()
 

@@ -36,14 +36,19 @@ from elfslam.mapping import (
 )
 from elfslam.score.errors import alignment_of
 from elfslam.score.figures import FloorPlan
-from elfslam.score.report import write_map_page, write_report, write_world_page
+from elfslam.score.report import write_map_page, write_report
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
+from elfslam.score.world_page import write_world_page
 from elfslam.studies.catalogue import STUDIES, run_study
 from elfslam.studies.demo import floor_plan, run_demo
 from elfslam.studies.walks import score_walks
+from elfslam.studies.world_plan import world_plan
+from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
+from elfslam.world.device import DEVICES, GRADES, built_in_grade
 from elfslam.world.sensors import parse_sensors
-from elfslam.world.simulate import describe_chirp, load_world, simulate, world_names
+from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.world_file import load_world, world_names
 
 app = typer.Typer(
     name="elfslam",
@@ -94,8 +99,19 @@ def simulate_command(
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
+    state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
+    day: Annotated[int, typer.Option(help="Days since the world was drawn.")] = 0,
+    people: Annotated[int, typer.Option(help="How many others walk about.")] = 0,
+    device: Annotated[str, typer.Option(help=", ".join(DEVICES))] = "simulated phone",
+    volume: Annotated[float, typer.Option(help="Share of the phone's full level.")] = 1.0,
+    sounds: Annotated[str, typer.Option(help=f"Heard besides: {','.join(SOUNDS)}.")] = "",
+    other_phones: Annotated[int, typer.Option(help="How many others chirp in the room.")] = 0,
+    engine: Annotated[str, typer.Option(help=" or ".join(ENGINES))] = ENGINES[0],
+    imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
+    heard = parse_sounds(sounds)
+    today = Circumstances(state, day, people, device, volume, heard, other_phones, engine)
     with progress_bar() as announce:
         recording, truth = simulate(
             load_world(world),
@@ -104,6 +120,8 @@ def simulate_command(
             rate_hz=rate_hz,
             reverse=reverse,
             sensors=parse_sensors(sensors),
+            grade=built_in_grade(imu),
+            circumstances=today,
             progress=lambda share: announce(f"simulating {world}", share),
         )
     write_recording(recording, out, chirp_description=describe_chirp(), truth=truth)
@@ -288,9 +306,7 @@ def show(
         elif path.suffix == ".npz":
             write_map_page(partial, read_map(path))
         else:
-            world = load_world(what)
-            route_m = np.vstack([world.route_m, world.route_m[:1]])
-            write_world_page(partial, floor_plan(world.room), route_m, title=world.name)
+            write_world_page(partial, world_plan(load_world(what)))
     say(f"look at {out}")
 
 

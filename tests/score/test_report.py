@@ -13,12 +13,7 @@ import pytest
 from elfslam.base.values import Closures, Fixes, FloorMap, Payload, Similarity, Trajectory, Truth
 from elfslam.score import page
 from elfslam.score.figures import FloorPlan
-from elfslam.score.report import (
-    write_fix_report,
-    write_map_page,
-    write_report,
-    write_world_page,
-)
+from elfslam.score.report import write_fix_report, write_map_page, write_report
 from elfslam.slam import Run
 
 FACTS = {
@@ -183,17 +178,12 @@ def test_fix_report(tmp_path: Path, floor_map: FloorMap, fixes: Fixes, truth: Tr
     assert seen.references == []
 
 
-def test_map_and_world_pages(tmp_path: Path, floor_map: FloorMap, floor_plan: FloorPlan) -> None:
+def test_the_page_of_a_map(tmp_path: Path, floor_map: FloorMap) -> None:
     write_map_page(tmp_path / "map.html", floor_map)
     seen = outline(tmp_path / "map.html")
     assert "<i>Monday</i>" in seen.text
     assert "compact-1" in seen.text
     assert '"name":"walk 1"' in figures_of(tmp_path / "map.html")
-    route = np.array([[1, 1], [4, 1], [4, 5.0]])
-    write_world_page(tmp_path / "world.html", floor_plan, route, title="room <1>")
-    assert '"name":"route"' in figures_of(tmp_path / "world.html")
-    assert "room <1>" in outline(tmp_path / "world.html").text
-    assert "7 m" in outline(tmp_path / "world.html").text
 
 
 def test_tables_show_what_is_missing_as_a_dash() -> None:

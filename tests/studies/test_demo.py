@@ -11,7 +11,7 @@ from elfslam.data.recordings import read_recording
 from elfslam.line.feature import load_encoder
 from elfslam.slam import Parameters
 from elfslam.studies.demo import floor_plan, run_demo
-from elfslam.world.simulate import load_world
+from elfslam.world.world_file import load_world
 
 
 @pytest.mark.slow
@@ -37,7 +37,6 @@ def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
 def test_the_floor_plan_shows_every_piece_of_furniture() -> None:
     room = load_world("studio").room
     plan = floor_plan(room)
-    assert len(plan.obstacles) == len(room.furniture)
-    np.testing.assert_allclose(
-        plan.obstacles[0][2], (room.furniture[0].corner_m + room.furniture[0].size_m)[:2]
-    )
+    assert len(plan.obstacles) == len(room.blocks)
+    workbench = [[2.2, 2.0], [4.6, 2.0], [4.6, 2.8], [2.2, 2.8]]
+    np.testing.assert_allclose(plan.obstacles[0], workbench)

@@ -1,6 +1,8 @@
-"""Phones: the ripple that was asked for, and one named phone that never changes."""
+"""Phones: the ripple that was asked for, and built-in phones that never change."""
 
 from __future__ import annotations
+
+import hashlib
 
 import numpy as np
 import pytest
@@ -14,12 +16,25 @@ from elfslam.world.device import (
     BIN_HZ,
     BMI160,
     BROWSER,
+    DEVICES,
     ICM20948,
     LSM6DSO,
     Device,
+    built_in_device,
     named_device,
+    random_device,
     smooth_response,
 )
+
+PINNED = {
+    "simulated phone": [0.791577, 1.704771, 0.829358, 0.544091],
+    "flat": [1.0, 1.0, 1.0, 1.0],
+    "rippled": [9.269088, 2.064854, 0.326527, 1.1456],
+    "cheap": [0.916844, 0.976849, 0.552415, 0.084549],
+    "tablet": [1.938015, 0.451567, 1.189571, 2.539347],
+    "bottom-fired": [1.07837, 2.038577, 0.572359, 0.741531],
+}
+"""Responses at bins 0, 200, 400 and 629."""
 
 
 @given(seed=st.integers(0, 2**32 - 1), ripple_db=st.floats(0.5, 30.0))
@@ -38,6 +53,109 @@ def test_the_named_phone_is_fixed_for_all_time() -> None:
     assert np.ptp(20 * np.log10(first.response)) == pytest.approx(10.0)
     expected = [0.791577, 1.70477, 0.829358, 0.544091]
     np.testing.assert_allclose(first.response[[0, 200, 400, 629]], expected, rtol=1e-5)
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_the_built_in_phones_are_fixed_for_all_time(name: str) -> None:
+    phone = built_in_device(name)
+    assert phone.name == name
+    np.testing.assert_allclose(phone.response[[0, 200, 400, 629]], PINNED[name], rtol=1e-5)
+    assert (named_device(name).response == phone.response).all()
+
+
+def test_the_first_phone_has_kept_all_its_numbers() -> None:
+    phone = built_in_device("simulated phone")
+    digest = hashlib.sha256(phone.response.tobytes()).hexdigest()
+    assert digest == "03b44af497850ed3a4fd53b5f759623632a52bb3481a2f904b1956f340d308a9"
+    assert phone.separation_m == 0.15
+    assert (phone.speaker_directivity, phone.microphone_directivity) == (0.35, 0.2)
+    assert (phone.direct_gain, phone.level, phone.noise_rms) == (0.6, 0.035, 2e-5)
+    assert (phone.clip_level, phone.clock_skew_ppm, phone.jitter_s) == (1.0, 0.0, 0.0)
+    assert (phone.speaker_m == [0, 0.075, 0]).all()
+    assert (phone.microphone_m == [0, -0.075, 0]).all()
+    assert (phone.speaker_axis == [0, 1, 0]).all()
+    assert (phone.microphone_axis == [0, 1, 0]).all()
+
+
+def test_the_built_in_phones_differ_in_what_their_names_say() -> None:
+    ripple_db = {name: ripple_of(built_in_device(name)) for name in DEVICES}
+    assert ripple_db["flat"] == 0.0
+    assert ripple_db["rippled"] == pytest.approx(30.0)
+    assert built_in_device("tablet").separation_m == pytest.approx(0.24)
+    assert 0.02 <= built_in_device("bottom-fired").separation_m <= 0.03
+    assert (built_in_device("bottom-fired").speaker_axis == [0, -1, 0]).all()
+    assert built_in_device("cheap").clock_skew_ppm == 20.0
+    assert built_in_device("cheap").noise_rms > named_device("simulated phone").noise_rms
+
+
+def test_the_cheap_phone_falls_steeply_above_18_khz() -> None:
+    """10 dB per kHz on top of a ripple of 12 dB, and the same phone below."""
+    level_db = 20 * np.log10(built_in_device("cheap").response)
+    without = 20 * np.log10(smooth_response(np.random.default_rng(162), 12.0))
+    frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
+    fall_db = without - level_db
+    assert np.abs(fall_db[frequency_hz <= 18_000]).max() < 1e-9
+    assert np.interp(20_000, frequency_hz, fall_db) == pytest.approx(20.0)
+
+
+@pytest.mark.parametrize("name", DEVICES)
+def test_no_built_in_phone_clips_its_own_direct_sound(name: str) -> None:
+    """A chirp of full scale sweeps the band, so its peak follows the response."""
+    phone = built_in_device(name)
+    chirped = slice(65, 565)
+    peak = phone.level * phone.direct_gain / phone.separation_m * phone.response[chirped].max()
+    assert peak < phone.clip_level
+
+
+def test_an_unknown_phone_gets_the_near_one() -> None:
+    with pytest.raises(InputError, match=r"device 'tablett': .*did you mean 'tablet'\?"):
+        built_in_device("tablett")
+    with pytest.raises(InputError, match=r"device '42': .*choose one of them"):
+        built_in_device("42")
+
+
+def test_the_separation_is_the_distance_of_the_transducers() -> None:
+    phone = Device("odd", np.ones(BAND_BINS), np.array([0.03, 0, 0.0]), np.array([0, 0, -0.04]))
+    assert phone.separation_m == pytest.approx(0.05)
+
+
+def test_phones_that_cannot_be_are_refused() -> None:
+    flat, centre = np.ones(BAND_BINS), np.zeros(3)
+    with pytest.raises(InputError, match="at one place"):
+        Device("odd", flat, speaker_m=centre, microphone_m=centre)
+    with pytest.raises(InputError, match=r"Device\.speaker_axis: wanted rows of length 1"):
+        Device("odd", flat, speaker_axis=np.array([0.0, 2.0, 0.0]))
+    for wrong in ({"clip_level": 0.0}, {"noise_rms": -1e-5}, {"jitter_s": -1.0}, {"level": -1.0}):
+        with pytest.raises(InputError, match="wanted a positive clip level"):
+            Device("odd", flat, **wrong)
+
+
+def test_random_phones_are_the_old_ones_with_geometry_and_clock() -> None:
+    """The draws of old come first; the generator goes on as if nothing else were drawn."""
+    generator, old = np.random.default_rng(3), np.random.default_rng(3)
+    phone = random_device(generator)
+    assert (phone.response == smooth_response(old, old.uniform(2.0, 25.0))).all()
+    assert phone.speaker_directivity == old.uniform(0.2, 0.5)
+    assert phone.microphone_directivity == old.uniform(0.0, 0.4)
+    assert phone.direct_gain == old.uniform(0.4, 1.0)
+    assert phone.noise_rms == pytest.approx(np.exp(old.uniform(np.log(5e-6), np.log(1e-4))))
+    assert generator.uniform() == old.uniform()
+
+
+def test_random_phones_differ_in_geometry_and_clock() -> None:
+    generator = np.random.default_rng(5)
+    phones = [random_device(generator) for _ in range(60)]
+    separation_m = [phone.separation_m for phone in phones]
+    assert 0.10 <= min(separation_m) < 0.13
+    assert 0.21 < max(separation_m) < 0.25
+    skew_ppm = [phone.clock_skew_ppm for phone in phones]
+    assert -30 <= min(skew_ppm) < -20
+    assert 20 < max(skew_ppm) <= 30
+    assert all(0 <= phone.jitter_s <= 20e-6 for phone in phones)
+
+
+def ripple_of(phone: Device) -> float:
+    return float(np.ptp(20 * np.log10(phone.response)))
 
 
 def test_the_band_holds_the_chirp() -> None:

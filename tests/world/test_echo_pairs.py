@@ -7,22 +7,28 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elfslam.base.errors import ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, EchoPairs
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import load_encoder
-from elfslam.world.acoustics import image_sources, render_frames, room_responses
-from elfslam.world.device import named_device
+from elfslam.world import echo_pairs as module
+from elfslam.world.device import named_device, random_device
 from elfslam.world.echo_pairs import (
+    PHONE_HEIGHT_M,
     POSITIVE_DISTANCE_M,
     WALL_MARGIN_M,
     _cut,
     _places,
+    _random_holder,
+    _random_poses,
     _within,
     echo_pairs,
-    random_device,
-    random_room,
 )
+from elfslam.world.phone import phone_axes, poses_at, render_frames, room_responses
+from elfslam.world.random_world import random_room
+from elfslam.world.room import Block, Room, box
+from elfslam.world.scene import scene_of
 
 
 def generator_of(seed: int) -> np.random.Generator:
@@ -37,7 +43,7 @@ def pairs() -> EchoPairs:
 def test_every_place_has_two_echoes_and_every_room_as_many(pairs: EchoPairs) -> None:
     assert pairs.first.shape == pairs.second.shape == (240, ECHO_SAMPLES)
     assert np.bincount(pairs.room).tolist() == [40] * 6
-    assert (pairs.xy_m >= WALL_MARGIN_M).all()
+    assert (pairs.xy_m > 0).all()
     assert (np.linalg.norm(pairs.first, axis=1) > 0).all()
 
 
@@ -68,17 +74,110 @@ def test_positives_fill_the_disc_evenly() -> None:
     assert np.abs(shift.mean(axis=0)).max() < 0.003
 
 
+@pytest.mark.parametrize("rooms", [1, 3, 12])
+def test_rooms_share_the_pairs_and_come_one_after_the_other(rooms: int) -> None:
+    made = echo_pairs(generator_of(1), 12, rooms)
+    assert made.room.tolist() == np.repeat(np.arange(rooms), 12 // rooms).tolist()
+    assert made.first.dtype == np.float32
+    assert made.first.flags.c_contiguous
+
+
+def test_the_first_rooms_do_not_know_of_later_ones() -> None:
+    """A room is drawn, heard and done with before the next one is."""
+    fewer, more = echo_pairs(generator_of(3), 8, 2), echo_pairs(generator_of(3), 16, 4)
+    assert (more.first[:8] == fewer.first).all()
+    assert (more.xy_m[:8] == fewer.xy_m).all()
+
+
+def test_pairs_that_do_not_share_out_are_refused() -> None:
+    with pytest.raises(ParameterError, match=r"multiple of rooms \(3\), got 10; change one"):
+        echo_pairs(generator_of(0), 10, 3)
+
+
+def square_room(*blocks: Block) -> Room:
+    """An empty room of 8 by 6 m with these blocks."""
+    bare = random_room(generator_of(2))
+    outline = np.array([[0, 0], [8, 0], [8, 6], [0, 6]], dtype=np.float64)
+    return Room(outline, 2.5, bare.walls[:4], bare.floor, bare.ceiling, blocks, 1)
+
+
 @pytest.mark.parametrize("count", [8, 9])
 def test_half_of_the_places_are_the_others_after_half_a_turn(count: int) -> None:
-    room = random_room(generator_of(2))
-    xy, yaw = _places(generator_of(3), room, count)
+    xy, yaw = _places(generator_of(3), square_room(), count)
     half = (count + 1) // 2
     assert xy.shape == (count, 2)
     assert yaw.shape == (count,)
-    np.testing.assert_allclose(xy[half:], room.size_m[:2] - xy[: count - half])
+    np.testing.assert_allclose(xy[half:], [8.0, 6.0] - xy[: count - half])
     np.testing.assert_allclose(yaw[half:], yaw[: count - half] + np.pi)
     assert (xy >= WALL_MARGIN_M).all()
-    assert (xy <= room.size_m[:2] - WALL_MARGIN_M).all()
+    assert (xy <= [8.0 - WALL_MARGIN_M, 6.0 - WALL_MARGIN_M]).all()
+
+
+def test_only_what_is_blocked_after_half_a_turn_is_placed_anew() -> None:
+    """A cupboard fills the left half: nothing to the right of it can be turned onto it."""
+    cupboard = box("cupboard", np.array([0.0, 0.0, 0.0]), np.array([3.0, 6.0, 2.0]))
+    room = square_room(cupboard)
+    xy, _ = _places(generator_of(4), room, 400)
+    turned, blocked = [8.0, 6.0] - xy[:200], 8.0 - xy[:200, 0] < 3.0 + WALL_MARGIN_M
+    assert 0.2 < blocked.mean() < 0.9
+    np.testing.assert_allclose(xy[200:][~blocked], turned[~blocked])
+    assert room.is_free(xy, PHONE_HEIGHT_M, WALL_MARGIN_M).all()
+    assert (xy[200:][blocked] != turned[blocked]).any(axis=1).all()
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_places_are_free(seed: int) -> None:
+    """In the room and in no furniture; the margin gives way only where there is no room for it."""
+    room = random_room(generator_of(seed))
+    xy, _ = _places(generator_of(seed + 1), room, 40)
+    assert room.is_free(xy, PHONE_HEIGHT_M).all()
+    assert room.is_free(xy, PHONE_HEIGHT_M, 0.2).mean() > 0.9
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_phones_of_one_holder_are_alike(seed: int) -> None:
+    generator = generator_of(seed)
+    height_m, pitch_rad, body_m = holder = _random_holder(generator)
+    assert 1.05 <= height_m <= 1.40
+    xy, yaw = generator.uniform(1.0, 5.0, (500, 2)), generator.uniform(-3.0, 3.0, 500)
+    poses = _random_poses(generator, xy, yaw, holder)
+    assert (poses.position_m[:, :2] == xy).all()
+    assert poses.position_m[:, 2].mean() == pytest.approx(height_m, abs=0.01)
+    assert (poses.body_distance_m == body_m).all()
+    assert poses.people_m.shape == (500, 0, 2)
+    ahead = poses.world_from_phone[:, :, 1]
+    assert np.arcsin(ahead[:, 2]).mean() == pytest.approx(pitch_rad, abs=0.02)
+    expected = phone_axes(yaw, np.zeros(500), np.zeros(500))[:, :, 1]
+    angle = np.arccos(
+        np.clip((ahead * expected).sum(axis=1) / np.cos(np.arcsin(ahead[:, 2])), -1, 1)
+    )
+    assert np.sqrt(np.mean(angle**2)) == pytest.approx(0.12, rel=0.15)
+    speed = np.linalg.norm(poses.velocity_mps, axis=1)
+    assert (poses.velocity_mps[:, 2] == 0).all()
+    assert 1.3 < speed.max() <= 1.5
+    np.testing.assert_allclose(
+        poses.velocity_mps[:, :2] * np.linalg.norm(ahead[:, :2], axis=1, keepdims=True),
+        speed[:, None] * ahead[:, :2], atol=1e-9,
+    )  # fmt: skip
+
+
+def test_the_second_echo_is_heard_close_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = []
+
+    def listen(scene, device, poses, air):  # type: ignore[no-untyped-def]
+        heard.append(poses)
+        return room_responses(scene, device, poses, air)
+
+    monkeypatch.setattr(module, "room_responses", listen)
+    made = echo_pairs(generator_of(5), 40, 4)
+    gaps = [
+        np.linalg.norm(first.position_m[:, :2] - second.position_m[:, :2], axis=1)
+        for first, second in zip(heard[::2], heard[1::2], strict=True)
+    ]
+    assert np.concatenate(gaps).max() <= POSITIVE_DISTANCE_M
+    assert np.concatenate(gaps).mean() == pytest.approx(POSITIVE_DISTANCE_M * 2 / 3, rel=0.2)
+    places = np.concatenate([poses.position_m[:, :2] for poses in heard[::2]])
+    assert (places == made.xy_m).all()
 
 
 @pytest.mark.parametrize("name", ["spectral", "compact"])
@@ -90,18 +189,6 @@ def test_an_encoder_tells_near_from_far(pairs: EchoPairs, name: str) -> None:
     distance_m = np.linalg.norm(pairs.xy_m[:, None] - pairs.xy_m[None], axis=2)
     far = (pairs.room[:, None] == pairs.room[None]) & (distance_m > 1.0)
     assert np.diag(cosine).mean() > cosine[far].mean() + 0.1
-
-
-@pytest.mark.parametrize("seed", range(20))
-def test_random_rooms_are_rooms(seed: int) -> None:
-    room = random_room(generator_of(seed))
-    assert 9.0 <= room.size_m[:2].prod() <= 400.0
-    assert 2.3 <= room.size_m[2] <= 3.6
-    assert (room.reflection >= 0.3).all()
-    assert (room.reflection <= 0.97).all()
-    assert 2 <= len(room.furniture) <= 24
-    assert (room.scatterers_m >= 0).all()
-    assert (room.scatterers_m <= room.size_m + 1e-9).all()
 
 
 def test_random_phones_differ_by_the_ripple_of_real_ones() -> None:
@@ -118,9 +205,8 @@ def test_traces_are_cut_where_the_line_cuts_them() -> None:
     generator, device = generator_of(1), named_device("named")
     room, chirp = random_room(generator), make_chirp(ChirpParameters(), 44_100)
     place_m = np.append(room.size_m[:2] / 2, 1.2)
-    response = room_responses(
-        room, image_sources(room), device, place_m[None], np.zeros(1), np.zeros(1), np.full(1, 0.35)
-    )
+    still = poses_at(place_m[None], np.zeros(1), np.zeros(1))
+    response = room_responses(scene_of(room), device, still)
     frame = render_frames(response, chirp, device)
     stream = Audio(np.tile(frame, (1, 30)), 44_100)
     by_line = cut_echoes(stream, chirp, EchoParameters()).samples[0]

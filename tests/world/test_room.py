@@ -1,89 +1,141 @@
-"""Rooms: scatterers lie on the visible faces of furniture that stands inside."""
+"""Rooms: polygons, blocks in them, and places that are free."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.world.materials import material
 from elfslam.world.room import (
-    SCATTERER_RADIUS_M,
-    SCATTERERS_PER_M2,
-    Furniture,
+    Block,
     Room,
-    furnish,
+    box,
+    check_outline,
+    inside,
+    segments_cross,
+    shoebox,
 )
 
-SIZE_M = np.array([6.0, 4.0, 2.5])
-REFLECTION = np.full(6, 0.8)
-BOX = Furniture("box", np.array([1.0, 2.0, 0.0]), np.array([2.0, 1.0, 0.5]))
-SHELF = Furniture("shelf", np.array([0.0, 0.0, 1.2]), np.array([0.8, 2.5, 1.0]))
+ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
+WOOD = material("wood panel")
 
 
-def furnished(*items: Furniture, seed: int = 0) -> Room:
-    return furnish(SIZE_M, REFLECTION, items, np.random.default_rng(seed))
-
-
-def faces_touched(points: F64, item: Furniture) -> F64:
-    """Which of x-, x+, y-, y+, z-, z+ each point (n, 3) lies on: (n, 6)."""
-    low, high = item.corner_m, item.corner_m + item.size_m
-    near = np.stack([np.abs(points - low) < 1e-9, np.abs(points - high) < 1e-9], axis=2)
-    return near.reshape(len(points), 6)
-
-
-@pytest.mark.parametrize("item", [BOX, SHELF], ids=lambda item: item.name)
-def test_scatterers_lie_on_the_five_visible_faces(item: Furniture) -> None:
-    points = furnished(item).scatterers_m
-    touched = faces_touched(points, item)
-    assert (points >= item.corner_m - 1e-9).all()
-    assert (points <= item.corner_m + item.size_m + 1e-9).all()
-    assert touched[:, [0, 1, 2, 3, 5]].any(axis=1).all()
-    assert touched[:, [0, 1, 2, 3, 5]].any(axis=0).all(), "every visible face carries some"
-
-
-def test_scatterers_are_as_dense_as_the_surface_is_large() -> None:
-    visible_m2 = 2.0 * 1.0 + 2 * 2.0 * 0.5 + 2 * 1.0 * 0.5
-    room = furnished(BOX)
-    assert len(room.scatterers_m) == round(visible_m2 * SCATTERERS_PER_M2)
-    assert room.scatterer_radius_m.min() >= SCATTERER_RADIUS_M[0]
-    assert room.scatterer_radius_m.max() <= SCATTERER_RADIUS_M[1]
-
-
-def test_the_large_face_carries_the_larger_share() -> None:
-    table = Furniture("table", np.zeros(3), np.array([6.0, 4.0, 0.1]))
-    touched = faces_touched(furnished(table).scatterers_m, table)
-    assert touched[:, 5].mean() > 0.8  # the top is 24 of 26 m2
-
-
-def test_a_seed_gives_one_room() -> None:
-    first, again, other = furnished(BOX, SHELF), furnished(BOX, SHELF), furnished(BOX, seed=1)
-    assert (first.scatterers_m == again.scatterers_m).all()
-    assert (first.scatterer_radius_m == again.scatterer_radius_m).all()
-    assert not np.isin(other.scatterers_m, first.scatterers_m).all()
-
-
-def test_an_empty_room_scatters_nothing() -> None:
-    room = furnished()
-    assert room.scatterers_m.shape == (0, 3)
-    assert room.outline_m.tolist() == [[0, 0], [6, 0], [6, 4], [0, 4]]
+def ell(*blocks: Block) -> Room:
+    return Room(ELL_M, 2.5, (WOOD,) * 6, WOOD, WOOD, blocks)
 
 
 @pytest.mark.parametrize(
-    ("corner_m", "size_m"),
+    ("xy_m", "expected"),
+    [([1, 4], True), ([5, 1], True), ([4, 4], False), ([-1, 1], False), ([2.9, 3.1], True)],
+)
+def test_points_inside_a_polygon(xy_m: list[float], expected: bool) -> None:
+    assert inside(ELL_M, np.array([xy_m], dtype=float)).tolist() == [expected]
+
+
+def in_ell(points: F64) -> F64:
+    return np.asarray(
+        (points > 0).all(axis=1)
+        & (points < [6, 5]).all(axis=1)
+        & ((points[:, 0] < 3) | (points[:, 1] < 3))
+    )
+
+
+@given(turn_rad=st.floats(0.01, 6.27), shift_m=st.tuples(st.floats(-99, 99), st.floats(-99, 99)))
+def test_inside_stays_inside_wherever_the_room_lies(
+    turn_rad: float, shift_m: tuple[float, float]
+) -> None:
+    points = np.random.default_rng(5).uniform([-1, -1], [7, 6], (200, 2))
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    found = inside(ELL_M @ turn + shift_m, points @ turn + shift_m)
+    assert (found == in_ell(points)).all()
+
+
+def test_an_outline_becomes_counter_clockwise() -> None:
+    assert (check_outline(ELL_M) == ELL_M).all()
+    assert (check_outline(ELL_M[::-1]) == ELL_M).all()
+
+
+@pytest.mark.parametrize(
+    ("outline_m", "complaint"),
     [
-        ([-0.1, 0, 0], [1, 1, 1]),
-        ([0, 0, -0.1], [1, 1, 1]),
-        ([5.5, 0, 0], [1, 1, 1]),
-        ([0, 3.5, 0], [1, 1, 1]),
-        ([0, 0, 0], [1, 1, 2.6]),
+        ([[0, 0], [1, 0]], "wanted at least 3 corners, got 2; add some"),
+        ([[0, 0], [4, 0], [4, 0], [0, 4]], "corners 2 and 3 are one place"),
+        ([[0, 0], [4, 0], [4, 4], [0, 0.001]], "corners 4 and 1 are one place"),
+        ([[0, 0], [4, 4], [4, 0], [0, 4]], "side 1 from .* crosses side 3 from .*; reorder"),
     ],
 )
-def test_furniture_outside_the_room_is_refused(corner_m: list[float], size_m: list[float]) -> None:
-    with pytest.raises(InputError, match=r"furniture 'sofa' stands outside the room; move"):
-        furnished(Furniture("sofa", np.array(corner_m, float), np.array(size_m, float)))
+def test_bad_outlines_are_refused(outline_m: list[list[float]], complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
+        check_outline(np.array(outline_m, dtype=float))
 
 
-def test_furniture_may_touch_the_walls() -> None:
-    whole = Furniture("whole", np.zeros(3), SIZE_M)
-    assert furnished(whole).furniture == (whole,)
+@pytest.mark.parametrize(
+    ("ends", "expected"),
+    [
+        (([0, 0], [2, 2], [0, 2], [2, 0]), True),
+        (([0, 0], [2, 0], [1, 0], [1, 3]), True),
+        (([0, 0], [2, 0], [3, 0], [4, 0]), False),
+        (([0, 0], [2, 0], [1, 0], [4, 0]), True),
+        (([0, 0], [2, 0], [0, 1], [2, 1]), False),
+        (([0, 0], [2, 0], [3, -1], [3, 1]), False),
+    ],
+)
+def test_segments_that_cross(ends: tuple[list[float], ...], expected: bool) -> None:
+    a, b, c, d = (np.array(end, dtype=float) for end in ends)
+    assert segments_cross(a, b, c, d) == segments_cross(c, d, b, a) == expected
+
+
+def test_a_block_is_turned_about_its_middle() -> None:
+    block = box("table", [1.0, 1.0, 0.0], [2.0, 1.0, 0.7], turn_rad=np.pi / 2)
+    expected = [[2.5, 0.5], [2.5, 2.5], [1.5, 2.5], [1.5, 0.5]]
+    np.testing.assert_allclose(block.corners_m, expected, atol=1e-12)
+    assert block.top_m == 0.7
+    np.testing.assert_allclose(block.place(np.array([[1.0, 0.0, 0.2]])), [[2.0, 2.5, 0.2]])
+
+
+@given(turn_rad=st.floats(-7, 7))
+def test_corners_run_counter_clockwise_however_turned(turn_rad: float) -> None:
+    corners = Block("crate", WOOD, [1.0, 2.0], [3.0, 0.5, 1.0], turn_rad).corners_m
+    after = np.roll(corners, -1, axis=0)
+    area = 0.5 * np.sum(corners[:, 0] * after[:, 1] - corners[:, 1] * after[:, 0])
+    assert area == pytest.approx(1.5)
+    np.testing.assert_allclose(corners.mean(axis=0), [1.0, 2.0], atol=1e-12)
+
+
+def test_a_shoebox_has_its_surfaces_where_they_were_named() -> None:
+    names = ("door", "glass", "brick", "plaster", "carpet", "concrete")
+    room = shoebox(np.array([6.0, 4.0, 2.5]), tuple(material(name) for name in names))
+    middles = (room.outline_m + np.roll(room.outline_m, -1, axis=0)) / 2
+    expected = {(0, 2): "door", (6, 2): "glass", (3, 0): "brick", (3, 4): "plaster"}
+    for middle, wall in zip(middles, room.walls, strict=True):
+        assert wall.name == expected[tuple(middle.astype(int))]
+    assert (room.floor.name, room.ceiling.name) == ("carpet", "concrete")
+    assert room.size_m.tolist() == [6.0, 4.0, 2.5]
+
+
+def test_the_box_about_a_room() -> None:
+    room = Room(ELL_M + [2.0, -1.0], 2.5, (WOOD,) * 6, WOOD, WOOD)
+    assert room.size_m.tolist() == [6.0, 5.0, 2.5]
+    assert room.corner_m.tolist() == [2.0, -1.0]
+
+
+def test_a_phone_is_free_above_a_table_and_below_a_lamp_but_not_within() -> None:
+    table = box("table", [1.0, 1.0, 0.0], [1.0, 1.0, 0.7])
+    lamp = box("lamp", [1.0, 1.0, 1.8], [1.0, 1.0, 0.3])
+    room, place = ell(table, lamp), np.array([[1.5, 1.5]])
+    assert [room.is_free(place, z).item() for z in (0.5, 1.2, 1.9, 2.3)] == [
+        False, True, False, True,
+    ]  # fmt: skip
+
+
+def test_a_margin_is_kept_from_walls_and_turned_blocks() -> None:
+    crate = Block("crate", WOOD, [1.5, 1.5], [1.0, 1.0, 2.0], np.pi / 4)
+    room = ell(crate)
+    places = np.array([[0.35, 1.5], [1.5 - 0.75, 1.5 - 0.35], [5.9, 1.0], [2.9, 3.5]])
+    assert room.is_free(places, 1.0).tolist() == [True, True, True, True]
+    assert room.is_free(places, 1.0, 0.3).tolist() == [True, False, False, False]

@@ -9,32 +9,29 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Recording, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes, find_arrivals, matched_envelope
 from elfslam.line.feature import SpectralEncoder
-from elfslam.world.acoustics import image_sources, render_frames, room_responses
-from elfslam.world.air import SPEED_OF_SOUND_MPS
-from elfslam.world.device import named_device
-from elfslam.world.room import Furniture
-from elfslam.world.simulate import (
-    LATENCY_S,
-    World,
-    describe_chirp,
-    load_world,
-    simulate,
-    world_names,
-)
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.device import BMI160, ICM20948, built_in_device
+from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
+from elfslam.world.recorder import LATENCY_S
+from elfslam.world.scene import scene_of
+from elfslam.world.simulate import describe_chirp, simulate
 from elfslam.world.walker import KINEMATICS_RATE_HZ, random_walker, walk
+from elfslam.world.world_file import World, load_world
+from elfslam.world.world_file import World, load_world
 
 PERIOD_SAMPLES = 4410
-WORLD_TOML = """
+
+
+CLOSET = """
 name = "closet"
 size_m = [4.0, 3.0, 2.5]
 reflection = [0.8, 0.8, 0.8, 0.8, 0.5, 0.7]
-furniture_seed = 3
+seed = 3
 route_m = [[0.8, 0.8], [3.2, 0.8], [3.2, 2.2], [0.8, 2.2]]
 
 [[furniture]]
@@ -42,6 +39,15 @@ name = "stool"
 corner_m = [1.8, 1.3, 0.0]
 size_m = [0.4, 0.4, 0.5]
 """
+EVERY_CIRCUMSTANCE = (
+    Circumstances(state="moved"),
+    Circumstances(day=30),
+    Circumstances(people=5),
+    Circumstances(device="tablet"),
+    Circumstances(volume=0.3),
+    Circumstances(sounds=("speech", "clicks")),
+    Circumstances(other_phones=1),
+)
 
 
 @pytest.fixture(scope="module")
@@ -70,99 +76,6 @@ def bytes_of(recording: Recording, truth: Truth) -> bytes:
     return b"".join(values.tobytes() for values in arrays)
 
 
-def world_file(folder: Path, text: str) -> str:
-    path = folder / "mine.toml"
-    path.write_text(text, encoding="utf-8")
-    return str(path)
-
-
-# --- worlds ---
-
-
-def test_the_worlds_that_come_along() -> None:
-    assert {"living_room", "office", "studio"} <= set(world_names())
-
-
-def clearance_m(xy: F64, item: Furniture) -> float:
-    """Least distance (along x or y) from points (n, 2) to a piece of furniture."""
-    low, high = item.corner_m[:2], (item.corner_m + item.size_m)[:2]
-    return float(np.maximum(low - xy, xy - high).max(axis=1).min())
-
-
-@pytest.mark.parametrize("name", world_names())
-def test_a_built_in_world_can_be_walked(name: str) -> None:
-    """The route, walked with 10 cm of wander, stays off walls and furniture."""
-    world = load_world(name)
-    ends = np.roll(world.route_m, -1, axis=0)
-    xy = np.vstack(np.linspace(world.route_m, ends, 200))
-    assert world.name == name
-    assert (xy > 0.5).all()
-    assert (xy < world.room.size_m[:2] - 0.5).all()
-    assert min(clearance_m(xy, item) for item in world.room.furniture) > 0.2
-
-
-def test_the_living_room_of_the_paper_has_60_m2() -> None:
-    assert load_world("living_room").room.size_m[:2].prod() == pytest.approx(60.0)
-    assert load_world("office").room.size_m[:2].prod() == pytest.approx(360.0)
-
-
-def test_a_world_is_the_same_every_time(studio: World) -> None:
-    again = load_world("studio")
-    assert (again.room.scatterers_m == studio.room.scatterers_m).all()
-
-
-def test_a_world_from_a_file(tmp_path: Path) -> None:
-    world = load_world(world_file(tmp_path, WORLD_TOML))
-    assert world.name == "closet"
-    assert world.room.furniture[0].name == "stool"
-    assert world.route_m.shape == (4, 2)
-    recording, truth = simulate(world, 0, rounds=1)
-    assert recording.name == "closet seed 0"
-    assert (truth.world_from_body[:, :2] > 0).all()
-    assert (truth.world_from_body[:, :2] < [4.0, 3.0]).all()
-
-
-def test_a_world_without_furniture(tmp_path: Path) -> None:
-    world = load_world(world_file(tmp_path, WORLD_TOML.partition("[[furniture")[0]))
-    assert len(world.room.scatterers_m) == 0
-
-
-@pytest.mark.parametrize("name", ["garage", "", "../world", "no/such/file.toml"])
-def test_an_unknown_world_is_refused_with_the_known_ones(name: str) -> None:
-    with pytest.raises(InputError, match=f"wanted {', '.join(world_names())} or a TOML file"):
-        load_world(name)
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "complaint"),
-    [
-        ("size_m = [4", "size_m = [4 4", "not a world description"),
-        ('name = "closet"', "", r"not a world description \('name'\)"),
-        ("furniture_seed = 3", 'furniture_seed = "three"', "not a world description"),
-        ("furniture_seed = 3", "furniture_seed = -3", "not a world description"),
-        ("[[0.8, 0.8], ", "[[0.8], ", "not a world description"),
-        ("[4.0, 3.0, 2.5]", "[4.0, 3.0]", "not a world description"),
-        ("0.5, 0.7]", "0.5]", r"Room.reflection: wanted shape \(6\)"),
-        ("0.5, 0.7]", "0.5, 1.7]", "wanted six reflections from 0 to 1"),
-        ('name = "stool"', 'title = "stool"', "not a world description"),
-        ("[1.8, 1.3, 0.0]", "[3.8, 1.3, 0.0]", "furniture 'stool' stands outside the room"),
-        ("[3.2, 2.2]", "[3.2, 3.2]", "world 'closet': the route leaves the room"),
-    ],
-)
-def test_a_broken_world_is_refused(tmp_path: Path, old: str, new: str, complaint: str) -> None:
-    assert old in WORLD_TOML
-    with pytest.raises(InputError, match=complaint) as refusal:
-        load_world(world_file(tmp_path, WORLD_TOML.replace(old, new, 1)))
-    assert "\n" not in str(refusal.value)
-
-
-def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_bytes(b"\xff\xfe\x00name")
-    with pytest.raises(InputError, match="not a world description"):
-        load_world(str(path))
-
-
 # --- recordings ---
 
 
@@ -175,6 +88,61 @@ def test_a_recording_holds_nothing_of_the_truth(walked: tuple[Recording, Truth])
     recording, _ = walked
     brought = {item.name for item in fields(recording) if getattr(recording, item.name) is not None}
     assert brought == {"name", "device", "audio", "imu"}
+    assert (recording.name, recording.device) == ("studio", "simulated phone, Bosch BMI160")
+
+
+def test_a_recording_tells_the_phone_and_no_other_circumstance(studio: World) -> None:
+    busy = Circumstances("moved", 30, 4, "tablet", 0.4, ("music",), 1)
+    recording, _ = simulate(studio, 77, rounds=1, circumstances=busy, grade=ICM20948)
+    assert recording.name == "studio"
+    assert recording.device == "tablet, TDK InvenSense ICM-20948"
+
+
+def test_a_world_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(CLOSET, encoding="utf-8")
+    recording, truth = simulate(load_world(str(path)), 0, rounds=1)
+    assert recording.name == "closet"
+    assert (truth.world_from_body[:, :2] > 0).all()
+    assert (truth.world_from_body[:, :2] < [4.0, 3.0]).all()
+
+
+# --- circumstances ---
+
+
+def test_the_base_circumstances_are_those_of_old(
+    studio: World, walked: tuple[Recording, Truth]
+) -> None:
+    plain = simulate(studio, 3, rounds=1, circumstances=Circumstances())
+    assert bytes_of(*plain) == bytes_of(*walked)
+
+
+@pytest.mark.parametrize("circumstances", EVERY_CIRCUMSTANCE)
+def test_circumstances_change_the_sound_alone(
+    studio: World, walked: tuple[Recording, Truth], circumstances: Circumstances
+) -> None:
+    recording, truth = simulate(studio, 3, rounds=1, circumstances=circumstances)
+    before, after = walked[0], recording
+    assert before.imu is not None
+    assert after.imu is not None
+    assert truth.t_s.tobytes() == walked[1].t_s.tobytes()
+    assert truth.world_from_body.tobytes() == walked[1].world_from_body.tobytes()
+    assert after.imu.accel_mps2.tobytes() == before.imu.accel_mps2.tobytes()
+    assert after.imu.gyro_radps.tobytes() == before.imu.gyro_radps.tobytes()
+    assert audio_of(after).samples.shape == audio_of(before).samples.shape
+    assert (audio_of(after).samples != audio_of(before).samples).any()
+
+
+def test_another_motion_sensor_leaves_the_walk(
+    studio: World, walked: tuple[Recording, Truth]
+) -> None:
+    recording, truth = simulate(studio, 3, rounds=1, grade=ICM20948, sound=False)
+    assert BMI160 != ICM20948
+    assert truth.world_from_body.tobytes() == walked[1].world_from_body.tobytes()
+    assert recording.imu is not None
+    assert walked[0].imu is not None
+    assert (recording.imu.t_s == walked[0].imu.t_s).all()
+    assert (recording.imu.gyro_radps != walked[0].imu.gyro_radps).all()
 
 
 def test_the_sound_fits_its_range(walked: tuple[Recording, Truth]) -> None:
@@ -194,7 +162,7 @@ def test_all_clocks_run_equally_long(walked: tuple[Recording, Truth]) -> None:
     assert truth.t_s[0] == 0.0
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_the_line_finds_every_direct_sound(studio: World, seed: int) -> None:
     """One every 100 ms to the sample, at a latency of this run."""
     audio = audio_of(simulate(studio, seed, rounds=2)[0])
@@ -213,24 +181,21 @@ def test_every_chirp_is_heard_where_the_walker_was(
     studio: World, walked: tuple[Recording, Truth], moment_s: float
 ) -> None:
     """The same walker on the same walk, and the room's answer at one moment of it."""
+    assert studio.climate.temperature_c == 20.0
     generator = np.random.default_rng([3, 1])
     walker = random_walker(generator)
     motion = walk(walker, studio.route_m, 1, generator)
     assert (walked[1].world_from_body[:, :2] == motion.position_m[::8, :2]).all()
     audio = audio_of(walked[0])
-    chirp, device = make_chirp(ChirpParameters(), audio.rate_hz), named_device("any")
+    chirp, device = make_chirp(ChirpParameters(), audio.rate_hz), built_in_device("simulated phone")
     direct = cut_echoes(audio, chirp, EchoParameters())
     k = int(np.searchsorted(direct.t_s, moment_s))
-    at = [int((direct.t_s[k] - device.separation_m / SPEED_OF_SOUND_MPS) * KINEMATICS_RATE_HZ)]
-    responses = room_responses(
-        studio.room,
-        image_sources(studio.room),
-        device,
-        motion.position_m[at],
-        motion.yaw_rad[at],
-        motion.pitch_rad[at],
-        np.array([walker.body_distance_m]),
-    )
+    at = [int((direct.t_s[k] - device.separation_m / air_at().speed_mps) * KINEMATICS_RATE_HZ)]
+    speed = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)
+    axes = phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
+    body = np.array([walker.body_distance_m])
+    poses = Poses(motion.position_m[at], axes, speed[at], body, np.zeros((1, 0, 2)))
+    responses = room_responses(scene_of(studio.room), device, poses)
     frame = render_frames(responses, chirp, device)[0]
     high = signal.butter(6, 13_000, "highpass", fs=audio.rate_hz, output="sos")
     heard = signal.sosfiltfilt(high, direct.samples[k])

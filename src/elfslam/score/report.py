@@ -1,4 +1,4 @@
-"""Reports to look at: of a mapping run, of fixes in a map, of a map, of a world."""
+"""Reports to look at: of a mapping run, of fixes in a map, of a map."""
 
 from __future__ import annotations
 
@@ -101,19 +101,6 @@ def write_map_page(path: Path, floor_map: FloorMap) -> None:
         Panel("What it knows at each spot", rows_table(payloads), wide=True),
     ]
     save_page(path, Page("Floor map", _sources(floor_map), panels, tiles=tiles))
-
-
-def write_world_page(
-    path: Path, floor_plan: FloorPlan, walk_xy_m: F64 | None = None, *, title: str = "World"
-) -> None:
-    """Write a simulated world from above: outline, furniture, and the route (n, 2) if any."""
-    traces = figures.floor_traces(floor_plan)
-    tiles = {"obstacles": str(len(floor_plan.obstacles))}
-    if walk_xy_m is not None:
-        traces += figures.walk_traces(walk_xy_m, "route", figures.SLAM)
-        tiles["route"] = f"{path_length_m(walk_xy_m):.0f} m"
-    panel = Panel("From above", figures.plan(traces), wide=True)
-    save_page(path, Page(title, "a world to walk in", [panel], tiles=tiles))
 
 
 WALK_NOTE = "Circle: start. Square: end. Ellipses: 1-sigma. A thin line joins the two visits."

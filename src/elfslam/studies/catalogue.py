@@ -9,6 +9,8 @@ from pathlib import Path
 
 from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
+from elfslam.studies.fidelity import compare_engines
+from elfslam.studies.physics import check_laws
 from elfslam.studies.sensors import compare_sensors
 
 Row = dict[str, object]
@@ -16,7 +18,11 @@ Announce = Callable[[str, float | None], None]
 Study = Callable[[Path | None, Announce], list[Row]]
 """Makes a table, given the folder of real recordings (or None) and who hears of progress."""
 
-STUDIES: Mapping[str, Study] = {"sensors": compare_sensors}
+STUDIES: Mapping[str, Study] = {
+    "fidelity": compare_engines,
+    "physics": check_laws,
+    "sensors": compare_sensors,
+}
 
 
 def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> list[Row]:

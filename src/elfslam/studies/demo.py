@@ -29,7 +29,8 @@ from elfslam.score.report import write_fix_report, write_report
 from elfslam.score.tables import methods
 from elfslam.slam import Parameters, Run, locate, map_by_echoes
 from elfslam.world.room import Room
-from elfslam.world.simulate import World, load_world, simulate
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import World, load_world
 
 WORLD = "living_room"
 SEEDS = tuple(range(10))
@@ -90,9 +91,7 @@ def run_demo(
 
 def floor_plan(room: Room) -> FloorPlan:
     """A simulated room as it is drawn under walks."""
-    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])
-    boxes = tuple(item.corner_m[:2] + corners * item.size_m[:2] for item in room.furniture)
-    return FloorPlan(room.outline_m, boxes)
+    return FloorPlan(room.outline_m, tuple(block.corners_m for block in room.blocks))
 
 
 def _collect(collected: Collected, run: Run, truth: Truth, fixes: Fixes, fix_truth: Truth) -> None:

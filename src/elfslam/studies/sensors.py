@@ -14,10 +14,12 @@ from elfslam.base.values import Recording, Truth
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.world.magnetic_field import Magnetism, magnetic_field
-from elfslam.world.room import Room
+from elfslam.world.materials import material
+from elfslam.world.room import shoebox
 from elfslam.world.sensors import Sensor, Surroundings
-from elfslam.world.simulate import World, load_world, simulate
+from elfslam.world.simulate import simulate
 from elfslam.world.wifi import MALL_SCANS, AccessPoint
+from elfslam.world.world_file import World, load_world
 
 ROOMS = ("studio", "lounge")
 HALL_M = np.array([60.0, 40.0, 4.5])
@@ -85,7 +87,7 @@ def _plain(value: float | None) -> float | None:
 
 def hall() -> World:
     """A hall as large as a part of the mall, with access points all over the mall's area."""
-    room = Room(HALL_M, np.full(6, 0.8), np.zeros((0, 3)), np.zeros(0))
+    room = shoebox(HALL_M, (material("concrete"),) * 6)
     generator = np.random.default_rng(1)
     corner_m = (HALL_M[:2] - MALL_M) / 2
     xy_m = corner_m + MALL_M * generator.uniform(0, 1, (HALL_ACCESS_POINTS, 2))

@@ -1,243 +1,269 @@
-"""Echo synthesis: image sources and point scatterers, one band-limited pulse per path.
+"""Echo synthesis: image sources, clutter, edges and people, one band-limited pulse per path.
 
-Each path adds a windowed-sinc pulse to the complex envelope of the room's response, sampled at
-6.3 kHz about 17.5 kHz; the carrier phase is exact. One frame is 100 ms, so its spectrum has bins of
-10 Hz, which are then multiplied by chirp and phone and turned into sound at the recording's rate.
-Image method after Allen and Berkley (J. Acoust. Soc. Am. 65, 1979).
+Paths are found in plan (`paths.py`) and repeated here for the images in height. Image method after
+Allen and Berkley (J. Acoust. Soc. Am. 65, 1979). Every row is one phone at one moment; rows do not
+depend on each other, so that cores share them and the result is the same.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numba
 import numpy as np
-import numpy.typing as npt
-from scipy import fft
 
-from elfslam.base.arrays import F32, F64, Value, array
-from elfslam.base.values import Chirp
-from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m
-from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device
-from elfslam.world.room import Room
+from elfslam.world.kernels import kernel
+from elfslam.world.paths import MOST_BOUNCES, find_paths
+from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M
+from elfslam.world.pulses import MOST_RAYS, note_ray, write_rays
+from elfslam.world.scene import EDGE_GAIN
+from elfslam.world.sight import hides, look
 
-CARRIER_HZ = 17_500.0
-BASEBAND_HZ = BAND_BINS * BIN_HZ
-FRAME_S = 1.0 / BIN_HZ
-LONGEST_PATH_M = 26.0
-"""76 ms: what follows the chirp within one frame, and all that the echo trace can hold."""
-MOST_IMAGES = 500
-TAPS = 12
-PHASES = 256
-BODY_DISTANCE_M = 0.35
-BODY_REFLECTION = 0.25
-BODY_SHADOW = 0.85
-"""Share of the sound that the holder's torso takes from paths that leave or arrive from behind."""
-
-C64 = npt.NDArray[np.complex64]
+PERSON_REFLECTION = 0.6
+CLUTTER_REACH_M = 7.0
+"""From farther away clutter and edges return 30 dB less than the walls' images do by then."""
+NEAREST_M = 0.3
+"""Spreading laws of small things hold from here on."""
 
 
-@dataclass(frozen=True, eq=False)
-class Images(Value):
-    """Image sources of a room: position = sign * source + offset, with their reflection gain."""
+@kernel
+def _stands_in(height, enter, leave, low, high):
+    """Whether a line between two unfolded heights passes an obstacle between floor and ceiling.
 
-    sign: F64 = array("k", 3)
-    offset_m: F64 = array("k", 3)
-    gain: F64 = array("k")
-
-
-def image_sources(room: Room) -> Images:
-    """The strongest images (direct sound excluded) within the longest path."""
-    reach = np.ceil(LONGEST_PATH_M / (2 * room.size_m)).astype(int)
-    axes = [
-        _axis_images(room.size_m[a], room.reflection[2 * a : 2 * a + 2], reach[a]) for a in range(3)
-    ]
-    count = [len(axis[0]) for axis in axes]
-    index = np.stack(np.meshgrid(*[np.arange(c) for c in count], indexing="ij"), axis=-1).reshape(
-        -1, 3
-    )
-    sign = np.column_stack([axes[a][0][index[:, a]] for a in range(3)])
-    offset = np.column_stack([axes[a][1][index[:, a]] for a in range(3)])
-    gain = np.prod([axes[a][2][index[:, a]] for a in range(3)], axis=0)
-    from_centre = np.abs((sign - 1) * room.size_m / 2 + offset)
-    distance = np.linalg.norm(from_centre, axis=1)
-    strength = gain / np.maximum(distance, 1.0) * 10 ** (-_air_db_per_m() * distance / 20)
-    strength[_nearest_m(from_centre, sign, room.size_m) > LONGEST_PATH_M] = 0.0
-    strength[(sign > 0).all(axis=1) & (offset == 0).all(axis=1)] = 0.0
-    keep = np.argsort(-strength)[:MOST_IMAGES]
-    keep = np.sort(keep[strength[keep] > 0])
-    return Images(sign[keep], offset[keep], gain[keep])
-
-
-def _nearest_m(from_centre_m: F64, sign: F64, size_m: F64) -> F64:
-    """Least path length of each image (k) as the phone moves through the room.
-
-    Along an axis that it mirrors, an image comes nearer by the phone's way twice.
+    Floor at 0 and ceiling at `height` are mirrors: the obstacle and its images lie every 2 height.
     """
-    nearer = np.where(sign < 0, size_m, 0.0)
-    return np.asarray(np.linalg.norm(np.maximum(from_centre_m - nearer, 0.0), axis=1))
+    bottom, top = min(enter, leave), max(enter, leave)
+    period = 2.0 * height
+    k = np.floor((bottom + high) / period) * period
+    while k + low < top or k - high < top:
+        if (k + low < top and k + high > bottom) or (k - high < top and k - low > bottom):
+            return True
+        k += period
+    return False
 
 
-def _axis_images(length_m: float, reflection: F64, reach: int) -> tuple[F64, F64, F64]:
-    """Sign, offset and gain of the images along one axis (Allen and Berkley, equation 9)."""
-    n = np.repeat(np.arange(-reach, reach + 1), 2)
-    odd = np.tile([0, 1], 2 * reach + 1)
-    gain = reflection[0] ** np.abs(n - odd) * reflection[1] ** np.abs(n)
-    return 1.0 - 2.0 * odd, np.asarray(2.0 * n * length_m, dtype=np.float64), gain
+@kernel
+def _folded(height, z):
+    z = z % (2.0 * height)
+    return min(z, 2.0 * height - z)
 
 
-def _air_db_per_m() -> float:
-    return absorption_db_per_m(CARRIER_HZ)
+@kernel
+def _is_open(scene, paths, p, base, start, slope):
+    """Whether plan path p is free for a line from height `start` above `base` at this slope."""
+    height = scene.height - base
+    first = paths.crossing_end[p - 1] if p > 0 else 0
+    crossings = paths.crossings
+    for c in range(first, paths.crossing_end[p]):
+        high = min(crossings.high[c] - base, height)
+        if high <= 1e-9:
+            continue
+        enter, leave = start + slope * crossings.enter[c], start + slope * crossings.leave[c]
+        if _stands_in(height, enter, leave, max(crossings.low[c] - base, 0.0), high):
+            return False
+    for hit in range(paths.order[p]):
+        k = paths.hit_block[p, hit]
+        if k >= 0:
+            z = base + _folded(height, start + slope * paths.hit_at[p, hit])
+            if z < scene.block_low[k] or z > scene.block_high[k]:
+                return False
+    return True
 
 
-def _pulse_table() -> F32:
-    """Windowed-sinc pulses (PHASES + 1, TAPS) for a delay of phase / PHASES of a sample."""
-    delay = np.arange(PHASES + 1)[:, None] / PHASES
-    x = np.arange(TAPS)[None, :] - (TAPS // 2 - 1) - delay
-    window = np.i0(6.0 * np.sqrt(np.maximum(1 - (x / (TAPS / 2)) ** 2, 0.0))) / np.i0(6.0)
-    return (np.sinc(x) * window).astype(np.float32)
+@kernel
+def _raise_powers(powers, gain):
+    powers[0] = 1.0
+    for k in range(1, powers.shape[0]):
+        powers[k] = powers[k - 1] * gain
 
 
-@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
-def _lobe(cosine: float, directivity: float) -> float:
-    return (1.0 - directivity) + directivity * cosine
-
-
-@numba.njit(cache=True, fastmath=True)  # type: ignore[untyped-decorator]
-def _shadow(forward: float, depth: float) -> float:
-    """Gain of a direction by its forward component: 1 ahead, 1 - depth straight behind."""
-    behind = min(max((-forward - 0.5) / 0.3, 0.0), 1.0)
-    return 1.0 - depth * behind * behind * (3.0 - 2.0 * behind)
-
-
-@numba.njit(cache=True, fastmath=True)
-def _add_pulse(out, row, delay_s, gain, table):  # type: ignore[no-untyped-def]
-    position = delay_s * BASEBAND_HZ
-    whole = int(position)
-    first = whole - (TAPS // 2 - 1)
-    turns = CARRIER_HZ * delay_s
-    angle = -2.0 * np.pi * (turns - np.floor(turns))
-    real, imag = gain * np.cos(angle), gain * np.sin(angle)
-    pulse = table[int((position - whole) * PHASES + 0.5)]
-    for tap in range(TAPS):
-        index = first + tap
-        if 0 <= index < BAND_BINS:
-            out[row, index] += complex(real * pulse[tap], imag * pulse[tap])
-
-
-@numba.njit(cache=True, fastmath=True)
-def _path_gain(departure, arrival, length, forward, lobes, air_db):  # type: ignore[no-untyped-def]
-    """Directivity, body shadow and air along one path; directions are unit, from the phone."""
-    out = departure[0] * forward[0] + departure[1] * forward[1] + departure[2] * forward[2]
-    back = arrival[0] * forward[0] + arrival[1] * forward[1] + arrival[2] * forward[2]
-    level = departure[0] * forward[0] + departure[1] * forward[1]
-    level_back = arrival[0] * forward[0] + arrival[1] * forward[1]
-    gain = _lobe(out, lobes[0]) * _lobe(back, lobes[1])
-    gain *= _shadow(level, lobes[2]) * _shadow(level_back, lobes[2])
-    return gain * 10.0 ** (-air_db * length / 20.0)
-
-
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _responses(  # type: ignore[no-untyped-def]
-    speaker,
-    microphone,
-    forward,
-    sign,
-    offset,
-    image_gain,
-    points,
-    radius,
-    lobes,
-    air_db,
-    table,
-    out,
-):
-    """Complex envelopes of the room's echoes, without the direct sound, added to `out` (n, 630)."""
-    departure, arrival = np.empty(3), np.empty(3)
-    for row in range(speaker.shape[0]):
-        for k in range(sign.shape[0]):
-            square = 0.0
-            for a in range(3):
-                arrival[a] = sign[k, a] * speaker[row, a] + offset[k, a] - microphone[row, a]
-                square += arrival[a] * arrival[a]
-            length = np.sqrt(square)
-            if length > LONGEST_PATH_M:
-                continue
-            for a in range(3):
-                arrival[a] /= length
-                departure[a] = -sign[k, a] * arrival[a]
-            gain = _path_gain(departure, arrival, length, forward[row], lobes, air_db)
-            _add_pulse(out, row, length / SPEED_OF_SOUND_MPS, gain * image_gain[k] / length, table)
-        for k in range(points.shape[0]):
-            there, home = 0.0, 0.0
-            for a in range(3):
-                departure[a] = points[k, a] - speaker[row, a]
-                arrival[a] = points[k, a] - microphone[row, a]
-                there += departure[a] * departure[a]
-                home += arrival[a] * arrival[a]
-            there, home = np.sqrt(there) + 1e-3, np.sqrt(home) + 1e-3
-            if there + home > LONGEST_PATH_M:
-                continue
-            for a in range(3):
-                departure[a] /= there
-                arrival[a] /= home
-            gain = _path_gain(departure, arrival, there + home, forward[row], lobes, air_db)
-            spread = 0.5 * radius[k] / (max(there, 0.3) * max(home, 0.3))
-            _add_pulse(out, row, (there + home) / SPEED_OF_SOUND_MPS, gain * spread, table)
-
-
-@numba.njit(cache=True, fastmath=True, nogil=True)
-def _near_field(out, direct_delay_s, direct_gain, body_delay_s, body_gain, table):  # type: ignore[no-untyped-def]
-    for row in range(out.shape[0]):
-        _add_pulse(out, row, direct_delay_s, direct_gain, table)
-        _add_pulse(out, row, body_delay_s[row], body_gain, table)
-
-
-def phone_geometry(
-    position_m: F64, yaw_rad: F64, pitch_rad: F64, separation_m: float
-) -> tuple[F64, F64, F64]:
-    """Speaker, microphone and forward direction (n, 3) of phones at `position_m` (n, 3)."""
-    cos = np.cos(pitch_rad)
-    forward = np.column_stack([cos * np.cos(yaw_rad), cos * np.sin(yaw_rad), np.sin(pitch_rad)])
-    half = 0.5 * separation_m * forward
-    return position_m + half, position_m - half, forward
-
-
-def room_responses(
-    room: Room, images: Images, device: Device, position_m: F64, yaw_rad: F64, pitch_rad: F64,
-    body_distance_m: F64,
-) -> C64:  # fmt: skip
-    """Complex envelopes (n, 630) of what each phone hears of an impulse, direct path included."""
-    speaker, microphone, forward = phone_geometry(
-        position_m, yaw_rad, pitch_rad, device.separation_m
-    )
-    out = np.zeros((len(position_m), BAND_BINS), dtype=np.complex64)
-    lobes = np.array([device.speaker_directivity, device.microphone_directivity, BODY_SHADOW])
-    table = _pulse_table()
-    _responses(
-        speaker, microphone, forward, images.sign, images.offset_m, images.gain, room.scatterers_m,
-        room.scatterer_radius_m, lobes, _air_db_per_m(), table, out,
+@kernel
+def _add_lifted(rays, phone, paths, p, gain, image, seen):
+    """Adds plan path p with the heights of the speaker's image and of the microphone's."""
+    rise = image - phone.microphone[2]
+    plan = paths.length[p]
+    length = np.sqrt(plan * plan + rise * rise)
+    inverse = 1.0 / max(length, 1e-3)
+    flat = plan * inverse
+    note_ray(
+        rays, length, gain * paths.gain[p] * inverse,
+        paths.departure[p, 0] * flat, paths.departure[p, 1] * flat,
+        (seen - phone.speaker[2]) * inverse,
+        paths.arrival[p, 0] * flat, paths.arrival[p, 1] * flat, rise * inverse,
     )  # fmt: skip
-    body_path_m = 2 * body_distance_m
-    _near_field(
-        out, device.separation_m / SPEED_OF_SOUND_MPS, device.direct_gain / device.separation_m,
-        body_path_m / SPEED_OF_SOUND_MPS, BODY_REFLECTION / (2 * BODY_DISTANCE_M), table,
-    )  # fmt: skip
-    return out
 
 
-def render_frames(responses: C64, chirp: Chirp, device: Device) -> F32:
-    """Sound (n, frame) of one chirp period per row, without noise, at the chirp's rate.
+@kernel
+def _heights(rays, scene, phone, paths, p, reach):
+    """Plan path p with every number of reflections at floor and ceiling."""
+    plan, order = paths.length[p], paths.order[p]
+    height, start, end = scene.height, phone.speaker[2], phone.microphone[2]
+    most = min(int(reach.longest_m / (2.0 * height)) + 1, MOST_BOUNCES - 1)
+    for n in range(-most, most + 1):
+        for odd in range(2):
+            bounces = abs(n - odd) + abs(n)
+            if order + bounces > reach.order or (order + bounces == 0 and phone.held):
+                continue
+            sign = 1.0 - 2.0 * odd
+            image = sign * start + 2.0 * n * height
+            rise = image - end
+            if plan * plan + rise * rise > reach.longest_m * reach.longest_m:
+                continue
+            seen = sign * (end - 2.0 * n * height)
+            if _is_open(scene, paths, p, 0.0, start, (seen - start) / max(plan, 1e-9)):
+                gain = paths.floor_power[abs(n - odd)] * paths.ceiling_power[abs(n)]
+                _add_lifted(rays, phone, paths, p, gain, image, seen)
 
-    The chirp starts at sample 0 and the direct sound arrives `separation` later.
+
+@kernel
+def _tops(rays, scene, phone, paths, p, reach):
+    """Plan path p with one reflection at the top of a block that it passes over.
+
+    Between this top and the ceiling the same images hold, with the top as the floor.
     """
-    size = round(FRAME_S * chirp.rate_hz)
-    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
-    first = round(BAND_LOW_HZ / BIN_HZ)
-    band = (device.level * device.response * chirp_spectrum[first : first + BAND_BINS]).astype(
-        np.complex64
-    )
-    spectrum = np.zeros((len(responses), size // 2 + 1), dtype=np.complex64)
-    envelope = fft.fftshift(fft.fft(responses, axis=1), axes=1)
-    np.multiply(envelope, band, out=spectrum[:, first : first + BAND_BINS])
-    return np.asarray(fft.irfft(spectrum, size, axis=1), dtype=np.float32)
+    first = paths.crossing_end[p - 1] if p > 0 else 0
+    start, end, plan = phone.speaker[2], phone.microphone[2], paths.length[p]
+    for c in range(first, paths.crossing_end[p]):
+        base, top_gain = paths.crossings.high[c], paths.crossings.top_gain[c]
+        if top_gain <= 0.0 or base >= min(start, end):
+            continue
+        height = scene.height - base
+        for odd, n, touch in ((1, 0, 0.0), (0, 1, 0.0), (0, -1, 2.0), (1, 2, 2.0)):
+            if paths.order[p] + 1 + abs(n) > reach.order:
+                continue
+            sign = 1.0 - 2.0 * odd
+            image = sign * (start - base) + 2.0 * n * height
+            rise = image - (end - base)
+            if plan * plan + rise * rise > reach.longest_m * reach.longest_m:
+                continue
+            seen = sign * (end - base - 2.0 * n * height)
+            slope = (seen - start + base) / max(plan, 1e-9)
+            at = (touch * height - start + base) / slope
+            if at < paths.crossings.enter[c] or at > paths.crossings.leave[c]:
+                continue
+            if _is_open(scene, paths, p, base, start - base, slope):
+                gain = top_gain * paths.ceiling_power[abs(n)]
+                _add_lifted(rays, phone, paths, p, gain, image + base, seen + base)
+
+
+@kernel
+def _look(scene, phone, paths, reach):
+    """What a held phone sees is looked up once, from between its two transducers."""
+    s, m = phone.speaker, phone.microphone
+    if phone.held:
+        x, y, z = 0.5 * (s[0] + m[0]), 0.5 * (s[1] + m[1]), 0.5 * (s[2] + m[2])
+        look(scene, paths.from_speaker, x, y, z, 0.5 * reach.longest_m)
+    else:
+        look(scene, paths.from_speaker, s[0], s[1], s[2], reach.longest_m)
+        look(scene, paths.from_microphone, m[0], m[1], m[2], reach.longest_m)
+
+
+@kernel
+def _via(rays, scene, phone, people, paths, x, y, z, strength, reach):
+    """Adds the path over a small thing at (x, y, z), unless it is out of reach or hidden.
+
+    The pressure it returns at distances there and home is `strength` / (there home).
+    """
+    s, m = phone.speaker, phone.microphone
+    dx, dy, dz = x - s[0], y - s[1], z - s[2]
+    ax, ay, az = x - m[0], y - m[1], z - m[2]
+    there = np.sqrt(dx * dx + dy * dy + dz * dz) + 1e-9
+    home = np.sqrt(ax * ax + ay * ay + az * az) + 1e-9
+    if there + home > reach.longest_m:
+        return
+    if hides(scene, people, paths.from_speaker, x, y, z):
+        return
+    if not phone.held and hides(scene, people, paths.from_microphone, x, y, z):
+        return
+    gain = strength / (max(there, NEAREST_M) * max(home, NEAREST_M))
+    note_ray(
+        rays, there + home, gain, dx / there, dy / there, dz / there,
+        ax / home, ay / home, az / home,
+    )  # fmt: skip
+
+
+@kernel
+def _clutter(rays, scene, phone, people, paths, reach):
+    """Points on faces that look towards the phone; a point of radius a returns a / 2 at 1 m."""
+    mx = 0.5 * (phone.speaker[0] + phone.microphone[0])
+    my = 0.5 * (phone.speaker[1] + phone.microphone[1])
+    mz = 0.5 * (phone.speaker[2] + phone.microphone[2])
+    farthest = min(0.5 * reach.longest_m, CLUTTER_REACH_M)
+    for k in range(scene.point_radius.shape[0]):
+        point, normal = scene.point[k], scene.point_normal[k]
+        x, y, z = mx - point[0], my - point[1], mz - point[2]
+        towards = normal[0] * x + normal[1] * y + normal[2] * z
+        square = x * x + y * y + z * z
+        if towards <= 0.0 or square > farthest * farthest:
+            continue
+        facing = min(2.0 * towards / np.sqrt(square), 1.0)
+        strength = 0.5 * scene.point_radius[k] * facing
+        x, y, z = point[0], point[1], point[2]
+        _via(rays, scene, phone, people, paths, x, y, z, strength, reach)
+
+
+@kernel
+def _edges(rays, scene, phone, people, paths, reach):
+    """The nearest point of every edge that has one between its ends."""
+    m, s = phone.microphone, phone.speaker
+    for k in range(scene.edge_a.shape[0]):
+        a, b, normal = scene.edge_a[k], scene.edge_b[k], scene.edge_normal[k]
+        along, size, facing = 0.0, 0.0, 0.0
+        for i in range(3):
+            middle = 0.5 * (m[i] + s[i])
+            along += (middle - a[i]) * (b[i] - a[i])
+            size += (b[i] - a[i]) ** 2
+            facing += (middle - a[i]) * normal[i]
+        share = along / size
+        if share <= 0.0 or share >= 1.0 or facing <= 0.0:
+            continue
+        x = a[0] + share * (b[0] - a[0]) + 0.005 * normal[0]
+        y = a[1] + share * (b[1] - a[1]) + 0.005 * normal[1]
+        z = a[2] + share * (b[2] - a[2]) + 0.005 * normal[2]
+        there = np.sqrt((x - s[0]) ** 2 + (y - s[1]) ** 2 + (z - s[2]) ** 2)
+        if there > CLUTTER_REACH_M:
+            continue
+        home = np.sqrt((x - m[0]) ** 2 + (y - m[1]) ** 2 + (z - m[2]) ** 2)
+        spread = max(there, NEAREST_M) * max(home, NEAREST_M)
+        strength = EDGE_GAIN * np.sqrt(spread / (there + home + 1e-9))
+        _via(rays, scene, phone, people, paths, x, y, z, strength, reach)
+
+
+@kernel
+def _people(rays, scene, phone, people, paths, reach):
+    """Specular reflection of upright cylinders, weaker than a wall's by their curvature."""
+    for k in range(people.shape[0]):
+        x = 0.5 * (phone.speaker[0] + phone.microphone[0]) - people[k, 0]
+        y = 0.5 * (phone.speaker[1] + phone.microphone[1]) - people[k, 1]
+        distance = np.sqrt(x * x + y * y)
+        z = min(0.5 * (phone.speaker[2] + phone.microphone[2]), PERSON_HEIGHT_M)
+        gap = distance - PERSON_RADIUS_M
+        if gap <= 0.02:
+            continue
+        outward = (PERSON_RADIUS_M + 0.005) / distance
+        curved = 1.0 / np.sqrt(1.0 + gap / PERSON_RADIUS_M)
+        strength = PERSON_REFLECTION * curved * 0.5 * gap
+        _via(
+            rays, scene, phone, people, paths, people[k, 0] + x * outward,
+            people[k, 1] + y * outward, z, strength, reach,
+        )  # fmt: skip
+
+
+@kernel
+def add_echoes(out, scene, phone, people, paths, rays, reach, air, table):
+    """Writes all that one phone hears of an impulse to `out` (630); False where it does not fit.
+
+    The direct sound comes only with phones that nobody holds: a held one adds its near field
+    itself.
+    """
+    rays.count[0] = 0
+    _look(scene, phone, paths, reach)
+    _raise_powers(paths.floor_power, scene.floor_gain)
+    _raise_powers(paths.ceiling_power, scene.ceiling_gain)
+    count = find_paths(scene, people, paths, phone.speaker, phone.microphone, reach)
+    for p in range(count):
+        _heights(rays, scene, phone, paths, p, reach)
+        _tops(rays, scene, phone, paths, p, reach)
+    _clutter(rays, scene, phone, people, paths, reach)
+    _edges(rays, scene, phone, people, paths, reach)
+    _people(rays, scene, phone, people, paths, reach)
+    fits = count >= 0 and rays.count[0] < MOST_RAYS
+    write_rays(out, rays, phone, air, table)
+    return fits

@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 
 SPEED_OF_SOUND_MPS = 343.0
-"""At 20 degrees Celsius."""
+"""At 20 degrees Celsius, rounded as is usual; `speed_of_sound_mps` gives 343.2 there."""
+
+
+def speed_of_sound_mps(temperature_c: float) -> float:
+    """Speed of sound in air of this temperature (ISO 9613-1:1993, annex A)."""
+    return 343.2 * math.sqrt((temperature_c + 273.15) / 293.15)
 
 
 def absorption_db_per_m(

@@ -2,11 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import difflib
+import math
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
+from elfslam.base.errors import InputError
 
 BAND_LOW_HZ = 14_350.0
 BAND_BINS = 630
@@ -75,23 +81,62 @@ ICM20948 = ImuGrade(
 BROWSER = replace(BMI160, name="browser on Bosch BMI160", rate_hz=60.0, decimals=1)
 """What a page gets by devicemotion: 60 Hz, rounded to 0.1 m/s2 and 0.1 deg/s."""
 
+GRADES: Mapping[str, ImuGrade] = MappingProxyType(
+    {"BMI160": BMI160, "LSM6DSO": LSM6DSO, "ICM20948": ICM20948, "browser": BROWSER}
+)
+"""The motion sensors by short names."""
+
+
+def _vector(x: float, y: float, z: float, *, unit: bool = False) -> Any:
+    """A dataclass field that holds three numbers, these by default."""
+    declared = array(3, unit_rows=unit)
+    return field(default_factory=lambda: np.array([x, y, z]), metadata=declared.metadata)
+
 
 @dataclass(frozen=True, eq=False)
 class Device(Value):
-    """An acoustic phone: loudspeaker and microphone on one axis, with response and directivity.
+    """An acoustic phone: a loudspeaker and a microphone with response and directivity.
 
-    `response` is the product of both transducers over the 630 bins. A directivity b gives the gain
-    (1 - b) + b cos(angle to the axis).
+    Its axes are x to the right of the screen, y up the screen (forward) and z out of it; positions
+    are from the phone's centre. `response` is the product of both transducers over the 630 bins.
+    A directivity b gives the gain (1 - b) + b cos(angle to the transducer's axis). `level` scales
+    all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
+    recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
+    `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
+    Raises InputError where both transducers are at one place or a magnitude is negative.
     """
 
     name: str
     response: F64 = array(BAND_BINS)
-    separation_m: float = 0.15
+    speaker_m: F64 = _vector(0.0, 0.075, 0.0)
+    microphone_m: F64 = _vector(0.0, -0.075, 0.0)
+    speaker_axis: F64 = _vector(0.0, 1.0, 0.0, unit=True)
+    microphone_axis: F64 = _vector(0.0, 1.0, 0.0, unit=True)
     speaker_directivity: float = 0.35
     microphone_directivity: float = 0.2
     direct_gain: float = 0.6
     level: float = 0.035
     noise_rms: float = 2e-5
+    clip_level: float = 1.0
+    clock_skew_ppm: float = 0.0
+    jitter_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.separation_m == 0:
+            raise InputError(
+                f"device {self.name!r}: speaker and microphone are at one place; move one of them"
+            )
+        if self.clip_level <= 0 or min(self.noise_rms, self.jitter_s, self.level) < 0:
+            raise InputError(
+                f"device {self.name!r}: wanted a positive clip level and no negative noise, jitter "
+                "or level; correct it"
+            )
+
+    @property
+    def separation_m(self) -> float:
+        """Distance of the microphone from the loudspeaker."""
+        return math.dist(self.speaker_m, self.microphone_m)
 
 
 def smooth_response(generator: np.random.Generator, ripple_db: float, bumps: int = 5) -> F64:
@@ -105,6 +150,110 @@ def smooth_response(generator: np.random.Generator, ripple_db: float, bumps: int
     return np.asarray(10 ** (curve / 20))
 
 
+def random_device(generator: np.random.Generator) -> Device:
+    """A phone of random response, directivity, level, noise, geometry and clock.
+
+    What came later is drawn from a child of `generator`, which leaves its own stream as it was.
+    """
+    early = Device(
+        name="random",
+        response=smooth_response(generator, generator.uniform(2.0, 25.0)),
+        speaker_directivity=generator.uniform(0.2, 0.5),
+        microphone_directivity=generator.uniform(0.0, 0.4),
+        direct_gain=generator.uniform(0.4, 1.0),
+        noise_rms=float(np.exp(generator.uniform(np.log(5e-6), np.log(1e-4)))),
+    )
+    child = generator.spawn(1)[0]
+    half_m = child.uniform(0.05, 0.12)
+    across_m = child.uniform(-0.02, 0.02, 2)
+    return replace(
+        early,
+        speaker_m=np.array([across_m[0], half_m, 0.0]),
+        microphone_m=np.array([across_m[1], -half_m, 0.0]),
+        clock_skew_ppm=child.uniform(-30.0, 30.0),
+        jitter_s=child.uniform(0.0, 20e-6),
+    )
+
+
+def _fixed_response(seed: int, ripple_db: float) -> F64:
+    return smooth_response(np.random.default_rng(seed), ripple_db)
+
+
+def _simulated_phone() -> Device:
+    return Device("simulated phone", _fixed_response(160, 10.0))
+
+
+def _flat() -> Device:
+    return Device("flat", np.ones(BAND_BINS))
+
+
+def _rippled() -> Device:
+    return Device("rippled", _fixed_response(161, 30.0))
+
+
+def _cheap() -> Device:
+    """Falls by 10 dB per kHz above 18 kHz."""
+    frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
+    fall_db = np.maximum(frequency_hz - 18_000.0, 0.0) / 1000.0 * 10.0
+    response = _fixed_response(162, 12.0) * 10 ** (-fall_db / 20)
+    return Device("cheap", response, noise_rms=1e-4, clock_skew_ppm=20.0)
+
+
+def _tablet() -> Device:
+    return Device(
+        "tablet",
+        _fixed_response(163, 15.0),
+        speaker_m=np.array([0.0, 0.12, 0.0]),
+        microphone_m=np.array([0.0, -0.12, 0.0]),
+    )
+
+
+def _bottom_fired() -> Device:
+    """Both at the edge that faces the holder; they do not face each other, hence little direct."""
+    edge = np.array([0.0, -1.0, 0.0])
+    return Device(
+        "bottom-fired",
+        _fixed_response(164, 12.0),
+        speaker_m=np.array([0.0125, -0.075, 0.0]),
+        microphone_m=np.array([-0.0125, -0.075, 0.0]),
+        speaker_axis=edge,
+        microphone_axis=edge,
+        direct_gain=0.15,
+    )
+
+
+DEVICES: Mapping[str, Callable[[], Device]] = MappingProxyType(
+    {
+        "simulated phone": _simulated_phone,
+        "flat": _flat,
+        "rippled": _rippled,
+        "cheap": _cheap,
+        "tablet": _tablet,
+        "bottom-fired": _bottom_fired,
+    }
+)
+"""How each built-in phone is made, by its name; all are fixed for all time."""
+
+
+def built_in_device(name: str) -> Device:
+    """The built-in phone of this name. Raises InputError that suggests a near name for others."""
+    _check_known("device", name, DEVICES)
+    return DEVICES[name]()
+
+
+def built_in_grade(name: str) -> ImuGrade:
+    """The motion sensor of this short name. Raises InputError that suggests a near one."""
+    _check_known("imu", name, GRADES)
+    return GRADES[name]
+
+
+def _check_known(kind: str, name: str, known: Collection[str]) -> None:
+    if name not in known:
+        near = difflib.get_close_matches(name, known, n=1)
+        advice = f"did you mean {near[0]!r}?" if near else "choose one of them"
+        raise InputError(f"{kind} {name!r}: wanted {', '.join(known)}; {advice}")
+
+
 def named_device(name: str) -> Device:
-    """The built-in phone: 10 dB of ripple, fixed for all time."""
-    return Device(name=name, response=smooth_response(np.random.default_rng(160), 10.0))
+    """The built-in phone of this name, or the simulated phone under another name."""
+    return DEVICES[name]() if name in DEVICES else replace(_simulated_phone(), name=name)

@@ -14,16 +14,18 @@ from elfslam.base.values import (
     EchoPairs,
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.world.acoustics import image_sources, render_frames, room_responses
 from elfslam.world.air import SPEED_OF_SOUND_MPS
-from elfslam.world.device import Device, smooth_response
-from elfslam.world.room import Furniture, Room, furnish
+from elfslam.world.device import Device, random_device
+from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
+from elfslam.world.random_world import random_room
+from elfslam.world.room import Room
+from elfslam.world.scene import scene_of
 
 POSITIVE_DISTANCE_M = 0.20
 """Echoes closer than this are positives (paper, section 5.3, pre-training)."""
 
-
 WALL_MARGIN_M = 0.4
+PHONE_HEIGHT_M = 1.2
 ONE_HEADING_SHARE = 0.5
 """Share of rooms in which all phones point nearly the same way, as on a walk down an aisle."""
 STRANGER_SHARE = 0.5
@@ -45,60 +47,20 @@ def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPa
     return EchoPairs(first, second, np.repeat(np.arange(rooms), pairs // rooms), xy_m)
 
 
-def random_room(generator: np.random.Generator) -> Room:
-    """A room of random size and material with random furniture."""
-    area_m2 = np.exp(generator.uniform(np.log(9.0), np.log(400.0)))
-    aspect = generator.uniform(1.0, 2.2)
-    size_m = np.array(
-        [np.sqrt(area_m2 * aspect), np.sqrt(area_m2 / aspect), generator.uniform(2.3, 3.6)]
-    )
-    reflection = np.clip(
-        generator.uniform(0.55, 0.95) + generator.uniform(-0.15, 0.15, 6), 0.3, 0.97
-    )
-    count = int(generator.integers(2, 4 + max(round(area_m2 * 0.25), 1)))
-    items = tuple(_random_furniture(generator, size_m, k) for k in range(min(count, 24)))
-    return furnish(size_m, reflection, items, generator)
-
-
-def random_device(generator: np.random.Generator) -> Device:
-    """A phone of random response, directivity, level and noise."""
-    return Device(
-        name="random",
-        response=smooth_response(generator, generator.uniform(2.0, 25.0)),
-        speaker_directivity=generator.uniform(0.2, 0.5),
-        microphone_directivity=generator.uniform(0.0, 0.4),
-        direct_gain=generator.uniform(0.4, 1.0),
-        noise_rms=float(np.exp(generator.uniform(np.log(5e-6), np.log(1e-4)))),
-    )
-
-
-def _random_furniture(generator: np.random.Generator, size_m: F64, k: int) -> Furniture:
-    size = generator.uniform([0.4, 0.3, 0.4], [2.2, 1.0, 2.0])
-    if generator.uniform() < 0.5:
-        size = size[[1, 0, 2]]
-    size = np.minimum(size, 0.6 * size_m)
-    corner = np.append(generator.uniform(0.0, 1.0, 2) * (size_m - size)[:2], 0.0)
-    return Furniture(f"item {k}", corner, size)
-
-
 def _pairs_in_room(
     generator: np.random.Generator, count: int, chirp: Chirp
 ) -> tuple[F32, F32, F64]:
     room, device = random_room(generator), random_device(generator)
-    images = image_sources(room)
+    scene, air = scene_of(room), air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0]))
     xy, yaw = _places(generator, room, count)
     holder = _random_holder(generator)
     stranger = generator.uniform() < STRANGER_SHARE
     holders = holder, _random_holder(generator) if stranger else holder
     shifts = np.zeros((count, 2)), _within(generator, count, POSITIVE_DISTANCE_M)
     sides = []
-    for shift, (height_m, pitch_rad, body_m) in zip(shifts, holders, strict=True):
-        position = np.column_stack([xy + shift, height_m + generator.normal(0, 0.03, count)])
-        turned = yaw + generator.normal(0, 0.12, count)
-        tilted = pitch_rad + generator.normal(0, 0.06, count)
-        body = np.full(count, body_m)
-        responses = room_responses(room, images, device, position, turned, tilted, body)
-        frames = render_frames(responses, chirp, device)
+    for shift, someone in zip(shifts, holders, strict=True):
+        poses = _random_poses(generator, xy + shift, yaw, someone)
+        frames = render_frames(room_responses(scene, device, poses, air), chirp, device)
         noise = generator.standard_normal(frames.shape, dtype=np.float32)
         sides.append(_cut(generator, frames + np.float32(device.noise_rms) * noise, device))
     return sides[0], sides[1], xy
@@ -110,13 +72,44 @@ def _places(generator: np.random.Generator, room: Room, count: int) -> tuple[F64
     An empty shoebox sounds the same from there: only furniture and materials tell the two apart,
     and they are what the network has to listen to.
     """
-    half = (count + 1) // 2
-    xy = generator.uniform(WALL_MARGIN_M, room.size_m[:2] - WALL_MARGIN_M, (half, 2))
+    half, size = (count + 1) // 2, room.size_m[:2]
+    xy = _free_places(generator, room, half)
     yaw = generator.uniform(-np.pi, np.pi) + generator.normal(0, 0.2, half)
     if generator.uniform() > ONE_HEADING_SHARE:
         yaw += generator.integers(0, 4, half) * np.pi / 2
-    both = np.vstack([xy, room.size_m[:2] - xy])[:count]
-    return both, np.concatenate([yaw, yaw + np.pi])[:count]
+    turned = size - xy
+    blocked = ~room.is_free(turned, PHONE_HEIGHT_M, WALL_MARGIN_M)
+    turned[blocked] = _free_places(generator, room, int(blocked.sum()))
+    return np.vstack([xy, turned])[:count], np.concatenate([yaw, yaw + np.pi])[:count]
+
+
+def _free_places(generator: np.random.Generator, room: Room, count: int) -> F64:
+    """Places (count, 2) in the room where a phone is not in or at a wall or block."""
+    found = np.zeros((0, 2))
+    margin_m = WALL_MARGIN_M
+    while len(found) < count:
+        tried = generator.uniform(0.0, 1.0, (4 * count + 16, 2)) * room.size_m[:2]
+        found = np.vstack([found, tried[room.is_free(tried, PHONE_HEIGHT_M, margin_m)]])
+        margin_m *= 0.9
+    return found[:count]
+
+
+def _random_poses(
+    generator: np.random.Generator, xy_m: F64, yaw_rad: F64, holder: tuple[float, float, float]
+) -> Poses:
+    """Phones of one holder on the way: some way about the yaw, tilted and moving forward."""
+    height_m, pitch_rad, body_m = holder
+    count = len(xy_m)
+    position = np.column_stack([xy_m, height_m + generator.normal(0, 0.03, count)])
+    yaw = yaw_rad + generator.normal(0, 0.12, count)
+    pitch = pitch_rad + generator.normal(0, 0.06, count)
+    roll = generator.normal(0, 0.05, count)
+    speed = generator.uniform(0.0, 1.5, count)
+    velocity = np.column_stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros(count)])
+    return Poses(
+        position, phone_axes(yaw, pitch, roll), velocity, np.full(count, body_m),
+        np.zeros((count, 0, 2)),
+    )  # fmt: skip
 
 
 def _random_holder(generator: np.random.Generator) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Rooms: a shoebox with six reflecting surfaces and furniture made of point scatterers."""
+"""Rooms: a polygon between floor and ceiling, with solid blocks that stand or hang in it."""
 
 from __future__ import annotations
 
@@ -6,69 +6,187 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F64, Value, array
+from elfslam.base.arrays import F64, Bool, Value, array
 from elfslam.base.errors import InputError
+from elfslam.world.materials import Material, material
+
+CLUTTER_PER_M2 = 4.0
+"""Points per square metre of furniture surface: edges, handles, books, folds."""
+TOUCH_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Furniture(Value):
-    """An axis-parallel box, low corner and size in metres, whose surface scatters sound."""
+class Block(Value):
+    """A solid box, turned about the vertical: furniture, a partition, a pillar, a closed store.
+
+    `size_m` is length, width and height; the underside is `base_m` above the floor. Walls with
+    `clutter_per_m2` 0 are plain; others carry scatterers that move with the block.
+    """
 
     name: str
-    corner_m: F64 = array(3)
+    surface: Material
+    centre_m: F64 = array(2)
     size_m: F64 = array(3)
+    turn_rad: float = 0.0
+    base_m: float = 0.0
+    clutter_per_m2: float = CLUTTER_PER_M2
+
+    @property
+    def corners_m(self) -> F64:
+        """Corners in plan (4, 2), counter-clockwise."""
+        half = np.array([[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]]) * self.size_m[:2]
+        return self.place(np.column_stack([half, np.zeros(4)]))[:, :2]
+
+    @property
+    def top_m(self) -> float:
+        """Height of the top above the floor."""
+        return self.base_m + float(self.size_m[2])
+
+    def place(self, local_m: F64) -> F64:
+        """Points (n, 3) of the block's own frame (origin amid its underside) in the room."""
+        planar = self.turn(local_m[:, :2]) + self.centre_m
+        return np.column_stack([planar, local_m[:, 2] + self.base_m])
+
+    def turn(self, vectors: F64) -> F64:
+        """Plan vectors (n, 2) of the block's frame in the room's."""
+        cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        return np.asarray(vectors @ np.array([[cos, sin], [-sin, cos]]))
 
 
 @dataclass(frozen=True, eq=False)
 class Room(Value):
-    """A furnished shoebox with one corner at the origin.
+    """A simple polygon, counter-clockwise, from the floor at 0 to a flat ceiling.
 
-    `reflection` is the pressure reflection of the walls x=0, x=L, y=0, y=W, floor and ceiling in
-    the chirp band. A scatterer of radius a returns a / 2 of the incident pressure at 1 m, as a
-    rigid sphere does at wavelengths far below its size.
+    `walls` has one material per side, from corner k to corner k + 1. `seed` draws the clutter.
     """
 
-    size_m: F64 = array(3)
-    reflection: F64 = array(6)
-    scatterers_m: F64 = array("s", 3)
-    scatterer_radius_m: F64 = array("s")
-    furniture: tuple[Furniture, ...] = ()
+    outline_m: F64 = array("w", 2)
+    height_m: float
+    walls: tuple[Material, ...]
+    floor: Material
+    ceiling: Material
+    blocks: tuple[Block, ...] = ()
+    seed: int = 0
 
     @property
-    def outline_m(self) -> F64:
-        """Corners of the floor (4, 2)."""
-        length, width = self.size_m[:2]
-        return np.array([[0, 0], [length, 0], [length, width], [0, width]], dtype=float)
+    def size_m(self) -> F64:
+        """Length, width and height of the box about the room (3)."""
+        return np.append(np.ptp(self.outline_m, axis=0), self.height_m)
+
+    @property
+    def corner_m(self) -> F64:
+        """Lower left corner of the box about the room (2)."""
+        return np.asarray(self.outline_m.min(axis=0))
+
+    def holds(self, xy_m: F64) -> Bool:
+        """Whether each point (n, 2) lies inside the outline."""
+        return inside(self.outline_m, xy_m)
+
+    def is_free(self, xy_m: F64, height_m: float, margin_m: float = 0.0) -> Bool:
+        """Whether a phone at `height_m` above each point (n, 2) is in the room and in no block."""
+        free = self.holds(xy_m)
+        for block in self.blocks:
+            if block.base_m < height_m < block.top_m:
+                free &= ~_in_block(block, xy_m, margin_m)
+        if margin_m:
+            free &= _wall_distance_m(self.outline_m, xy_m) >= margin_m
+        return free
 
 
-SCATTERERS_PER_M2 = 9.0
-"""Points per square metre of furniture surface: edges, handles, books, folds."""
-SCATTERER_RADIUS_M = (0.04, 0.18)
-
-
-def furnish(
-    size_m: F64, reflection: F64, furniture: tuple[Furniture, ...], generator: np.random.Generator
+def shoebox(
+    size_m: F64, surfaces: tuple[Material, ...], blocks: tuple[Block, ...] = (), seed: int = 0
 ) -> Room:
-    """A room whose furniture surfaces carry scatterers drawn from `generator`."""
-    for item in furniture:
-        if (item.corner_m < 0).any() or (item.corner_m + item.size_m > size_m + 1e-9).any():
-            raise InputError(f"furniture {item.name!r} stands outside the room; move or shrink it")
-    points = [_surface_points(item, generator) for item in furniture]
-    scatterers = np.vstack([np.zeros((0, 3)), *points])
-    radius = generator.uniform(*SCATTERER_RADIUS_M, len(scatterers))
-    return Room(size_m, reflection, scatterers, radius, furniture)
+    """A rectangle with one corner at the origin; surfaces are x=0, x=L, y=0, y=W, floor, ceiling."""
+    length, width, height = (float(value) for value in size_m)
+    west, east, south, north, floor, ceiling = surfaces
+    outline = np.array([[0, 0], [length, 0], [length, width], [0, width]], dtype=np.float64)
+    return Room(outline, height, (south, east, north, west), floor, ceiling, blocks, seed)
 
 
-def _surface_points(item: Furniture, generator: np.random.Generator) -> F64:
-    """Points on the five visible faces of a box (the underside stands on the floor)."""
-    length, width, height = item.size_m
-    areas = np.array(
-        [length * width, length * height, length * height, width * height, width * height]
+def inside(outline_m: F64, xy_m: F64) -> Bool:
+    """Whether points (n, 2) lie inside a simple polygon (crossing number)."""
+    a, b = outline_m, np.roll(outline_m, -1, axis=0)
+    x, y = xy_m[:, :1], xy_m[:, 1:]
+    spans = (a[:, 1] > y) != (b[:, 1] > y)
+    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
+    return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
+
+
+def check_outline(outline_m: F64) -> F64:
+    """The same corners counter-clockwise.
+
+    Raises InputError for fewer than three corners, equal neighbours and sides that cross.
+    """
+    if len(outline_m) < 3:
+        raise InputError(f"wanted at least 3 corners, got {len(outline_m)}; add some")
+    following = np.roll(outline_m, -1, axis=0)
+    short = np.flatnonzero(np.linalg.norm(following - outline_m, axis=1) < 0.01)
+    if len(short):
+        raise InputError(
+            f"corners {short[0] + 1} and {(short[0] + 1) % len(outline_m) + 1} are one place "
+            f"{outline_m[short[0]].tolist()}; drop one (the outline closes by itself)"
+        )
+    _refuse_crossing(outline_m, following)
+    area = 0.5 * float(np.sum(_cross(outline_m, following)))
+    return outline_m if area > 0 else outline_m[::-1]
+
+
+def _refuse_crossing(a: F64, b: F64) -> None:
+    count = len(a)
+    for i in range(count):
+        for j in range(i + 1, count):
+            neighbours = j == i + 1 or (i == 0 and j == count - 1)
+            if not neighbours and segments_cross(a[i], b[i], a[j], b[j]):
+                raise InputError(
+                    f"side {i + 1} from {a[i].tolist()} to {b[i].tolist()} crosses side {j + 1} "
+                    f"from {a[j].tolist()} to {b[j].tolist()}; reorder the corners"
+                )
+
+
+def segments_cross(a: F64, b: F64, c: F64, d: F64) -> bool:
+    """Whether segments ab and cd share a point."""
+    sides = [
+        float(_cross(b - a, c - a)), float(_cross(b - a, d - a)),
+        float(_cross(d - c, a - c)), float(_cross(d - c, b - c)),
+    ]  # fmt: skip
+    apart = (np.maximum(a, b) < np.minimum(c, d)) | (np.maximum(c, d) < np.minimum(a, b))
+    return bool(sides[0] * sides[1] <= 0 and sides[2] * sides[3] <= 0 and not apart.any())
+
+
+def _cross(a: F64, b: F64) -> F64:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _in_block(block: Block, xy_m: F64, margin_m: float) -> Bool:
+    cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
+    local = (xy_m - block.centre_m) @ np.array([[cos, -sin], [sin, cos]])
+    return np.asarray((np.abs(local) < block.size_m[:2] / 2 + margin_m - TOUCH_M).all(axis=1))
+
+
+def _wall_distance_m(outline_m: F64, xy_m: F64) -> F64:
+    a, along = outline_m, np.roll(outline_m, -1, axis=0) - outline_m
+    share = ((xy_m[:, None, :] - a) * along).sum(axis=2) / (along**2).sum(axis=1)
+    nearest = a + np.clip(share, 0.0, 1.0)[:, :, None] * along
+    return np.asarray(np.linalg.norm(xy_m[:, None, :] - nearest, axis=2).min(axis=1))
+
+
+def box(
+    name: str,
+    corner_m: F64,
+    size_m: F64,
+    surface: Material | None = None,
+    turn_rad: float = 0.0,
+    clutter_per_m2: float = CLUTTER_PER_M2,
+) -> Block:
+    """A block by its low corner (x, y, base) before it is turned about its middle."""
+    corner, size = np.asarray(corner_m, dtype=np.float64), np.asarray(size_m, dtype=np.float64)
+    return Block(
+        name,
+        surface or material("wood panel"),
+        corner[:2] + size[:2] / 2,
+        size,
+        turn_rad,
+        float(corner[2]),
+        clutter_per_m2,
     )
-    count = max(round(float(areas.sum()) * SCATTERERS_PER_M2), 3)
-    face = generator.choice(5, size=count, p=areas / areas.sum())
-    share = generator.uniform(0.0, 1.0, (count, 3))
-    share[face == 0, 2] = 1.0
-    share[face == 1, 1], share[face == 2, 1] = 0.0, 1.0
-    share[face == 3, 0], share[face == 4, 0] = 0.0, 1.0
-    return np.asarray(item.corner_m + share * item.size_m)

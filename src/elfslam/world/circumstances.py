@@ -1,0 +1,160 @@
+"""What differs between two recordings in one world: day, furniture, people, phone and noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import ParameterError
+from elfslam.world import interference
+from elfslam.world.device import Device, built_in_device
+from elfslam.world.phone import Engine, air_at, image_echoes
+from elfslam.world.pulses import Air
+from elfslam.world.room import Block, Room
+from elfslam.world.world_file import World, in_state
+
+Sound = Callable[[int, int, np.random.Generator], F32]
+
+SOUNDS: Mapping[str, Sound] = MappingProxyType(
+    {
+        "speech": partial(interference.speech_like, level=0.02),
+        "music": partial(interference.music_like, level=0.02),
+        "clicks": partial(interference.clicks, level=0.005),
+    }
+)
+"""What else is to be heard, by name; the levels are those of a talk beside the phone."""
+ENGINES = ("images", "pyroomacoustics")
+MOST_PEOPLE = 50
+MOST_PHONES = 8
+
+WARMTH_C = 1.5
+"""Standard deviation of the room's temperature from day to day."""
+MOVED_PER_DAY = 1 / 60
+"""Share of the low furniture that is no longer in its place after a day; half of it at most."""
+MOVED_M = 0.06
+MOVED_RAD = np.deg2rad(3.0)
+LOW_FURNITURE_M = 1.3
+KEEP_AWAY_M = 0.6
+"""People let the holder of the phone pass at this distance."""
+
+
+@dataclass(frozen=True)
+class Circumstances:
+    """The circumstances of a recording.
+
+    `state` names one of the world's states of the furniture, `day` counts from when the world was
+    drawn, `volume` is the share of the phone's full level. Raises ParameterError for what cannot
+    be.
+    """
+
+    state: str = ""
+    day: int = 0
+    people: int = 0
+    device: str = "simulated phone"
+    volume: float = 1.0
+    sounds: tuple[str, ...] = ()
+    other_phones: int = 0
+    engine: str = "images"
+
+    def __post_init__(self) -> None:
+        _require("day", self.day, 0, 36_500)
+        _require("people", self.people, 0, MOST_PEOPLE)
+        _require("other phones", self.other_phones, 0, MOST_PHONES)
+        _require("volume", self.volume, 0.001, 1.0)
+        for sound in self.sounds:
+            if sound not in SOUNDS:
+                raise ParameterError(f"sound {sound!r}: wanted {', '.join(SOUNDS)}; correct it")
+        if self.engine not in ENGINES:
+            raise ParameterError(
+                f"engine {self.engine!r}: wanted {' or '.join(ENGINES)}; correct it"
+            )
+
+
+def parse_sounds(text: str) -> tuple[str, ...]:
+    """The sounds in a list such as "speech,clicks"; none in an empty one."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+def _require(name: str, value: float, low: float, high: float) -> None:
+    if not low <= value <= high:
+        raise ParameterError(f"{name}: wanted {low} to {high}, got {value}; correct it")
+
+
+def engine_of(circumstances: Circumstances, threads: int) -> Engine:
+    """The engine that was asked for; ours on so many threads."""
+    if circumstances.engine == "images":
+        return partial(image_echoes, threads=threads)
+    from elfslam.world import pyroom
+
+    return pyroom.image_echoes
+
+
+def device_of(circumstances: Circumstances) -> Device:
+    """The phone at the volume that was asked for."""
+    device = built_in_device(circumstances.device)
+    return replace(device, level=device.level * circumstances.volume)
+
+
+def room_on(world: World, circumstances: Circumstances) -> Room:
+    """The room in the asked state, with what has been moved a little by that day."""
+    room = in_state(world, circumstances.state).room if circumstances.state else world.room
+    if circumstances.day == 0:
+        return room
+    generator = np.random.default_rng([room.seed, circumstances.day, 1])
+    share = min(circumstances.day * MOVED_PER_DAY, 0.5)
+    blocks = tuple(_moved(room, block, share, generator) for block in room.blocks)
+    return replace(room, blocks=blocks)
+
+
+def _moved(room: Room, block: Block, share: float, generator: np.random.Generator) -> Block:
+    is_moved = generator.uniform() < share
+    shift, turn = generator.normal(0, MOVED_M, 2), generator.normal(0, MOVED_RAD)
+    stays = block.clutter_per_m2 == 0 or block.top_m > LOW_FURNITURE_M
+    if stays or not is_moved:
+        return block
+    moved = replace(block, centre_m=block.centre_m + shift, turn_rad=block.turn_rad + turn)
+    return moved if room.holds(moved.corners_m).all() else block
+
+
+def air_on(world: World, day: int) -> Air:
+    """The air of that day; day 0 is as the world says."""
+    climate = world.climate
+    warmth = np.random.default_rng([world.room.seed, day, 2]).normal(0, WARMTH_C) if day else 0.0
+    return air_at(climate.temperature_c + warmth, climate.humidity_percent)
+
+
+def whereabouts(world: World, people: int, seed: int, t_s: F64, phone_xy_m: F64) -> F64:
+    """Where each of the others is at each time (n, people, 2); they step aside for the phone.
+
+    They walk the world's routes of people to and fro, and the phone's own, round and round, where
+    it has none.
+    """
+    generator = np.random.default_rng([seed, 4])
+    laps = [_to_and_fro(route) for route in world.people.routes_m] or [world.route_m]
+    where = np.zeros((len(t_s), people, 2))
+    for k in range(people):
+        lap = laps[int(generator.integers(len(laps)))]
+        speed = world.people.speed_mps * generator.uniform(0.8, 1.2) * generator.choice([-1, 1])
+        where[:, k] = _along(lap, generator.uniform(0.0, 1.0), speed * t_s)
+        where[:, k] += generator.normal(0, 0.15, 2)
+    away = where - phone_xy_m[:, None, :]
+    distance = np.maximum(np.linalg.norm(away, axis=2, keepdims=True), 1e-6)
+    return np.asarray(where + away / distance * np.maximum(KEEP_AWAY_M - distance, 0.0))
+
+
+def _to_and_fro(route_m: F64) -> F64:
+    """The closed route that leads along an open one and back on it."""
+    return np.vstack([route_m, route_m[-2:0:-1]])
+
+
+def _along(route_m: F64, start: float, way_m: F64) -> F64:
+    """Places (n, 2) on a closed route after so many metres, from a share of its length on."""
+    closed = np.vstack([route_m, route_m[:1]])
+    at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    now = (start * at_m[-1] + way_m) % at_m[-1]
+    return np.column_stack([np.interp(now, at_m, closed[:, axis]) for axis in range(2)])

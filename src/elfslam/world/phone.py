@@ -1,0 +1,203 @@
+"""Phones in a scene: where their transducers are, what they hear, and its sound."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy import fft
+
+from elfslam.base.arrays import F32, F64, Value, array
+from elfslam.base.errors import ParameterError
+from elfslam.base.values import Chirp
+from elfslam.world.acoustics import add_echoes
+from elfslam.world.air import absorption_db_per_m, speed_of_sound_mps
+from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device
+from elfslam.world.kernels import kernel
+from elfslam.world.paths import MOST_REFLECTIONS, Reach, make_plan_paths
+from elfslam.world.pulses import (
+    C64,
+    CARRIER_HZ,
+    Air,
+    add_pulses,
+    make_rays,
+    pulse_table,
+)
+from elfslam.world.scene import Scene
+
+FRAME_S = 1.0 / BIN_HZ
+BODY_REFLECTION = 0.25
+BODY_DISTANCE_M = 0.35
+NEPER_DB = 20.0 / np.log(10.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Poses(Value):
+    """Where phones are at the start of a chirp: centre, axes, velocity, and who is about.
+
+    The columns of `world_from_phone` are the phone's right, forward (up the screen) and out of the
+    screen; its holder stands behind, at `body_distance_m`. `people_m` are others in plan.
+    """
+
+    position_m: F64 = array("n", 3)
+    world_from_phone: F64 = array("n", 3, 3)
+    velocity_mps: F64 = array("n", 3)
+    body_distance_m: F64 = array("n")
+    people_m: F64 = array("n", "p", 2)
+
+
+class Ends(NamedTuple):
+    """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes."""
+
+    speaker: F64
+    microphone: F64
+    speaker_axis: F64
+    microphone_axis: F64
+    ahead: F64
+    velocity: F64
+    speaker_directivity: float
+    microphone_directivity: float
+    held: bool
+
+
+Engine = Callable[[Scene, Ends, F64, Air, Reach], C64]
+"""Scene, both ends (n), people (n, p, 2), air and reach in; complex envelopes (n, 630) out: what is
+heard of an impulse without the direct sound and the holder. Two exist: `image_echoes` here and
+`pyroom.image_echoes`."""
+
+
+def poses_at(position_m: F64, yaw_rad: F64, pitch_rad: F64, roll_rad: F64 | float = 0.0) -> Poses:
+    """Still phones held by alone-standing people, by yaw, pitch (up) and roll (n)."""
+    count = len(position_m)
+    return Poses(
+        position_m, phone_axes(yaw_rad, pitch_rad, np.broadcast_to(roll_rad, count)),
+        np.zeros((count, 3)), np.full(count, BODY_DISTANCE_M), np.zeros((count, 0, 2)),
+    )  # fmt: skip
+
+
+def phone_axes(yaw_rad: F64, pitch_rad: F64, roll_rad: F64) -> F64:
+    """Axes (n, 3, 3) of phones whose top points by yaw and pitch, rolled about it."""
+    zero = np.zeros_like(yaw_rad)
+    cos_yaw, sin_yaw = np.cos(yaw_rad), np.sin(yaw_rad)
+    cos_pitch, sin_pitch = np.cos(pitch_rad), np.sin(pitch_rad)
+    forward = np.stack([cos_pitch * cos_yaw, cos_pitch * sin_yaw, sin_pitch], axis=1)
+    right = np.stack([sin_yaw, -cos_yaw, zero], axis=1)
+    out = np.cross(right, forward)
+    cos, sin = np.cos(roll_rad)[:, None], np.sin(roll_rad)[:, None]
+    return np.stack([cos * right - sin * out, forward, sin * right + cos * out], axis=2)
+
+
+def ends_of(device: Device, poses: Poses) -> Ends:
+    """Speaker and microphone of held phones in the room."""
+
+    def placed(local: F64) -> F64:
+        return np.ascontiguousarray(poses.world_from_phone @ local)
+
+    return Ends(
+        poses.position_m + placed(device.speaker_m),
+        poses.position_m + placed(device.microphone_m),
+        placed(device.speaker_axis),
+        placed(device.microphone_axis),
+        np.ascontiguousarray(poses.world_from_phone[:, :2, 1]),
+        np.ascontiguousarray(poses.velocity_mps),
+        device.speaker_directivity,
+        device.microphone_directivity,
+        True,
+    )
+
+
+def air_at(temperature_c: float = 20.0, humidity_percent: float = 50.0) -> Air:
+    """Air at normal pressure."""
+    attenuation_db = absorption_db_per_m(CARRIER_HZ, temperature_c, humidity_percent)
+    return Air(speed_of_sound_mps(temperature_c), attenuation_db / NEPER_DB)
+
+
+@kernel
+def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
+    """Adds the echoes of each phone to its row; the first row that does not fit, or -1."""
+    for row in range(out.shape[0]):
+        phone = Ends(
+            ends.speaker[row], ends.microphone[row], ends.speaker_axis[row],
+            ends.microphone_axis[row], ends.ahead[row], ends.velocity[row],
+            ends.speaker_directivity, ends.microphone_directivity, ends.held,
+        )  # fmt: skip
+        if not add_echoes(out[row], scene, phone, people[row], paths, rays, reach, air, table):
+            return row
+    return -1
+
+
+def image_echoes(
+    scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, threads: int = 1
+) -> C64:
+    """Our engine: envelopes (n, 630) of the echoes, the same for any number of threads.
+
+    Raises ParameterError where a reach asks for more paths than there is room for.
+    """
+    if not reach.plan_order <= MOST_REFLECTIONS or reach.longest_m <= 0:
+        raise ParameterError(
+            f"reach: wanted at most {MOST_REFLECTIONS} reflections in plan and a positive length, "
+            f"got {reach.plan_order} and {reach.longest_m}; change them"
+        )
+    count = len(ends.speaker)
+    out, table = np.zeros((count, BAND_BINS), dtype=np.complex64), pulse_table()
+
+    def render(rows: slice) -> int:
+        part = ends._replace(**{name: getattr(ends, name)[rows] for name in Ends._fields[:6]})
+        paths, rays = make_plan_paths(len(scene.block_low)), make_rays()
+        return int(
+            _render_rows(out[rows], scene, part, people_m[rows], paths, rays, reach, air, table)
+        )
+
+    edges = np.linspace(0, count, max(min(threads, count), 1) + 1).astype(int)
+    parts = [slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    if len(parts) == 1:
+        bad = [render(parts[0])]
+    else:
+        with ThreadPoolExecutor(len(parts)) as pool:
+            bad = list(pool.map(render, parts))
+    if max(bad) >= 0:
+        raise ParameterError("reach: more paths than fit; lower its order or its longest path")
+    return out
+
+
+def room_responses(
+    scene: Scene,
+    device: Device,
+    poses: Poses,
+    air: Air | None = None,
+    reach: Reach = Reach(),  # noqa: B008
+    engine: Engine = image_echoes,
+) -> C64:
+    """Complex envelopes (n, 630) of what each phone hears of an impulse, direct sound included."""
+    air = air or air_at()
+    out = engine(scene, ends_of(device, poses), poses.people_m, air, reach)
+    direct = np.ones(len(out)) * device.separation_m
+    add_pulses(out, direct / air.speed_mps, device.direct_gain / direct)
+    body_gain = np.full(len(out), BODY_REFLECTION / (2 * BODY_DISTANCE_M))
+    add_pulses(out, 2 * poses.body_distance_m / air.speed_mps, body_gain)
+    return out
+
+
+def render_frames(responses: C64, chirp: Chirp, device: Device, jitter_s: F64 | None = None) -> F32:
+    """Sound (n, frame) of one chirp period per row, without noise, at the chirp's rate.
+
+    The chirp starts at sample 0, or `jitter_s` (n) later, and the direct sound arrives
+    `separation` after it.
+    """
+    size = round(FRAME_S * chirp.rate_hz)
+    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
+    first = round(BAND_LOW_HZ / BIN_HZ)
+    band = (device.level * device.response * chirp_spectrum[first : first + BAND_BINS]).astype(
+        np.complex64
+    )
+    spectrum = np.zeros((len(responses), size // 2 + 1), dtype=np.complex64)
+    envelope = fft.fftshift(fft.fft(responses, axis=1), axes=1)
+    if jitter_s is not None and jitter_s.any():
+        frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
+        turns = np.multiply.outer(jitter_s, frequency_hz)
+        envelope = envelope * np.exp(-2j * np.pi * turns).astype(np.complex64)
+    np.multiply(envelope, band, out=spectrum[:, first : first + BAND_BINS])
+    return np.asarray(fft.irfft(spectrum, size, axis=1), dtype=np.float32)

@@ -1,0 +1,190 @@
+"""Band-limited pulses: paths of sound written into a complex envelope (kernels).
+
+The envelope is sampled at 6.3 kHz about 17.5 kHz; a path adds a windowed sinc at its delay, and the
+carrier's phase is exact. While the phone moves, a path of changing length stretches the chirp. A
+logarithmic sweep of rate k = ln(f1 / f0) / T turns a stretch of 1 + e into a delay: its phase at
+the carrier is that of the moment when the carrier is played, its envelope comes e / k later still.
+
+Paths are first noted in columns and then worked out together, which processors do fastest.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from elfslam.base.arrays import F64
+from elfslam.world.device import BAND_BINS, BIN_HZ
+from elfslam.world.kernels import kernel
+
+CARRIER_HZ = 17_500.0
+BASEBAND_HZ = BAND_BINS * BIN_HZ
+TAPS = 12
+PAD = TAPS
+"""Room before and after an envelope, so that no pulse has to be cut."""
+PHASES = 256
+SWEEP_RATE_HZ = float(np.log(20_000 / 15_000) / 0.010)
+"""Relative change of frequency per second within the chirp of the paper."""
+CARRIER_AT_S = float(np.log(CARRIER_HZ / 15_000) / SWEEP_RATE_HZ)
+"""When, after its start, the chirp passes the carrier."""
+BODY_SHADOW = 0.85
+"""Share of the sound that the holder's torso takes from paths that leave or arrive from behind."""
+MOST_RAYS = 32_768
+
+C64 = npt.NDArray[np.complex64]
+I32 = npt.NDArray[np.int32]
+
+
+class Air(NamedTuple):
+    """What the kernels need of the air: speed of sound and attenuation (nepers per metre)."""
+
+    speed_mps: float
+    attenuation_per_m: float
+
+
+class Rays(NamedTuple):
+    """Paths of one phone, a column each: length, gain, and unit vectors along both ends.
+
+    `count[0]` says how many there are. The next four columns are their pulses: the first tap,
+    which of the table's phases, and the two parts of the gain. `padded` is an envelope of parts.
+    """
+
+    count: I32
+    length: F64
+    gain: F64
+    departure: F64
+    arrival: F64
+    first: I32
+    phase: I32
+    real: F64
+    imag: F64
+    padded: F64
+
+
+def make_rays() -> Rays:
+    """Room for the rays of one phone."""
+    column = [np.zeros(MOST_RAYS) for _ in range(4)]
+    whole = [np.zeros(MOST_RAYS, dtype=np.int32) for _ in range(2)]
+    ends = np.zeros((3, MOST_RAYS)), np.zeros((3, MOST_RAYS))
+    padded = np.zeros((2, BAND_BINS + 2 * PAD))
+    return Rays(np.zeros(1, dtype=np.int32), *column[:2], *ends, *whole, *column[2:], padded)
+
+
+@cache
+def pulse_table() -> F64:
+    """Windowed-sinc pulses (PHASES + 1, TAPS) for a delay of phase / PHASES of a sample."""
+    delay = np.arange(PHASES + 1)[:, None] / PHASES
+    x = np.arange(TAPS)[None, :] - (TAPS // 2 - 1) - delay
+    window = np.i0(6.0 * np.sqrt(np.maximum(1 - (x / (TAPS / 2)) ** 2, 0.0))) / np.i0(6.0)
+    table: F64 = np.sinc(x) * window
+    table.flags.writeable = False
+    return table
+
+
+@kernel
+def note_ray(rays, length, gain, dx, dy, dz, ax, ay, az):
+    """Notes a path that departs along d and arrives from a, both unit vectors from the phone."""
+    k = rays.count[0]
+    if k == MOST_RAYS:
+        return
+    rays.length[k], rays.gain[k] = length, gain
+    rays.departure[0, k], rays.departure[1, k], rays.departure[2, k] = dx, dy, dz
+    rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k] = ax, ay, az
+    rays.count[0] = k + 1
+
+
+@kernel
+def _shadow(forward):
+    """Gain of a direction by its forward component: 1 ahead, 1 - BODY_SHADOW straight behind."""
+    behind = min(max((-forward - 0.5) / 0.3, 0.0), 1.0)
+    return 1.0 - BODY_SHADOW * behind * behind * (3.0 - 2.0 * behind)
+
+
+@kernel
+def _attenuated(x):
+    """exp(-x) for x from 0 to 8, to 1e-9: the series of exp(-x / 32), squared five times."""
+    y = -x / 32.0
+    y = 1 + y * (1 + y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5 * (1 + y / 6)))))
+    y = y * y
+    y = y * y
+    y = y * y
+    y = y * y
+    return y * y
+
+
+@kernel
+def _work_out(rays, phone, air):
+    """Lobes, shadow, air and Doppler of all rays: their pulses.
+
+    Where v is the phone's velocity, a path's length changes by the motion of both ends while the
+    chirp is played, and by the microphone's alone while the sound is on its way.
+    """
+    s, m, v = phone.speaker_axis, phone.microphone_axis, phone.velocity
+    s0, s1, s2, m0, m1, m2, v0, v1, v2 = s[0], s[1], s[2], m[0], m[1], m[2], v[0], v[1], v[2]
+    ahead_x, ahead_y = phone.ahead[0], phone.ahead[1]
+    out, back = phone.speaker_directivity, phone.microphone_directivity
+    held = 1.0 if phone.held else 0.0
+    for k in range(rays.count[0]):
+        length = rays.length[k]
+        dx, dy, dz = rays.departure[0, k], rays.departure[1, k], rays.departure[2, k]
+        ax, ay, az = rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k]
+        gain = rays.gain[k] * _attenuated(air.attenuation_per_m * length)
+        gain *= 1.0 - out + out * (s0 * dx + s1 * dy + s2 * dz)
+        gain *= 1.0 - back + back * (m0 * ax + m1 * ay + m2 * az)
+        shadow = _shadow(dx * ahead_x + dy * ahead_y) * _shadow(ax * ahead_x + ay * ahead_y)
+        gain *= 1.0 - held + held * shadow
+        here = v0 * ax + v1 * ay + v2 * az
+        closing = here + v0 * dx + v1 * dy + v2 * dz
+        moved = closing * CARRIER_AT_S + here * length / air.speed_mps
+        delay_s = (length - moved) / air.speed_mps
+        position = (delay_s - closing / air.speed_mps / SWEEP_RATE_HZ) * BASEBAND_HZ
+        whole = np.floor(position)
+        turns = CARRIER_HZ * delay_s
+        turns -= np.floor(turns)
+        quarter = np.floor(4.0 * turns + 0.5)
+        x = 2.0 * np.pi * (turns - 0.25 * quarter)
+        y = x * x
+        sin = x * (1 - y / 6 * (1 - y / 20 * (1 - y / 42 * (1 - y / 72 * (1 - y / 110)))))
+        cos = 1 - y / 2 * (1 - y / 12 * (1 - y / 30 * (1 - y / 56 * (1 - y / 90))))
+        odd = quarter - 2.0 * np.floor(0.5 * quarter)
+        swap = odd > 0.5
+        cos_sign = 1.0 - 2.0 * (1.0 if 0.5 < quarter < 2.5 else 0.0)
+        sin_sign = 1.0 - 2.0 * (1.0 if 1.5 < quarter < 3.5 else 0.0)
+        rays.real[k] = gain * cos_sign * (sin if swap else cos)
+        rays.imag[k] = -gain * sin_sign * (cos if swap else sin)
+        rays.first[k] = np.int32(whole) + (PAD - TAPS // 2 + 1)
+        rays.phase[k] = np.int32((position - whole) * PHASES + 0.5)
+
+
+@kernel
+def write_rays(out, rays, phone, air, table):
+    """Writes the pulses of all rays into the envelope `out` (630)."""
+    _work_out(rays, phone, air)
+    padded = rays.padded
+    for k in range(padded.shape[1]):
+        padded[0, k] = padded[1, k] = 0.0
+    for k in range(rays.count[0]):
+        first, phase, real, imag = rays.first[k], rays.phase[k], rays.real[k], rays.imag[k]
+        if first < 0 or first > BAND_BINS + PAD:
+            continue
+        for tap in range(TAPS):
+            pulse = table[phase, tap]
+            padded[0, first + tap] += real * pulse
+            padded[1, first + tap] += imag * pulse
+    for k in range(BAND_BINS):
+        out[k] = complex(padded[0, PAD + k], padded[1, PAD + k])
+
+
+def add_pulses(envelopes: C64, delay_s: F64, gain: F64) -> None:
+    """Adds one pulse of a plain delay to each of the envelopes (n, 630), well within them."""
+    position = delay_s * BASEBAND_HZ
+    whole = np.floor(position).astype(int)
+    phase = ((position - whole) * PHASES + 0.5).astype(int)
+    columns = whole[:, None] - (TAPS // 2 - 1) + np.arange(TAPS)
+    turned = gain * np.exp(-2j * np.pi * CARRIER_HZ * delay_s)
+    pulses = turned[:, None] * pulse_table()[phase] * (columns >= 0)
+    rows = np.arange(len(envelopes))[:, None]
+    envelopes[rows, np.maximum(columns, 0)] += pulses.astype(np.complex64)

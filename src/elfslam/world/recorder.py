@@ -1,0 +1,157 @@
+"""The sound of a walk: every chirp's frame laid down where it was played, and all other noise."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.errors import InputError
+from elfslam.base.values import Audio, Chirp
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.world.circumstances import (
+    SOUNDS,
+    Circumstances,
+    air_on,
+    device_of,
+    engine_of,
+    room_on,
+    whereabouts,
+)
+from elfslam.world.device import Device
+from elfslam.world.interference import record, rumble
+from elfslam.world.paths import Reach
+from elfslam.world.phone import (
+    FRAME_S,
+    Ends,
+    Engine,
+    Poses,
+    ends_of,
+    phone_axes,
+    render_frames,
+    room_responses,
+)
+from elfslam.world.pulses import Air
+from elfslam.world.scene import Scene, scene_of
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
+from elfslam.world.world_file import World
+
+LATENCY_S = (0.012, 0.090)
+"""Offset from playing to recording: constant within a run, another in each."""
+BLOCK = 200
+"""Chirps at a time."""
+OTHER_CLOCK_PPM = 40.0
+OTHER_HEIGHT_M = 1.2
+
+
+@dataclass(frozen=True)
+class Stage:
+    """What the frames of one recording have in common."""
+
+    scene: Scene
+    air: Air
+    device: Device
+    chirp: Chirp
+    engine: Engine
+    reach: Reach = Reach()
+
+
+def record_walk(
+    world: World,
+    circumstances: Circumstances,
+    walker: Walker,
+    motion: Motion,
+    rate_hz: int,
+    seed: int,
+    generator: np.random.Generator,
+    progress: Callable[[float], None],
+) -> Audio:
+    """What the phone records on its way, as one continuous stream."""
+    stage = Stage(
+        scene_of(room_on(world, circumstances)), air_on(world, circumstances.day),
+        device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
+        engine_of(circumstances, os.cpu_count() or 1),
+    )  # fmt: skip
+    latency = round(generator.uniform(*LATENCY_S) * rate_hz)
+    total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
+    starts = np.arange(latency, total - frame, frame)
+    stream = np.zeros(total, dtype=np.float32)
+    poses = _poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
+    jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
+    for first in range(0, len(starts), BLOCK):
+        rows = slice(first, first + BLOCK)
+        block = _rows(poses, rows)
+        heard = room_responses(
+            stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
+        )
+        sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
+        stream[starts[first] : starts[first] + sound.size] += sound.ravel()
+        progress(min((first + BLOCK) / len(starts), 1.0))
+    for k in range(circumstances.other_phones):
+        _add_other_phone(stream, stage, world, poses, starts, np.random.default_rng([seed, 5, k]))
+    stream += rumble(total, rate_hz, generator)
+    for k, (name, sound_of) in enumerate(SOUNDS.items()):
+        if name in circumstances.sounds:
+            stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
+    return Audio(record(stream, stage.device, generator)[None, :], rate_hz)
+
+
+def _poses(walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64) -> Poses:
+    """The phone at each of the times, and who else is about."""
+    at = np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1)
+    velocity = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)[at]
+    axes = phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
+    position = motion.position_m[at]
+    others = whereabouts(world, people, seed, t_s, position[:, :2])
+    return Poses(position, axes, velocity, np.full(len(at), walker.body_distance_m), others)
+
+
+def _rows(poses: Poses, rows: slice | I64) -> Poses:
+    return Poses(
+        poses.position_m[rows], poses.world_from_phone[rows], poses.velocity_mps[rows],
+        poses.body_distance_m[rows], poses.people_m[rows],
+    )  # fmt: skip
+
+
+def _add_other_phone(
+    stream: F32,
+    stage: Stage,
+    world: World,
+    poses: Poses,
+    starts: I64,
+    generator: np.random.Generator,
+) -> None:
+    """Adds what is heard of somebody who stands in the room and chirps by a clock of their own."""
+    frame = round(FRAME_S * stage.chirp.rate_hz)
+    speaker = np.append(_standing_place(world, generator), OTHER_HEIGHT_M)
+    offset = int(generator.integers(frame))
+    drift = 1 + generator.normal(0, OTHER_CLOCK_PPM) * 1e-6
+    for first in range(0, len(starts) - 1, BLOCK):
+        rows = np.arange(first, min(first + BLOCK, len(starts) - 1))
+        own = _rows(poses, rows)
+        ends = _between(stage.device, own, speaker)
+        heard = stage.engine(stage.scene, ends, own.people_m, stage.air, stage.reach)
+        sounds = render_frames(heard, stage.chirp, stage.device)
+        for row, sound in zip(rows, sounds, strict=True):
+            begin = int(starts[0] + offset + row * frame * drift)
+            stream[begin : begin + frame] += sound[: max(len(stream) - begin, 0)]
+
+
+def _between(device: Device, poses: Poses, speaker_m: F64) -> Ends:
+    """The other phone's speaker, which sounds alike in all directions, and our microphone."""
+    ends, count = ends_of(device, poses), len(poses.position_m)
+    return ends._replace(
+        speaker=np.tile(speaker_m, (count, 1)), speaker_directivity=0.0, held=False
+    )
+
+
+def _standing_place(world: World, generator: np.random.Generator) -> F64:
+    low, size = world.room.corner_m, world.room.size_m[:2]
+    for _ in range(1000):
+        place = low + generator.uniform(0.0, 1.0, 2) * size
+        if world.room.is_free(place[None], OTHER_HEIGHT_M, 0.3)[0]:
+            return np.asarray(place)
+    raise InputError(f"world {world.name!r}: no free place for another phone; leave it out")

@@ -1,0 +1,137 @@
+"""Materials: laws of energy, physics that bounds the table, and sources that say what they are."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pyroomacoustics.parameters import materials_absorption_table
+
+from elfslam.base.errors import InputError
+from elfslam.world.materials import (
+    BOUNDARY_LAYER_ABSORPTION,
+    MATERIALS,
+    Material,
+    material,
+    rough_scattering,
+)
+
+SHARE = st.floats(0.0, 1.0)
+WANTED = {
+    "concrete", "brick", "plaster", "gypsum board", "painted wall", "glass", "wood panel",
+    "wood floor", "parquet", "vinyl", "tile", "carpet", "curtain", "acoustic ceiling tile", "sofa",
+    "office chair", "fabric partition", "metal", "metal shutter", "book shelf", "person",
+}  # fmt: skip
+
+
+@given(absorption=SHARE, scattering=SHARE)
+def test_no_energy_is_lost_or_made(absorption: float, scattering: float) -> None:
+    made = Material("any", absorption, scattering, "test")
+    assert made.reflection**2 + made.diffuse + made.absorption == pytest.approx(1.0)
+
+
+def test_a_mirror_and_a_hole() -> None:
+    assert Material("mirror", 0.0, 0.0, "test").reflection == 1.0
+    assert Material("hole", 1.0, 0.3, "test").reflection == 0.0
+    rough = Material("rough", 0.19, 0.36, "test")
+    assert rough.reflection == pytest.approx(0.9 * 0.8)
+    assert rough.diffuse == pytest.approx(0.81 * 0.36)
+
+
+@pytest.mark.parametrize(("absorption", "scattering"), [(-0.1, 0.0), (1.1, 0.0), (0.5, 2.0)])
+def test_shares_beyond_one_are_refused(absorption: float, scattering: float) -> None:
+    with pytest.raises(InputError, match=r"material 'odd': wanted \w+ from 0 to 1, got"):
+        Material("odd", absorption, scattering, "test")
+
+
+def test_everything_a_room_is_made_of_is_there() -> None:
+    assert set(MATERIALS) >= WANTED
+    assert all(material(name).name == name for name in MATERIALS)
+
+
+def test_an_unknown_name_gets_the_near_one() -> None:
+    with pytest.raises(InputError, match=r"material 'carpit': .*did you mean 'carpet'\?"):
+        material("carpit")
+    with pytest.raises(InputError, match=r"material 'xyz': .*choose one of them"):
+        material("xyz")
+
+
+def test_nothing_absorbs_less_than_the_air_at_a_rigid_wall() -> None:
+    """Random incidence on the layers in which the sound shears the air and warms the wall.
+
+    Admittance k/2 (d_v sin^2 + 0.4 d_t); absorption is 4 of it over the cosine, averaged over
+    sin 2a.
+    """
+    angle = np.linspace(0.0, np.pi / 2, 10_001)[:-1]
+    angular_hz = 2 * np.pi * 17_500.0
+    shear_m = np.sqrt(2 * 1.5e-5 / angular_hz)
+    heat_m = shear_m / np.sqrt(0.71)
+    admittance = angular_hz / 343.0 / 2 * (shear_m * np.sin(angle) ** 2 + 0.4 * heat_m)
+    law = 4 * admittance * np.cos(angle) / (np.cos(angle) + admittance) ** 2
+    expected = np.trapezoid(law * np.sin(2 * angle), angle)
+    assert pytest.approx(expected, abs=1.5e-3) == BOUNDARY_LAYER_ABSORPTION
+    assert min(item.absorption for item in MATERIALS.values()) == BOUNDARY_LAYER_ABSORPTION
+
+
+def test_scattering_of_the_rough_is_that_of_the_roughness_stated() -> None:
+    stated = {
+        item.name: float(found[1])
+        for item in MATERIALS.values()
+        if (found := re.search(r"roughness of ([\d.]+) mm", item.source))
+    }
+    assert len(stated) > 10
+    for name, roughness_mm in stated.items():
+        assert material(name).scattering == pytest.approx(
+            rough_scattering(roughness_mm / 1000), abs=6e-4
+        )
+
+
+def test_rough_walls_scatter_more_until_nothing_is_mirrored() -> None:
+    assert rough_scattering(0.0) == 0.0
+    assert rough_scattering(1e-4) < 0.01 < rough_scattering(1e-3) < 0.2
+    assert rough_scattering(0.01) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_every_source_says_which_band_or_that_it_is_an_estimate() -> None:
+    for item in MATERIALS.values():
+        absorption, scattering = item.source.split("; scattering: ")
+        assert re.match(r"absorption: ([48] kHz band|estimate)", absorption), item.name
+        assert re.match(r"8 kHz band|estimate", scattering), item.name
+        assert re.search("taken as it is|boundary layer|estimate", absorption), item.name
+
+
+def test_hard_walls_mirror_and_soft_ones_do_not() -> None:
+    hard = [material(name).reflection for name in ("concrete", "glass", "tile", "painted wall")]
+    soft = [material(name).reflection for name in ("curtain", "sofa", "acoustic partition")]
+    assert min(hard) > 0.95
+    assert max(soft) < 0.5
+
+
+PUBLISHED = {
+    "concrete": "unpainted_concrete",
+    "brick": "brick_wall_rough",
+    "gypsum board": "plasterboard",
+    "wood panel": "wooden_lining",
+    "door": "wooden_door",
+    "wood floor": "stage_floor",
+    "carpet": "carpet_6mm_closed_cell_foam",
+    "thick carpet": "carpet_tufted_9m",
+    "curtain": "curtains_cotton_0.5",
+    "acoustic ceiling tile": "fibre_absorber_1",
+    "acoustic partition": "panel_fabric_covered_8pcf",
+    "fabric partition": "felt_5mm",
+    "sofa": "chairs_heavy_upholstered",
+    "office chair": "chairs_upholstered_cloth",
+    "person": "audience_wooden_chairs_1_m2",
+}
+
+
+@pytest.mark.parametrize(("name", "row"), PUBLISHED.items())
+def test_measured_values_are_the_last_of_the_published_row(name: str, row: str) -> None:
+    coefficients = materials_absorption_table[row]["coeffs"]
+    band_khz = {7: 8, 6: 4}[len(coefficients)]
+    assert material(name).absorption == coefficients[-1]
+    assert f"absorption: {band_khz} kHz band" in material(name).source

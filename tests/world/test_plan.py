@@ -1,0 +1,115 @@
+"""What lies across a line in plan, against plain geometry block by block."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from elfslam.base.arrays import F64
+from elfslam.world.materials import Material
+from elfslam.world.plan import (
+    PERSON_HEIGHT_M,
+    PERSON_RADIUS_M,
+    make_crossings,
+    meets_wall,
+    note_crossings,
+)
+from elfslam.world.room import Block, Room, box, shoebox
+from elfslam.world.scene import FEW_BLOCKS, Scene, scene_of
+
+ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
+PLAIN = Material("plain", 0.3, 0.0, "planted")
+NOBODY = np.zeros((0, 2))
+TABLE = box("table", [2.0, 1.0, 0.0], [1.0, 2.0, 0.7], PLAIN, 0.0, 0.0)
+LAMP = box("lamp", [4.0, 1.0, 1.8], [1.0, 2.0, 0.4], PLAIN, 0.0, 0.0)
+
+
+def scene_with(*blocks: Block) -> Scene:
+    return scene_of(shoebox(np.array([8.0, 6.0, 2.5]), (PLAIN,) * 6, blocks))
+
+
+def crossed(scene: Scene, a: F64, b: F64, people: F64 = NOBODY, start: float = 0.0) -> F64:
+    """Enter, leave, low and high of each obstacle (k, 4), sorted."""
+    crossings = make_crossings(len(scene.block_low))
+    count = note_crossings(scene, people, crossings, 0, start, a[0], a[1], b[0], b[1])
+    found = np.column_stack(crossings[:4])[:count]
+    return found[np.lexsort(found.T[::-1])]
+
+
+def test_a_line_enters_and_leaves_what_it_crosses() -> None:
+    scene = scene_with(TABLE, LAMP)
+    found = crossed(scene, np.array([1.0, 2.0]), np.array([7.0, 2.0]), start=10.0)
+    np.testing.assert_allclose(found, [[11, 12, 0, 0.7], [13, 14, 1.8, 2.2]])
+
+
+def test_a_line_that_ends_within_a_block_in_plan_is_cut_there() -> None:
+    found = crossed(scene_with(TABLE), np.array([2.5, 2.0]), np.array([2.5, 2.8]))
+    np.testing.assert_allclose(found, [[0.0, 0.8, 0.0, 0.7]])
+
+
+@pytest.mark.parametrize(
+    ("a", "b"), [([1, 0.9999], [7, 0.9999]), ([1, 3.5], [7, 3.5]), ([1, 2], [3, 0])]
+)
+def test_passing_by_or_touching_a_corner_is_not_crossing(a: list[float], b: list[float]) -> None:
+    assert not len(crossed(scene_with(TABLE), np.array(a, float), np.array(b, float)))
+
+
+def test_a_person_is_a_cylinder() -> None:
+    people = np.array([[4.0, 3.0], [4.0, 5.0]])
+    (found,) = crossed(scene_with(), np.array([1.0, 3.0]), np.array([7.0, 3.0]), people)
+    expected = [3 - PERSON_RADIUS_M, 3 + PERSON_RADIUS_M, 0.0, PERSON_HEIGHT_M]
+    np.testing.assert_allclose(found, expected)
+
+
+def plain_crossings(blocks: list[Block], a: F64, b: F64) -> F64:
+    """The same by clipping the line to each block's slabs in its own frame."""
+    rows = []
+    for block in blocks:
+        cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
+        to_local = np.array([[cos, -sin], [sin, cos]])
+        p, d = (a - block.centre_m) @ to_local, (b - a) @ to_local
+        half = block.size_m[:2] / 2
+        with np.errstate(divide="ignore"):
+            t = np.sort([(-half - p) / d, (half - p) / d], axis=0)
+        enter, leave = max(t[0].max(), 0.0), min(t[1].min(), 1.0)
+        length = np.linalg.norm(b - a)
+        if (leave - enter) * length > 1e-6:
+            rows.append([enter * length, leave * length, block.base_m, block.top_m])
+    found = np.array(rows).reshape(-1, 4)
+    return found[np.lexsort(found.T[::-1])]
+
+
+@settings(max_examples=60)
+@given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 5, FEW_BLOCKS + 9]))
+def test_the_grid_finds_what_looking_at_every_block_finds(seed: int, count: int) -> None:
+    generator = np.random.default_rng(seed)
+    blocks = [
+        Block(
+            f"{k}", PLAIN, generator.uniform([0, 0], [8, 6]), generator.uniform(0.1, 2.0, 3),
+            generator.uniform(0, 3), generator.uniform(0, 0.5), 0.0,
+        )
+        for k in range(count)
+    ]  # fmt: skip
+    scene = scene_with(*blocks)
+    for a, b in generator.uniform([0, 0], [8, 6], (10, 2, 2)):
+        np.testing.assert_allclose(crossed(scene, a, b), plain_crossings(blocks, a, b), atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("a", "b", "met"),
+    [([5.5, 2.5], [1, 4], True), ([5, 1], [1, 1], False), ([5, 2], [2, 4.9], True)],
+)
+def test_a_line_across_the_notch_meets_its_walls(a: list[float], b: list[float], met: bool) -> None:
+    scene = scene_of(Room(ELL_M, 2.5, (PLAIN,) * 6, PLAIN, PLAIN))
+    assert bool(meets_wall(scene, *map(float, a), *map(float, b), -1, -1)) == met
+
+
+def test_a_wall_is_not_met_by_lines_that_start_on_it() -> None:
+    """From just behind the side x = 3 of the notch, as rounding may have it."""
+    scene = scene_of(Room(ELL_M, 2.5, (PLAIN,) * 6, PLAIN, PLAIN))
+    line = (3.0 + 1e-12, 4.0, 1.0, 2.0)
+    assert meets_wall(scene, *line, -1, -1)
+    assert not meets_wall(scene, *line, 3, -1)
+    assert not meets_wall(scene, line[2], line[3], line[0], line[1], -1, 3)

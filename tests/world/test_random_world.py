@@ -1,0 +1,124 @@
+"""Random rooms are rooms: simple outlines, the sizes asked for, furniture inside, one per seed."""
+
+from __future__ import annotations
+
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from elfslam.world.materials import Material
+from elfslam.world.random_world import (
+    CORNER_SHARE,
+    LEANING_SHARE,
+    MOST_FURNITURE,
+    MOST_PARTITIONS,
+    random_room,
+)
+from elfslam.world.room import Block, Room, check_outline
+from elfslam.world.scene import scene_of
+
+ROOMS = 300
+
+
+def room_of(seed: int) -> Room:
+    return random_room(np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def rooms() -> list[Room]:
+    return [room_of(seed) for seed in range(ROOMS)]
+
+
+def area_m2(outline_m: np.ndarray) -> float:
+    x, y = outline_m.T
+    return 0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+
+
+def is_square(room: Room) -> bool:
+    along = np.diff(room.outline_m, axis=0, append=room.outline_m[:1])
+    return bool((np.abs(along).min(axis=1) < 1e-9).all())
+
+
+def surfaces_of(room: Room) -> list[Material]:
+    return [*room.walls, room.floor, room.ceiling, *(block.surface for block in room.blocks)]
+
+
+def test_outlines_are_simple_and_counter_clockwise(rooms: list[Room]) -> None:
+    for room in rooms:
+        assert (check_outline(room.outline_m) == room.outline_m).all()
+        assert len(room.walls) == len(room.outline_m) in (4, 6)
+
+
+def test_rooms_have_the_sizes_of_rooms(rooms: list[Room]) -> None:
+    """Boxes of 9 to 400 m2; a corner cut out takes a third of it at most."""
+    for room in rooms:
+        length, width, height = room.size_m
+        assert (room.corner_m >= 0).all()
+        assert 0.65 * 9.0 <= area_m2(room.outline_m) <= length * width + 1e-9 <= 400.0 + 1e-6
+        assert 0.9 <= length / width <= 2.5
+        assert 2.3 <= height <= 3.6
+    areas = np.array([area_m2(room.outline_m) for room in rooms])
+    assert np.median(areas) == pytest.approx(60.0, rel=0.4), "even on a logarithmic scale"
+
+
+def test_some_lack_a_corner_and_some_lean(rooms: list[Room]) -> None:
+    lacking = np.mean([len(room.outline_m) == 6 for room in rooms])
+    leaning = np.mean([not is_square(room) for room in rooms])
+    assert lacking == pytest.approx(CORNER_SHARE, abs=0.08)
+    assert leaning == pytest.approx(LEANING_SHARE, abs=0.08)
+    assert all(scene_of(room).convex == (len(room.outline_m) == 4) for room in rooms[:30])
+
+
+def test_blocks_stand_in_the_box_about_the_room(rooms: list[Room]) -> None:
+    """Those that are turned may reach through a wall, but stand inside with their middle."""
+    for room in rooms:
+        leans_m = 0.0 if is_square(room) else 0.07 * room.size_m[:2]
+        for block in room.blocks:
+            points = block.corners_m if block.turn_rad == 0 else block.centre_m[None]
+            beyond_m = np.abs(points - room.corner_m - room.size_m[:2] / 2) - room.size_m[:2] / 2
+            assert (beyond_m < leans_m + 1e-9).all()
+            assert 0 <= block.base_m < block.top_m <= room.height_m + 1e-9
+
+
+def is_partition(block: Block) -> bool:
+    return block.clutter_per_m2 == 0
+
+
+def test_furniture_and_partitions_are_as_many_as_fit(rooms: list[Room]) -> None:
+    partitions = [sum(map(is_partition, room.blocks)) for room in rooms]
+    furniture = [len(room.blocks) - count for room, count in zip(rooms, partitions, strict=True)]
+    assert (min(furniture), max(furniture)) == (2, MOST_FURNITURE)
+    assert (min(partitions), max(partitions)) == (0, MOST_PARTITIONS)
+    size = [area_m2(room.outline_m) for room in rooms]
+    assert np.corrcoef(size, furniture)[0, 1] > 0.5
+    names = [[block.name for block in room.blocks] for room in rooms]
+    assert all(len(set(each)) == len(each) for each in names), "clutter is drawn by name"
+
+
+def test_some_partitions_reach_the_ceiling(rooms: list[Room]) -> None:
+    full = [
+        block.top_m == pytest.approx(room.height_m)
+        for room in rooms
+        for block in room.blocks
+        if is_partition(block)
+    ]
+    assert np.mean(full) == pytest.approx(0.3, abs=0.1)
+
+
+def test_surfaces_reflect_and_differ(rooms: list[Room]) -> None:
+    for room in rooms:
+        reflections = np.array([surface.reflection for surface in surfaces_of(room)])
+        assert 0.25 <= reflections.min() <= reflections.max() <= 0.97 + 1e-9, (
+            "up to 0.3 of it is diffuse"
+        )
+        assert len(np.unique(reflections)) > 2
+    level = [np.mean([wall.reflection for wall in room.walls]) for room in rooms]
+    assert np.std(level) > 0.08, "rooms are more or less lively"
+
+
+def test_a_seed_gives_one_room() -> None:
+    assert repr(astuple(room_of(5))) == repr(astuple(room_of(5)))
+    again, other = scene_of(room_of(5)), scene_of(room_of(6))
+    assert (again.point == scene_of(room_of(5)).point).all()
+    assert again.point.shape != other.point.shape

@@ -1,0 +1,295 @@
+"""The stream of a recording: where every chirp stands in it, and what each circumstance adds."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.base.values import Audio
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.world import recorder
+from elfslam.world.circumstances import SOUNDS, Circumstances
+from elfslam.world.device import Device, built_in_device
+from elfslam.world.materials import material
+from elfslam.world.phone import air_at
+from elfslam.world.recorder import (
+    LATENCY_S,
+    OTHER_CLOCK_PPM,
+    OTHER_HEIGHT_M,
+    _standing_place,
+    record_walk,
+)
+from elfslam.world.room import Room, box, shoebox
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker
+from elfslam.world.world_file import World
+
+FLAT = replace(built_in_device("flat"), noise_rms=0.0)
+PLACE_M = np.array([2.5, 2.0, 1.2])
+SEED = 11
+
+
+def closet(*blocks: object) -> World:
+    """A muffled room of 6 by 5 m, so that the direct sound stands out."""
+    felt = (replace(material("plaster"), absorption=0.99),) * 6
+    room = shoebox(np.array([6.0, 5.0, 2.6]), felt, blocks, seed=3)  # type: ignore[arg-type]
+    return World("closet", room, np.array([[1.0, 1.0], [5.0, 1.0], [5.0, 4.0], [1.0, 4.0]]))
+
+
+def standing(duration_s: float) -> Motion:
+    """Somebody who stands still and looks along x."""
+    count = round(duration_s * KINEMATICS_RATE_HZ) + 1
+    still = np.zeros(count)
+    t_s = np.arange(count) / KINEMATICS_RATE_HZ
+    return Motion(t_s, np.tile(PLACE_M, (count, 1)), still, still + 0.4, still, still, still)
+
+
+def walker() -> Walker:
+    return random_walker(np.random.default_rng(0))
+
+
+def recorded(
+    circumstances: Circumstances | None = None,
+    *,
+    duration_s: float = 3.0,
+    rate_hz: int = 44_100,
+    seed: int = SEED,
+    world: World | None = None,
+) -> F32:
+    heard = record_walk(
+        world or closet(), circumstances or Circumstances(device="flat"), walker(),
+        standing(duration_s), rate_hz, seed, np.random.default_rng(seed), lambda share: None,
+    )  # fmt: skip
+    assert isinstance(heard, Audio)
+    assert heard.rate_hz == rate_hz
+    return np.asarray(heard.samples[0])
+
+
+def use(monkeypatch: pytest.MonkeyPatch, device: Device) -> None:
+    monkeypatch.setattr(recorder, "device_of", lambda circumstances: device)
+
+
+def latency_of(rate_hz: int, seed: int = SEED) -> int:
+    return round(np.random.default_rng(seed).uniform(*LATENCY_S) * rate_hz)
+
+
+def arrivals(stream: F32, rate_hz: int, first: float, period: float, count: int) -> F64:
+    """Where chirps stand, to a tenth of a sample, each within a millisecond of where it should."""
+    chirp = make_chirp(ChirpParameters(), rate_hz).samples.astype(np.float64)
+    found, near, fine = [], round(1e-3 * rate_hz), 32
+    for k in range(count):
+        start = round(first + k * period) - near
+        piece = stream[start : start + len(chirp) + 2 * near].astype(np.float64)
+        match = signal.correlate(piece, chirp, mode="valid")
+        match = signal.resample(match, fine * len(match))
+        found.append(start + np.argmax(match) / fine)
+    return np.array(found)
+
+
+# --- where the direct sound stands ---
+
+
+@pytest.mark.parametrize("rate_hz", [44_100, 48_000])
+@pytest.mark.parametrize("seed", [0, 1])
+def test_the_direct_sound_stands_where_it_must(rate_hz: int, seed: int) -> None:
+    """A latency of this run, a frame of 100 ms for each, and the way from speaker to microphone."""
+    stream = recorded(rate_hz=rate_hz, seed=seed)
+    frame, way_s = rate_hz / 10, FLAT.separation_m / air_at().speed_mps
+    expected = latency_of(rate_hz, seed) + way_s * rate_hz + frame * np.arange(28)
+    assert len(stream) == 3 * rate_hz
+    assert arrivals(stream, rate_hz, expected[0], frame, 28) == pytest.approx(expected, abs=0.3)
+    assert not (np.abs(stream[: latency_of(rate_hz, seed)]) > 2e-3).any()
+
+
+def test_the_sound_of_both_rates_is_one() -> None:
+    slow, fast = recorded(rate_hz=44_100), recorded(rate_hz=48_000)
+    again = signal.resample(fast, len(slow))
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    frames = [
+        signal.correlate(stream, chirp.samples, mode="valid")[latency : latency + 4410]
+        for stream, latency in ((slow, latency_of(44_100)), (again, latency_of(44_100)))
+    ]
+    assert (
+        np.corrcoef(np.abs(signal.hilbert(frames[0])), np.abs(signal.hilbert(frames[1])))[0, 1]
+        > 0.99
+    )
+
+
+def test_jitter_moves_every_chirp_by_the_jitter(monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, FLAT)
+    steady = recorded()
+    use(monkeypatch, replace(FLAT, jitter_s=1e-4))
+    shaken = recorded()
+    planted = 1e-4 * np.random.default_rng([SEED, 6]).standard_normal(29)[:28] * 44_100
+    first = latency_of(44_100) + 19.3
+    moved = arrivals(shaken, 44_100, first, 4410, 28) - arrivals(steady, 44_100, first, 4410, 28)
+    assert moved == pytest.approx(planted, abs=0.1)
+    assert moved.std() == pytest.approx(4.41, rel=0.3)
+
+
+@pytest.mark.parametrize("skew_ppm", [1000.0, -1000.0])
+def test_skew_stretches_the_stream(monkeypatch: pytest.MonkeyPatch, skew_ppm: float) -> None:
+    use(monkeypatch, replace(FLAT, clock_skew_ppm=skew_ppm))
+    stream = recorded()
+    stretch = 1 + skew_ppm * 1e-6
+    first = (latency_of(44_100) + 19.3) * stretch
+    found = arrivals(stream, 44_100, first, 4410 * stretch, 28)
+    assert np.polyfit(np.arange(28), found, 1)[0] == pytest.approx(4410 * stretch, abs=0.02)
+    assert len(stream) == 3 * 44_100
+
+
+def test_a_built_in_phone_has_its_own_clock() -> None:
+    """The cheap one is fast by 20 ppm: nine samples in ten seconds."""
+    stream = recorded(Circumstances(device="cheap"), duration_s=10.0)
+    found = arrivals(stream, 44_100, latency_of(44_100) + 19.3, 4410, 95)
+    assert found[-1] - found[0] - 94 * 4410 == pytest.approx(94 * 4410 * 20e-6, abs=0.5)
+
+
+# --- other phones ---
+
+
+def other_phone(world: World, seed: int, k: int) -> tuple[F64, int, float]:
+    """Place, offset in samples and relative period of the k-th other phone."""
+    generator = np.random.default_rng([seed, 5, k])
+    place = _standing_place(world, generator)
+    return place, int(generator.integers(4410)), 1 + generator.normal(0, OTHER_CLOCK_PPM) * 1e-6
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_another_phone_is_heard_by_its_own_clock(
+    monkeypatch: pytest.MonkeyPatch, seed: int
+) -> None:
+    use(monkeypatch, FLAT)
+    asked = Circumstances(other_phones=1)
+    alone, both = (recorded(each, duration_s=12.0, seed=seed) for each in (Circumstances(), asked))
+    place, offset, period = other_phone(closet(), seed, 0)
+    microphone = PLACE_M - 0.075 * np.array([np.cos(0.4), 0.0, np.sin(0.4)])
+    way_m = np.linalg.norm(np.append(place, OTHER_HEIGHT_M) - microphone)
+    first = latency_of(44_100, seed) + offset + way_m / air_at().speed_mps * 44_100
+    found = arrivals(both - alone, 44_100, first, 4410 * period, 110)
+    assert found[0] == pytest.approx(first, abs=1.0)
+    slope = np.polyfit(np.arange(110), found, 1)[0]
+    assert slope == pytest.approx(4410 * period, abs=0.01)
+    assert abs(slope - 4410) > 0.01, "a clock of its own"
+
+
+def test_phones_add_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, FLAT)
+    none, one, two = (recorded(Circumstances(other_phones=count)) for count in range(3))
+    assert np.abs(one - none).max() > 1e-4
+    assert np.abs(two - one).max() > 1e-4
+    places = [other_phone(closet(), SEED, k) for k in range(2)]
+    assert places[0][1] != places[1][1]
+    assert np.linalg.norm(places[0][0] - places[1][0]) > 0.1
+
+
+def test_other_phones_stand_where_it_is_free() -> None:
+    world = closet(box("wardrobe", np.array([0.0, 0.0, 0.0]), np.array([4.0, 5.0, 2.0])))
+    generator = np.random.default_rng(0)
+    assert all(_standing_place(world, generator)[0] > 4.0 for _ in range(50))
+
+
+def test_a_full_room_has_no_place_for_another_phone() -> None:
+    world = closet(box("crate", np.array([0.0, 0.0, 0.0]), np.array([6.0, 5.0, 2.0])))
+    with pytest.raises(InputError, match="'closet': no free place for another phone; leave it out"):
+        recorded(Circumstances(other_phones=1), world=world)
+
+
+# --- other sounds, volume, limits ---
+
+
+@pytest.mark.parametrize("names", [("speech",), ("music",), ("clicks",), ("clicks", "speech")])
+def test_sounds_come_on_top(monkeypatch: pytest.MonkeyPatch, names: tuple[str, ...]) -> None:
+    use(monkeypatch, FLAT)
+    added = recorded(Circumstances(sounds=names)) - recorded()
+    expected = np.zeros(len(added))
+    for k, (name, sound) in enumerate(SOUNDS.items()):
+        if name in names:
+            made = sound(len(added), 44_100, np.random.default_rng([SEED, 7, k]))
+            expected += made
+            if name != "clicks":
+                assert np.sqrt(np.mean(made.astype(float) ** 2)) == pytest.approx(0.02, rel=1e-4)
+    assert added == pytest.approx(expected, abs=1e-7)
+
+
+def test_the_volume_scales_the_chirps_and_leaves_the_noise() -> None:
+    """Noise and rumble are the same, so that differences are of chirps alone."""
+    streams = [recorded(Circumstances(volume=volume)) for volume in (1.0, 0.75, 0.5)]
+    upper, lower = streams[0] - streams[1], streams[1] - streams[2]
+    assert np.abs(upper).max() > 1e-3
+    assert upper == pytest.approx(lower, abs=1e-7)
+    assert streams[0] == pytest.approx(streams[2] + upper + lower, abs=1e-7)
+    before = slice(0, latency_of(44_100))
+    assert (streams[0][before] == streams[2][before]).all()
+
+
+def test_people_and_state_change_the_echoes_and_not_the_direct_sound(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    use(monkeypatch, FLAT)
+    alone, met = recorded(), recorded(Circumstances(people=6))
+    changed = (met - alone)[latency_of(44_100) :][: 25 * 4410].reshape(25, 4410)
+    arrival = round(FLAT.separation_m / 343.2 * 44_100)
+    assert np.abs(changed[:, arrival : arrival + 30]).max() < 0.02 * np.abs(alone).max()
+    assert np.abs(changed).max() > 1e-5
+
+
+def test_what_is_too_loud_is_clipped(monkeypatch: pytest.MonkeyPatch) -> None:
+    use(monkeypatch, FLAT)
+    full = recorded()
+    use(monkeypatch, replace(FLAT, clip_level=0.02))
+    clipped = recorded()
+    assert np.abs(full).max() > 0.05
+    np.testing.assert_array_equal(clipped, np.clip(full, -0.02, 0.02).astype(np.float32))
+
+
+# --- the same bytes ---
+
+BUSY = Circumstances(
+    day=9, people=3, device="cheap", volume=0.5, sounds=("speech", "music", "clicks"),
+    other_phones=2,
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def busy() -> F32:
+    return recorded(BUSY)
+
+
+@pytest.mark.parametrize("cores", [1, 2, 5])
+def test_the_number_of_threads_changes_no_byte(
+    monkeypatch: pytest.MonkeyPatch, busy: F32, cores: int
+) -> None:
+    monkeypatch.setattr(os, "cpu_count", lambda: cores)
+    assert recorded(BUSY).tobytes() == busy.tobytes()
+
+
+def test_another_seed_is_another_recording(busy: F32) -> None:
+    other = recorded(BUSY, seed=12)
+    assert other.shape == busy.shape
+    assert (other != busy).mean() > 0.99
+
+
+def test_progress_rises_to_the_end() -> None:
+    heard: list[float] = []
+    record_walk(
+        closet(), Circumstances(), walker(), standing(45.0), 44_100, 0,
+        np.random.default_rng(0), heard.append,
+    )  # fmt: skip
+    assert len(heard) == 3
+    assert heard == sorted(heard)
+    assert heard[-1] == 1.0
+
+
+def test_a_room_is_any_room() -> None:
+    """One whose corner is not the origin, and with a corner cut out."""
+    world = closet()
+    outline = np.array([[-1, -1], [5, -1], [5, 3], [4, 3], [4, 5], [-1, 5]], dtype=np.float64)
+    walls, room = (world.room.floor,) * 6, world.room
+    angled = replace(world, room=Room(outline, 2.6, walls, room.floor, room.ceiling))
+    assert np.isfinite(recorded(Circumstances(other_phones=1), world=angled)).all()

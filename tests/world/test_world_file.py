@@ -1,0 +1,491 @@
+"""World files: round numbers come out as written, and every mistake is named with its line."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.world.room import Room, inside
+from elfslam.world.walkable import standing_room
+from elfslam.world.world_file import World, in_state, load_world, parse_world, world_names
+
+BOX = """
+name = "closet"
+size_m = [6.0, 4.0, 2.5]
+reflection = [0.8, 0.81, 0.82, 0.83, 0.5, 0.7]
+seed = 3
+route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]
+spots = [[0.8, 0.8], [5.2, 3.2]]
+
+[[furniture]]
+name = "stool"
+corner_m = [1.8, 1.3, 0.0]
+size_m = [0.4, 0.6, 0.5]
+material = "sofa"
+
+[[furniture]]
+name = "shelf"  # hangs on the wall
+corner_m = [2.0, 3.8, 1.9]
+size_m = [1.0, 0.2, 0.3]
+turn_deg = 0.0
+clutter_per_m2 = 2.0
+
+[[partition]]
+name = "screen"
+from_m = [3.0, 1.5]
+to_m = [4.0, 1.5]
+height_m = 1.5
+thickness_m = 0.05
+material = "fabric partition"
+
+[[state]]
+name = "tidied"
+moved = [{ name = "stool", by_m = [1.0, 0.2], turn_deg = 90.0 }]
+removed = ["screen"]
+
+[people]
+routes_m = [[[0.8, 2.4], [4.8, 2.4]]]
+speed_mps = 0.9
+
+[climate]
+temperature_c = 18.0
+humidity_percent = 60.0
+
+[[access_point]]
+bssid = "router"
+position_m = [5.5, 3.5, 2.0]
+
+[magnetic]
+north_deg = 30.0
+
+[[power_line]]
+name = "sockets"
+from_m = [0.0, 0.0, 0.3]
+to_m = [4.0, 0.0, 0.3]
+current_a = [1.0, 0.1]
+"""
+
+POLYGON = """
+name = "corner"
+outline_m = [[0.0, 0.0], [0.0, 6.0], [3.0, 6.0], [3.0, 3.0], [8.0, 3.0], [8.0, 0.0]]
+height_m = 3.0
+seed = 1
+route_m = [[1.0, 1.0], [7.0, 1.0], [7.0, 2.0], [2.0, 2.0], [2.0, 5.0], [1.0, 5.0]]
+spots = { from_m = [1.0, 1.0], to_m = [1.3, 1.2], spacing_m = 0.1 }
+
+[surfaces]
+walls = ["brick", "glass", "plaster", "door", "curtain", "concrete"]
+floor = "carpet"
+ceiling = { name = "foam", absorption = 0.9, scattering = 0.25 }
+
+[[furniture]]
+name = "table"
+corner_m = [4.0, 2.5, 0.0]
+size_m = [0.5, 0.4, 0.7]
+repeat = [2, 1]
+spacing_m = [1.0, 0.0]
+"""
+
+
+def parsed(text: str) -> World:
+    return parse_world(text, "mine.toml")
+
+
+@pytest.fixture(scope="module")
+def closet() -> World:
+    return parsed(BOX)
+
+
+@pytest.fixture(scope="module")
+def corner() -> World:
+    return parsed(POLYGON)
+
+
+# --- what is written comes out ---
+
+
+def test_a_box(closet: World) -> None:
+    room = closet.room
+    assert (closet.name, room.height_m, room.seed) == ("closet", 2.5, 3)
+    assert room.outline_m.tolist() == [[0, 0], [6, 0], [6, 4], [0, 4]]
+    south, east, north, west = (wall.reflection for wall in room.walls)
+    assert (west, east, south, north) == pytest.approx((0.8, 0.81, 0.82, 0.83))
+    assert room.floor.reflection == pytest.approx(0.5)
+    assert room.ceiling.reflection == pytest.approx(0.7)
+    assert room.floor.scattering == 0.0
+    assert closet.route_m.shape == (4, 2)
+    assert closet.spots_m.tolist() == [[0.8, 0.8], [5.2, 3.2]]
+
+
+def test_pieces_of_furniture_and_partitions(closet: World) -> None:
+    stool, shelf, screen = closet.room.blocks
+    assert stool.surface.name == "sofa"
+    np.testing.assert_allclose(stool.centre_m, [2.0, 1.6])
+    assert (shelf.base_m, shelf.top_m, shelf.clutter_per_m2) == (1.9, pytest.approx(2.2), 2.0)
+    assert shelf.surface.name == "wood panel"
+    assert (screen.name, screen.clutter_per_m2, screen.top_m) == ("screen", 0.0, 1.5)
+    wanted = [[3.0, 1.475], [4.0, 1.475], [4.0, 1.525], [3.0, 1.525]]
+    np.testing.assert_allclose(screen.corners_m, wanted)
+
+
+def test_a_state_moves_turns_and_removes(closet: World) -> None:
+    tidied = in_state(closet, "tidied")
+    stool, shelf = tidied.room.blocks
+    assert (stool.name, shelf.name) == ("stool", "shelf")
+    np.testing.assert_allclose(stool.centre_m, [3.0, 1.8])
+    assert stool.turn_rad == pytest.approx(np.pi / 2)
+    assert shelf is closet.room.blocks[1]
+    assert len(closet.room.blocks) == 3, "the world itself stays as it was"
+    with pytest.raises(InputError, match="state 'burnt': world 'closet' has tidied; choose"):
+        in_state(closet, "burnt")
+
+
+def test_people_climate_and_surroundings(closet: World) -> None:
+    assert closet.people.speed_mps == 0.9
+    assert [route.tolist() for route in closet.people.routes_m] == [[[0.8, 2.4], [4.8, 2.4]]]
+    assert (closet.climate.temperature_c, closet.climate.humidity_percent) == (18.0, 60.0)
+    assert closet.surroundings is not None
+    assert [point.bssid for point in closet.surroundings.access_points] == ["router"]
+    assert closet.surroundings.field is not None
+    assert closet.surroundings.power_lines[0].current_a.tolist() == [1.0, 0.1]
+
+
+def test_what_may_be_left_out() -> None:
+    bare = parsed(BOX.partition("spots")[0].replace("seed", "furniture_seed"))
+    assert bare.room.blocks == ()
+    assert bare.room.seed == 3
+    assert (len(bare.spots_m), dict(bare.states), bare.people.routes_m) == (0, {}, ())
+    assert (bare.climate.temperature_c, bare.climate.humidity_percent) == (20.0, 50.0)
+    assert bare.surroundings is not None
+    assert bare.surroundings.access_points == ()
+
+
+def test_a_clockwise_polygon_keeps_materials_with_their_sides(corner: World) -> None:
+    room = corner.room
+    ends = np.roll(room.outline_m, -1, axis=0)
+    middles = {
+        wall.name: ((a + b) / 2).tolist()
+        for a, b, wall in zip(room.outline_m, ends, room.walls, strict=True)
+    }
+    assert middles == {
+        "brick": [0.0, 3.0], "glass": [1.5, 6.0], "plaster": [3.0, 4.5], "door": [5.5, 3.0],
+        "curtain": [8.0, 1.5], "concrete": [4.0, 0.0],
+    }  # fmt: skip
+    assert inside(room.outline_m, np.array([[1.0, 5.0], [5.0, 5.0]])).tolist() == [True, False]
+    assert (room.ceiling.name, room.ceiling.absorption, room.ceiling.scattering) == (
+        "foam", 0.9, 0.25,
+    )  # fmt: skip
+
+
+def test_rows_of_the_same_and_grids_of_spots(corner: World) -> None:
+    assert [block.name for block in corner.room.blocks] == ["table 1", "table 2"]
+    step = corner.room.blocks[1].centre_m - corner.room.blocks[0].centre_m
+    assert step.tolist() == [1.0, 0.0]
+    assert corner.spots_m.shape == (12, 2)
+    np.testing.assert_allclose(
+        corner.spots_m[[0, 1, 4, -1]], [[1, 1], [1.1, 1], [1, 1.1], [1.3, 1.2]]
+    )
+
+
+def test_one_material_for_all_walls() -> None:
+    listed = re.compile(r"walls = \[.*\]")
+    text = listed.sub('walls = "glass"', POLYGON)
+    assert {wall.name for wall in parsed(text).room.walls} == {"glass"}
+
+
+# --- the worlds that come along ---
+
+
+def reflections(room: Room) -> list[float]:
+    return [round(side.reflection, 9) for side in (*room.walls, room.floor, room.ceiling)]
+
+
+def test_the_evaluation_worlds_stay_as_they_are() -> None:
+    living_room, office = load_world("living_room"), load_world("office")
+    assert living_room.room.size_m.tolist() == [10.0, 6.0, 2.7]
+    assert office.room.size_m.tolist() == [24.0, 15.0, 3.0]
+    assert reflections(living_room.room) == [0.78, 0.84, 0.87, 0.86, 0.55, 0.85]
+    assert reflections(office.room) == [0.80, 0.86, 0.83, 0.84, 0.50, 0.60]
+    assert living_room.route_m[[0, -1]].tolist() == [[1.3, 1.2], [1.2, 3.0]]
+    assert office.route_m[[0, -1]].tolist() == [[2.0, 2.0], [1.8, 7.0]]
+    assert (len(living_room.room.blocks), len(office.room.blocks)) == (8, 6)
+
+
+def area_m2(room: Room) -> float:
+    x, y = room.outline_m.T
+    return float(0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y))
+
+
+@pytest.mark.parametrize(
+    ("name", "size_m2", "blocks", "spots", "states"),
+    [
+        ("living_room", 60, 8, 0, 1),
+        ("office", 360, 6, 0, 1),
+        ("studio", 52, 6, 0, 1),
+        ("lounge", 55.9, 5, 0, 1),
+        ("mall", 2004, 79, 0, 2),
+        ("lab", 448, 116, 128, 2),
+        ("hall", 643.5, 34, 4000, 2),
+    ],
+)
+def test_a_built_in_world_can_be_walked(
+    name: str, size_m2: float, blocks: int, spots: int, states: int
+) -> None:
+    world = load_world(name)
+    assert world.name == name
+    assert area_m2(world.room) == pytest.approx(size_m2)
+    assert (len(world.room.blocks), len(world.spots_m)) == (blocks, spots)
+    assert len(world.states) == states
+    walked = np.vstack(np.linspace(world.route_m, np.roll(world.route_m, -1, axis=0), 100))
+    for room in (world.room, *world.states.values()):
+        assert standing_room(room, walked).all()
+        assert room.is_free(walked, 1.2, 0.25).all()
+    assert standing_room(world.room, world.spots_m).all()
+
+
+def test_each_state_moves_five_pieces() -> None:
+    for name in world_names():
+        world = load_world(name)
+        assert world.states
+        for state in world.states.values():
+            here = {block.name: block for block in world.room.blocks}
+            moved = [block for block in state.blocks if block is not here[block.name]]
+            assert len(moved) >= 5
+
+
+def test_the_tests_above_know_every_built_in_world() -> None:
+    assert set(world_names()) == {
+        "living_room", "office", "studio", "lounge", "mall", "lab", "hall",
+    }  # fmt: skip
+
+
+def test_a_world_is_the_same_every_time() -> None:
+    first, again = load_world("hall"), load_world("hall")
+    assert (first.room.blocks[3].corners_m == again.room.blocks[3].corners_m).all()
+    assert (first.spots_m == again.spots_m).all()
+
+
+def test_a_world_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(BOX, encoding="utf-8")
+    assert load_world(str(path)).name == "closet"
+
+
+def test_the_example_of_the_manual_is_a_world() -> None:
+    manual = (Path(__file__).parents[2] / "docs" / "world.md").read_text(encoding="utf-8")
+    example = re.search(r'```toml\n(name = "kitchen".*?)```', manual, re.S)
+    assert example
+    world = parsed(example[1])
+    assert (len(world.room.walls), list(world.states)) == (6, ["party"])
+
+
+# --- refusals ---
+
+
+@pytest.mark.parametrize("name", ["garage", "", "../world", "no/such/file.toml"])
+def test_an_unknown_world_is_refused_with_the_known_ones(name: str) -> None:
+    with pytest.raises(InputError, match=f"wanted {', '.join(world_names())} or a TOML file"):
+        load_world(name)
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_bytes(b"\xff\xfe\x00name")
+    with pytest.raises(InputError, match=r"mine\.toml: not a text in UTF-8"):
+        load_world(str(path))
+
+
+def refuse(text: str, old: str, new: str, mark: str, complaint: str) -> None:
+    """The planted text is refused by a line that holds `mark`, in one line with `complaint`."""
+    assert old in text
+    broken = text.replace(old, new, 1)
+    line = broken[: broken.index(mark)].count("\n") + 1
+    with pytest.raises(InputError) as refusal:
+        parsed(broken)
+    message = str(refusal.value)
+    assert message.startswith(f"mine.toml line {line}"), message
+    assert complaint in message, message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ("size_m = [6", "size_m = [6 6", "size_m", "not TOML"),
+        ('name = "closet"', "name = 7", "name = 7", "name is 7, wanted a text in quotes"),
+        ('name = "closet"', 'name = " "', "name =", "name is ' ', wanted a text in quotes"),
+        ('name = "closet"\n', "", "\n", "lacks name; add it"),
+        ("seed = 3", "sead = 3", "sead", "knows no 'sead'; wanted name,"),
+        ("seed = 3", "sead = 3", "sead", "did you mean 'seed'?"),
+        ("seed = 3", "seed = 3\nfurniture_seed = 3", "furniture_seed", "the older name of seed"),
+        ("seed = 3", 'seed = "three"', "seed", "seed is 'three', wanted a whole number"),
+        ("seed = 3", "seed = 3.5", "seed", "seed is 3.5, wanted a whole number"),
+        ("seed = 3", "seed = -3", "seed", "seed is -3, wanted a whole number from 0"),
+        ("seed = 3", "seed = true", "seed", "seed is True, wanted a whole number"),
+        ("[6.0, 4.0, 2.5]", "[6.0, 4.0]", "size_m", "size_m is [6.0, 4.0], wanted 3 numbers"),
+        ("[6.0, 4.0, 2.5]", "[6.0, -4.0, 2.5]", "size_m", "wanted 3 numbers from 0.01 to 500"),
+        ("[6.0, 4.0, 2.5]", "[6.0, nan, 2.5]", "size_m", "wanted 3 numbers"),
+        ("[6.0, 4.0, 2.5]", "[6.0, 501, 2.5]", "size_m", "wanted 3 numbers from 0.01 to 500"),
+        ("[6.0, 4.0, 2.5]", '["6", 4, 2.5]', "size_m", "size_m is ['6', 4, 2.5], wanted 3"),
+        ("[6.0, 4.0, 2.5]", "[6.0, 4.0, 1.9]", "size_m", "the ceiling is 1.9 m high, wanted 2 m"),
+        ("size_m = [6.0, 4.0, 2.5]\n", "", "\n", "wanted either size_m or outline_m"),
+        ("0.5, 0.7]", "0.5]", "reflection", "wanted 6 numbers from 0 to 1"),
+        ("0.5, 0.7]", "0.5, 1.7]", "reflection", "wanted 6 numbers from 0 to 1"),
+        ("0.5, 0.7]", "0.5, -0.1]", "reflection", "wanted 6 numbers from 0 to 1"),
+        ("reflection = [0.8, 0.81, 0.82, 0.83, 0.5, 0.7]\n", "", "\n", "[surfaces] or reflection"),
+    ],
+)
+def test_mistakes_at_the_top_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
+    refuse(BOX, old, new, mark, complaint)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ('name = "stool"', 'titel = "stool"', "titel", "furniture 1: knows no 'titel'"),
+        ('name = "stool"\n', "", "[[furniture]]", "furniture 1: lacks name"),
+        ('name = "stool"', 'name = ["stool"]', "name = [", "furniture 1: name is ['stool']"),
+        ('name = "shelf"', 'name = "stool"', 'name = "stool"  #', "the name 'stool' is taken"),
+        ('name = "screen"', 'name = "shelf"', 'name = "shelf"\nfrom', 'partition 1 "shelf": the'),
+        ('"sofa"', '"soda"', '"soda"', "furniture 1 \"stool\": material: material 'soda'"),
+        ('"sofa"', '"soda"', '"soda"', "did you mean 'sofa'?"),
+        ('"sofa"', "5", "material = 5", "material is 5, wanted the name of a material"),
+        ("[0.4, 0.6, 0.5]", "[0.4, 0.0, 0.5]", "[0.4, 0.0", "wanted 3 numbers from 0.01"),
+        ("[0.4, 0.6, 0.5]", "[0.4, 0.6, 2.6]", "corner_m = [1.8", "reaches from 0 to 2.6 m"),
+        ("[1.8, 1.3, 0.0]", "[1.8, 1.3, -0.1]", "[1.8, 1.3, -0.1]", "'stool' reaches from -0.1"),
+        ("[1.8, 1.3, 0.0]", "[5.8, 1.3, 0.0]", "[5.8, 1.3", "'stool' stands outside the room"),
+        ("[1.8, 1.3, 0.0]", "[9.8, 1.3, 0.0]", "[9.8, 1.3", "'stool' stands outside the room"),
+        ("turn_deg = 0.0", "turn_deg = 30.0", "corner_m = [2.0", "'shelf' stands outside the room"),
+        ("turn_deg = 0.0", "turn_deg = inf", "turn_deg", "turn_deg is inf, wanted a number"),
+        ("turn_deg = 0.0", "repeat = [2, 1]", '[[furniture]]\nname = "shelf"', "lacks spacing_m"),
+        ("turn_deg = 0.0", "repeat = [1.5, 1]\nspacing_m = [0, 0]", "repeat", "whole numbers"),
+        ("= 2.0\n", '= "2"\n', "clutter", "clutter_per_m2 is '2', wanted a number from 0 to 100"),
+        ('[[furniture]]\nname = "shelf"', '[[sofas]]\nname = "shelf"', "[[sofas]]", "no 'sofas'"),
+        ("to_m = [4.0, 1.5]", "to_m = [3.0, 1.5]", "to_m = [3.0", "begins where it ends"),
+        ("to_m = [4.0, 1.5]", "to_m = [7.0, 1.5]", "[[partition]]", "'screen' stands outside"),
+        ("height_m = 1.5", "height_m = 3.0", "[[partition]]", "'screen' reaches from 0 to 3 m"),
+        ("thickness_m = 0.05", "thick_m = 0.05", "thick_m", "did you mean 'thickness_m'?"),
+    ],
+)
+def test_mistakes_of_furniture_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
+    refuse(BOX, old, new, mark, complaint)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 4.2], [0.8, 3.2]]", "route_m", "the outside of the"),
+        ("[5.2, 3.2], [0.8, 3.2]]", "[5.9, 3.2], [0.8, 3.2]]", "route_m", "leg 2 from [5.2, 0.8]"),
+        ("[5.2, 3.2], [0.8, 3.2]]", "[5.9, 3.2], [0.8, 3.2]]", "route_m", "meets the wall from"),
+        ("[5.2, 3.2], [0.8, 3.2]]", "[2.0, 3.2]]", "route_m", "leg 2 from [5.2, 0.8] to [2.0"),
+        ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.2]]", "route_m", "leg 3 (the one that closes it)"),
+        ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.2]]", "route_m", 'meets "stool"; keep 0.25 m off'),
+        ("[[0.8, 0.8], [5.2, 0.8]", "[[0.8], [5.2, 0.8]", "route_m", "point 1 is [0.8], wanted"),
+        ("[[0.8, 0.8], [5.2, 0.8]", '[["a", 1], [5.2, 0.8]', "route_m", "point 1 is ['a', 1]"),
+        ("route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]",
+         "route_m = [[0.8, 0.8], [0.8, 0.8]]", "route_m", "fewer than 2 distinct corners"),
+        ("route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]",
+         "route_m = [[0.8, 0.8], [1.3, 0.8]]", "route_m", "is 1.00 m long, wanted 2 m or more"),
+        ("route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]",
+         "route_m = 4", "route_m", "route_m is 4, wanted a list of [x, y]"),
+        ("[[[0.8, 2.4], [4.8, 2.4]]]", "[[[0.8, 1.5], [4.8, 1.5]]]", "routes_m", "people: route 1"),
+        ("[[[0.8, 2.4], [4.8, 2.4]]]", "[[[0.8, 2.4]]]", "routes_m", "fewer than 2 distinct"),
+        ("speed_mps = 0.9", "speed_mps = 0", "speed_mps", "speed_mps is 0, wanted a number"),
+        ("spots = [[0.8, 0.8]", "spots = [[2.0, 1.5]", "spots", "spot 1 at [2.0, 1.5] is in a"),
+        ("spots = [[0.8, 0.8]", "spots = [[0.1, 1.5]", "spots", "within 0.25 m of it"),
+        ("spots = [[0.8, 0.8], [5.2, 3.2]]", "spots = 5", "spots", "spots is 5, wanted a list"),
+    ],
+)  # fmt: skip
+def test_ways_that_nobody_can_walk_are_refused(
+    old: str, new: str, mark: str, complaint: str
+) -> None:
+    refuse(BOX, old, new, mark, complaint)
+
+
+def test_nobody_walks_under_a_table_but_under_a_high_shelf() -> None:
+    """The stool of 0.5 m is in the way; a shelf from 1.9 m is not, one from 1.7 m is."""
+    under = ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.7], [0.8, 3.7]]")
+    assert parsed(BOX.replace(*under).replace("[[0.8, 0.8], [5.2, 3.2]]", "[]"))
+    refuse(BOX.replace("3.8, 1.9]", "3.8, 1.7]"), *under, "route_m", 'meets "shelf"')
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ('{ name = "stool"', '{ name = "stol"', "moved", "moved: there is no 'stol'; did you mean"),
+        ('["screen"]', '["scren"]', "removed", "there is no 'scren'; did you mean 'screen'?"),
+        ('["screen"]', '["stool"]', "moved", "'stool' is moved or removed before"),
+        ("by_m = [1.0", "by_m = [5.0", "moved", "moved 1: 'stool' stands outside the room"),
+        ("by_m = [1.0, 0.2]", "by_m = [0.0, -0.5]", "[[state]]", "route_m: leg 1 from"),
+        ("by_m = [1.0, 0.2]", "by_m = [0.0, 0.6]", "[[state]]", "people, route 1: leg 1"),
+        ("by_m", "to_m", "moved", "knows no 'to_m'"),
+        ("turn_deg = 90.0", 'turn_deg = "90"', "moved", "turn_deg is '90', wanted a number"),
+        ("moved = [{", "moved = 3 #", "moved", "moved is 3, wanted a list"),
+        ("[[state]]", "[state]", "[state]", "state: wanted [[state]] tables"),
+        ("removed = ", "gone = ", "gone", "knows no 'gone'"),
+    ],
+)
+def test_mistakes_of_states_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
+    refuse(BOX, old, new, mark, complaint)
+
+
+def test_states_need_names_of_their_own_and_something_to_do() -> None:
+    again = '[[state]]\nname = "tidied"\nremoved = ["stool"]\n\n[people]'
+    refuse(BOX, "[people]", again, 'name = "tidied"\nremoved', "the name 'tidied' is taken")
+    idle = '[[state]]\nname = "idle"\n\n[people]'
+    refuse(BOX, "[people]", idle, '[[state]]\nname = "idle"', "neither moves nor removes")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ("temperature_c = 18.0", "temperature_c = 95.0", "temperature_c", "from -20 to 50"),
+        ("humidity_percent = 60.0", 'humidity_percent = "wet"', "humidity", "is 'wet', wanted"),
+        ("[climate]", "[[climate]]", "[[climate]]", "climate: wanted a [climate] table"),
+        ("[5.5, 3.5, 2.0]", "[5.5, 3.5]", "[[access_point]]", "access_point 'router': "),
+        ('bssid = "router"', 'bsid = "router"', "bsid", "did you mean 'bssid'?"),
+        ("north_deg = 30.0", 'north_deg = "up"', "[magnetic]", "magnetic: north_deg is 'up'"),
+        ("north_deg = 30.0", "nort_deg = 1", "nort_deg", "did you mean 'north_deg'?"),
+        ("[1.0, 0.1]", "[]", "[[power_line]]", "power_line 'sockets': current_a has to be"),
+    ],
+)
+def test_mistakes_of_the_surroundings_are_refused(
+    old: str, new: str, mark: str, complaint: str
+) -> None:
+    refuse(BOX, old, new, mark, complaint)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "mark", "complaint"),
+    [
+        ("[8.0, 3.0], [8.0, 0.0]]", "[8.0, 0.0], [8.0, 3.0]]", "outline_m", "crosses side"),
+        ("[8.0, 0.0]]", "[8.0, 0.0], [0.0, 0.0]]", "outline_m", "the outline closes by itself"),
+        ("[3.0, 6.0], [3.0, 3.0]", "[3.0, 6.0], [3.0, 6.0]", "outline_m", "are one place"),
+        ("[[0.0, 0.0], [0.0, 6.0], [3.0, 6.0], [3.0, 3.0], [8.0, 3.0], [8.0, 0.0]]",
+         "[[0.0, 0.0], [8.0, 0.0]]", "outline_m", "wanted at least 3 corners, got 2"),
+        ("[[0.0, 0.0], [0.0, 6.0], [3.0, 6.0], [3.0, 3.0], [8.0, 3.0], [8.0, 0.0]]",
+         "[[0.0, 0.0], [4.0, 0.0], [8.0, 0.0]]", "outline_m", "encloses 0 m2, wanted 1 or more"),
+        ("[8.0, 3.0], [8.0, 0.0]]", "[8.0, 3.0], [8.0, -2.0], [8.0, 0.0]]", "outline_m",
+         "side 5 from [8.0, 3.0] to [8.0, -2.0] crosses"),
+        ("[8.0, 0.0]]", "[8.0, 501.0]]", "outline_m", "point 6 is [8.0, 501.0]"),
+        ("height_m = 3.0", "height_m = 1.5", "height_m", "the ceiling is 1.5 m high"),
+        ("height_m = 3.0", "height_m = 0", "height_m", "height_m is 0, wanted a number from 0.01"),
+        ("height_m = 3.0", 'height_m = "3"', "height_m", "height_m is '3', wanted a number"),
+        ("height_m = 3.0\n", "", "\n", "lacks height_m"),
+        ('"brick", ', "", "walls", "walls has 5 materials, wanted one or 6"),
+        ('"brick"', '"brik"', "walls", "did you mean 'brick'?"),
+        ("absorption = 0.9", "absorption = 1.1", "ceiling", "absorption is 1.1, wanted a number"),
+        ("scattering = 0.25", "scattering = -0.1", "ceiling", "scattering is -0.1, wanted"),
+        ('floor = "carpet"', "", "[surfaces]", "floor is None, wanted the name of a material"),
+        ("spacing_m = 0.1", "spacing_m = 0.0", "spots", "spacing_m is 0.0, wanted a number"),
+        ("to_m = [1.3, 1.2]", "to_m = [0.3, 1.2]", "spots", "ends before it begins"),
+        ("from_m = [1.0, 1.0]", "from_m = [0.2, 1.0]", "spots", "spot 1 at [0.2, 1.0] is in a"),
+        ("repeat = [2, 1]", "repeat = [6, 1]", "[4.0, 2.5", "'table 5' stands outside the room"),
+    ],
+)  # fmt: skip
+def test_mistakes_of_polygons_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
+    refuse(POLYGON, old, new, mark, complaint)
