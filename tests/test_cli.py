@@ -183,11 +183,11 @@ def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
 ) -> None:
     samples, rate_hz = soundfile.read(copy / "audio.flac", dtype="float32")
     at = 20 * rate_hz + 3000
-    kept = np.delete(samples, slice(at, at + rate_hz // 2))
+    kept = np.delete(samples, slice(at, at + 53 * rate_hz // 100))
     soundfile.write(copy / "audio.flac", kept, rate_hz, subtype="PCM_24")
     code, _, err = elfslam("map", copy, tmp_path / "run")
     assert code == 0
-    assert "lost 0.50 s at 20." in err
+    assert "lost 0.53 s at 20." in err
     before, after = (np.loadtxt(run / "trajectory.tum") for run in (mapped, tmp_path / "run"))
     assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
 
@@ -246,8 +246,8 @@ DAMAGES = {
     "clipped": (sound(lambda samples: np.clip(40 * samples, -1, 1)), "clipped"),
     "silent": (sound(np.zeros_like), "silent"),
     "wrong rate": (sound(lambda samples: samples, 22_050), "22050"),
-    "mislabelled rate": (sound(lambda samples: samples, 48_000), "chirps come every"),
-    "too short": (short_sound, "at least 2 s"),
+    "mislabelled rate": (sound(lambda samples: samples, 48_000), "48000 samples/s"),
+    "too short": (short_sound, "sound (0.0 to 0.9 s)"),
     "truncated sound": (cut_file, "audio.flac"),
     "sound of half the walk": (sound(lambda samples: samples[: len(samples) // 2]), "cut off"),
     "no manifest": (lambda folder: (folder / "recording.json").unlink(), "recording"),
