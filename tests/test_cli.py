@@ -178,7 +178,7 @@ def test_a_walk_without_a_second_round_says_so_and_still_writes_its_run(
     assert (tmp_path / "run" / "trajectory.tum").exists()
 
 
-def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
+def test_a_loss_that_moves_the_beat_is_put_back_and_reported(
     copy: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
     samples, rate_hz = soundfile.read(copy / "audio.flac", dtype="float32")
@@ -187,7 +187,7 @@ def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
     soundfile.write(copy / "audio.flac", kept, rate_hz, subtype="PCM_24")
     code, _, err = elfslam("map", copy, tmp_path / "run")
     assert code == 0
-    assert "lost 0.53 s at 20." in err
+    assert "lacks 0.53 s and jumps at 20." in err
     before, after = (np.loadtxt(run / "trajectory.tum") for run in (mapped, tmp_path / "run"))
     assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
 
