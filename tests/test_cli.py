@@ -94,6 +94,29 @@ def test_a_walk_brings_the_sensors_asked_for(tmp_path: Path, elfslam: Elfslam) -
     assert recording.emr is not None
 
 
+def test_circumstances_change_the_sound_and_are_not_told(tmp_path: Path, elfslam: Elfslam) -> None:
+    """The manifest names the phone, as a real one would, and says no more of them."""
+    plain, busy = tmp_path / "plain", tmp_path / "busy"
+    walk = ("--rounds", 1, "--seed", 4321)
+    asked = ("--state", "moved", "--day", 8765, "--people", 7, "--volume", 0.37)
+    sounds = ("--sounds", "speech,clicks", "--other-phones", 1)
+    assert elfslam("simulate", "studio", plain, *walk)[0] == 0
+    assert elfslam("simulate", "studio", busy, *walk, *asked, *sounds)[0] == 0
+    for file in ("recording.json", "truth.tum", "gyroscope.csv"):
+        assert (busy / file).read_bytes() == (plain / file).read_bytes()
+    assert (busy / "audio.flac").read_bytes() != (plain / "audio.flac").read_bytes()
+    assert "4321" not in (plain / "recording.json").read_text()
+
+
+def test_another_phone_is_asked_for_by_name(tmp_path: Path, elfslam: Elfslam) -> None:
+    asked = ("--rounds", 1, "--device", "tablet", "--imu", "browser")
+    assert elfslam("simulate", "studio", tmp_path / "walk", *asked)[0] == 0
+    recording = read_recording(tmp_path / "walk")
+    assert recording.device == "tablet, browser on Bosch BMI160"
+    assert recording.imu is not None
+    assert np.diff(recording.imu.t_s).mean() == pytest.approx(1 / 60, rel=1e-3)
+
+
 def test_a_study_is_printed_and_written(tmp_path: Path, elfslam: Elfslam) -> None:
     def study(data: Path | None, announce: object) -> list[dict[str, object]]:
         return [{"quantity": "step rate", "value": 1.9}]
@@ -178,16 +201,16 @@ def test_a_walk_without_a_second_round_says_so_and_still_writes_its_run(
     assert (tmp_path / "run" / "trajectory.tum").exists()
 
 
-def test_half_a_second_lost_in_the_middle_is_recovered_and_reported(
+def test_a_loss_that_moves_the_beat_is_put_back_and_reported(
     copy: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
     samples, rate_hz = soundfile.read(copy / "audio.flac", dtype="float32")
     at = 20 * rate_hz + 3000
-    kept = np.delete(samples, slice(at, at + rate_hz // 2))
+    kept = np.delete(samples, slice(at, at + 53 * rate_hz // 100))
     soundfile.write(copy / "audio.flac", kept, rate_hz, subtype="PCM_24")
     code, _, err = elfslam("map", copy, tmp_path / "run")
     assert code == 0
-    assert "lost 0.50 s at 20." in err
+    assert "lacks 0.53 s and jumps at 20." in err
     before, after = (np.loadtxt(run / "trajectory.tum") for run in (mapped, tmp_path / "run"))
     assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
 
@@ -246,8 +269,8 @@ DAMAGES = {
     "clipped": (sound(lambda samples: np.clip(40 * samples, -1, 1)), "clipped"),
     "silent": (sound(np.zeros_like), "silent"),
     "wrong rate": (sound(lambda samples: samples, 22_050), "22050"),
-    "mislabelled rate": (sound(lambda samples: samples, 48_000), "chirps come every"),
-    "too short": (short_sound, "at least 2 s"),
+    "mislabelled rate": (sound(lambda samples: samples, 48_000), "48000 samples/s"),
+    "too short": (short_sound, "sound (0.0 to 0.9 s)"),
     "truncated sound": (cut_file, "audio.flac"),
     "sound of half the walk": (sound(lambda samples: samples[: len(samples) // 2]), "cut off"),
     "no manifest": (lambda folder: (folder / "recording.json").unlink(), "recording"),
@@ -296,6 +319,15 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{walk}"], "exists"),
         (["simulate", "studio", "{tmp}/out", "--rate", "16000"], "16000"),
         (["simulate", "studio", "{tmp}/out", "--sensors", "wifi,radar"], "radar"),
+        (["simulate", "studio", "{tmp}/out", "--state", "flooded"], "moved"),
+        (["simulate", "studio", "{tmp}/out", "--day", "-1"], "day: wanted 0 to 36500"),
+        (["simulate", "studio", "{tmp}/out", "--people", "500"], "people: wanted 0 to 50"),
+        (["simulate", "studio", "{tmp}/out", "--device", "tablets"], "did you mean 'tablet'"),
+        (["simulate", "studio", "{tmp}/out", "--volume", "2"], "volume: wanted 0.001 to 1"),
+        (["simulate", "studio", "{tmp}/out", "--sounds", "music,thunder"], "thunder"),
+        (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
+        (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or pyroomacoustics"),
+        (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
         (["study", "everything", "{tmp}/out"], "wanted sensors"),
         (["study", "sensors", "{tmp}/out", "--data", "{walk}"], "mall_walks"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),

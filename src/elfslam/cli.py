@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -12,16 +13,16 @@ import numpy as np
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import InputError, NoAnswerError, ParameterError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import load, rows
-from elfslam.base.values import Echoes, FixStatus
+from elfslam.base.values import Echoes, FixStatus, FloorMap
 from elfslam.console import DONE, INTERRUPTED, exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
 from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.data.runs import read_facts, read_run
+from elfslam.data.runs import ENCODER, FACTS, read_facts, read_run
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.mapping import (
     MapJob,
@@ -138,22 +139,33 @@ def import_command(
 ) -> None:
     """Turn someone else's log into recordings."""
     count = damaged = 0
-    refused: list[Refused] = []
+    refused: dict[str, str] = {}
     with progress_bar() as announce:
         for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
             if isinstance(item, Refused):
-                refused.append(item)
+                refused[item.name] = item.reason
                 continue
             announce(item.recording.name, None)
             folder = out / item.recording.name if takes_many(log_format) else out
             write_recording(item.recording, folder, truth=item.truth)
             count, damaged = count + 1, damaged + item.damaged_lines
+    _refuse_if_none("imported", path, refused, count)
     summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
     print_rows([summary], title="Imported", as_json=as_json)
-    for log in refused:
-        say(f"not imported: {log.name}: {log.reason}")
+    _say_refused("imported", refused)
+
+
+def _refuse_if_none(done: str, source: Path, refused: dict[str, str], count: int) -> None:
+    if refused and not count:
+        reason = next(iter(refused.values()))
+        raise InputError(f"{source}: none of {len(refused)} could be {done}; {reason}")
+
+
+def _say_refused(done: str, refused: dict[str, str]) -> None:
+    for name, reason in refused.items():
+        say(f"not {done}: {name}: {reason}")
     if refused:
-        raise NoAnswerError(f"{len(refused)} logs could not be imported, see above")
+        raise NoAnswerError(f"{len(refused)} could not be {done}, see above")
 
 
 @app.command("map")
@@ -175,14 +187,16 @@ def map_command(
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:
-            run, facts = map_into(out, recording, job, announce)
+            run = map_into(out, recording, job, announce, drawn)
         else:
             refused = map_many(out, paths, job, announce)
     if paths == [recording]:
-        write_report(out / "report.html", run, facts=facts, floor_plan=drawn)
         _say_mapped(run, out)
     else:
-        _say_mapped_many(refused, len(paths), out)
+        mapped = len(paths) - len(refused)
+        _refuse_if_none("mapped", recording, refused, mapped)
+        say(f"mapped {mapped} of {len(paths)} recordings into {out}")
+        _say_refused("mapped", refused)
 
 
 def _breaks(echoes: Echoes) -> Iterator[str]:
@@ -190,18 +204,8 @@ def _breaks(echoes: Echoes) -> Iterator[str]:
     for at_s, lost_s in echoes.losses_s:
         if lost_s == 0:
             yield f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost"
-        elif at_s >= echoes.t_s[-1]:
-            yield f"the sound is {lost_s:.2f} s shorter than the motion; where is unknown"
         else:
-            yield f"the sound lost {lost_s:.2f} s at {at_s:.1f} s; the echoes after it are in place"
-
-
-def _say_mapped_many(refused: dict[str, str], count: int, out: Path) -> None:
-    for name, reason in refused.items():
-        say(f"not mapped: {name}: {reason}")
-    say(f"mapped {count - len(refused)} of {count} recordings into {out}")
-    if refused:
-        raise NoAnswerError(f"{len(refused)} recordings could not be mapped, see above")
+            yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
 
 
 def _say_mapped(run: slam.Run, out: Path) -> None:
@@ -214,7 +218,7 @@ def _say_mapped(run: slam.Run, out: Path) -> None:
     )
     if run.trajectory.status != "OK" and run.similarity.kind != "motion":
         raise NoAnswerError(
-            f"{run.name}: no loop closure found, the trajectory is dead reckoning; "
+            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
             "walk at least two rounds of the same route"
         )
 
@@ -232,11 +236,11 @@ def locate_command(
     """Locate a recording in a map, one fix per 0.6 s of sound."""
     parameters = load(Settings(), parameter_file, setting or [])
     known = read_map(floor_map)
+    used = load_encoder(encoder) if encoder else _encoder_of(floor_map, known)
     with progress_bar() as announce:
         announce("locating", None)
-        fixes = slam.locate(
-            read_recording(recording), known, _encoder_of(floor_map, encoder), parameters
-        )
+        heard = read_recording(recording, parameters.chirp)
+        fixes = slam.locate(heard, known, used, parameters)
     write_fixes(fixes, out)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
     print_rows(
@@ -246,10 +250,18 @@ def locate_command(
         raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
 
 
-def _encoder_of(floor_map: Path, name: str | None) -> Encoder:
-    """The encoder named, else the one beside the map, else the one without learning."""
-    beside = floor_map / "encoder.onnx" if floor_map.is_dir() else floor_map.parent / "encoder.onnx"
-    return load_encoder(name or (str(beside) if beside.exists() else "spectral"))
+def _encoder_of(path: Path, floor_map: FloorMap) -> Encoder:
+    """The encoder beside the map; the one without learning where the map was made with that."""
+    spectral = load_encoder("spectral")
+    if {item.encoder for item in floor_map.payloads} <= {spectral.identity}:
+        return spectral
+    beside = (path if path.is_dir() else path.parent) / ENCODER
+    if not beside.is_file():
+        raise StoreError(
+            f"{beside}: is missing and the map needs it; copy it from the run, name the encoder "
+            "with --encoder (compact is the shipped one), or map the recording again"
+        )
+    return load_encoder(str(beside))
 
 
 @app.command()
@@ -266,19 +278,22 @@ def score(
         _score_fixes(estimate, truth, mapped, map_truth, as_json=as_json)
     elif not estimate.is_dir():
         raise InputError(f"{estimate}: wanted a run folder or a CSV of fixes; check the path")
-    elif (estimate / "run.json").exists():
+    elif (estimate / FACTS).exists():
         _score_run(estimate, truth, plan, as_json=as_json)
     else:
-        print_rows(score_walks(estimate, truth), title=f"Runs in {estimate}", as_json=as_json)
+        table, left_out = score_walks(estimate, truth)
+        print_rows(table, title=f"Runs in {estimate}", as_json=as_json)
+        for name, reason in left_out.items():
+            say(f"not scored: {name}: {reason}")
 
 
 def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: bool) -> None:
-    run, truth = read_run(folder), read_truth(truth_path)
+    run, truth, drawn = read_run(folder), read_truth(truth_path), _plan(plan)
     print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
     if len(run.closures.i) and not as_json:
         print_rows(closure_scores(run, truth), title="Closures", as_json=False)
-    with new_file(folder / "score.html") as partial:
-        write_report(partial, run, facts=read_facts(folder), floor_plan=_plan(plan), truth=truth)
+    with new_file(folder / "score.html") as page:
+        write_report(page, run, facts=read_facts(folder), floor_plan=drawn, truth=truth)
 
 
 def _score_fixes(
@@ -299,15 +314,20 @@ def show(
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
 ) -> None:
     """Draw a run, a map or a world as a page."""
-    path = Path(what)
-    with new_file(out) as partial:
-        if (path / "run.json").exists():
-            write_report(partial, read_run(path), facts=read_facts(path))
-        elif path.suffix == ".npz":
-            write_map_page(partial, read_map(path))
-        else:
-            write_world_page(partial, world_plan(load_world(what)))
+    draw = _drawing_of(what)
+    with new_file(out) as page:
+        draw(page)
     say(f"look at {out}")
+
+
+def _drawing_of(what: str) -> Callable[[Path], None]:
+    """What draws the page, once `what` has been read: a refusal makes no folder."""
+    path = Path(what)
+    if (path / FACTS).exists():
+        return partial(write_report, run=read_run(path), facts=read_facts(path))
+    if path.suffix == ".npz":
+        return partial(write_map_page, floor_map=read_map(path))
+    return partial(write_world_page, plan=world_plan(load_world(what)))
 
 
 @app.command()

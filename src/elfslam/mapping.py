@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -11,15 +11,17 @@ from pathlib import Path
 from typing import Any
 
 from elfslam import __version__, slam
-from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Odometry, Recording, Similarity
 from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
-from elfslam.data.folders import refuse_occupied
+from elfslam.data.folders import new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import digest_of, write_run
+from elfslam.data.runs import FACTS, digest_of, write_run
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.score.figures import FloorPlan
+from elfslam.score.report import write_report
 
 Announce = Callable[[str, float | None], None]
 """Hears what is being done, and the share done where it is known."""
@@ -66,24 +68,61 @@ def recordings_in(path: Path) -> list[Path]:
 def map_many(out: Path, paths: list[Path], job: MapJob, announce: Announce) -> dict[str, str]:
     """Map each recording into a folder of `out`; why not, by name, for those that cannot be.
 
-    No reports are written: `elfslam show` draws any of them.
+    No reports are written: `elfslam show` draws any of them. Raises StoreError before the first
+    where one of the folders is taken.
     """
+    for path in paths:
+        _refuse(out / path.name, job)
     refused: dict[str, str] = {}
     for count, path in enumerate(paths):
         announce(path.name, count / len(paths))
         try:
-            map_into(out / path.name, path, job, lambda what, share: None)
-        except InputError as error:
+            run, facts, content = _mapped(path, job, lambda what, share: None)
+        except (InputError, NoAnswerError) as error:
             refused[path.name] = str(error)
+            continue
+        folder = out / path.name
+        write_run(run, folder, facts=facts, encoder=content, replace=job.overwrite)
     return refused
 
 
 def map_into(
-    folder: Path, path: Path, job: MapJob, announce: Announce
-) -> tuple[slam.Run, dict[str, Any]]:
-    """Map one recording into a run folder; the run, and the facts that run.json states."""
-    refuse_occupied(folder, "run.json" if job.overwrite else None)
-    recording = read_recording(path)
+    folder: Path, path: Path, job: MapJob, announce: Announce, floor_plan: FloorPlan | None = None
+) -> slam.Run:
+    """Map one recording into a run folder with its report, and give the run."""
+    _refuse(folder, job)
+    run, facts, content = _mapped(path, job, announce)
+    write_reported_run(
+        run, folder, facts=facts, encoder=content, floor_plan=floor_plan, replace=job.overwrite
+    )
+    return run
+
+
+def write_reported_run(
+    run: slam.Run,
+    folder: Path,
+    *,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+    floor_plan: FloorPlan | None = None,
+    replace: bool = False,
+) -> None:
+    """The run as a folder that holds its report.html, whole or not at all. See `write_run`."""
+    with new_folder(folder, replaces=FACTS if replace else None) as partial:
+        write_run(run, partial, facts=facts, encoder=encoder)
+        write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
+
+
+def _refuse(folder: Path, job: MapJob) -> None:
+    """Raise StoreError before the work where the run could not be written after it."""
+    refuse_occupied(folder, FACTS if job.overwrite else None)
+
+
+def _mapped(
+    path: Path, job: MapJob, announce: Announce
+) -> tuple[slam.Run, dict[str, Any], bytes | None]:
+    """The run of a recording, the facts that run.json states, and the encoder as a file."""
+    recording = read_recording(path, job.parameters.chirp)
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
@@ -97,9 +136,7 @@ def map_into(
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
     }
-    content = encoder.content if isinstance(encoder, OnnxEncoder) else None
-    write_run(run, folder, facts=facts, encoder=content, replace=job.overwrite)
-    return run, facts
+    return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
 
 
 def _map_one(

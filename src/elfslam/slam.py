@@ -172,7 +172,8 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
             "map it with --by magnetic, or record while chirping"
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    duration_s = None if recording.imu is None else float(recording.imu.t_s[-1])
+    motion = recording.imu or recording.odometry
+    duration_s = None if motion is None else float(motion.t_s[-1])
     return cut_echoes(recording.audio, chirp, parameters.echo, duration_s)
 
 

@@ -99,6 +99,13 @@ def test_lead_in_of_library_is_dropped(tmp_path: Path) -> None:
         ({"quat": np.zeros((200, 3))}, r"quat has shape \(200, 3\)"),
         ({"dPos": np.zeros((200, 3))}, r"dPos has shape \(200, 3\), wanted \(199, 3\)"),
         ({"m": np.zeros((0, 3))}, "has shape"),
+        ({"tm": planted()["tm"] * 1000}, "tm steps by 100 to 100 s"),
+        ({"t": planted()["t"] * 1000, "tm": planted()["tm"] * 1000}, "t steps by 100 to 100 s"),
+        ({"tm": planted()["tm"][::-1]}, "tm steps by -0.1"),
+        ({"tm": np.full((200, 1), 5.0)}, "tm steps by 0"),
+        ({"tm": planted()["tm"] + 60}, "tm is up to 60"),
+        ({"tm": planted()["tm"] * 1.2}, "tm is up to"),
+        ({"m": np.full((200, 3), 1e160)}, "m reaches 1e.160, wanted at most 5000"),
     ],
 )
 def test_other_shapes_are_refused(tmp_path: Path, change: dict, says: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import shutil
 import tarfile
 from pathlib import Path
 
@@ -96,6 +97,17 @@ DAMAGED = {
     record(130, "ACCELEROMETER", 7.7, 0.2) + BODY[7]: "cut off, then the next record",
     record(10**12, "ACCELEROMETER", 7.7, 0, 0, 3): "a time years later",
     "4559495455\tTYPE_ACCEL": "the tail of something",
+    record(130, "ACCELEROMETER", 1e300, 0, 0, 3): "an acceleration beyond belief",
+    record(130, "GYROSCOPE", 0, 0, 101, 3): "a turn beyond belief",
+    record(130, "MAGNETIC_FIELD", 0, 5001, 0, 3): "a field beyond belief",
+    record(130, "ROTATION_VECTOR", 0, 7, 0, 3): "no rotation",
+    record(130, "WAYPOINT", 1e300, 0): "a waypoint beyond belief",
+    network(1900, "ee:ff", -300, 0): "a signal beyond belief",
+    network(1900, "ee:ff", -50, 10**400): "an age beyond belief",
+    record(3_600_130, "ACCELEROMETER", 7.7, 0, 0, 3): "a time an hour later",
+    record(5_130, "ACCELEROMETER", 7.7, 0, 0, 3): "a time seconds later",
+    record(80, "ACCELEROMETER", 7.7, 0, 0, 3): "a time before",
+    record(5_130, "GYROSCOPE", 7.7, 0, 0, 3): "the other sensor seconds later",
     "\ufffd\ufffd": "bytes that are no text",
 }
 
@@ -109,10 +121,21 @@ def test_what_cannot_be_read_is_counted_and_left_out(tmp_path: Path, line: str) 
     np.testing.assert_allclose(walk.recording.imu.gyro_radps[:, 0], [1, 2, 3])
 
 
+@pytest.mark.parametrize("kind", ["WAYPOINT", "WIFI"])
+def test_a_leap_in_time_costs_one_record_of_any_kind(tmp_path: Path, kind: str) -> None:
+    rows = {"WAYPOINT": record, "WIFI": network}[kind]
+    cells = {"WAYPOINT": ("WAYPOINT", 1, 2), "WIFI": ("aa:bb", -50, 0)}[kind]
+    body = [line for line in BODY if f"TYPE_{kind}\t" not in line]
+    times_ms = [1000, 2000, 3_603_000, 4000, 5000]
+    walk = read_walk(walk_file(tmp_path, [*body, *(rows(t, *cells) for t in times_ms)]))
+    t_s = walk.truth.t_s if kind == "WAYPOINT" else walk.recording.wifi.t_s
+    assert t_s.tolist() == [1, 2, 4, 5]
+    assert walk.damaged_lines == 1
+
+
 def test_the_first_of_repeated_times_counts(tmp_path: Path) -> None:
     repeated = record(120, "ACCELEROMETER", 99, 99, 99, 3)
-    backward = record(110, "ACCELEROMETER", 99, 99, 99, 3)
-    walk = read_walk(walk_file(tmp_path, [*BODY[:7], repeated, backward, *BODY[7:]]))
+    walk = read_walk(walk_file(tmp_path, [*BODY[:7], repeated, *BODY[7:]]))
     np.testing.assert_allclose(walk.recording.imu.accel_mps2[:, 0], [0.1, 0.3, 0.5])
     assert walk.damaged_lines == 0
 
@@ -161,6 +184,22 @@ def test_walks_are_found_in_folders_and_archives(tmp_path: Path) -> None:
     archive.write_bytes(archive.read_bytes()[:200])
     with pytest.raises(InputError, match="is a broken archive"):
         list(walks_in(archive))
+
+
+def test_nothing_is_read_where_an_archive_is_broken(tmp_path: Path) -> None:
+    walk_file(tmp_path, BODY)
+    (tmp_path / "many").mkdir()
+    noise = np.random.default_rng(0)
+    for k in range(20):
+        (tmp_path / "many" / f"{k}.txt").write_bytes(noise.bytes(50_000))
+    archive = tmp_path / "z.tar.xz"
+    with tarfile.open(archive, "w:xz") as made:
+        made.add(tmp_path / "many", "many")
+    shutil.rmtree(tmp_path / "many")
+    archive.write_bytes(archive.read_bytes()[:-100_000])
+    for path in (archive, tmp_path):
+        with pytest.raises(InputError, match="is a broken archive"):
+            next(walks_in(path))
 
 
 def test_nothing_to_read_is_refused(tmp_path: Path) -> None:

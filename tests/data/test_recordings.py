@@ -9,10 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import soundfile
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.recordings import read_recording, write_recording
+from elfslam.line.chirp import ChirpParameters
+from elfslam.line.motion import MotionParameters, check_imu
 
 
 def assert_same(read: Recording, wanted: Recording) -> None:
@@ -37,13 +40,13 @@ def assert_same(read: Recording, wanted: Recording) -> None:
 
 @pytest.fixture
 def folder(tmp_path: Path, recording: Recording) -> Path:
-    write_recording(recording, tmp_path / "hall", chirp_description={"kind": "log"})
+    write_recording(recording, tmp_path / "hall", chirp_description={"kind": "chirp"})
     return tmp_path / "hall"
 
 
 def test_folder_round_trip(folder: Path, recording: Recording) -> None:
     assert_same(read_recording(folder), recording)
-    assert json.loads((folder / "recording.json").read_text())["chirp"] == {"kind": "log"}
+    assert json.loads((folder / "recording.json").read_text())["chirp"] == {"kind": "chirp"}
 
 
 @pytest.mark.parametrize("inside", [".", "hall"])
@@ -144,7 +147,8 @@ MANIFEST_DAMAGES = {
     '{"format_version": 1, "start_pose": [1, 2]}': "start_pose is",
     '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
     '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "is not finite",
-    '{"format_version": 1, "audio": {"samples": 9000}}': "promises 9000",
+    '{"format_version": 1, "audio": {"samples": 90000}}': "promises 90000",
+    f'{{"format_version": 1, "audio": {{"samples": {10**400}}}}}': "promises 1000",
 }
 
 
@@ -185,7 +189,7 @@ def test_cut_off_wav_is_refused(folder: Path, recording: Recording) -> None:
     body = b"WAVEfmt " + form + b"data" + struct.pack("<I", len(sound)) + sound
     whole = b"RIFF" + struct.pack("<I", len(body)) + body
     (folder / "audio.wav").write_bytes(whole)
-    assert read_recording(folder).audio.samples.shape == (2, 4410)
+    assert read_recording(folder).audio.samples.shape == (2, 22_050)
     (folder / "audio.wav").write_bytes(whole[:-400])
     with pytest.raises(InputError, match=r"audio\.wav: is cut off"):
         read_recording(folder)
@@ -199,7 +203,7 @@ def test_a_quaternion_that_is_no_rotation_is_refused(folder: Path) -> None:
 
 def test_clocks_that_never_meet_are_refused(folder: Path) -> None:
     (folder / "gyroscope.csv").write_text("t_s,x,y,z\n50,0,0,0\n51,0,0,0\n")
-    with pytest.raises(InputError, match="do not overlap"):
+    with pytest.raises(InputError, match="do not overlap enough"):
         read_recording(folder)
 
 
@@ -247,3 +251,160 @@ def test_odd_manifests_are_refused(folder: Path, text: str) -> None:
     (folder / "recording.json").write_text(text)
     with pytest.raises(InputError, match=r"recording\.json"):
         read_recording(folder)
+
+
+def timed(t_s: np.ndarray, values: tuple[float, float, float] = (0.0, 0.0, 9.8)) -> str:
+    cells = ",".join(map(str, values))
+    return "t_s,x,y,z\n" + "".join(f"{t:.3f},{cells}\n" for t in t_s)
+
+
+T_S = np.arange(0, 40, 0.02)
+
+
+@pytest.fixture
+def motion(tmp_path: Path) -> Path:
+    """Forty seconds of motion without sound."""
+    write_recording(Recording("walk", "phone"), tmp_path / "walk")
+    (tmp_path / "walk" / "accelerometer.csv").write_text(timed(T_S))
+    (tmp_path / "walk" / "gyroscope.csv").write_text(timed(T_S, (0, 0, 0.1)))
+    return tmp_path / "walk"
+
+
+def test_a_pause_of_the_gyroscope_alone_is_a_pause_of_the_motion(motion: Path) -> None:
+    kept = (T_S <= 10) | (T_S >= 20)
+    (motion / "gyroscope.csv").write_text(timed(T_S[kept]))
+    imu = read_recording(motion).imu
+    np.testing.assert_allclose(imu.t_s, T_S[kept], atol=1e-9)
+    with pytest.raises(InputError, match=r"10\.00 s missing after 10\.00 s"):
+        check_imu(imu, MotionParameters())
+
+
+def test_a_short_pause_of_the_gyroscope_is_bridged(motion: Path) -> None:
+    (motion / "gyroscope.csv").write_text(timed(T_S[(T_S <= 10) | (T_S >= 10.4)]))
+    assert len(read_recording(motion).imu.t_s) == len(T_S)
+
+
+@pytest.mark.parametrize(
+    ("t_s", "says"),
+    [
+        (T_S * 1000, "do not overlap enough"),
+        (T_S[:1000], "do not overlap enough"),
+        (T_S + 5, "do not overlap enough"),
+        (T_S[:1], "do not overlap enough"),
+        (T_S[::20], "gyroscope has 2.5 samples/s, wanted at least 20"),
+    ],
+    ids=["milliseconds", "half", "late", "one row", "slow"],
+)
+def test_a_gyroscope_on_its_own_clock_or_too_slow_is_refused(
+    motion: Path, t_s: np.ndarray, says: str
+) -> None:
+    (motion / "gyroscope.csv").write_text(timed(t_s))
+    with pytest.raises(InputError, match=says) as refused:
+        read_recording(motion)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("accelerometer.csv", "1e160"), ("gyroscope.csv", "-101"), ("magnetometer.csv", "1e160")],
+)
+def test_values_beyond_belief_are_refused(motion: Path, name: str, value: str) -> None:
+    rows = timed(T_S).splitlines()
+    rows[7] = f"0.120,0,{value},9.8"
+    (motion / name).write_text("\n".join(rows))
+    with pytest.raises(InputError, match=rf"{name}: row 8 has .*wanted at most"):
+        read_recording(motion)
+
+
+@pytest.mark.parametrize("strength", [0.0, 1.0, 40.0])
+def test_accelerations_without_gravity_are_refused(motion: Path, strength: float) -> None:
+    (motion / "accelerometer.csv").write_text(timed(T_S, (0, 0, strength)))
+    with pytest.raises(InputError, match=r"median strength is .* m/s2, wanted 5 to 15"):
+        read_recording(motion)
+
+
+def test_a_quaternion_beyond_belief_is_refused(motion: Path) -> None:
+    (motion / "orientation.csv").write_text("t_s,qx,qy,qz,qw\n0,0,0,0,1e160\n")
+    with pytest.raises(InputError, match="row 2 has a quaternion of length"):
+        read_recording(motion)
+
+
+@pytest.fixture
+def heard(motion: Path) -> Path:
+    """The same with its sound."""
+    soundfile.write(motion / "audio.flac", np.zeros(40 * 44_100), 44_100)
+    assert read_recording(motion).audio is not None
+    return motion
+
+
+@pytest.mark.parametrize(
+    "t_s",
+    [T_S[:1000], T_S[1000:], T_S + 1.7e9, T_S + 20, T_S - 1000, T_S + 3, T_S * 1.2],
+    ids=["first half", "second half", "epoch", "late", "early", "a little late", "long"],
+)
+def test_motion_that_is_not_that_of_the_sound_is_refused(heard: Path, t_s: np.ndarray) -> None:
+    for name in ("accelerometer.csv", "gyroscope.csv"):
+        (heard / name).write_text(timed(t_s))
+    with pytest.raises(
+        InputError, match=r"sound \(0\.0 to 40\.0 s\) and motion sensors \(.*one clock"
+    ):
+        read_recording(heard)
+
+
+def test_odometry_that_is_not_that_of_the_sound_is_refused(heard: Path) -> None:
+    (heard / "odometry.tum").write_text("100 0 0 0 0 0 0 1\n140 10 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match=r"odometry \(100\.0 to 140\.0 s\)"):
+        read_recording(heard)
+
+
+def said(folder: Path, **entries: object) -> None:
+    """Changes what recording.json says."""
+    manifest = json.loads((folder / "recording.json").read_text())
+    (folder / "recording.json").write_text(json.dumps({**manifest, **entries}))
+
+
+@pytest.mark.parametrize("rate_hz", [48_000, "44100", None])
+def test_sound_of_another_rate_than_stated_is_refused(heard: Path, rate_hz: object) -> None:
+    said(heard, audio={"rate_hz": rate_hz})
+    with pytest.raises(InputError, match=r"audio has 44100 samples/s, recording\.json promises"):
+        read_recording(heard)
+
+
+PLAYED = {"kind": "chirp", "band_hz": [15_000, 20_000], "duration_s": 0.01, "period_s": 0.1}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"kind": "tone"},
+        {"kind": 3},
+        {"band_hz": [16_000, 20_000]},
+        {"band_hz": 15_000},
+        {"band_hz": [15_000]},
+        {"duration_s": 0.02},
+        {"period_s": 0.2},
+        {"period_s": "0.1"},
+        {"period_s": None},
+        {"period_s": 10**400},
+    ],
+)
+def test_sound_of_another_excitation_is_refused(heard: Path, change: dict[str, object]) -> None:
+    said(heard, chirp={**PLAYED, **change})
+    with pytest.raises(InputError, match=rf"recording\.json: chirp\.{next(iter(change))} is"):
+        read_recording(heard)
+
+
+def test_the_excitation_stated_may_be_the_one_asked_for(heard: Path) -> None:
+    said(heard, chirp=PLAYED)
+    assert read_recording(heard).audio is not None
+    said(heard, chirp={**PLAYED, "kind": "tone"})
+    assert read_recording(heard, ChirpParameters(kind="tone")).audio is not None
+    said(heard, chirp="loud")
+    with pytest.raises(InputError, match="chirp is 'loud', wanted an object"):
+        read_recording(heard)
+
+
+def test_the_name_of_a_folder_may_hold_a_dot(tmp_path: Path) -> None:
+    (tmp_path / "walk.2").mkdir()
+    (tmp_path / "walk.2" / "recording.json").write_text('{"format_version": 1}')
+    assert read_recording(tmp_path / "walk.2").name == "walk.2"

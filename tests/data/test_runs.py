@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import Closures
+from elfslam.base.values import Closures, Recording, Truth
+from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_facts, read_run, write_run
+from elfslam.data.truth_files import write_truth
 from elfslam.slam import Run
 
 FACTS = {"parameters": {"closure": {"threshold": 0.4}}, "digest": "abc"}
@@ -69,7 +72,7 @@ def test_other_programs_find_their_files(folder: Path) -> None:
 
 
 def test_a_run_is_replaced_only_when_asked(folder: Path, run: Run) -> None:
-    with pytest.raises(StoreError, match="already exists; choose another folder or use --force"):
+    with pytest.raises(StoreError, match=r"already exists; choose .* with --force"):
         write_run(run, folder, facts={}, encoder=None)
     assert read_facts(folder)["digest"] == "abc"
     write_run(run, folder, facts={"digest": "new"}, encoder=None, replace=True)
@@ -149,3 +152,19 @@ def test_odd_timings_are_refused(folder: Path, content: str) -> None:
     (folder / "timings.json").write_text(content)
     with pytest.raises(StoreError, match="is no whole run"):
         read_run(folder)
+
+
+def test_the_digest_of_a_recording_knows_nothing_of_its_truth(
+    tmp_path: Path, recording: Recording, truth: Truth
+) -> None:
+    folder = tmp_path / "hall"
+    write_recording(recording, folder)
+    blind = digest_of(folder)
+    zipped = Path(shutil.make_archive(str(tmp_path.parent / "blind"), "zip", tmp_path))
+    assert digest_of(zipped) == blind
+    write_truth(truth, folder)
+    (folder / "waypoints.csv").write_text("t_s,x_m,y_m\n0,0,0\n")
+    assert digest_of(folder) == blind
+    assert digest_of(Path(shutil.make_archive(str(tmp_path / "seen"), "zip", folder))) == blind
+    (folder / "wifi.csv").unlink()
+    assert digest_of(folder) != blind

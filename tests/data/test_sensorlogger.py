@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -21,11 +22,11 @@ UP = np.array([0.0, np.sin(TILT), np.cos(TILT)])
 WORLD_FROM_PHONE = np.array([np.sin(TILT / 2), 0, 0, np.cos(TILT / 2)])
 
 
-def table(values: np.ndarray, columns: str = "z,y,x") -> str:
+def table(values: np.ndarray, columns: str = "z,y,x", t_s: np.ndarray = T_S) -> str:
     """The app writes its columns backward, and a nanosecond clock in front."""
     rows = [
         f"{1718030736872695300 + int(t * 1e9)},{t:.4f}," + ",".join(f"{v:.9f}" for v in row[::-1])
-        for t, row in zip(T_S, np.broadcast_to(values, (len(T_S), len(values))), strict=True)
+        for t, row in zip(t_s, np.broadcast_to(values, (len(t_s), len(values))), strict=True)
     ]
     return "\n".join([f"time,seconds_elapsed,{columns}", *rows]) + "\n"
 
@@ -128,6 +129,42 @@ def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
     rows = ANDROID["Gyroscope.csv"].splitlines()
     files = {**ANDROID, "Gyroscope.csv": "\n".join([*rows[:9], rows[8], rows[5], *rows[9:]])}
     np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, T_S)
+
+
+def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
+    rows = ANDROID["Magnetometer.csv"].splitlines()
+    cells = rows[9].split(",")
+    rows[9] = ",".join([cells[0], "3600.0", *cells[2:]])
+    files = {**ANDROID, "Magnetometer.csv": "\n".join(rows)}
+    t_s = read_sensorlogger(log(tmp_path, files)).magnetometer.t_s
+    np.testing.assert_allclose(t_s, np.delete(T_S, 8))
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda row: [*row[:1], str(1000 * float(row[1])), *row[2:]], "do not overlap enough"),
+        (lambda row: [*row[:4], "1e160"], r"walk\.zip/Gyroscope\.csv: row 2 has 1e\+160 rad/s"),
+    ],
+    ids=["milliseconds", "huge"],
+)
+def test_a_gyroscope_that_cannot_be_believed_is_refused(
+    tmp_path: Path, change: Callable[[list[str]], list[str]], says: str
+) -> None:
+    head, *rows = ANDROID["Gyroscope.csv"].splitlines()
+    lines = [head, *(",".join(change(row.split(","))) for row in rows)]
+    with pytest.raises(InputError, match=says):
+        read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": "\n".join(lines)}))
+
+
+def test_a_pause_of_the_gyroscope_is_kept(tmp_path: Path) -> None:
+    t_s = np.arange(500) * 0.01
+    kept = (t_s <= 1) | (t_s >= 3)
+    files = {
+        "TotalAcceleration.csv": table(9.80665 * UP, t_s=t_s),
+        "Gyroscope.csv": table(np.zeros(3), t_s=t_s[kept]),
+    }
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, t_s[kept])
 
 
 def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from elfslam.base.errors import InputError
-from elfslam.data.tables import read_header, read_table, read_timed_table, write_timed_table
+from elfslam.data.tables import (
+    in_order,
+    read_header,
+    read_table,
+    read_timed_table,
+    write_timed_table,
+)
 
 
 @settings(max_examples=40, deadline=None)
@@ -46,3 +53,27 @@ def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:
         read_table(tmp_path / "a.csv", ["x"])
     with pytest.raises(InputError, match="cannot be read as text"):
         read_table(tmp_path / "none.csv", ["x"])
+
+
+@pytest.mark.parametrize(
+    ("t_s", "kept"),
+    [
+        ([], []),
+        ([1, 2, 2, 3], [1, 1, 1, 1]),
+        ([1, 9, 2, 3], [1, 0, 1, 1]),
+        ([1, 2, 0, 3], [1, 1, 0, 1]),
+        ([1, 9, 2, 3, 0, 4], [1, 0, 1, 1, 0, 1]),
+    ],
+)
+def test_only_what_is_out_of_order_is_left_out(t_s: list[float], kept: list[int]) -> None:
+    assert in_order(t_s).tolist() == kept
+
+
+@given(st.lists(st.integers(0, 9), max_size=9))
+def test_what_is_in_order_is_as_long_as_can_be(t_s: list[int]) -> None:
+    kept = in_order(t_s)
+    assert (np.diff(np.array(t_s)[kept]) >= 0).all()
+    subsets = itertools.chain.from_iterable(
+        itertools.combinations(t_s, size) for size in range(len(t_s) + 1)
+    )
+    assert kept.sum() == max(len(each) for each in subsets if list(each) == sorted(each))

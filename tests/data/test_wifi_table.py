@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
-from elfslam.data.wifi_table import read_wifi, scans_from_rows
+from elfslam.data.wifi_table import read_wifi, scans_from_rows, write_wifi
 
 
 def test_rows_of_one_time_make_one_scan() -> None:
@@ -34,6 +36,8 @@ DAMAGES = {
     HEADER + "1,aa,loud,2437,0\n": "row 2 has 'loud'",
     HEADER + "1,aa,nan,2437,0\n": "row 2 has 'nan'",
     HEADER + "2,aa,-50,2437,0\n1,aa,-50,2437,0\n": "runs backward at row 3",
+    HEADER + '1,"aa,-50,2437,0\n': "cannot be read as CSV",
+    HEADER + ",,,,\n": "row 2 has ''",
     HEADER: "no rows",
     "": "is empty",
 }
@@ -44,3 +48,38 @@ def test_damaged_files_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "wifi.csv").write_text(text)
     with pytest.raises(InputError, match=DAMAGES[text]):
         read_wifi(tmp_path / "wifi.csv")
+
+
+SCANS = st.dictionaries(
+    st.tuples(
+        st.integers(0, 9),
+        st.text(st.characters(exclude_categories=["Cs"], exclude_characters="\r")),
+    ),
+    st.tuples(st.integers(-100, 0), st.one_of(st.just(np.nan), st.integers(0, 99))),
+    min_size=1,
+)
+
+
+@given(SCANS)
+def test_any_name_round_trips(
+    tmp_path_factory: pytest.TempPathFactory, seen: dict[tuple[int, str], tuple[int, float]]
+) -> None:
+    t_s, bssids = zip(*seen, strict=True)
+    wifi = scans_from_rows(t_s, bssids, *zip(*seen.values(), strict=True))
+    file = tmp_path_factory.getbasetemp() / "wifi.csv"
+    write_wifi(wifi, file)
+    read = read_wifi(file)
+    assert read.bssids == wifi.bssids
+    for name in ("t_s", "rssi_dbm", "age_s"):
+        np.testing.assert_array_equal(getattr(read, name), getattr(wifi, name))
+
+
+def test_a_comma_in_a_name_stays_in_it(tmp_path: Path) -> None:
+    write_wifi(scans_from_rows([1.0], ["aa,bb"], [-50], [0]), tmp_path / "wifi.csv")
+    assert read_wifi(tmp_path / "wifi.csv").bssids == ("aa,bb",)
+
+
+def test_a_name_that_would_not_be_read_back_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="carriage return"):
+        write_wifi(scans_from_rows([1.0], ["a\rb"], [-50], [0]), tmp_path / "wifi.csv")
+    assert list(tmp_path.iterdir()) == []

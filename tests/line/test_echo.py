@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Sequence
+from functools import cache
 
 import numpy as np
 import numpy.testing as npt
@@ -11,7 +13,7 @@ import pytest
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes, to_echo_rate
@@ -227,10 +229,22 @@ def test_whole_periods_lost_show_only_against_the_other_sensors() -> None:
     lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
     kept = np.delete(samples, np.s_[lost_from : lost_from + RATE_HZ // 2])
     assert len(cut(kept).losses_s) == 0
-    echoes = cut(kept, duration_s=6.0)
-    npt.assert_allclose(echoes.losses_s[:, 1], [0.5], atol=1e-4)
-    npt.assert_allclose(echoes.t_s, planted_s[:55], atol=1e-4)
+    with pytest.raises(InputError, match=r"0.50 s shorter than the motion and nothing tells where"):
+        cut(kept, duration_s=6.0)
     assert len(cut(kept, duration_s=5.5 + 0.9 * PARAMETERS.shortfall_s).losses_s) == 0
+
+
+def test_sound_that_merely_ended_early_is_taken_when_the_user_says_so() -> None:
+    samples = stream(grid(25), 2.5)
+    said = dataclasses.replace(PARAMETERS, shortfall_s=1.0)
+    echoes = cut_echoes(audio_of(samples), chirp_at(), said, duration_s=3.4)
+    npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
+    assert len(echoes.losses_s) == 0
+    with pytest.raises(InputError, match=r"raise echo.shortfall_s if one merely ended before the"):
+        cut(samples, duration_s=3.4)
+
+
+LONG_S = 12.0
 
 
 def rumble(count: int) -> F32:
@@ -240,22 +254,107 @@ def rumble(count: int) -> F32:
     return (5e-3 * signal.sosfilt(sos, white)).astype(np.float32)
 
 
-def test_whole_periods_are_put_back_where_the_waveform_breaks() -> None:
-    planted_s = grid(60)
-    samples = stream(planted_s, 6.0) + rumble(6 * RATE_HZ)
-    lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
-    kept = np.delete(samples, np.s_[lost_from : lost_from + RATE_HZ // 2])
-    echoes = cut(kept, duration_s=6.0)
-    npt.assert_allclose(echoes.losses_s, [[planted_s[31], 0.5]], atol=1e-4)
-    npt.assert_allclose(echoes.t_s, np.delete(planted_s, np.s_[31:36]), atol=1e-4)
+@cache
+def walk_stream() -> F32:
+    """A stream whose echoes change from chirp to chirp, as they do for someone who walks."""
+    heard = stream(grid(round(LONG_S * 10)), LONG_S, echoes=(), noise=2e-5)
+    generator = np.random.default_rng(8)
+    decay = 4e-3 * np.exp(-np.arange(3_500) / 800)
+    for start in np.round(grid(round(LONG_S * 10)) * RATE_HZ).astype(int):
+        room = decay * generator.standard_normal(len(decay))
+        echoes = signal.fftconvolve(room, chirp_at().samples)[: len(heard) - start - 200]
+        heard[start + 200 : start + 200 + len(echoes)] += echoes
+    return heard
 
 
-def test_a_click_behind_the_last_chirp_moves_no_echo() -> None:
-    samples = stream(grid(25), 3.0) + rumble(3 * RATE_HZ)
-    samples[round(2.75 * RATE_HZ)] += 0.5
-    echoes = cut(samples, duration_s=3.5)
-    npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
-    npt.assert_allclose(echoes.losses_s[-1, 1], 0.5, atol=1e-4)
+def misplaced(cuts: Sequence[tuple[int, int]], added: F32 | float = 0.0) -> int | None:
+    """Echoes at a wrong time after `cuts` (first sample, count); None where it was refused."""
+    kept = np.ones(len(walk_stream()), dtype=bool)
+    for first, count in cuts:
+        kept[first : first + count] = False
+    try:
+        echoes = cut((walk_stream() + added)[kept], duration_s=LONG_S)
+    except InputError as error:
+        if re.match(r"audio: .*(than the motion|clicks at).*;.*$", str(error)):
+            return None
+        raise
+    off_s = np.abs((echoes.t_s - 0.03 + 0.05) % 0.1 - 0.05)
+    lost = ~kept[np.clip(np.round(echoes.t_s * RATE_HZ).astype(int) + 300, 0, len(kept) - 1)]
+    return int(np.sum((off_s > 1e-3) | lost))
+
+
+def random_cuts(seed: int, *counts: int) -> list[tuple[int, int]]:
+    """Stretches to cut, far apart and away from the ends."""
+    generator = np.random.default_rng(seed)
+    room = round(LONG_S * RATE_HZ) // len(counts)
+    return [
+        (k * room + int(generator.integers(RATE_HZ // 2, room - RATE_HZ - count // 2)), count)
+        for k, count in enumerate(counts)
+    ]
+
+
+SPLIT = 1
+"""The one chirp that a cut goes through may be taken for lost or for kept."""
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("lost_s", [0.5, 5.0])
+def test_whole_periods_lost_anywhere_never_give_wrong_times(seed: int, lost_s: float) -> None:
+    assert misplaced(random_cuts(seed, round(lost_s * RATE_HZ))) is None
+
+
+@pytest.mark.parametrize("lost", [RATE_HZ // 2, RATE_HZ // 2 + 40, round(0.53 * RATE_HZ)])
+@pytest.mark.parametrize("first", [0, 700, round(LONG_S * RATE_HZ)])
+def test_sound_lost_at_an_end_never_gives_wrong_times(first: int, lost: int) -> None:
+    assert misplaced([(min(first, len(walk_stream()) - lost), lost)]) is None
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_one_loss_is_put_back_where_the_stream_broke(seed: int) -> None:
+    count = int(np.random.default_rng(seed).integers(1_000, 3_500)) + 4_410 * (seed % 8)
+    wrong = misplaced(random_cuts(seed, count))
+    assert wrong is not None
+    assert wrong <= SPLIT
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_loss_of_nearly_whole_periods_shows_as_a_lasting_step(seed: int) -> None:
+    count = RATE_HZ // 2 + (-1) ** seed * (12 + 6 * seed)
+    wrong = misplaced(random_cuts(seed, count))
+    assert wrong is not None
+    assert wrong <= SPLIT
+
+
+@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(
+    "lost_s", [(0.5, 0.5), (0.37, 0.43), (0.53, 0.31), (0.501, 0.53), (0.43, 0.36, 0.55)]
+)
+def test_several_losses_are_never_merged_into_one(seed: int, lost_s: tuple[float, ...]) -> None:
+    assert misplaced(random_cuts(seed, *(round(s * RATE_HZ) for s in lost_s))) is None
+
+
+@pytest.mark.parametrize("lost_s", [(0.5, 0.53), (0.37, 0.5)])
+def test_whole_periods_lost_beside_another_loss_click(lost_s: tuple[float, ...]) -> None:
+    added = rumble(len(walk_stream()))
+    cuts = [random_cuts(seed, *(round(s * RATE_HZ) for s in lost_s)) for seed in range(12)]
+    refused = [misplaced(both, added) is None for both in cuts]
+    assert sum(refused) >= 11  # a cut through the direct chirp itself is not heard
+    placed = [misplaced([both[lost_s.index(0.5) - 1]], added) for both in cuts]
+    assert all(wrong is not None and wrong <= SPLIT for wrong in placed)
+
+
+def test_several_losses_below_a_period_are_each_put_back() -> None:
+    wrong = misplaced(random_cuts(3, 1_300, 2_700, 900))
+    assert wrong is not None
+    assert wrong <= 3 * SPLIT
+
+
+def test_motion_that_ended_early_cannot_measure_a_loss() -> None:
+    kept = np.delete(walk_stream(), np.s_[99_000 : 99_000 + round(0.53 * RATE_HZ)])
+    seconds = len(kept) / RATE_HZ
+    with pytest.raises(InputError, match=r"1.00 s longer than the motion beyond what its 1 breaks"):
+        cut(kept, duration_s=seconds - 1.0)
+    assert len(cut(stream(grid(40), 4.0), duration_s=3.0).t_s) == 40
 
 
 def test_silence_after_a_jump_is_reported_on_the_recordings_clock() -> None:
@@ -368,3 +467,44 @@ def test_a_playback_that_falls_behind_is_a_break_and_no_loss() -> None:
     assert echoes.losses_s.shape == (1, 2)
     assert echoes.losses_s[0, 1] == 0.0
     np.testing.assert_allclose(echoes.t_s, arrivals / 44_100, atol=1e-4)
+
+
+@pytest.mark.parametrize("reach", [{"slack_s": 0.2}, {"early_s": 0.2}])
+def test_a_search_wider_than_half_a_period_is_refused(reach: dict[str, float]) -> None:
+    wide = dataclasses.replace(PARAMETERS, **reach)
+    with pytest.raises(ParameterError, match=r"wanted less than half of chirp.period_s, 0.05 s, g"):
+        cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
+
+
+@pytest.mark.parametrize("reach", [{"slack_s": 0.02}, {"early_s": 0.02}])
+def test_the_widest_search_still_finds_every_chirp(reach: dict[str, float]) -> None:
+    wide = dataclasses.replace(PARAMETERS, **reach)
+    echoes = cut_echoes(audio_of(stream(grid(25), 2.5)), chirp_at(), wide)
+    npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
+
+
+@pytest.mark.parametrize(("period_s", "beat"), [(0.2, "100.0"), (0.3, "[12]00.0"), (0.15, ".*")])
+def test_a_period_that_is_not_the_sounds_is_refused(period_s: float, beat: str) -> None:
+    slow = make_chirp(ChirpParameters(period_s=period_s), RATE_HZ)
+    with pytest.raises(InputError, match=rf"chirps come every {beat} ms, not at the period"):
+        cut_echoes(audio_of(stream(grid(60), 6.0)), slow, PARAMETERS)
+
+
+def test_chirps_at_half_the_beat_are_refused() -> None:
+    lenient = dataclasses.replace(PARAMETERS, found_share=0.1)
+    with pytest.raises(InputError, match=r"chirps come every 200.0 ms, not at the period"):
+        cut_echoes(audio_of(stream(grid(60)[::2], 6.0)), chirp_at(), lenient)
+
+
+def test_sound_of_less_than_two_periods_is_refused() -> None:
+    slow = make_chirp(ChirpParameters(period_s=1.0), RATE_HZ)
+    patient = dataclasses.replace(PARAMETERS, minimum_duration_s=0.5)
+    with pytest.raises(InputError, match=r"wanted at least two periods of 1 s, got 1.90 s; record"):
+        cut_echoes(audio_of(stream(grid(19), 1.9)), slow, patient)
+
+
+def test_sound_that_ends_before_its_only_echo_is_refused() -> None:
+    patient = dataclasses.replace(PARAMETERS, minimum_duration_s=0.2, found_share=0.0)
+    samples = stream([0.19], 0.21)
+    with pytest.raises(InputError, match=r"it ends before the first echo does; record longer"):
+        cut_echoes(audio_of(samples), chirp_at(), patient)

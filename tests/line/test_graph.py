@@ -11,6 +11,7 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
 from elfslam.line.graph import GraphParameters, build_graph, optimise
@@ -262,3 +263,26 @@ def test_moving_the_world_moves_the_answer(truth: F64, true_closures: Closures) 
     cos, sin = np.cos(move[2]), np.sin(move[2])
     turn = np.array([[cos, -sin, 0], [sin, cos, 0], [0, 0, 1]])
     npt.assert_allclose(moved.covariance, turn @ still.covariance @ turn.T, rtol=1e-2, atol=1e-4)
+
+
+@pytest.mark.parametrize("parameters", [ROBUST, PLAIN])
+def test_odometry_in_a_wrong_unit_gives_no_answer(
+    truth: F64, true_closures: Closures, parameters: GraphParameters
+) -> None:
+    nodes = drifting(truth)
+    swollen = Odometry(nodes.t_s, nodes.world_from_body * [1e6, 1e6, 1.0], nodes.step_sigma)
+    with pytest.raises(NoAnswerError, match=r"pose graph: no trajectory for 97 poses over .*; che"):
+        solve(swollen, true_closures, parameters)
+
+
+def test_an_anchor_that_holds_nothing_gives_no_answer(truth: F64) -> None:
+    loose = dataclasses.replace(ROBUST, anchor_sigma=1e300)
+    with pytest.raises(NoAnswerError, match="check the units of the odometry, and the sigmas of"):
+        solve(drifting(truth), NO_CLOSURES, loose)
+
+
+def test_a_step_that_claims_no_error_is_refused(truth: F64) -> None:
+    nodes = drifting(truth)
+    certain = Odometry(nodes.t_s, nodes.world_from_body, nodes.step_sigma * [1.0, 0.0, 1.0])
+    with pytest.raises(InputError, match="wanted sigmas of at least 1e-09, got 0; state how far"):
+        build_graph(certain, NO_CLOSURES)

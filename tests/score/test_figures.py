@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,6 +90,25 @@ def test_the_histogram_counts_each_pair_once() -> None:
     figure = charts.histogram_figure(Similarity(scores, "elf"), 0.4)
     assert np.sum(figure.data[0].y) == 20 * 19 / 2
     assert figure.layout.shapes[0].x0 == 0.4
+
+
+def test_many_losses_are_one_list_of_shapes(run: Run) -> None:
+    starts_s = np.arange(600.0)
+    assert run.echoes is not None
+    echoes = replace(run.echoes, losses_s=np.column_stack([starts_s, np.full(600, 0.2)]))
+    shapes = charts.steps_figure(run.odometry, echoes).layout.shapes
+    assert [shape.x0 for shape in shapes] == starts_s.tolist()
+    assert shapes[7].x1 == pytest.approx(7.2)
+    assert not charts.steps_figure(run.odometry, None).layout.shapes
+
+
+def test_a_lifted_walk_keeps_its_rounds_apart() -> None:
+    corners = np.array([[0, 0], [4, 0], [4, 2], [0, 2.0]])
+    raised = figures.lifted(np.vstack([corners, corners]), np.arange(8.0))
+    moved = raised[4:] - raised[:4]
+    assert moved[:, 0] == pytest.approx(0)
+    assert moved[:, 1] == pytest.approx(figures.LIFT * 4.0 * 4 / 7)
+    assert np.isfinite(figures.lifted(np.zeros((3, 2)), np.arange(3.0))).all()
 
 
 def test_the_error_share_ends_at_the_greatest_error(run: Run) -> None:

@@ -94,6 +94,8 @@ def test_a_report_has_the_evidence(tmp_path: Path, run: Run) -> None:
         assert part in drawn
     for part in ("Similarity of footsteps", "Seconds per stage", "compact-1", "1 (1.2 s)", "OK"):
         assert part in text
+    assert "The walk through time" in text
+    assert drawn.count('"name":"closures, trusted') == 2
 
 
 def test_no_truth_no_trace_of_it(tmp_path: Path, run: Run, truth: Truth) -> None:

@@ -49,7 +49,10 @@ def folders(tmp_path: Path) -> tuple[Path, Path]:
 
 
 def test_medians_over_walks_with_enough_waypoints(folders: tuple[Path, Path]) -> None:
-    table = {(row["method"], row["measure"]): row for row in score_walks(*folders)}
+    rows, left_out = score_walks(*folders)
+    assert list(left_out) == ["c"]
+    assert "2 positions, wanted 3" in left_out["c"]
+    table = {(row["method"], row["measure"]): row for row in rows}
     reckoned = table["dead reckoning", "length_ratio"]
     assert (reckoned["walks"], reckoned["scored"]) == (3, 2)
     assert (reckoned["low_95"], reckoned["high_95"]) == pytest.approx((1.1, 1.3))
@@ -63,3 +66,19 @@ def test_medians_over_walks_with_enough_waypoints(folders: tuple[Path, Path]) ->
 def test_a_folder_without_runs_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no run"):
         score_walks(tmp_path, tmp_path)
+
+
+def test_a_walk_without_truth_or_a_damaged_run_costs_no_other(folders: tuple[Path, Path]) -> None:
+    runs, walks = folders
+    (walks / "a" / "waypoints.csv").unlink()
+    (runs / "c" / "odometry.tum").unlink()
+    rows, left_out = score_walks(runs, walks)
+    assert {row["scored"] for row in rows} == {1}
+    assert {row["walks"] for row in rows} == {3}
+    assert "no truth" in left_out["a"]
+    assert set(left_out) == {"a", "c"}
+
+
+def test_no_walk_with_truth_is_refused_with_a_reason(folders: tuple[Path, Path]) -> None:
+    with pytest.raises(InputError, match=r"none of 3 runs can be scored; a: .*nowhere"):
+        score_walks(folders[0], folders[1] / "nowhere")

@@ -190,6 +190,14 @@ def test_the_first_grade_has_not_changed() -> None:
     assert BMI160.decimals is None
 
 
+def test_grades_are_known_by_short_names() -> None:
+    assert {name: built_in_grade(name) for name in GRADES} == {
+        "BMI160": BMI160, "LSM6DSO": LSM6DSO, "ICM20948": ICM20948, "browser": BROWSER,
+    }  # fmt: skip
+    with pytest.raises(InputError, match="imu 'ICM2094': wanted BMI160, .*mean 'ICM20948'"):
+        built_in_grade("ICM2094")
+
+
 def test_a_browser_is_slow_and_rounds() -> None:
     assert (BROWSER.rate_hz, BROWSER.decimals) == (60.0, 1)
     assert BROWSER.gyro_noise_radps_rthz == BMI160.gyro_noise_radps_rthz

@@ -17,6 +17,8 @@ from elfslam.data.tables import check_times, read_lines
 
 NUMBERS = ("t_s", "x_m", "y_m", "heading_rad", "sigma_m")
 HEADER = (*NUMBERS, "status")
+LARGEST = 1e12
+"""Beyond any time in seconds and any place in metres."""
 
 
 def write_fixes(fixes: Fixes, file: Path) -> None:
@@ -65,6 +67,8 @@ def _read_row(file: Path, number: int, row: Mapping[str, str | None]) -> tuple[l
         raise InputError(f"{file}: row {number} is no fix ({cause}); repair it") from cause
     placed = [math.isfinite(number) for number in numbers[1:]]
     lacking = any(placed) != all(placed) or (status is FixStatus.OK and not all(placed))
-    if not math.isfinite(numbers[0]) or lacking or any(map(math.isinf, numbers)):
-        raise InputError(f"{file}: row {number} lacks its time or position; repair it")
+    if not math.isfinite(numbers[0]) or lacking or any(abs(number) > LARGEST for number in numbers):
+        raise InputError(
+            f"{file}: row {number} lacks its time or position, or is beyond belief; repair it"
+        )
     return numbers, int(status)

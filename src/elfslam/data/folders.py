@@ -68,7 +68,10 @@ def refuse_occupied(folder: Path, replaces: str | None) -> None:
     if occupied and replaces:
         raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
     if occupied:
-        raise StoreError(f"{folder}: already exists; choose another folder or use --force")
+        raise StoreError(
+            f"{folder}: already exists; choose another folder or delete it "
+            "(map alone replaces an older run, with --force)"
+        )
 
 
 def _swap(partial: Path, folder: Path) -> None:

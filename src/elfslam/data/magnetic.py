@@ -33,6 +33,12 @@ LEAD_IN_SAMPLES = {"library": 149}
 """Samples at the start that the paper drops too."""
 CAMERA_FROM_DEVICE = np.array([0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)])
 """A quarter turn about z: the device's x is the camera's y."""
+MOST_APART_S = 1.0
+"""Field and pose of one row are measured at the same moment, within this."""
+SLOWEST_S = 1.0
+"""Rows come ten times a second; a longer step is another unit or a pause."""
+LARGEST = {"m": 5000.0, "quat": 1.01, "dPos": 10.0}
+"""Microtesla, 1 and metres a row that no whole file exceeds."""
 SHAPES = {"m": 3, "quat": 4, "dPos": 3, "t": 1, "tm": 1}
 
 
@@ -91,10 +97,32 @@ def _load(path: Path) -> dict[str, F64]:
             raise InputError(f"{path}: {name} has shape {got}, wanted {wanted}; check the file")
         if data[name].dtype.kind not in "iuf" or not np.isfinite(data[name]).all():
             raise InputError(f"{path}: {name} holds more than finite numbers; check the file")
+        if np.abs(data[name]).max() > LARGEST.get(name, np.inf):
+            most = np.abs(data[name]).max()
+            raise InputError(
+                f"{path}: {name} reaches {most:g}, wanted at most {LARGEST[name]:g}; check the file"
+            )
+    _check_clocks(path, data["t"][:, 0], data["tm"][:, 0])
     lead_in = LEAD_IN_SAMPLES.get(path.stem, 0)
     if rows < lead_in + 2:
         raise InputError(f"{path}: got {rows} samples, wanted more than {lead_in}; check the file")
     return {name: np.asarray(array[lead_in:], dtype=float) for name, array in data.items()}
+
+
+def _check_clocks(path: Path, t_s: F64, field_t_s: F64) -> None:
+    for name, times_s in (("t", t_s), ("tm", field_t_s)):
+        steps_s = np.diff(times_s)
+        if steps_s.min() <= 0 or steps_s.max() > SLOWEST_S:
+            raise InputError(
+                f"{path}: {name} steps by {steps_s.min():g} to {steps_s.max():g} s, wanted more "
+                f"than 0 and at most {SLOWEST_S:g}; give increasing seconds"
+            )
+    apart_s = float(np.abs(field_t_s - t_s).max())
+    if apart_s > MOST_APART_S:
+        raise InputError(
+            f"{path}: tm is up to {apart_s:g} s away from t, wanted at most {MOST_APART_S:g}; "
+            "put both on one clock in seconds"
+        )
 
 
 def _true_poses(increments_m: F64, world_from_camera: F64) -> F64:

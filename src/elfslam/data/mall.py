@@ -2,7 +2,8 @@
 
 Lines are tab-separated `unix_ms TYPE values...`, those starting with `#` are the header. In
 the full data set two records sometimes run together on one line: what can be read is read, and
-such lines are counted.
+such lines are counted, and so are records whose value no sensor can have or whose time is out
+of order.
 """
 
 from __future__ import annotations
@@ -13,15 +14,23 @@ import tarfile
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
-from elfslam.data.sensor_files import imu_on_accelerometer_clock
+from elfslam.data.sensor_files import (
+    LARGEST_ACCEL_MPS2,
+    LARGEST_FIELD_UT,
+    LARGEST_TURN_RADPS,
+    imu_on_accelerometer_clock,
+)
+from elfslam.data.tables import in_order
 from elfslam.data.wifi_table import scans_from_rows
 
 RECORD_START = re.compile(r"(?=\d{13}\tTYPE_)")
@@ -29,19 +38,29 @@ VECTORS = ("TYPE_ACCELEROMETER", "TYPE_GYROSCOPE", "TYPE_MAGNETIC_FIELD", "TYPE_
 WAYPOINT, WIFI = "TYPE_WAYPOINT", "TYPE_WIFI"
 FIELDS = {**dict.fromkeys(VECTORS, 6), WAYPOINT: 4, WIFI: 7}
 """Fields of a whole record, time and type included; vectors end in an accuracy."""
+LARGEST = dict(
+    zip(VECTORS, (LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT, 1.01), strict=True)
+)
+LARGEST |= {WAYPOINT: 1e6, WIFI: 200.0}
+"""No whole record has a larger value: m/s2, rad/s, microtesla, 1, m, dBm."""
 SHORTEST = 3
 """Fields that a record of any other type has at least."""
 LONGEST_WALK_MS = 24 * 3600 * 1000
 """A record further from the start has a damaged time."""
 
-Records = dict[str, list[tuple[float, ...]]]
+Row = tuple[float, ...]
+Records = dict[str, list[tuple[int, Row]]]
+"""By type: the number of the line, and the row with t_s first."""
+WifiRow = tuple[float, str, float, float]
+"""t_s, bssid, rssi_dbm, age_s."""
+AnyRow = TypeVar("AnyRow", Row, WifiRow)
 
 
 @dataclass(frozen=True, eq=False)
 class MallWalk:
     """One surveyed walk; the truth has waypoints without heading, and no rows if there are none.
 
-    `damaged_lines` counts lines that were not one whole record.
+    `damaged_lines` counts lines that were not one whole record in its place.
     """
 
     recording: Recording
@@ -81,38 +100,53 @@ def walks_in(path: Path) -> Iterator[Path]:
     """The walk files at `path`: a .txt, a folder (recursively, sorted) or a .tar.xz archive.
 
     A walk from an archive is unpacked for a moment: its path is good until the next is asked
-    for. Raises InputError where there is nothing to read.
+    for. Raises InputError where there is nothing to read or an archive is broken, before the
+    first walk: nothing is made of half an archive.
     """
     if path.is_dir():
         files = sorted(path.rglob("*.txt"))
         archives = sorted(path.rglob("*.tar.xz"))
         if not files and not archives:
             raise InputError(f"{path}: holds no walk; wanted .txt files or .tar.xz archives")
+        for archive in archives:
+            _check_archive(archive)
         yield from files
         for archive in archives:
             yield from _walks_in_archive(archive)
     elif not path.is_file():
         raise InputError(f"{path}: does not exist; wanted a walk, a folder or a .tar.xz archive")
     elif path.name.endswith(".tar.xz"):
+        _check_archive(path)
         yield from _walks_in_archive(path)
     else:
         yield path
 
 
+def _check_archive(path: Path) -> None:
+    with _opened_archive(path) as archive:
+        for _ in archive:
+            pass
+
+
 def _walks_in_archive(path: Path) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory() as folder:
-        try:
-            with tarfile.open(path, "r|xz") as archive:
-                for member in archive:
-                    content = archive.extractfile(member) if member.name.endswith(".txt") else None
-                    if content is None:
-                        continue
-                    file = Path(folder) / Path(member.name).name
-                    file.write_bytes(content.read())
-                    yield file
-                    file.unlink()
-        except (tarfile.TarError, lzma.LZMAError, EOFError) as cause:
-            raise InputError(f"{path}: is a broken archive ({cause}); copy it again") from cause
+    with tempfile.TemporaryDirectory() as folder, _opened_archive(path) as archive:
+        for member in archive:
+            content = archive.extractfile(member) if member.name.endswith(".txt") else None
+            if content is None:
+                continue
+            file = Path(folder) / Path(member.name).name
+            file.write_bytes(content.read())
+            yield file
+            file.unlink()
+
+
+@contextmanager
+def _opened_archive(path: Path) -> Iterator[tarfile.TarFile]:
+    try:
+        with tarfile.open(path, "r|xz") as archive:
+            yield archive
+    except (tarfile.TarError, lzma.LZMAError, EOFError) as cause:
+        raise InputError(f"{path}: is a broken archive ({cause}); copy it again") from cause
 
 
 def _start_ms(header: Sequence[str], body: Sequence[str]) -> int:
@@ -129,21 +163,28 @@ def _device(header: Sequence[str]) -> str:
 
 def _sort_records(
     body: Sequence[str], start_ms: int
-) -> tuple[Records, list[tuple[float, str, float, float]], int]:
-    """Records by type with t_s first, Wi-Fi rows (t_s, bssid, rssi, age), lines not whole."""
+) -> tuple[dict[str, list[Row]], list[WifiRow], int]:
+    """Records by type with t_s first, Wi-Fi rows, and how many lines were damaged."""
     records: Records = defaultdict(list)
-    wifi_rows: list[tuple[float, str, float, float]] = []
-    damaged = 0
-    for line in body:
-        whole = True
+    wifi_rows: list[tuple[int, WifiRow]] = []
+    damaged: set[int] = set()
+    for number, line in enumerate(body):
+        if line.count("\tTYPE_") != 1:
+            damaged.add(number)
         for piece in _pieces(line):
-            fields = piece.split("\t")
             try:
-                _place(fields, start_ms, records, wifi_rows)
+                _place(number, piece.split("\t"), start_ms, records, wifi_rows)
             except (ValueError, IndexError):
-                whole = False
-        damaged += not whole or line.count("\tTYPE_") != 1
-    return records, wifi_rows, damaged
+                damaged.add(number)
+    ordered = {kind: _ordered(rows, damaged) for kind, rows in records.items()}
+    return defaultdict(list, ordered), _ordered(wifi_rows, damaged), len(damaged)
+
+
+def _ordered(numbered: Sequence[tuple[int, AnyRow]], damaged: set[int]) -> list[AnyRow]:
+    """The rows whose time is in order; the lines of the others are added to `damaged`."""
+    kept = in_order([float(row[0]) for _, row in numbered])
+    damaged.update(number for (number, _), good in zip(numbered, kept, strict=True) if not good)
+    return [row for (_, row), good in zip(numbered, kept, strict=True) if good]
 
 
 def _pieces(line: str) -> list[str]:
@@ -153,27 +194,27 @@ def _pieces(line: str) -> list[str]:
 
 
 def _place(
+    number: int,
     fields: Sequence[str],
     start_ms: int,
     records: Records,
-    wifi_rows: list[tuple[float, str, float, float]],
+    wifi_rows: list[tuple[int, WifiRow]],
 ) -> None:
     """Puts one record where it belongs. Raises ValueError or IndexError if it is not whole."""
     kind = fields[1]
-    after_start_ms = int(fields[0]) - start_ms
-    wanted = FIELDS.get(kind, SHORTEST)
-    _check(whole=abs(after_start_ms) < LONGEST_WALK_MS and len(fields) >= wanted)
-    t_s = after_start_ms / 1000
+    t_s = _since_s(fields[0], start_ms)
+    _check(whole=len(fields) >= FIELDS.get(kind, SHORTEST))
     if kind not in FIELDS:
         _check(whole=kind.startswith("TYPE_"))
     elif kind == WIFI:
         # Counted from the end: a network may have tabs in its name.
         bssid, rssi, _, seen_ms = fields[-4:]
-        wifi_rows.append((t_s, bssid, _finite(rssi), (int(fields[0]) - int(seen_ms)) / 1000))
+        age_s = -_since_s(seen_ms, int(fields[0]))
+        wifi_rows.append((number, (t_s, bssid, _number(rssi, kind), age_s)))
     else:
-        _check(whole=len(fields) == wanted)
+        _check(whole=len(fields) == FIELDS[kind])
         values = fields[2:5] if kind in VECTORS else fields[2:4]
-        records[kind].append((t_s, *map(_finite, values)))
+        records[kind].append((number, (t_s, *(_number(value, kind) for value in values))))
 
 
 def _check(*, whole: bool) -> None:
@@ -181,30 +222,35 @@ def _check(*, whole: bool) -> None:
         raise ValueError
 
 
-def _finite(text: str) -> float:
+def _since_s(time_ms: str, start_ms: int) -> float:
+    after_ms = int(time_ms) - start_ms
+    _check(whole=abs(after_ms) < LONGEST_WALK_MS)
+    return after_ms / 1000
+
+
+def _number(text: str, kind: str) -> float:
     number = float(text)
-    _check(whole=abs(number) < np.inf)
+    _check(whole=abs(number) <= LARGEST[kind])
     return number
 
 
-def _forward(rows: Sequence[tuple[float, ...]]) -> tuple[F64, F64]:
-    """Times and values; rows that do not move time forward are left out."""
+def _forward(rows: Sequence[Row]) -> tuple[F64, F64]:
+    """Times and values; of rows with one time the first counts."""
     table = np.array(rows, dtype=float)
-    latest = np.maximum.accumulate(table[:, 0])
-    kept = np.concatenate([[True], table[1:, 0] > latest[:-1]])
+    kept = np.diff(table[:, 0], prepend=-np.inf) > 0
     return table[kept, 0], table[kept, 1:]
 
 
-def _imu(path: Path, records: Records) -> Imu:
+def _imu(path: Path, records: dict[str, list[Row]]) -> Imu:
     accelerometer, gyroscope = (_forward(records[kind]) for kind in VECTORS[:2])
     return imu_on_accelerometer_clock(str(path), *accelerometer, *gyroscope)
 
 
-def _magnetometer(rows: Sequence[tuple[float, ...]]) -> Magnetometer | None:
+def _magnetometer(rows: Sequence[Row]) -> Magnetometer | None:
     return Magnetometer(*_forward(rows)) if rows else None
 
 
-def _orientation(rows: Sequence[tuple[float, ...]]) -> Orientation | None:
+def _orientation(rows: Sequence[Row]) -> Orientation | None:
     """Android's rotation vector is the quaternion without its w, which is never negative."""
     if not rows:
         return None
@@ -214,11 +260,11 @@ def _orientation(rows: Sequence[tuple[float, ...]]) -> Orientation | None:
     return Orientation(t_s, quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
 
 
-def _wifi(rows: Sequence[tuple[float, str, float, float]]) -> WifiScans | None:
+def _wifi(rows: Sequence[WifiRow]) -> WifiScans | None:
     return scans_from_rows(*map(list, zip(*rows, strict=True))) if rows else None
 
 
-def _truth(rows: Sequence[tuple[float, ...]]) -> Truth:
+def _truth(rows: Sequence[Row]) -> Truth:
     if not rows:
         return Truth(np.empty(0), np.empty((0, 3)))
     t_s, xy_m = _forward(rows)

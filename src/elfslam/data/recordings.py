@@ -7,10 +7,14 @@ written beside them (`truth_files.py`) and never read here.
 from __future__ import annotations
 
 import json
+import math
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from elfslam import __version__
 from elfslam.base.errors import InputError
@@ -18,6 +22,7 @@ from elfslam.base.values import Audio, Recording, Truth
 from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
 from elfslam.data.folders import new_folder, unpack_zip
 from elfslam.data.sensor_files import (
+    check_shared_time,
     read_emr,
     read_imu,
     read_magnetometer,
@@ -27,6 +32,7 @@ from elfslam.data.sensor_files import (
 )
 from elfslam.data.truth_files import write_truth
 from elfslam.data.wifi_table import read_wifi
+from elfslam.line.chirp import ChirpParameters
 
 FORMAT_VERSION = 1
 MACOSX = "__MACOSX"
@@ -58,23 +64,37 @@ def write_recording(
             write_truth(truth, partial)
 
 
-def read_recording(path: Path) -> Recording:
+def read_recording(path: Path, chirp: ChirpParameters | None = None) -> Recording:
     """The recording in a folder or a .zip of one.
 
-    Raises InputError naming the file, and the row where there is one.
+    Its sound is refused where recording.json says that another excitation was played than
+    `chirp`, by default the line's own. Raises InputError naming the file, and the row where
+    there is one.
+    """
+    name = path.name if path.is_dir() else path.stem
+    with recording_folder(path) as folder:
+        try:
+            return _read_folder(folder, name, chirp or ChirpParameters())
+        except InputError as cause:
+            raise InputError(str(cause).replace(str(folder), str(path))) from None
+
+
+@contextmanager
+def recording_folder(path: Path) -> Iterator[Path]:
+    """The folder of a recording: `path` itself, or its .zip unpacked for a moment.
+
+    Raises InputError where there is none.
     """
     if path.is_dir():
-        return _read_folder(path, path.name)
+        yield path
+        return
     if not path.is_file():
         raise InputError(f"{path}: does not exist; wanted a recording folder or a .zip of one")
     if path.suffix != ".zip":
         raise InputError(f"{path}: is no recording; wanted a folder or a .zip with {MANIFEST}")
     with tempfile.TemporaryDirectory() as name:
         unpack_zip(path, Path(name))
-        try:
-            return _read_folder(_folder_within(Path(name)), path.stem)
-        except InputError as cause:
-            raise InputError(str(cause).replace(name, str(path))) from None
+        yield _folder_within(Path(name))
 
 
 def _folder_within(unpacked: Path) -> Path:
@@ -103,14 +123,14 @@ def _manifest(
     }
 
 
-def _read_folder(folder: Path, name: str) -> Recording:
+def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
     manifest = _read_manifest(folder / MANIFEST)
     wifi = folder / "wifi.csv"
-    return Recording(
+    recording = Recording(
         name=str(manifest.get("name") or name),
         device=str(manifest.get("device") or "unknown"),
         start_pose=_start_pose(folder / MANIFEST, manifest),
-        audio=_read_sound(folder, manifest),
+        audio=_read_sound(folder, manifest, chirp),
         imu=read_imu(folder),
         orientation=read_orientation(folder / "orientation.csv"),
         odometry=read_odometry(folder),
@@ -118,6 +138,19 @@ def _read_folder(folder: Path, name: str) -> Recording:
         wifi=read_wifi(wifi) if wifi.is_file() else None,
         emr=read_emr(folder / "emr.csv"),
     )
+    _check_clocks(folder, recording)
+    return recording
+
+
+def _check_clocks(folder: Path, recording: Recording) -> None:
+    """Refuse motion that is not that of the sound."""
+    if recording.audio is None:
+        return
+    sound = "sound", np.array([0.0, recording.audio.samples.shape[1] / recording.audio.rate_hz])
+    if recording.imu is not None:
+        check_shared_time(str(folder), sound, ("motion sensors", recording.imu.t_s))
+    if recording.odometry is not None:
+        check_shared_time(str(folder), sound, ("odometry", recording.odometry.t_s))
 
 
 def _read_manifest(file: Path) -> dict[str, Any]:
@@ -149,16 +182,63 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
     return x_m, y_m, heading_rad
 
 
-def _read_sound(folder: Path, manifest: dict[str, Any]) -> Audio | None:
+def _read_sound(folder: Path, manifest: dict[str, Any], chirp: ChirpParameters) -> Audio | None:
     audio = read_recorded_sound(folder)
     claimed = manifest.get("audio")
     if audio is None and claimed:
         raise InputError(f"{folder}: {MANIFEST} promises audio and none is there; copy it again")
-    wanted = claimed.get("samples") if isinstance(claimed, dict) else None
-    present = 0 if audio is None else audio.samples.shape[1]
-    if isinstance(wanted, int) and present < (1 - MOST_LOST_SHARE) * wanted:
+    if audio is None:
+        return None
+    _check_chirp(folder / MANIFEST, manifest.get("chirp"), chirp)
+    if not isinstance(claimed, dict):
+        return audio
+    rate_hz, wanted = claimed.get("rate_hz", audio.rate_hz), claimed.get("samples")
+    if rate_hz != audio.rate_hz:
+        raise InputError(
+            f"{folder}: audio has {audio.rate_hz} samples/s, {MANIFEST} promises {rate_hz!r:.30}; "
+            "correct the one that is wrong"
+        )
+    present = audio.samples.shape[1]
+    if isinstance(wanted, int) and present / (1 - MOST_LOST_SHARE) < wanted:
         raise InputError(
             f"{folder}: audio has {present} samples, {MANIFEST} promises {wanted}; "
             "the file is cut off, copy it again"
         )
     return audio
+
+
+def _check_chirp(file: Path, given: object, wanted: ChirpParameters) -> None:
+    """Refuse sound of which recording.json says that something else was played."""
+    if given is None:
+        return
+    if not isinstance(given, dict):
+        raise InputError(f"{file}: chirp is {given!r:.60}, wanted an object; repair it")
+    for name, value in _described(wanted).items():
+        if name in given and not _same(given[name], value):
+            raise InputError(
+                f"{file}: chirp.{name} is {given[name]!r:.60}, the line listens for {value!r}; "
+                "set the chirp parameters to what was played, or record again"
+            )
+
+
+def _same(given: object, wanted: object) -> bool:
+    if isinstance(wanted, list):
+        if not isinstance(given, list) or len(given) != len(wanted):
+            return False
+        return all(map(_same, given, wanted))
+    if isinstance(wanted, float):
+        if not isinstance(given, int | float):
+            return False
+        # An integer in JSON may be too long for a float.
+        return abs(given) < FARTHEST_M and math.isclose(given, wanted)
+    return given == wanted
+
+
+def _described(played: ChirpParameters) -> dict[str, object]:
+    """What was played, as recording.json says it."""
+    return {
+        "kind": played.kind,
+        "band_hz": [played.band_low_hz, played.band_high_hz],
+        "duration_s": played.duration_s,
+        "period_s": played.period_s,
+    }

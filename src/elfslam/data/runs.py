@@ -24,7 +24,9 @@ from elfslam.base.values import (
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import MAP, read_map, write_map
 from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
+from elfslam.data.truth_files import TRUTH_FILES
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.slam import Run
 
@@ -82,16 +84,18 @@ def read_facts(folder: Path) -> dict[str, Any]:
 
 
 def digest_of(path: Path) -> str:
-    """SHA-256 over a file, or over the names and contents of a folder's files."""
-    if not path.exists():
-        raise InputError(f"{path}: does not exist; wanted a recording")
+    """SHA-256 over the names and contents of a recording's files, the same for its .zip.
+
+    The truth is left out: nothing that the line states may depend on it. Raises InputError.
+    """
     total = hashlib.sha256()
-    for file in sorted(path.rglob("*")) if path.is_dir() else [path]:
-        if file.is_file():
-            name = file.relative_to(path).as_posix()
-            with file.open("rb") as stream:
-                content = hashlib.file_digest(stream, "sha256").hexdigest()
-            total.update(f"{name}\0{content}\n".encode())
+    with recording_folder(path) as folder:
+        for file in sorted(folder.rglob("*")):
+            if file.is_file() and file.name not in TRUTH_FILES:
+                name = file.relative_to(folder).as_posix()
+                with file.open("rb") as stream:
+                    content = hashlib.file_digest(stream, "sha256").hexdigest()
+                total.update(f"{name}\0{content}\n".encode())
     return total.hexdigest()
 
 

@@ -6,13 +6,20 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between
 from elfslam.base.values import Emr, Imu, Magnetometer, Odometry, Orientation, Recording
-from elfslam.data.tables import read_header, read_table, read_timed_table, write_timed_table
+from elfslam.data.tables import (
+    check_size,
+    read_header,
+    read_table,
+    read_timed_table,
+    write_timed_table,
+)
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.data.wifi_table import write_wifi
+from elfslam.line.motion import MotionParameters
 
 AXES = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")
@@ -21,6 +28,15 @@ ODOMETRY_SIGMA_PER_METRE = 0.02
 ODOMETRY_SIGMA_FLOOR = (0.005, 0.005, 0.005)
 """Assumed of odometry that comes without its own sigmas: 2 % of the distance, and metres and
 radians per move below which no phone's odometry is trusted."""
+LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT = 500.0, 100.0, 5000.0
+"""Beyond the range of any phone's sensor."""
+GRAVITY_MPS2 = (5.0, 15.0)
+"""Between these lies the median strength of an acceleration with gravity, in m/s2."""
+CLOCK_SLACK_S = 2.0
+"""Sensors of one recording start and stop within this of each other."""
+LEAST_SHARED = 0.9
+"""Of the longer of two streams, what the other must cover."""
+WANTED = MotionParameters()
 
 
 def write_sensors(recording: Recording, folder: Path) -> None:
@@ -58,7 +74,10 @@ def _read_optional(file: Path, columns: tuple[str, ...]) -> tuple[F64, F64] | No
 def read_magnetometer(file: Path) -> Magnetometer | None:
     """The field; None without the file. Raises InputError naming file and row."""
     table = _read_optional(file, AXES)
-    return table and Magnetometer(*table)
+    if table is None:
+        return None
+    check_size(file, table[1], LARGEST_FIELD_UT, "microtesla")
+    return Magnetometer(*table)
 
 
 def read_orientation(file: Path) -> Orientation | None:
@@ -67,7 +86,7 @@ def read_orientation(file: Path) -> Orientation | None:
     if table is None:
         return None
     t_s, quaternion = table
-    length = np.linalg.norm(quaternion, axis=1)
+    length = np.linalg.norm(np.clip(quaternion, -10, 10), axis=1)
     bad = np.flatnonzero(abs(length - 1) > 0.01)
     if len(bad):
         raise InputError(
@@ -86,6 +105,8 @@ def read_imu(folder: Path) -> Imu | None:
     if accelerometer is None or gyroscope is None:
         absent = "accelerometer.csv" if accelerometer is None else "gyroscope.csv"
         raise InputError(f"{folder}: {absent} is missing beside its twin; record both or neither")
+    check_size(folder / "accelerometer.csv", accelerometer[1], LARGEST_ACCEL_MPS2, "m/s2")
+    check_size(folder / "gyroscope.csv", gyroscope[1], LARGEST_TURN_RADPS, "rad/s")
     return imu_on_accelerometer_clock(str(folder), *accelerometer, *gyroscope)
 
 
@@ -94,14 +115,66 @@ def imu_on_accelerometer_clock(
 ) -> Imu:
     """The gyroscope interpolated to the accelerometer's times, where both were running.
 
-    Raises InputError, starting with `source`, where they overlap in fewer than two samples.
+    Where the gyroscope pauses, so does the result: dead reckoning then decides about the gap.
+    Raises InputError, starting with `source`, where the accelerometer lacks gravity, the
+    gyroscope is too slow, or they did not run at the same time.
     """
-    inside = (accel_t_s >= gyro_t_s[0]) & (accel_t_s <= gyro_t_s[-1])
-    if inside.sum() < 2:
+    _check_gravity(source, accel_mps2)
+    check_shared_time(source, ("accelerometer", accel_t_s), ("gyroscope", gyro_t_s))
+    _check_gyroscope_rate(source, accel_t_s, gyro_t_s)
+    both = _running(gyro_t_s, accel_t_s)
+    if both.sum() < 2:
         raise InputError(f"{source}: accelerometer and gyroscope do not overlap in time")
-    t_s = accel_t_s[inside]
+    t_s = accel_t_s[both]
     turned = [np.interp(t_s, gyro_t_s, axis) for axis in gyro_radps.T]
-    return Imu(t_s, accel_mps2[inside], np.column_stack(turned))
+    return Imu(t_s, accel_mps2[both], np.column_stack(turned))
+
+
+def check_shared_time(source: str, *streams: tuple[str, F64]) -> None:
+    """Raises InputError, naming both spans, where two streams did not run at the same time."""
+    spans = [(t_s[0], t_s[-1]) for _, t_s in streams]
+    (first_start, first_end), (second_start, second_end) = spans
+    shared_s = min(first_end, second_end) - max(first_start, second_start)
+    longest_s = max(end - start for start, end in spans)
+    lost_s = max(CLOCK_SLACK_S, (1 - LEAST_SHARED) * longest_s)
+    apart_s = abs(first_start - second_start)
+    if shared_s < 0 or longest_s - shared_s > lost_s or apart_s > CLOCK_SLACK_S:
+        ran = [f"{name} ({t_s[0]:.1f} to {t_s[-1]:.1f} s)" for name, t_s in streams]
+        raise InputError(
+            f"{source}: {ran[0]} and {ran[1]} do not overlap enough; wanted starts within "
+            f"{CLOCK_SLACK_S:g} s and {LEAST_SHARED:.0%} in common; copy both again, put them on "
+            "one clock in seconds, or cut the longer"
+        )
+
+
+def _check_gravity(source: str, accel_mps2: F64) -> None:
+    strength_mps2 = float(np.median(np.linalg.norm(accel_mps2, axis=1)))
+    low, high = GRAVITY_MPS2
+    if not low <= strength_mps2 <= high:
+        raise InputError(
+            f"{source}: the accelerometer's median strength is {strength_mps2:.3g} m/s2, wanted "
+            f"{low:g} to {high:g}; give m/s2 with gravity left in"
+        )
+
+
+def _check_gyroscope_rate(source: str, accel_t_s: F64, gyro_t_s: F64) -> None:
+    """Interpolation would hide it; a rate common to both is judged by dead reckoning."""
+    rates_hz = [1 / np.median(np.diff(t_s)) for t_s in (accel_t_s, gyro_t_s) if len(t_s) > 1]
+    if len(rates_hz) < 2 or rates_hz[1] < min(WANTED.least_rate_hz, 0.8 * rates_hz[0]):
+        got = f"{rates_hz[1]:.1f}" if len(rates_hz) == 2 else "too few"
+        raise InputError(
+            f"{source}: gyroscope has {got} samples/s, wanted at least {WANTED.least_rate_hz:g}; "
+            "choose a faster sensor rate"
+        )
+
+
+def _running(gyro_t_s: F64, t_s: F64) -> Bool:
+    """Which times lie in no pause of the gyroscope, nor before or after it."""
+    after = np.searchsorted(gyro_t_s, t_s)
+    inside = (t_s >= gyro_t_s[0]) & (t_s <= gyro_t_s[-1])
+    pause_s = np.diff(gyro_t_s, prepend=gyro_t_s[0])[np.minimum(after, len(gyro_t_s) - 1)]
+    at_sample = gyro_t_s[np.minimum(after, len(gyro_t_s) - 1)] == t_s
+    return np.asarray(inside & (at_sample | (pause_s <= WANTED.longest_gap_s)))
 
 
 def read_emr(file: Path) -> Emr | None:

@@ -20,8 +20,15 @@ from elfslam.base.geometry import rotation_from_quaternion
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
 from elfslam.data.audio_files import read_audio
 from elfslam.data.folders import unpack_zip
-from elfslam.data.sensor_files import AXES, QUATERNION, imu_on_accelerometer_clock
-from elfslam.data.tables import read_lines, read_table
+from elfslam.data.sensor_files import (
+    AXES,
+    LARGEST_ACCEL_MPS2,
+    LARGEST_FIELD_UT,
+    LARGEST_TURN_RADPS,
+    QUATERNION,
+    imu_on_accelerometer_clock,
+)
+from elfslam.data.tables import check_size, in_order, read_lines, read_table
 
 STANDARD_GRAVITY_MPS2 = 9.80665
 LARGEST_MEAN_IN_G = 3.0
@@ -29,6 +36,12 @@ LARGEST_MEAN_IN_G = 3.0
 LOWEST_RATE_HZ = 44_100
 """The app's lossy sound has less than this, and nothing in the chirp band."""
 SOUND_FILES = ("Microphone.wav", "Microphone.flac")
+LARGEST = {
+    "Gyroscope": (LARGEST_TURN_RADPS, "rad/s"),
+    "Magnetometer": (LARGEST_FIELD_UT, "microtesla"),
+    "Orientation": (1.01, ""),
+}
+"""What a sensor can read, with its unit; the rest are accelerations."""
 LARGEST_TILT_RAD = 0.5
 """An attitude whose vertical is further from the measured one is not understood."""
 
@@ -78,13 +91,14 @@ def _metadata(folder: Path) -> dict[str, str]:
 
 
 def _sensor(folder: Path, name: str, columns: tuple[str, ...] = AXES) -> Table | None:
-    """Times and values of a sensor; rows that do not move time forward are left out."""
+    """Times and values of a sensor; rows that repeat a time or are out of order are left out."""
     file = _find(folder, f"{name}.csv")
     if file is None:
         return None
     table = read_table(file, ["seconds_elapsed", *columns])
-    latest = np.maximum.accumulate(table[:, 0])
-    kept = np.concatenate([[True], table[1:, 0] > latest[:-1]])
+    check_size(file, table[:, 1:], *LARGEST.get(name, (LARGEST_ACCEL_MPS2, "m/s2")))
+    table = table[in_order(table[:, 0])]
+    kept = np.diff(table[:, 0], prepend=-np.inf) > 0
     return table[kept, 0], table[kept, 1:]
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 
 TIME_FORMAT = "%.6f"
@@ -102,6 +103,37 @@ def check_times(file: Path, t_s: F64, *, first_row: int = 2) -> None:
         f"{file}: time {kind} at row {k + first_row} ({t_s[k - 1]:.6f} then {t_s[k]:.6f} s); "
         "sort the rows and drop the repeated ones"
     )
+
+
+def check_size(file: Path, values: F64, largest: float, unit: str) -> None:
+    """Raises InputError, naming the row (the header is row 1), where a value is beyond belief."""
+    beyond = np.flatnonzero((np.abs(values) > largest).any(axis=1))
+    if len(beyond):
+        worst = values[beyond[0], np.argmax(np.abs(values[beyond[0]]))]
+        raise InputError(
+            f"{file}: row {beyond[0] + 2} has {worst:g} {unit}, wanted at most {largest:g}; "
+            "remove or repair that row, or convert the unit"
+        )
+
+
+def in_order(t_s: Sequence[float] | F64) -> Bool:
+    """Which rows (n) make up the longest run of times that never goes backward.
+
+    A single time that leaps ahead leaves that run alone, however many rows it overtakes.
+    """
+    ends: list[float] = []
+    rows: list[int] = []
+    before: list[int] = []
+    for row, time_s in enumerate(t_s):
+        length = bisect_right(ends, time_s)
+        ends[length : length + 1] = [time_s]
+        rows[length : length + 1] = [row]
+        before.append(rows[length - 1] if length else -1)
+    kept = np.zeros(len(before), dtype=np.bool_)
+    row = rows[-1] if rows else -1
+    while row >= 0:
+        kept[row], row = True, before[row]
+    return kept
 
 
 def read_timed_table(file: Path, columns: Sequence[str]) -> tuple[F64, F64]:

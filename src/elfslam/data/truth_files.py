@@ -12,6 +12,7 @@ from elfslam.data.tum import write_tum
 
 POSES = "truth.tum"
 WAYPOINTS = "waypoints.csv"
+TRUTH_FILES = (POSES, WAYPOINTS)
 
 
 def write_truth(truth: Truth, folder: Path) -> None:

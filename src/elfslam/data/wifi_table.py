@@ -12,7 +12,6 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import WifiScans
-from elfslam.data.tables import read_lines
 
 HEADER = ("t_s", "bssid", "rssi_dbm", "frequency_mhz", "age_s")
 
@@ -31,7 +30,13 @@ def scans_from_rows(
 
 
 def write_wifi(wifi: WifiScans, file: Path) -> None:
-    """The CSV of a recording; the frequency is left empty, a WifiScans does not hold it."""
+    """The CSV of a recording; the frequency is left empty, a WifiScans does not hold it.
+
+    Raises InputError for a name with a carriage return, which would not be read back.
+    """
+    broken = [bssid for bssid in wifi.bssids if "\r" in bssid]
+    if broken:
+        raise InputError(f"{file}: bssid {broken[0]!r:.60} holds a carriage return; rename it")
     with file.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(HEADER)
@@ -43,8 +48,7 @@ def write_wifi(wifi: WifiScans, file: Path) -> None:
 
 def read_wifi(file: Path) -> WifiScans:
     """The scans of a recording. Raises InputError naming file and row."""
-    lines = read_lines(file)
-    rows = [line.split(",") for line in lines]
+    rows = _read_rows(file)
     header = [name.strip() for name in rows[0]]
     missing = [name for name in HEADER if name not in header and name != "frequency_mhz"]
     if missing:
@@ -58,6 +62,20 @@ def read_wifi(file: Path) -> WifiScans:
     rssi_dbm = _numbers(file, columns["rssi_dbm"])
     age_s = _numbers(file, columns["age_s"], empty=math.nan)
     return scans_from_rows(t_s.tolist(), columns["bssid"], rssi_dbm.tolist(), age_s.tolist())
+
+
+def _read_rows(file: Path) -> list[list[str]]:
+    """Cells by row; a name in quotes may hold commas, quotes and line breaks."""
+    try:
+        with file.open(newline="", encoding="utf-8-sig") as stream:
+            rows = list(csv.reader(stream, strict=True))
+    except (OSError, UnicodeDecodeError, csv.Error) as cause:
+        raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
+    while rows and len(rows[-1]) < 2 and not "".join(rows[-1]).strip():
+        rows.pop()
+    if not rows:
+        raise InputError(f"{file}: is empty; delete it if there is nothing to say")
+    return rows
 
 
 def _check_cell_counts(file: Path, rows: Iterable[Sequence[str]], wanted: int) -> None:

@@ -23,21 +23,33 @@ class ChirpParameters:
     """What is played (paper section 3, excitation signal)."""
 
     kind: str = parameter("chirp", "", "excitation: chirp (logarithmic), tone or fhss")
-    band_low_hz: float = parameter(15_000.0, "Hz", "lower end of the band", low=1_000.0)
-    band_high_hz: float = parameter(20_000.0, "Hz", "upper end of the band", high=22_000.0)
+    band_low_hz: float = parameter(
+        15_000.0, "Hz", "lower end of the band", low=1_000.0, high=21_000.0
+    )
+    band_high_hz: float = parameter(
+        20_000.0, "Hz", "upper end of the band", low=2_000.0, high=22_000.0
+    )
     duration_s: float = parameter(0.010, "s", "length of one excitation", low=0.001, high=0.05)
-    period_s: float = parameter(0.100, "s", "time from one excitation to the next", low=0.08)
+    period_s: float = parameter(
+        0.100, "s", "time from one excitation to the next", low=0.08, high=1.0
+    )
     fade_s: float = parameter(
-        0.001, "s", "raised-cosine fade at both ends, against clicks", low=0.0
+        0.001, "s", "raised-cosine fade at both ends, against clicks", low=0.0, high=0.025
     )
 
 
 def make_chirp(parameters: ChirpParameters, rate_hz: int) -> Chirp:
     """One excitation at `rate_hz`, peak amplitude 1.
 
-    Raises InputError for a rate other than 44.1 or 48 kHz, ParameterError for an unknown kind.
+    Raises InputError for a rate other than 44.1 or 48 kHz, ParameterError for an unknown kind
+    or for parameters that contradict each other.
     """
     check_rate(rate_hz)
+    if 2 * parameters.fade_s > parameters.duration_s:
+        raise ParameterError(
+            f"chirp.fade_s: wanted at most half of duration_s ({parameters.duration_s:g} s), "
+            f"got {parameters.fade_s:g}; set both"
+        )
     if not 0 < parameters.band_low_hz < parameters.band_high_hz:
         raise ParameterError(
             f"chirp.band_high_hz: wanted more than band_low_hz ({parameters.band_low_hz:g}), "

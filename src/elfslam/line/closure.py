@@ -16,6 +16,7 @@ from sklearn.cluster import DBSCAN
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
 from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.errors import ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Odometry, Similarity
 
@@ -31,22 +32,36 @@ class ClosureParameters:
     threshold: float = parameter(
         0.4, "", "similarity from which a pair is a candidate", low=-1.0, high=1.0
     )
-    near_footsteps: int = parameter(12, "footsteps", "neighbours in time are not closures", low=1)
-    slice_footsteps: int = parameter(16, "footsteps", "width of a slice of the matrix", low=4)
-    cluster_radius: float = parameter(2.0, "footsteps", "DBSCAN neighbourhood", low=0.5)
-    cluster_points: int = parameter(5, "", "DBSCAN: candidates that make a core point", low=1)
+    near_footsteps: int = parameter(
+        12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
+    )
+    slice_footsteps: int = parameter(
+        16, "footsteps", "width of a slice of the matrix", low=4, high=256
+    )
+    cluster_radius: float = parameter(2.0, "footsteps", "DBSCAN neighbourhood", low=0.5, high=8.0)
+    cluster_points: int = parameter(
+        5, "", "DBSCAN: candidates that make a core point", low=1, high=1_000
+    )
     line_distance: float = parameter(
-        1.2, "footsteps", "RANSAC: farthest inlier from the line", low=0.1
+        1.2, "footsteps", "RANSAC: farthest inlier from the line", low=0.1, high=50.0
     )
-    line_points: int = parameter(6, "", "fewest inliers of a line", low=2)
-    line_length: int = parameter(5, "footsteps", "fewest footsteps a line must span", low=2)
+    line_points: int = parameter(6, "", "fewest inliers of a line", low=2, high=1_000)
+    line_length: int = parameter(
+        5, "footsteps", "fewest footsteps a line must span", low=2, high=1_000
+    )
     slope_low: float = parameter(
-        0.6, "", "least slope of a line: pace of one pass over the other", low=0.0
+        0.6, "", "least slope of a line: pace of one pass over the other", low=0.0, high=10.0
     )
-    slope_high: float = parameter(1.6, "", "greatest slope of a line", low=0.1)
-    along_sigma_m: float = parameter(0.18, "m", "error of a closure along the walk", low=0.01)
-    across_sigma_m: float = parameter(0.18, "m", "error of a closure across the walk", low=0.01)
-    heading_sigma_rad: float = parameter(0.18, "rad", "error of a closure's heading", low=0.01)
+    slope_high: float = parameter(1.6, "", "greatest slope of a line", low=0.1, high=10.0)
+    along_sigma_m: float = parameter(
+        0.18, "m", "error of a closure along the walk", low=0.01, high=100.0
+    )
+    across_sigma_m: float = parameter(
+        0.18, "m", "error of a closure across the walk", low=0.01, high=100.0
+    )
+    heading_sigma_rad: float = parameter(
+        0.18, "rad", "error of a closure's heading", low=0.01, high=3.14
+    )
 
 
 @dataclass(frozen=True)
@@ -62,7 +77,11 @@ class Curated:
 def find_closures(
     similarity: Similarity, nodes: Odometry, parameters: ClosureParameters
 ) -> Closures:
-    """Pairs of footsteps at the same place, with the relative pose that each implies."""
+    """Pairs of footsteps at the same place, with the relative pose that each implies.
+
+    Raises ParameterError where two parameters contradict each other.
+    """
+    check_closure(parameters)
     curated = curate(similarity.scores, parameters)
     rows = _one_per_line(curated, similarity.scores)
     i, j = curated.i[rows], curated.j[rows]
@@ -76,6 +95,20 @@ def find_closures(
     covariance = np.tile(np.diag(np.square(sigma)), (len(i), 1, 1))
     score = similarity.scores[i, j].astype(np.float64)
     return Closures(i, j, score, i_from_j, covariance)
+
+
+def check_closure(parameters: ClosureParameters) -> None:
+    """Refuse parameters with which no line could ever be found."""
+    if parameters.slope_low >= parameters.slope_high:
+        raise ParameterError(
+            f"closure.slope_low: wanted less than slope_high ({parameters.slope_high:g}), "
+            f"got {parameters.slope_low:g}; set both"
+        )
+    if parameters.line_length > parameters.slice_footsteps:
+        raise ParameterError(
+            f"closure.line_length: wanted at most slice_footsteps ({parameters.slice_footsteps}), "
+            f"got {parameters.line_length}; set both"
+        )
 
 
 def curate(scores: F32, parameters: ClosureParameters) -> Curated:
@@ -132,6 +165,8 @@ def _line(points: I64, parameters: ClosureParameters) -> F64:
 def _inliers(points: I64, inlier: Bool, parameters: ClosureParameters) -> F64:
     """What lies near the best line through the inliers: RANSAC's own is drawn through two only."""
     i, j = points.T.astype(float)
+    if np.ptp(i[inlier]) == 0:
+        return np.zeros((0, 4))
     for share in GATHERED_WITHIN:
         slope, offset = np.polyfit(i[inlier], j[inlier], 1)
         line_j = slope * i + offset

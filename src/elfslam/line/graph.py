@@ -6,15 +6,20 @@ to believe, while the dead reckoning is always believed as far as its sigmas go.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 
 import gtsam
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import between
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
+
+LEAST_SIGMA = 1e-9
 
 
 @dataclass(frozen=True)
@@ -25,12 +30,20 @@ class GraphParameters:
     inlier_probability: float = parameter(
         0.99, "", "closures with a residual beyond this quantile are outliers", low=0.5, high=0.9999
     )
-    anchor_sigma: float = parameter(1e-3, "m, rad", "sigma of the start pose", low=1e-9)
-    iterations: int = parameter(100, "", "most iterations of the solver", low=1)
+    anchor_sigma: float = parameter(1e-3, "m, rad", "sigma of the start pose", low=1e-6, high=10.0)
+    iterations: int = parameter(100, "", "most iterations of the solver", low=1, high=10_000)
 
 
 def build_graph(nodes: Odometry, closures: Closures) -> PoseGraph:
-    """One pose per footstep, an edge per step and an edge per closure."""
+    """One pose per footstep, an edge per step and an edge per closure.
+
+    Raises InputError where a step claims to have no error: nothing could correct it.
+    """
+    if (nodes.step_sigma < LEAST_SIGMA).any():
+        raise InputError(
+            f"odometry: wanted sigmas of at least {LEAST_SIGMA:g}, got {nodes.step_sigma.min():g}; "
+            "state how far each move can be off"
+        )
     poses = nodes.world_from_body
     count = len(poses) - 1
     steps = np.column_stack([np.arange(count), np.arange(1, count + 1)])
@@ -49,17 +62,35 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
     """The trajectory that agrees best with all edges, with a covariance per pose.
 
     The first pose stays where it is. Without closures the dead reckoning comes back as it was.
+    Raises NoAnswerError where the solver finds no trajectory: the edges are degenerate.
     """
-    problem, initial = _as_gtsam(graph, parameters)
-    near, weights = initial, np.ones(int(graph.is_closure.sum()))
-    if parameters.robust and len(weights):
-        near, weights = _choose_closures(problem, initial, graph, parameters)
-    kept = _without_rejected(problem, graph, weights)
-    solved = _solve(kept, near, parameters)
-    covariance = _marginals(kept, solved, len(graph.initial))
-    poses = np.array([_pose(solved.atPose2(k)) for k in range(len(graph.initial))])
+    with _solving(graph):
+        problem, initial = _as_gtsam(graph, parameters)
+        near, weights = initial, np.ones(int(graph.is_closure.sum()))
+        if parameters.robust and len(weights):
+            near, weights = _choose_closures(problem, initial, graph, parameters)
+        kept = _without_rejected(problem, graph, weights)
+        solved = _solve(kept, near, parameters)
+        covariance = _marginals(kept, solved, len(graph.initial))
+        poses = np.array([_pose(solved.atPose2(k)) for k in range(len(graph.initial))])
+        if not (np.isfinite(poses).all() and np.isfinite(covariance).all()):
+            raise RuntimeError("the result is not finite")
     status = "OK" if (weights > 0.5).any() else "NO_CLOSURES"
     return Trajectory(t_s, poses, covariance, weights, status)
+
+
+@contextmanager
+def _solving(graph: PoseGraph) -> Iterator[None]:
+    """One line for whatever GTSAM says; a numerical failure comes as a RuntimeError."""
+    try:
+        yield
+    except (RuntimeError, ValueError) as cause:
+        said = str(cause).strip().split("\n")[0].split(" while")[0].strip(" .:")
+        span_m = float(np.ptp(graph.initial[:, :2], axis=0).max())
+        raise NoAnswerError(
+            f"pose graph: no trajectory for {len(graph.initial)} poses over {span_m:.3g} m "
+            f"({said}); check the units of the odometry, and the sigmas of motion and closure"
+        ) from cause
 
 
 def _as_gtsam(

@@ -7,28 +7,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
+
+SHORTEST_PERIOD_S = 0.08
+"""Echoes never come faster."""
 
 
 @dataclass(frozen=True)
 class LocateParameters:
     """How much sound makes a fix, and when none is given."""
 
-    window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1)
-    fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1)
+    window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
+    fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
     unknown_below: float = parameter(
         0.5, "", "best ESS below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
-    temperature: float = parameter(0.05, "", "how fast belief falls with ESS", low=1e-3)
+    temperature: float = parameter(0.05, "", "how fast belief falls with ESS", low=1e-3, high=10.0)
     near_m: float = parameter(
-        1.0, "m", "spots this close to the best count as the same place", low=0.05
+        1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0
     )
     ambiguous_below: float = parameter(
         0.75, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
     )
-    sigma_floor_m: float = parameter(0.10, "m", "least error of a fix per axis", low=0.0)
+    sigma_floor_m: float = parameter(
+        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
+    )
 
 
 def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
@@ -36,8 +41,13 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
 
     Belief over the spots falls exponentially with their ESS; the fix is its mean near the best
     spot and the covariance its spread there, plus the spot's own. Raises InputError where the map
-    was made with another encoder.
+    was made with another encoder, ParameterError where no window can hold enough echoes.
     """
+    if (parameters.fewest_echoes - 1) * SHORTEST_PERIOD_S > parameters.window_s:
+        raise ParameterError(
+            f"locate.fewest_echoes: wanted no more than {parameters.window_s:g} s (window_s) hold, "
+            f"got {parameters.fewest_echoes}; set both"
+        )
     payload = elf_payload(floor_map, features.encoder)
     if len(payload.vectors) == 0 or payload.vectors.shape[1] != features.vectors.shape[1]:
         raise InputError(

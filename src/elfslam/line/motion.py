@@ -14,7 +14,7 @@ from scipy import ndimage, signal
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64, I64, Bool
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.geometry import chain
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Imu, Odometry
@@ -27,14 +27,20 @@ class MotionParameters:
     """How steps are found, measured and turned, and how far each is trusted."""
 
     node_spacing_m: float = parameter(
-        0.5, "m", "distance between nodes where the device brings odometry", low=0.05
+        0.5, "m", "distance between nodes where the device brings odometry", low=0.05, high=100.0
     )
-    least_rate_hz: float = parameter(20.0, "Hz", "slower inertial sensors are refused", low=10.0)
-    least_duration_s: float = parameter(2.0, "s", "shorter recordings are refused", low=1.0)
+    least_rate_hz: float = parameter(
+        20.0, "Hz", "slower inertial sensors are refused", low=12.0, high=1e4
+    )
+    least_duration_s: float = parameter(
+        2.0, "s", "shorter recordings are refused", low=1.0, high=3600.0
+    )
     longest_gap_s: float = parameter(
-        0.5, "s", "recordings with a longer interruption are refused", low=0.01
+        0.5, "s", "recordings with a longer interruption are refused", low=0.01, high=60.0
     )
-    least_footsteps: int = parameter(4, "", "walks with fewer footsteps are refused", low=2)
+    least_footsteps: int = parameter(
+        4, "", "walks with fewer footsteps are refused", low=2, high=100_000
+    )
     gravity_cutoff_hz: float = parameter(
         0.1, "Hz", "low-pass that keeps gravity", low=0.005, high=0.5
     )
@@ -48,50 +54,60 @@ class MotionParameters:
         0.3, "s", "footsteps are never closer in time", low=0.1, high=0.6
     )
     least_bounce_mps2: float = parameter(
-        1.0, "m/s2", "smallest rise of the vertical acceleration in a step", low=0.0
+        1.0, "m/s2", "smallest rise of the vertical acceleration in a step", low=0.0, high=50.0
     )
     relative_bounce: float = parameter(
         0.4, "", "rise wanted, relative to the steps around", low=0.0, high=1.0
     )
-    bounce_window_s: float = parameter(4.0, "s", "span over which the bounce is averaged", low=0.5)
+    bounce_window_s: float = parameter(
+        4.0, "s", "span over which the bounce is averaged", low=0.5, high=60.0
+    )
     step_length_m: float = parameter(
         0.69, "m", "step length at the typical cadence and bounce", low=0.1, high=1.5
     )
     # The calibration walks say nothing of cadence: their quick steps are shuffling, short ones.
     length_per_cadence_m_s: float = parameter(
-        0.0, "m s", "growth of the step length with cadence (m per step/s)"
+        0.0, "m s", "growth of the step length with cadence (m per step/s)", low=-2.0, high=2.0
     )
     length_per_root_bounce: float = parameter(
-        0.15, "m / sqrt(m/s2)", "growth of the step length with root bounce"
+        0.15, "m / sqrt(m/s2)", "growth of the step length with root bounce", low=-2.0, high=2.0
     )
     typical_cadence_hz: float = parameter(
         1.8, "Hz", "cadence at which step_length_m holds", low=0.5, high=4.0
     )
     typical_bounce_mps2: float = parameter(
-        3.0, "m/s2", "bounce (rms) at which step_length_m holds", low=0.0
+        3.0, "m/s2", "bounce (rms) at which step_length_m holds", low=0.0, high=50.0
     )
-    shortest_step_m: float = parameter(0.3, "m", "estimated steps are never shorter", low=0.05)
-    longest_step_m: float = parameter(1.2, "m", "estimated steps are never longer", low=0.3)
+    shortest_step_m: float = parameter(
+        0.3, "m", "estimated steps are never shorter", low=0.05, high=2.0
+    )
+    longest_step_m: float = parameter(
+        1.2, "m", "estimated steps are never longer", low=0.3, high=3.0
+    )
     heading_window_s: float = parameter(
-        1.0, "s", "heading is averaged over a stride to remove body sway", low=0.0
+        1.0, "s", "heading is averaged over a stride to remove body sway", low=0.0, high=30.0
     )
     still_accel_mps2: float = parameter(
-        0.15, "m/s2", "standing still: largest deviation of the acceleration", low=0.0
+        0.15, "m/s2", "standing still: largest deviation of the acceleration", low=0.0, high=10.0
     )
     still_gyro_radps: float = parameter(
-        0.06, "rad/s", "standing still: largest rate of turn", low=0.0
+        0.06, "rad/s", "standing still: largest rate of turn", low=0.0, high=10.0
     )
     still_s: float = parameter(
-        2.0, "s", "standing still: shortest stretch that gives the gyroscope bias", low=0.2
+        2.0,
+        "s",
+        "standing still: shortest stretch that gives the gyroscope bias",
+        low=0.2,
+        high=30.0,
     )
     forward_sigma: float = parameter(
-        0.4, "", "step length error of one step, relative to it", low=0.0
+        0.4, "", "step length error of one step, relative to it", low=1e-3, high=10.0
     )
     lateral_sigma: float = parameter(
-        0.1, "", "sideways error of one step, relative to its length", low=0.0
+        0.1, "", "sideways error of one step, relative to its length", low=1e-3, high=10.0
     )
     heading_sigma_rad: float = parameter(
-        0.015, "rad", "heading error gathered in one step", low=0.0
+        0.015, "rad", "heading error gathered in one step", low=1e-4, high=3.14
     )
 
 
@@ -101,8 +117,9 @@ def dead_reckon(
     """One node per footstep, the first at `start_pose` or the origin, with the sigma of each move.
 
     Raises InputError where the recording is too short, too slow, interrupted, or holds too few
-    footsteps.
+    footsteps, ParameterError where two parameters contradict each other.
     """
+    check_motion(parameters)
     footsteps_t_s = find_footsteps(imu, parameters)
     if len(footsteps_t_s) < parameters.least_footsteps:
         raise InputError(
@@ -220,6 +237,15 @@ def check_imu(imu: Imu, parameters: MotionParameters) -> None:
         raise InputError(
             f"inertial data: got {_rate_hz(imu.t_s):.1f} samples/s, wanted at least "
             f"{parameters.least_rate_hz:g}; choose a faster sensor rate"
+        )
+
+
+def check_motion(parameters: MotionParameters) -> None:
+    """Refuse parameters that contradict each other."""
+    if parameters.shortest_step_m > parameters.longest_step_m:
+        raise ParameterError(
+            f"motion.shortest_step_m: wanted at most longest_step_m "
+            f"({parameters.longest_step_m:g}), got {parameters.shortest_step_m:g}; set both"
         )
 
 

@@ -107,9 +107,18 @@ def steps_figure(odometry: Odometry, echoes: Echoes | None) -> go.Figure:
     styled(figure)
     figure.update_layout(showlegend=False)
     figure.update_xaxes(title_text="time (s)", row=2, col=1)
-    for start_s, lost_s in [] if echoes is None else echoes.losses_s:
-        figure.add_vrect(x0=start_s, x1=start_s + lost_s, fillcolor=GAP, line={"width": 0})
+    figure.update_layout(shapes=[] if echoes is None else _gaps(echoes.losses_s))
     return figure
+
+
+def _gaps(losses_s: F64) -> list[dict[str, object]]:
+    """A shape for each loss (n, 2), over the full height.
+
+    They are handed over as one list: plotly's add_vrect copies those already there each time.
+    """
+    look = {"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "fillcolor": GAP}
+    spans = np.column_stack([losses_s[:, 0], losses_s.sum(axis=1)]).tolist()
+    return [{**look, "x0": start_s, "x1": end_s, "line": {"width": 0}} for start_s, end_s in spans]
 
 
 def heading_figure(odometry: Odometry, trajectory: Trajectory) -> go.Figure:

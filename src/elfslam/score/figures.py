@@ -28,6 +28,8 @@ WALKS = [SLAM, DEAD_RECKONING, CLOSURE, RIGHT, "#4a7fd1", "#c2569b", "#a58a2c", 
 
 GRID = "rgba(127,127,127,0.18)"
 LINES_AT_MOST = 3000
+LIFT = 0.9
+DEPTH = 0.3, 0.35
 ELLIPSES_AT_MOST = 40
 ELLIPSE_CORNERS = 25
 REJECTED = "rejected"
@@ -73,6 +75,25 @@ def plan(traces: Sequence[go.Scatter], *, height_px: int = 620) -> go.Figure:
     figure = styled(go.Figure(list(traces)), height_px=height_px)
     figure.update_xaxes(title_text="x (m)")
     figure.update_yaxes(title_text="y (m)", scaleanchor="x", scaleratio=1)
+    return figure
+
+
+def lifted(xy_m: F64, t_s: F64) -> F64:
+    """A walk (n, 2) seen from the side, raised by time: its rounds come to lie above each other.
+
+    An oblique view: depth goes up and to the right, the end stands LIFT widths above the start.
+    """
+    across, depth = xy_m.T
+    width = float(np.max(np.ptp(xy_m, axis=0), initial=0.0))
+    height = LIFT * width * (t_s - t_s[0]) / (t_s[-1] - t_s[0])
+    return np.column_stack([across + DEPTH[0] * depth, DEPTH[1] * depth + height])
+
+
+def lifted_plan(traces: Sequence[go.Scatter], *, height_px: int = 620) -> go.Figure:
+    """A view of lifted walks: no axes and no common scale, since height is time there."""
+    figure = styled(go.Figure(list(traces)), height_px=height_px)
+    figure.update_xaxes(visible=False)
+    figure.update_yaxes(visible=False)
     return figure
 
 
@@ -130,7 +151,8 @@ def closure_traces(xy_m: F64, closures: Closures, weights: F64) -> list[go.Scatt
         if chosen.any():
             name = f"closures, {word} ({int(chosen.sum())})"
             strength = WEIGHT_STRENGTH[word]
-            traces.append(_links(xy_m, closures, chosen, name, CLOSURE, strength))
+            trace = _links(xy_m, closures, chosen, name, CLOSURE, strength)
+            traces.append(trace.update(mode="lines+markers", marker={"size": 3, "color": CLOSURE}))
     return traces
 
 

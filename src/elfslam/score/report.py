@@ -48,6 +48,7 @@ def write_report(
         panels=[
             _walk_panel(run, floor_plan, truth),
             *judged,
+            _rounds_panel(run),
             *_evidence_panels(run, parameters),
             Panel("Facts", facts_table(_facts(run, facts))),
         ],
@@ -104,6 +105,7 @@ def write_map_page(path: Path, floor_map: FloorMap) -> None:
 
 
 WALK_NOTE = "Circle: start. Square: end. Ellipses: 1-sigma. A thin line joins the two visits."
+ROUNDS_NOTE = "From the side, raised by time. A thin line joins two visits that sound alike."
 FIX_NOTE = "In the frame of the map. Fixes without a position are counted above, not drawn."
 
 
@@ -111,10 +113,7 @@ def _walk_panel(run: Run, floor_plan: FloorPlan | None, truth: Truth | None) -> 
     placed = {name: _placed(t_s, poses, truth) for name, (t_s, poses) in methods(run).items()}
     where, poses = placed["SLAM"]
     traces = figures.floor_traces(floor_plan)
-    if truth is None:
-        weights = run.trajectory.closure_weights
-        traces += figures.closure_traces(poses[:, :2], run.closures, weights)
-    else:
+    if truth is not None:
         score = score_closures(run.closures, run.trajectory.t_s, truth)
         known = np.isfinite(score.distance_m)
         kept = run.trajectory.closure_weights > 0.5
@@ -128,8 +127,20 @@ def _walk_panel(run: Run, floor_plan: FloorPlan | None, truth: Truth | None) -> 
     covariance = _turned(run.trajectory.covariance[:, :2, :2], where)
     traces.append(figures.ellipse_trace(poses[:, :2], covariance, figures.SLAM))
     traces += figures.walk_traces(poses[:, :2], "SLAM", figures.SLAM)
+    if truth is None:
+        weights = run.trajectory.closure_weights
+        traces += figures.closure_traces(poses[:, :2], run.closures, weights)
     note = WALK_NOTE if truth is None else WALK_NOTE + " Both walks are aligned onto the truth."
     return Panel("The walk from above", figures.plan(traces), note, wide=True)
+
+
+def _rounds_panel(run: Run) -> Panel:
+    """What closes where: from above the two visits of a closure lie on one another."""
+    walk = run.trajectory
+    raised = figures.lifted(walk.world_from_body[:, :2], walk.t_s)
+    traces = figures.closure_traces(raised, run.closures, walk.closure_weights)
+    traces += figures.walk_traces(raised, "SLAM", figures.SLAM)
+    return Panel("The walk through time", figures.lifted_plan(traces), ROUNDS_NOTE, wide=True)
 
 
 def _truth_traces(fixes: Fixes, truth: Truth, map_from_world: F64) -> list[go.Scatter]:

@@ -14,8 +14,8 @@ from elfslam.base.values import Fixes, FixStatus, Recording, Truth
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.folders import refuse_occupied
 from elfslam.data.recordings import write_recording
-from elfslam.data.runs import write_run
 from elfslam.line.feature import Encoder, OnnxEncoder
+from elfslam.mapping import write_reported_run
 from elfslam.score.bootstrap import interval
 from elfslam.score.errors import (
     Alignment,
@@ -147,8 +147,7 @@ def _write_example(
     plan = floor_plan(world.room)
     write_recording(walk[0], out / "walk", truth=walk[1])
     write_recording(stranger[0], out / "stranger", truth=stranger[1])
-    write_run(run, out / "run", facts=facts, encoder=encoder)
-    write_report(out / "run" / "report.html", run, facts=facts)
+    write_reported_run(run, out / "run", facts=facts, encoder=encoder)
     write_report(out / "score.html", run, facts=facts, floor_plan=plan, truth=walk[1])
     write_fixes(fixes, out / "fixes.csv")
     assert run.floor_map is not None

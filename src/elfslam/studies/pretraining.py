@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 
 import numpy as np
 
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.export import export_encoder
 from elfslam.learn.pretrain import Progress, pretrain
@@ -25,9 +27,9 @@ def pretrain_on_simulated_echoes(
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
     The checkpoint lies beside `out` until the training is done, so that a killed run goes on.
+    Raises StoreError or ParameterError before anything is made.
     """
-    if out.is_dir():
-        raise StoreError(f"{out}: is a folder; name a file such as {out / 'compact.onnx'}")
+    _check(out, parameters)
     losses: list[float] = []
 
     def batch(step: int) -> EchoPairs:
@@ -38,9 +40,35 @@ def pretrain_on_simulated_echoes(
         share = progress.step / parameters.steps
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
-    out.parent.mkdir(parents=True, exist_ok=True)
     checkpoint = out.with_suffix(".checkpoint")
-    network = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
-    export_encoder(network, out)
-    checkpoint.unlink(missing_ok=True)
+    with _folder_of(out):
+        network = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
+        export_encoder(network, out)
+        checkpoint.unlink(missing_ok=True)
     return float(np.mean(losses[-max(len(losses) // 10, 1) :])) if losses else float("nan")
+
+
+def _check(out: Path, parameters: PretrainParameters) -> None:
+    if out.is_dir():
+        raise StoreError(f"{out}: is a folder; name a file such as {out / 'compact.onnx'}")
+    if out.suffix != ".onnx":
+        raise StoreError(f"{out}: wanted a name that ends in .onnx; rename it")
+    if parameters.pairs % parameters.rooms:
+        raise ParameterError(
+            f"pretrain.pairs: wanted a multiple of pretrain.rooms ({parameters.rooms}), "
+            f"got {parameters.pairs}; change one"
+        )
+
+
+@contextmanager
+def _folder_of(file: Path) -> Iterator[None]:
+    """A folder for `file` that can be written; what was made for it and stays empty goes again."""
+    missing = [folder for folder in file.parents if not folder.exists()]
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        TemporaryFile(dir=file.parent).close()  # fails now, not after an hour
+        yield
+    finally:
+        for folder in missing:
+            with suppress(OSError):
+                folder.rmdir()

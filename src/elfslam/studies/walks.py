@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.errors import InputError
+from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.values import Truth
 from elfslam.data.runs import read_run
 from elfslam.score.bootstrap import interval
@@ -19,31 +19,49 @@ FEWEST_WAYPOINTS = 3
 """With two waypoints a rigid alignment is nearly free."""
 
 
-def score_walks(runs: Path, truths: Path) -> list[Row]:
-    """A row per method and measure: the median over the walks and its 95 % interval, by resampling.
+def score_walks(runs: Path, truths: Path) -> tuple[list[Row], dict[str, str]]:
+    """Errors of all walks, and by name why a walk was left out.
 
-    A walk counts where its truth has at least three waypoints; the others are counted apart. SLAM
-    has a row only where some walk closed a loop.
+    A row per method and measure: the median over the walks and its 95 % interval, by resampling.
+    A walk counts where run and truth can be read and the truth has at least three waypoints. SLAM
+    has a row only where some walk closed a loop. Raises InputError where no walk counts.
     """
     folders = sorted(item.parent for item in runs.glob("*/run.json"))
     if not folders:
         raise InputError(f"{runs}: holds no run; map the recordings first")
     collected: dict[str, list[dict[str, float]]] = {}
+    left_out: dict[str, str] = {}
     for folder in folders:
-        truth = read_truth(truths / folder.name)
-        if len(truth.t_s) < FEWEST_WAYPOINTS:
+        try:
+            measured = _measured(folder, truths / folder.name)
+        except ElfslamError as error:
+            left_out[folder.name] = str(error)
             continue
-        run = read_run(folder)
-        known = methods(run)
-        if run.trajectory.status != "OK":
-            known.pop("SLAM")
-        for method, (t_s, poses) in known.items():
-            collected.setdefault(method, []).append(_measure(t_s, poses, truth))
-    return [
+        for method, measures in measured.items():
+            collected.setdefault(method, []).append(measures)
+    if not collected:
+        name, reason = next(iter(left_out.items()))
+        raise InputError(f"{runs}: none of {len(folders)} runs can be scored; {name}: {reason}")
+    rows = [
         _row(method, measure, [each[measure] for each in measures], len(folders))
         for method, measures in collected.items()
         for measure in measures[0]
     ]
+    return rows, left_out
+
+
+def _measured(folder: Path, truth_path: Path) -> dict[str, dict[str, float]]:
+    """The measures of one run, by method. Raises ElfslamError where it cannot be scored."""
+    truth = read_truth(truth_path)
+    if len(truth.t_s) < FEWEST_WAYPOINTS:
+        raise InputError(
+            f"{truth_path}: its truth has {len(truth.t_s)} positions, wanted {FEWEST_WAYPOINTS}"
+        )
+    run = read_run(folder)
+    known = methods(run)
+    if run.trajectory.status != "OK":
+        known.pop("SLAM")
+    return {method: _measure(t_s, poses, truth) for method, (t_s, poses) in known.items()}
 
 
 def _measure(t_s: np.ndarray, poses: np.ndarray, truth: Truth) -> dict[str, float]:

@@ -1,0 +1,76 @@
+"""A recording becomes a run on disk: with its report or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from elfslam import mapping
+from elfslam.base.errors import StoreError
+from elfslam.data.recordings import write_recording
+from elfslam.mapping import MapJob, Modality, Settings, map_into, map_many
+from elfslam.world.simulate import load_world, simulate
+
+JOB = MapJob(Modality.MOTION, None, "spectral", Settings(), overwrite=False)
+AGAIN = MapJob(Modality.MOTION, None, "spectral", Settings(), overwrite=True)
+
+
+def silent(what: str, share: float | None) -> None:
+    """Announce nothing."""
+
+
+@pytest.fixture(scope="module")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("recordings") / "walk"
+    write_recording(simulate(load_world("studio"), 111, rounds=1)[0], folder)
+    return folder
+
+
+def fail(*arguments: object, **named: object) -> None:
+    raise RuntimeError("planted")
+
+
+def test_a_run_never_lies_there_without_its_report(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr(mapping, "write_report", fail)
+        with pytest.raises(RuntimeError, match="planted"):
+            map_into(tmp_path / "run", walk, JOB, silent)
+    assert list(tmp_path.iterdir()) == []
+    run = map_into(tmp_path / "run", walk, JOB, silent)
+    assert run.similarity.kind == "motion"
+    assert (tmp_path / "run" / "report.html").is_file()
+    assert [item.name for item in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_replacement_that_fails_keeps_the_older_run(
+    walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    map_into(tmp_path / "run", walk, JOB, silent)
+    (tmp_path / "run" / "score.html").write_text("of the older run")
+    monkeypatch.setattr(mapping, "write_report", fail)
+    with pytest.raises(RuntimeError, match="planted"):
+        map_into(tmp_path / "run", walk, AGAIN, silent)
+    assert (tmp_path / "run" / "score.html").exists()
+    monkeypatch.undo()
+    map_into(tmp_path / "run", walk, AGAIN, silent)
+    assert not (tmp_path / "run" / "score.html").exists()
+    with pytest.raises(StoreError, match="already exists"):
+        map_into(tmp_path / "run", walk, JOB, silent)
+
+
+def test_of_many_each_gets_its_run_and_none_a_report(walk: Path, tmp_path: Path) -> None:
+    refused = map_many(tmp_path, [walk, tmp_path / "none"], JOB, silent)
+    assert list(refused) == ["none"]
+    assert (tmp_path / "walk" / "run.json").is_file()
+    assert not (tmp_path / "walk" / "report.html").exists()
+
+
+def test_one_folder_that_is_taken_stops_many_before_the_first(walk: Path, tmp_path: Path) -> None:
+    (tmp_path / "z").mkdir()
+    (tmp_path / "z" / "thesis.txt").write_text("mine")
+    with pytest.raises(StoreError, match="already exists"):
+        map_many(tmp_path, [walk, walk.parent / "z"], JOB, silent)
+    assert [item.name for item in tmp_path.iterdir()] == ["z"]
