@@ -22,28 +22,30 @@ from elfslam.base.values import Recording
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.feature import load_encoder
 from elfslam.slam import Parameters, Run, map_by_echoes
-from elfslam.world.acoustics import image_sources, render_frames, room_responses
-from elfslam.world.device import named_device
+from elfslam.world.device import built_in_device
+from elfslam.world.phone import poses_at, render_frames, room_responses
 from elfslam.world.room import Room
+from elfslam.world.scene import scene_of
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 
 WALL_MARGIN_M = 0.5
+PHONE_HEIGHT_M = 1.2
 
 
 def synthesis(room: Room, echoes: int) -> Callable[[], F32]:
-    """Something that renders `echoes` frames at random places of the room when called."""
+    """Something that renders `echoes` frames at random free places of the room when called."""
     generator = np.random.default_rng(0)
-    chirp, device = make_chirp(ChirpParameters(), 44_100), named_device("benchmark")
-    images = image_sources(room)
-    xy_m = generator.uniform(WALL_MARGIN_M, room.size_m[:2] - WALL_MARGIN_M, (echoes, 2))
-    position_m = np.column_stack([xy_m, np.full(echoes, 1.2)])
-    yaw_rad, pitch_rad = generator.uniform(-np.pi, np.pi, echoes), np.full(echoes, 0.4)
-    body_m = np.full(echoes, 0.35)
+    chirp, device = make_chirp(ChirpParameters(), 44_100), built_in_device("simulated phone")
+    scene = scene_of(room)
+    xy_m = room.corner_m + generator.uniform(0.0, 1.0, (20 * echoes, 2)) * room.size_m[:2]
+    xy_m = xy_m[room.is_free(xy_m, PHONE_HEIGHT_M, WALL_MARGIN_M)][:echoes]
+    position_m = np.column_stack([xy_m, np.full(echoes, PHONE_HEIGHT_M)])
+    yaw_rad = generator.uniform(-np.pi, np.pi, echoes)
+    poses = poses_at(position_m, yaw_rad, np.full(echoes, 0.4))
 
     def render() -> F32:
-        responses = room_responses(room, images, device, position_m, yaw_rad, pitch_rad, body_m)
-        return render_frames(responses, chirp, device)
+        return render_frames(room_responses(scene, device, poses), chirp, device)
 
     return render
 
@@ -91,8 +93,7 @@ def main() -> None:
     given = parser.parse_args()
     room = load_world(given.world).room
     per_s = given.echoes / best_processor_s(synthesis(room, given.echoes))
-    paths = len(image_sources(room).gain) + len(room.scatterers_m)
-    print(f"{given.world}: {paths} paths an echo, {per_s:,.0f} echoes per second and core")
+    print(f"{given.world}: {len(room.blocks)} blocks, {per_s:,.0f} echoes per second and core")
     print_line(given.world, given.seed, given.rounds)
 
 

@@ -257,13 +257,13 @@ def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -
 
 def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
     still = dataclasses.replace(recording, imu=None)
-    with pytest.raises(InputError, match=r"studio seed 7: it has neither motion sensors nor odom"):
+    with pytest.raises(InputError, match=r"studio: it has neither motion sensors nor odom"):
         map_by_echoes(still, SpectralEncoder(), PARAMETERS)
 
 
 def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
     deaf = dataclasses.replace(recording, audio=None)
-    with pytest.raises(InputError, match=r"studio seed 7: it has no sound; map it with --by magn"):
+    with pytest.raises(InputError, match=r"studio: it has no sound; map it with --by magn"):
         map_by_echoes(deaf, SpectralEncoder(), PARAMETERS)
 
 

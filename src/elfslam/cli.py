@@ -327,7 +327,7 @@ def _drawing_of(what: str) -> Callable[[Path], None]:
         return partial(write_report, run=read_run(path), facts=read_facts(path))
     if path.suffix == ".npz":
         return partial(write_map_page, floor_map=read_map(path))
-    return partial(write_world_page, plan=world_plan(load_world(what)))
+    return partial(write_world_page, world=world_plan(load_world(what)))
 
 
 @app.command()

@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.world.acoustics import BODY_SHADOW, PERSON_REFLECTION
+from elfslam.world.acoustics import PERSON_REFLECTION
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Ends, air_at, image_echoes, render_frames
 from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M
-from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ, PHASES, TAPS, pulse_table
+from elfslam.world.pulses import BASEBAND_HZ, BODY_SHADOW, CARRIER_HZ, PHASES, TAPS, pulse_table
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import EDGE_GAIN, Scene, scene_of
 

@@ -17,10 +17,12 @@ from elfslam.world.device import (
     BMI160,
     BROWSER,
     DEVICES,
+    GRADES,
     ICM20948,
     LSM6DSO,
     Device,
     built_in_device,
+    built_in_grade,
     named_device,
     random_device,
     smooth_response,
@@ -194,7 +196,7 @@ def test_grades_are_known_by_short_names() -> None:
     assert {name: built_in_grade(name) for name in GRADES} == {
         "BMI160": BMI160, "LSM6DSO": LSM6DSO, "ICM20948": ICM20948, "browser": BROWSER,
     }  # fmt: skip
-    with pytest.raises(InputError, match="imu 'ICM2094': wanted BMI160, .*mean 'ICM20948'"):
+    with pytest.raises(InputError, match=r"imu 'ICM2094': wanted BMI160, .*mean 'ICM20948'"):
         built_in_grade("ICM2094")
 
 

@@ -12,7 +12,7 @@ from elfslam.world.materials import Material
 from elfslam.world.plan import make_crossings, note_crossings
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import FEW_BLOCKS, Scene, scene_of
-from elfslam.world.sight import hides, look, make_sight
+from elfslam.world.sight import SECTORS, Sight, hides, look, make_sight
 
 PLAIN = Material("plain", 0.3, 0.0, "planted")
 NOBODY = np.zeros((0, 2))
@@ -24,10 +24,14 @@ def scene_with(*blocks: Block) -> Scene:
     return scene_of(shoebox(np.array([8.0, 6.0, 2.5]), (PLAIN,) * 6, blocks))
 
 
-def is_hidden(scene: Scene, a: F64, b: F64, people: F64 = NOBODY, far_m: float = 20.0) -> bool:
+def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:
     sight = make_sight(len(scene.block_low))
-    look(scene, sight, *map(float, a), far_m)
-    return bool(hides(scene, people, sight, *map(float, b)))
+    look(scene, sight, *map(float, place_m), far_m)
+    return sight
+
+
+def is_hidden(scene: Scene, a: F64, b: F64, people: F64 = NOBODY) -> bool:
+    return bool(hides(scene, people, sight_from(scene, a), *map(float, b)))
 
 
 @pytest.mark.parametrize(
@@ -86,3 +90,75 @@ def test_sight_agrees_with_what_the_line_crosses(seed: int, count: int) -> None:
     scene = scene_with(*blocks)
     for a, b in generator.uniform([0, 0, 0], [8, 6, 2.5], (10, 2, 3)):
         assert is_hidden(scene, a, b) == by_crossings(scene, a, b)
+
+
+CLEAR_M = 1e-3
+"""Lines that pass a box this closely may go either way."""
+
+
+def random_block(generator: np.random.Generator, k: int) -> Block:
+    size = generator.uniform([0.05, 0.05, 0.1], [3.0, 3.0, 2.4])
+    centre, base_m = generator.uniform(0.0, [8.0, 6.0]), float(generator.choice([0.0, 1.0]))
+    return Block(f"{k}", PLAIN, centre, size, generator.uniform(-np.pi, np.pi), base_m, 0.0)
+
+
+def length_inside_m(block: Block, a: F64, b: F64, grown_m: float) -> float:
+    """How much of a segment lies in a box grown to all sides, cut slab by slab in space."""
+    cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
+    middle = np.append(block.centre_m, block.base_m + block.size_m[2] / 2)
+    own = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    start, along, half = (a - middle) @ own, (b - a) @ own, block.size_m / 2 + grown_m
+    cuts = np.sort([(-half - start) / along, (half - start) / along], axis=0)
+    enter, leave = max(cuts[0].max(), 0.0), min(cuts[1].min(), 1.0)
+    return max(leave - enter, 0.0) * float(np.linalg.norm(along))
+
+
+@settings(max_examples=100)
+@given(seed=st.integers(0, 2**32 - 1), count=st.integers(0, 30))
+def test_a_point_is_hidden_where_a_box_is_cut_in_space(seed: int, count: int) -> None:
+    generator = np.random.default_rng(seed)
+    blocks = [random_block(generator, k) for k in range(count)]
+    scene, place = scene_with(*blocks), generator.uniform(0.0, [8.0, 6.0, 2.5])
+    sight = sight_from(scene, place)
+    for point in generator.uniform(0.0, [8.0, 6.0, 2.5], (20, 3)):
+        through = any(length_inside_m(block, place, point, -CLEAR_M) > CLEAR_M for block in blocks)
+        touched = any(length_inside_m(block, place, point, CLEAR_M) > 0 for block in blocks)
+        hidden = bool(hides(scene, NOBODY, sight, *point))
+        assert hidden or not through
+        assert touched or not hidden
+
+
+@given(angle=st.floats(0, 2 * np.pi), turn=st.floats(-np.pi, np.pi))
+def test_sectors_wrap_round(angle: float, turn: float) -> None:
+    """A box in any direction hides what is behind it and neither what is beside nor opposite."""
+    middle, ahead = np.array([4.0, 3.0]), np.array([np.cos(angle), np.sin(angle)])
+    pillar = Block("pillar", PLAIN, middle + 1.5 * ahead, np.array([0.6, 0.6, 2.5]), turn, 0.0, 0.0)
+    scene = scene_with(pillar)
+    sight = sight_from(scene, np.append(middle, 1.2))
+    left = np.array([-ahead[1], ahead[0]])
+    views = [(2.5 * ahead, True), (1.0 * ahead, False), (-2.5 * ahead, False), (2.5 * left, False)]
+    for way, hidden in views:
+        assert bool(hides(scene, NOBODY, sight, *(middle + way), 1.2)) == hidden
+    assert 0 < np.count_nonzero(sight.filled) < SECTORS / 4
+
+
+def test_a_block_about_the_place_is_in_every_sector() -> None:
+    assert (sight_from(scene_with(TABLE), np.array([2.5, 2.0, 1.2])).filled == 1).all()
+
+
+def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
+    generator = np.random.default_rng(2)
+    scene = scene_with(*[random_block(generator, k) for k in range(30)])
+    place = np.array([2.0, 2.0, 1.2])
+    near, far = sight_from(scene, place, 2.0), sight_from(scene, place)
+    assert near.filled.sum() < far.filled.sum()
+    for point in place + generator.uniform(-1.4, 1.4, (300, 3)) * [1.0, 1.0, 0.8]:
+        verdicts = [bool(hides(scene, NOBODY, sight, *point)) for sight in (near, far)]
+        assert verdicts[0] == verdicts[1]
+
+
+@pytest.mark.parametrize(("aside_m", "hidden"), [(0.0, True), (0.20, True), (0.24, False)])
+def test_people_are_as_wide_as_people(aside_m: float, hidden: bool) -> None:
+    people, a, b = np.array([[4.0, 4.0 + aside_m]]), np.array([1, 4, 1.2]), np.array([7, 4, 1.2])
+    assert is_hidden(scene_with(), a, b, people) == hidden
+    assert not is_hidden(scene_with(), a, b)

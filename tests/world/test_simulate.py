@@ -22,7 +22,6 @@ from elfslam.world.scene import scene_of
 from elfslam.world.simulate import describe_chirp, simulate
 from elfslam.world.walker import KINEMATICS_RATE_HZ, random_walker, walk
 from elfslam.world.world_file import World, load_world
-from elfslam.world.world_file import World, load_world
 
 PERIOD_SAMPLES = 4410
 

@@ -4,39 +4,44 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
+from elfslam.score.page import save_page
+from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.fidelity import compare_engines
+from elfslam.studies.finding import Announce, Finding, Row, Study
 from elfslam.studies.physics import check_laws
 from elfslam.studies.sensors import compare_sensors
-
-Row = dict[str, object]
-Announce = Callable[[str, float | None], None]
-Study = Callable[[Path | None, Announce], list[Row]]
-"""Makes a table, given the folder of real recordings (or None) and who hears of progress."""
+from elfslam.studies.speed import measure_speed
 
 STUDIES: Mapping[str, Study] = {
+    "distinctness": measure_distinctness,
     "fidelity": compare_engines,
     "physics": check_laws,
     "sensors": compare_sensors,
+    "speed": measure_speed,
 }
 
 
 def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> list[Row]:
-    """The rows of a study, also written to `out` as name.json and name.csv.
+    """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
     Raises InputError for a study that does not exist.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
-    rows = STUDIES[name](data, announce)
+    made = STUDIES[name](data, announce)
+    finding = made if isinstance(made, Finding) else Finding(made)
+    rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
         partial.write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
     with new_file(out / f"{name}.csv") as partial:
         _write_csv(partial, rows)
+    if finding.page is not None:
+        save_page(out / f"{name}.html", finding.page)
     return rows
 
 

@@ -15,8 +15,8 @@ from elfslam.world import pyroom
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import C64, Ends, air_at, image_echoes, render_frames
-from elfslam.world.pulses import CARRIER_HZ, Air
+from elfslam.world.phone import Ends, air_at, image_echoes, render_frames
+from elfslam.world.pulses import C64, CARRIER_HZ, Air
 from elfslam.world.room import Block, Room, box, check_outline, segments_cross, shoebox
 from elfslam.world.scene import Scene, scene_of
 

@@ -18,8 +18,8 @@ from elfslam.studies.fidelity import (
 from elfslam.world.device import BAND_BINS
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import C64, Ends, air_at, image_echoes
-from elfslam.world.pulses import BASEBAND_HZ
+from elfslam.world.phone import Ends, air_at, image_echoes
+from elfslam.world.pulses import BASEBAND_HZ, C64
 from elfslam.world.room import Room, shoebox
 from elfslam.world.scene import scene_of
 
@@ -142,9 +142,7 @@ def moved(room: Room, ends: Ends, turn_rad: float, shift_m: F64) -> tuple[Room, 
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
     plan, shift = turn[:2, :2], np.append(shift_m, 0.0)
     blocks = tuple(
-        replace(block, 
-            centre_m=block.centre_m @ plan + shift_m, turn_rad=block.turn_rad + turn_rad
-        )
+        replace(block, centre_m=block.centre_m @ plan + shift_m, turn_rad=block.turn_rad + turn_rad)
         for block in room.blocks
     )
     ends = ends._replace(

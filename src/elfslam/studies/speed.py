@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.line.feature import spectrogram
+from elfslam.studies.finding import Announce, Row
 from elfslam.world.device import named_device
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.paths import Reach
@@ -21,9 +22,6 @@ from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at
 from elfslam.world.room import Room
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
-
-Row = dict[str, object]
-Announce = Callable[[str, float | None], None]
 
 RATE_HZ = 44_100
 ECHOES = 2000
@@ -110,9 +108,7 @@ def _pyroom_rate(room: Room, *, air_absorption: bool) -> float:
             air_absorption=air_absorption,
         )  # fmt: skip
         box.add_source(ends.speaker[row], directivity=lobe(ends.speaker_axis[row], p=0.65))
-        box.add_microphone(
-            ends.microphone[row], directivity=lobe(ends.microphone_axis[row], p=0.8)
-        )
+        box.add_microphone(ends.microphone[row], directivity=lobe(ends.microphone_axis[row], p=0.8))
         start = time.process_time()
         box.image_source_model()
         length_m = np.linalg.norm(box.sources[0].images - box.mic_array.R[:, :1], axis=0)

@@ -253,7 +253,7 @@ def add_echoes(out, scene, phone, people, paths, rays, reach, air, table):
     The direct sound comes only with phones that nobody holds: a held one adds its near field
     itself.
     """
-    rays.count[0] = 0
+    rays.filled[0] = 0
     _look(scene, phone, paths, reach)
     _raise_powers(paths.floor_power, scene.floor_gain)
     _raise_powers(paths.ceiling_power, scene.ceiling_gain)
@@ -264,6 +264,6 @@ def add_echoes(out, scene, phone, people, paths, rays, reach, air, table):
     _clutter(rays, scene, phone, people, paths, reach)
     _edges(rays, scene, phone, people, paths, reach)
     _people(rays, scene, phone, people, paths, reach)
-    fits = count >= 0 and rays.count[0] < MOST_RAYS
+    fits = count >= 0 and rays.filled[0] < MOST_RAYS
     write_rays(out, rays, phone, air, table)
     return fits

@@ -25,7 +25,8 @@ POSITIVE_DISTANCE_M = 0.20
 """Echoes closer than this are positives (paper, section 5.3, pre-training)."""
 
 WALL_MARGIN_M = 0.4
-PHONE_HEIGHT_M = 1.2
+PHONE_HEIGHT_M = 0.95
+"""What stands higher than this is in the way of a phone."""
 ONE_HEADING_SHARE = 0.5
 """Share of rooms in which all phones point nearly the same way, as on a walk down an aisle."""
 STRANGER_SHARE = 0.5
@@ -77,7 +78,7 @@ def _places(generator: np.random.Generator, room: Room, count: int) -> tuple[F64
     yaw = generator.uniform(-np.pi, np.pi) + generator.normal(0, 0.2, half)
     if generator.uniform() > ONE_HEADING_SHARE:
         yaw += generator.integers(0, 4, half) * np.pi / 2
-    turned = size - xy
+    turned = 2 * room.corner_m + size - xy
     blocked = ~room.is_free(turned, PHONE_HEIGHT_M, WALL_MARGIN_M)
     turned[blocked] = _free_places(generator, room, int(blocked.sum()))
     return np.vstack([xy, turned])[:count], np.concatenate([yaw, yaw + np.pi])[:count]
@@ -88,7 +89,7 @@ def _free_places(generator: np.random.Generator, room: Room, count: int) -> F64:
     found = np.zeros((0, 2))
     margin_m = WALL_MARGIN_M
     while len(found) < count:
-        tried = generator.uniform(0.0, 1.0, (4 * count + 16, 2)) * room.size_m[:2]
+        tried = generator.uniform(0.0, 1.0, (4 * count + 16, 2)) * room.size_m[:2] + room.corner_m
         found = np.vstack([found, tried[room.is_free(tried, PHONE_HEIGHT_M, margin_m)]])
         margin_m *= 0.9
     return found[:count]

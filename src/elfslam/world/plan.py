@@ -33,8 +33,9 @@ class Crossings(NamedTuple):
 
 def make_crossings(blocks: int) -> Crossings:
     """Room for the crossings of one phone's paths among `blocks` blocks."""
-    columns = np.zeros((5, MOST_CROSSINGS))
-    return Crossings(*columns, np.zeros(blocks + 1, dtype=np.int64))
+    enter, leave, low, high, top_gain = np.zeros((5, MOST_CROSSINGS))
+    stamp = np.zeros(blocks + 1, dtype=np.int64)
+    return Crossings(enter, leave, low, high, top_gain, stamp)
 
 
 @kernel

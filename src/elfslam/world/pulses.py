@@ -48,11 +48,11 @@ class Air(NamedTuple):
 class Rays(NamedTuple):
     """Paths of one phone, a column each: length, gain, and unit vectors along both ends.
 
-    `count[0]` says how many there are. The next four columns are their pulses: the first tap,
+    `filled[0]` says how many there are. The next four columns are their pulses: the first tap,
     which of the table's phases, and the two parts of the gain. `padded` is an envelope of parts.
     """
 
-    count: I32
+    filled: I32
     length: F64
     gain: F64
     departure: F64
@@ -66,11 +66,20 @@ class Rays(NamedTuple):
 
 def make_rays() -> Rays:
     """Room for the rays of one phone."""
-    column = [np.zeros(MOST_RAYS) for _ in range(4)]
+    real = [np.zeros(MOST_RAYS) for _ in range(4)]
     whole = [np.zeros(MOST_RAYS, dtype=np.int32) for _ in range(2)]
-    ends = np.zeros((3, MOST_RAYS)), np.zeros((3, MOST_RAYS))
-    padded = np.zeros((2, BAND_BINS + 2 * PAD))
-    return Rays(np.zeros(1, dtype=np.int32), *column[:2], *ends, *whole, *column[2:], padded)
+    return Rays(
+        filled=np.zeros(1, dtype=np.int32),
+        length=real[0],
+        gain=real[1],
+        departure=np.zeros((3, MOST_RAYS)),
+        arrival=np.zeros((3, MOST_RAYS)),
+        first=whole[0],
+        phase=whole[1],
+        real=real[2],
+        imag=real[3],
+        padded=np.zeros((2, BAND_BINS + 2 * PAD)),
+    )
 
 
 @cache
@@ -87,13 +96,13 @@ def pulse_table() -> F64:
 @kernel
 def note_ray(rays, length, gain, dx, dy, dz, ax, ay, az):
     """Notes a path that departs along d and arrives from a, both unit vectors from the phone."""
-    k = rays.count[0]
+    k = rays.filled[0]
     if k == MOST_RAYS:
         return
     rays.length[k], rays.gain[k] = length, gain
     rays.departure[0, k], rays.departure[1, k], rays.departure[2, k] = dx, dy, dz
     rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k] = ax, ay, az
-    rays.count[0] = k + 1
+    rays.filled[0] = k + 1
 
 
 @kernel
@@ -127,7 +136,7 @@ def _work_out(rays, phone, air):
     ahead_x, ahead_y = phone.ahead[0], phone.ahead[1]
     out, back = phone.speaker_directivity, phone.microphone_directivity
     held = 1.0 if phone.held else 0.0
-    for k in range(rays.count[0]):
+    for k in range(rays.filled[0]):
         length = rays.length[k]
         dx, dy, dz = rays.departure[0, k], rays.departure[1, k], rays.departure[2, k]
         ax, ay, az = rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k]
@@ -166,7 +175,7 @@ def write_rays(out, rays, phone, air, table):
     padded = rays.padded
     for k in range(padded.shape[1]):
         padded[0, k] = padded[1, k] = 0.0
-    for k in range(rays.count[0]):
+    for k in range(rays.filled[0]):
         first, phase, real, imag = rays.first[k], rays.phase[k], rays.real[k], rays.imag[k]
         if first < 0 or first > BAND_BINS + PAD:
             continue

@@ -17,8 +17,8 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ
 from elfslam.world.paths import Reach
-from elfslam.world.phone import C64, Ends
-from elfslam.world.pulses import Air
+from elfslam.world.phone import Ends
+from elfslam.world.pulses import C64, Air
 from elfslam.world.room import inside
 from elfslam.world.scene import Scene
 
@@ -115,7 +115,9 @@ def _room(library: Any, scene: Scene, ends: Ends, row: int, reach: Reach) -> Any
     room = _box(library, scene, reach) if _is_box(scene) else _solids(library, scene, reach)
     origin = _origin(scene)
     lobes = (
-        library.directivities.CardioidFamily(axis[row], p=1.0 - directivity) if directivity else None
+        library.directivities.CardioidFamily(axis[row], p=1.0 - directivity)
+        if directivity
+        else None
         for axis, directivity in (
             (ends.speaker_axis, ends.speaker_directivity),
             (ends.microphone_axis, ends.microphone_directivity),

@@ -9,7 +9,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.world.materials import Material
-from elfslam.world.room import Block, Room, box, shoebox
+from elfslam.world.room import Block, Room, box, inside, shoebox
 
 CORNER_SHARE = 0.3
 """Share of the rooms that have a corner cut out: an L, whose outline is no longer convex."""
@@ -20,7 +20,7 @@ MOST_PARTITIONS = 5
 
 
 def random_room(generator: np.random.Generator) -> Room:
-    """A room of 9 to 400 m2 with random walls, partitions and furniture."""
+    """A room of 9 to 400 m2 with random walls, partitions and furniture, all of it inside."""
     area_m2 = float(np.exp(generator.uniform(np.log(9.0), np.log(400.0))))
     aspect = generator.uniform(1.0, 2.2)
     size_m = np.array(
@@ -32,6 +32,7 @@ def random_room(generator: np.random.Generator) -> Room:
     outline = _random_outline(generator, room.outline_m)
     walls = tuple(_surface(generator, level, scattering) for _ in outline)
     blocks = _random_blocks(generator, size_m, area_m2)
+    blocks = tuple(block for block in blocks if inside(outline, block.corners_m).all())
     return Room(outline, room.height_m, walls, sides[4], sides[5], blocks, room.seed)
 
 

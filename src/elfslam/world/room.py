@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -60,7 +60,7 @@ class Room(Value):
     `walls` has one material per side, from corner k to corner k + 1. `seed` draws the clutter.
     """
 
-    outline_m: F64 = array("w", 2)
+    outline_m: F64 = field(metadata=array("w", 2).metadata)
     height_m: float
     walls: tuple[Material, ...]
     floor: Material

@@ -74,33 +74,40 @@ def scene_of(room: Room) -> Scene:
     along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
     normal = np.column_stack([-along[:, 1], along[:, 0]])
     normal[outer:] *= -1.0
-    sides = [side.reflection for side in room.walls]
-    blocks = np.array([block.surface.reflection for block in room.blocks], dtype=np.float64)
-    clutter = _clutter(room)
-    edges = _edges(room)
+    sides = np.array([side.reflection for side in room.walls])
+    gains = np.array([block.surface.reflection for block in room.blocks], dtype=np.float64)
+    cell_m, origin, shape, start, listed = _grid(room, corners)
+    point, point_normal, radius = _clutter(room)
+    edge_a, edge_b, edge_normal = _edges(room)
     return Scene(
-        *_read_only(a, b, normal, np.append(sides, np.repeat(blocks, 4))),
-        np.append(np.full(outer, -1), np.repeat(np.arange(count), 4)),
-        outer,
-        _is_convex(room.outline_m),
-        room.height_m,
-        room.floor.reflection,
-        room.ceiling.reflection,
-        *_read_only(
-            corners,
-            corners.mean(axis=1),
-            np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) / 2,
-            np.array([block.base_m for block in room.blocks], dtype=np.float64),
-            np.array([block.top_m for block in room.blocks], dtype=np.float64),
-            blocks,
-        ),
-        *_grid(room, corners),
-        *_read_only(*clutter, *edges),
+        face_a=a,
+        face_b=b,
+        face_normal=normal,
+        face_gain=np.append(sides, np.repeat(gains, 4)),
+        face_block=np.append(np.full(outer, -1), np.repeat(np.arange(count), 4)),
+        outer=outer,
+        convex=_is_convex(room.outline_m),
+        height=float(room.height_m),
+        floor_gain=room.floor.reflection,
+        ceiling_gain=room.ceiling.reflection,
+        block_corner=corners,
+        block_centre=corners.mean(axis=1),
+        block_radius=np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) / 2,
+        block_low=np.array([block.base_m for block in room.blocks], dtype=np.float64),
+        block_high=np.array([block.top_m for block in room.blocks], dtype=np.float64),
+        block_top_gain=gains,
+        cell=cell_m,
+        grid_origin=origin,
+        grid_shape=shape,
+        cell_start=start,
+        cell_block=listed,
+        point=point,
+        point_normal=point_normal,
+        point_radius=radius,
+        edge_a=edge_a,
+        edge_b=edge_b,
+        edge_normal=edge_normal,
     )
-
-
-def _read_only(*arrays: F64) -> tuple[F64, ...]:
-    return tuple(np.ascontiguousarray(made, dtype=np.float64) for made in arrays)
 
 
 def _is_convex(outline_m: F64) -> bool:

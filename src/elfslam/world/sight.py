@@ -28,7 +28,7 @@ class Sight(NamedTuple):
     """A place (3) and the blocks of every sector about it."""
 
     place: F64
-    count: I64
+    filled: I64
     block: I64
 
 
@@ -54,7 +54,7 @@ def look(scene, sight, x, y, z, farthest):
     """Fills `sight` with what stands about (x, y, z) up to a distance in plan."""
     sight.place[0], sight.place[1], sight.place[2] = x, y, z
     for sector in range(SECTORS):
-        sight.count[sector] = 0
+        sight.filled[sector] = 0
     for k in range(scene.block_low.shape[0]):
         dx, dy = scene.block_centre[k, 0] - x, scene.block_centre[k, 1] - y
         distance = np.sqrt(dx * dx + dy * dy)
@@ -72,8 +72,8 @@ def look(scene, sight, x, y, z, farthest):
             last = int(np.floor((middle + most) * (SECTORS / 4) + 1e-6))
         for sector in range(first, last + 1):
             at = sector % SECTORS
-            sight.block[at, sight.count[at]] = k
-            sight.count[at] += 1
+            sight.block[at, sight.filled[at]] = k
+            sight.filled[at] += 1
 
 
 @kernel
@@ -89,7 +89,7 @@ def hides(scene, people, sight, x, y, z):
         if leave > enter and min(az + enter * dz, az + leave * dz) < PERSON_HEIGHT_M:
             return True
     sector = int(_direction(dx, dy) * (SECTORS / 4)) % SECTORS
-    for at in range(sight.count[sector]):
+    for at in range(sight.filled[sector]):
         k = sight.block[sector, at]
         low, high = scene.block_low[k], scene.block_high[k]
         if high <= min(az, z) or low >= max(az, z) or passes_by(scene, k, ax, ay, dx, dy, length):

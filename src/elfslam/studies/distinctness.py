@@ -1,0 +1,131 @@
+"""How distinct echoes are from spot to spot: 128 spots of the lab, by chirp and by single tone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.feature import spectrogram
+from elfslam.score.bootstrap import interval
+from elfslam.score.clouds import clouds_figure
+from elfslam.score.page import Page, Panel, rows_table
+from elfslam.studies.finding import Announce, Finding, Row
+from elfslam.world.air import SPEED_OF_SOUND_MPS
+from elfslam.world.device import Device, built_in_device
+from elfslam.world.phone import Poses, phone_axes, render_frames, room_responses
+from elfslam.world.scene import scene_of
+from elfslam.world.world_file import World, load_world
+
+ECHOES = 40
+"""At each spot, half of them to learn from and half to be recognised."""
+HAND_M = 0.01
+HAND_RAD = np.deg2rad(2.0)
+"""How much a hand that holds a phone still moves it from echo to echo, one standard deviation."""
+SPOTS_SHOWN = 5
+SIGNALS = {"chirp": "Chirp, 15 to 20 kHz", "tone": "Single tone"}
+NOTE = "t-SNE of log spectrograms, 12 x 48; axes have no unit. Each dot is an echo."
+
+
+@dataclass(frozen=True)
+class Heard:
+    """Log spectrograms (n, 576) of one signal and the spot (n) of each."""
+
+    features: F64
+    spot: I64
+
+
+def measure_distinctness(data: Path | None, announce: Announce) -> Finding:
+    """How often a spot is recognised among all, and the t-SNE picture of five in a row.
+
+    After the paper, section 3; `data` is not needed.
+    """
+    world, rows, panels = load_world("lab"), [], []
+    chosen = _row_of_spots(world.spots_m)
+    for k, (signal, title) in enumerate(SIGNALS.items()):
+        announce(f"{signal} at {len(world.spots_m)} spots", k / len(SIGNALS))
+        heard = _hear(world, signal, built_in_device("simulated phone"))
+        rows.append(_recognised(world, signal, heard))
+        panels.append(Panel(title, clouds_figure(_embedded(heard, chosen)), NOTE))
+    panels.append(Panel("All spots", rows_table(rows), wide=True))
+    subtitle = f"{ECHOES} echoes at each spot of the simulated lab, phone held still"
+    return Finding(rows, Page("Echoes of five spots, one metre apart", subtitle, panels))
+
+
+def _hear(world: World, signal: str, device: Device) -> Heard:
+    """Echoes of a phone that is held still at every spot and heads the same way."""
+    generator = np.random.default_rng(128)
+    scene, chirp = scene_of(world.room), make_chirp(ChirpParameters(kind=signal), ECHO_RATE_HZ)
+    features = []
+    for spot_m in world.spots_m:
+        frames = render_frames(
+            room_responses(scene, device, _held_still(spot_m, generator)), chirp, device
+        )
+        noise = generator.standard_normal(frames.shape, dtype=np.float32)
+        features.append(_log_spectrogram(frames + np.float32(device.noise_rms) * noise, device))
+    return Heard(np.concatenate(features), np.repeat(np.arange(len(world.spots_m)), ECHOES))
+
+
+def _held_still(spot_m: F64, generator: np.random.Generator) -> Poses:
+    shift = generator.normal(0, HAND_M, (ECHOES, 3))
+    turn = generator.normal(0, HAND_RAD, (3, ECHOES))
+    return Poses(
+        np.append(spot_m, 1.2) + shift, phone_axes(turn[0], 0.4 + turn[1], turn[2]),
+        np.zeros((ECHOES, 3)), np.full(ECHOES, 0.35), np.zeros((ECHOES, 0, 2)),
+    )  # fmt: skip
+
+
+def _log_spectrogram(frames: F32, device: Device) -> F64:
+    first = round(device.separation_m / SPEED_OF_SOUND_MPS * ECHO_RATE_HZ) + DISCARDED_SAMPLES
+    image = spectrogram(frames[:, first : first + ECHO_SAMPLES])
+    return np.asarray(np.log(image + 1e-7), dtype=np.float64).reshape(len(frames), -1)
+
+
+def _recognised(world: World, signal: str, heard: Heard) -> Row:
+    """The nearest of the learnt spots' means, for every echo that was not learnt from."""
+    spots = len(world.spots_m)
+    features = heard.features.reshape(spots, ECHOES, -1)
+    means = features[:, : ECHOES // 2].mean(axis=1)
+    asked = features[:, ECHOES // 2 :].reshape(spots * (ECHOES // 2), -1)
+    square = (asked**2).sum(axis=1)[:, None] - 2 * asked @ means.T + (means**2).sum(axis=1)
+    answer, truth = square.argmin(axis=1), np.repeat(np.arange(spots), ECHOES // 2)
+    error_m = np.linalg.norm(world.spots_m[answer] - world.spots_m[truth], axis=1)
+    right = (answer == truth).reshape(spots, -1).astype(np.float64)
+    low, high = interval(list(right), lambda values: float(values.mean()), np.random.default_rng(0))
+    return {
+        "signal": signal,
+        "spots": spots,
+        "recognised": round(float(right.mean()), 3),
+        "from": round(low, 3),
+        "to": round(high, 3),
+        "mean error (m)": round(float(error_m.mean()), 2),
+    }
+
+
+def _row_of_spots(spots_m: F64) -> I64:
+    """Five spots in a line, about a metre from each to the next."""
+    best, found = np.inf, np.arange(SPOTS_SHOWN)
+    for k in range(len(spots_m)):
+        for axis in range(2):
+            wanted = spots_m[k] + np.eye(2)[axis] * np.arange(SPOTS_SHOWN)[:, None]
+            distance = np.linalg.norm(spots_m[None] - wanted[:, None], axis=2)
+            worst = float(distance.min(axis=1).max())
+            if worst < best - 1e-9 and len(set(distance.argmin(axis=1))) == SPOTS_SHOWN:
+                best, found = worst, distance.argmin(axis=1)
+    return found
+
+
+def _embedded(heard: Heard, chosen: I64) -> dict[str, F64]:
+    """The echoes of some spots in two dimensions, by t-SNE (van der Maaten and Hinton 2008)."""
+    from sklearn.manifold import TSNE
+
+    rows = np.isin(heard.spot, chosen)
+    plane = TSNE(2, perplexity=20, init="pca", random_state=0).fit_transform(heard.features[rows])
+    return {
+        f"spot {k + 1}": np.asarray(plane[heard.spot[rows] == spot], dtype=np.float64)
+        for k, spot in enumerate(chosen)
+    }

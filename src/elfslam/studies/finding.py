@@ -1,0 +1,25 @@
+"""What a study gives: a table, and a page where there is something to look at."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from elfslam.score.page import Page
+
+Row = dict[str, object]
+Announce = Callable[[str, float | None], None]
+"""Hears what is being done and the share of the whole that is done."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """The rows of a table, and the page that shows what it is about."""
+
+    rows: list[Row]
+    page: Page | None = None
+
+
+Study = Callable[[Path | None, Announce], list[Row] | Finding]
+"""Makes a finding, given the folder of real recordings (or None) and who hears of progress."""
