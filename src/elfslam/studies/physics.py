@@ -97,7 +97,8 @@ def decay_s(size_m: tuple[float, float, float], absorption: float, places: int) 
 def _omnidirectional(speaker: F64, microphone: F64) -> Ends:
     count = len(speaker)
     axis, ahead = np.tile([1.0, 0.0, 0.0], (count, 1)), np.tile([1.0, 0.0], (count, 1))
-    return Ends(speaker, microphone, axis, axis, ahead, np.zeros((count, 3)), 0.0, 0.0, False)
+    still = np.zeros((count, 3))
+    return Ends(speaker, microphone, axis, axis, ahead, still, still, 0.0, 0.0, False)
 
 
 # --- single paths and whole rooms ---
@@ -151,7 +152,8 @@ def moved(room: Room, ends: Ends, turn_rad: float, shift_m: F64) -> tuple[Room, 
         speaker_axis=ends.speaker_axis @ turn,
         microphone_axis=ends.microphone_axis @ turn,
         ahead=ends.ahead @ plan,
-        velocity=ends.velocity @ turn,
+        speaker_velocity=ends.speaker_velocity @ turn,
+        microphone_velocity=ends.microphone_velocity @ turn,
     )
     return replace(room, outline_m=room.outline_m @ plan + shift_m, blocks=blocks), ends
 

@@ -57,7 +57,8 @@ class Ends(NamedTuple):
     speaker_axis: F64
     microphone_axis: F64
     ahead: F64
-    velocity: F64
+    speaker_velocity: F64
+    microphone_velocity: F64
     speaker_directivity: float
     microphone_directivity: float
     held: bool
@@ -102,7 +103,8 @@ def ends_of(device: Device, poses: Poses) -> Ends:
         placed(device.speaker_axis),
         placed(device.microphone_axis),
         np.ascontiguousarray(poses.world_from_phone[:, :2, 1]),
-        np.ascontiguousarray(poses.velocity_mps),
+        poses.velocity_mps,
+        poses.velocity_mps,
         device.speaker_directivity,
         device.microphone_directivity,
         True,
@@ -121,7 +123,8 @@ def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
     for row in range(out.shape[0]):
         phone = Ends(
             ends.speaker[row], ends.microphone[row], ends.speaker_axis[row],
-            ends.microphone_axis[row], ends.ahead[row], ends.velocity[row],
+            ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
+            ends.microphone_velocity[row],
             ends.speaker_directivity, ends.microphone_directivity, ends.held,
         )  # fmt: skip
         if not add_echoes(out[row], scene, phone, people[row], paths, rays, reach, air, table):
@@ -145,7 +148,7 @@ def image_echoes(
     out, table = np.zeros((count, BAND_BINS), dtype=np.complex64), pulse_table()
 
     def render(rows: slice) -> int:
-        part = ends._replace(**{name: getattr(ends, name)[rows] for name in Ends._fields[:6]})
+        part = ends._replace(**{name: getattr(ends, name)[rows] for name in Ends._fields[:7]})
         paths, rays = make_plan_paths(len(scene.block_low)), make_rays()
         return int(
             _render_rows(out[rows], scene, part, people_m[rows], paths, rays, reach, air, table)

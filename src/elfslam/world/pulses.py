@@ -128,11 +128,15 @@ def _attenuated(x):
 def _work_out(rays, phone, air):
     """Lobes, shadow, air and Doppler of all rays: their pulses.
 
-    Where v is the phone's velocity, a path's length changes by the motion of both ends while the
-    chirp is played, and by the microphone's alone while the sound is on its way.
+    A path's length changes by the motion of both ends while the chirp is played, and by the
+    microphone's alone while the sound is on its way. What is played at t arrives at `length` /
+    `passing` + (1 - `shorter`) t; by stationary phase this shifts a logarithmic sweep's carrier
+    and its envelope apart (up to the third power of `shorter`).
     """
-    s, m, v = phone.speaker_axis, phone.microphone_axis, phone.velocity
-    s0, s1, s2, m0, m1, m2, v0, v1, v2 = s[0], s[1], s[2], m[0], m[1], m[2], v[0], v[1], v[2]
+    s, m = phone.speaker_axis, phone.microphone_axis
+    s0, s1, s2, m0, m1, m2 = s[0], s[1], s[2], m[0], m[1], m[2]
+    u, v = phone.speaker_velocity, phone.microphone_velocity
+    u0, u1, u2, v0, v1, v2 = u[0], u[1], u[2], v[0], v[1], v[2]
     ahead_x, ahead_y = phone.ahead[0], phone.ahead[1]
     out, back = phone.speaker_directivity, phone.microphone_directivity
     held = 1.0 if phone.held else 0.0
@@ -146,10 +150,12 @@ def _work_out(rays, phone, air):
         shadow = _shadow(dx * ahead_x + dy * ahead_y) * _shadow(ax * ahead_x + ay * ahead_y)
         gain *= 1.0 - held + held * shadow
         here = v0 * ax + v1 * ay + v2 * az
-        closing = here + v0 * dx + v1 * dy + v2 * dz
-        moved = closing * CARRIER_AT_S + here * length / air.speed_mps
-        delay_s = (length - moved) / air.speed_mps
-        position = (delay_s - closing / air.speed_mps / SWEEP_RATE_HZ) * BASEBAND_HZ
+        closing = here + u0 * dx + u1 * dy + u2 * dz
+        passing = air.speed_mps + here
+        shorter = closing / passing
+        delay_s = length / passing - shorter * CARRIER_AT_S
+        delay_s += shorter * shorter * (0.5 + shorter / 6.0) / SWEEP_RATE_HZ
+        position = (delay_s - shorter / SWEEP_RATE_HZ) * BASEBAND_HZ
         whole = np.floor(position)
         turns = CARRIER_HZ * delay_s
         turns -= np.floor(turns)

@@ -144,7 +144,10 @@ def _between(device: Device, poses: Poses, speaker_m: F64) -> Ends:
     """The other phone's speaker, which sounds alike in all directions, and our microphone."""
     ends, count = ends_of(device, poses), len(poses.position_m)
     return ends._replace(
-        speaker=np.tile(speaker_m, (count, 1)), speaker_directivity=0.0, held=False
+        speaker=np.tile(speaker_m, (count, 1)),
+        speaker_directivity=0.0,
+        speaker_velocity=np.zeros((count, 3)),
+        held=False,
     )
 
 
