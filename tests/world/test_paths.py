@@ -59,9 +59,7 @@ def test_directions_point_along_the_path() -> None:
     length = np.linalg.norm(image - TARGET_M[:2])
     p = int(np.abs(paths.length[:count] - length).argmin())
     np.testing.assert_allclose(paths.arrival[p], (image - TARGET_M[:2]) / length)
-    np.testing.assert_allclose(
-        paths.departure[p], (TARGET_M[:2] * [1, -1] - SOURCE_M[:2]) / length
-    )
+    np.testing.assert_allclose(paths.departure[p], (TARGET_M[:2] * [1, -1] - SOURCE_M[:2]) / length)
 
 
 def every_order_of_faces(scene: Scene, source: F64, target: F64, reach: Reach) -> F64:
@@ -75,9 +73,7 @@ def every_order_of_faces(scene: Scene, source: F64, target: F64, reach: Reach) -
     return np.sort(lengths)
 
 
-def specular_length(
-    scene: Scene, source: F64, target: F64, faces: tuple[int, ...]
-) -> float | None:
+def specular_length(scene: Scene, source: F64, target: F64, faces: tuple[int, ...]) -> float | None:
     images = [source]
     for f in faces:
         a, normal = scene.face_a[f], scene.face_normal[f]
@@ -155,7 +151,10 @@ def test_reflections_at_blocks_are_limited(
     changed: dict[str, int], on_blocks: list[tuple[int, int]]
 ) -> None:
     """Two mirrors that face each other; pairs of (reflections at blocks, in plan)."""
-    blocks = (box("a", [1.0, 1.0, 0.0], [0.2, 3.0, 3.0], HALF), box("b", [5, 1, 0], [0.2, 3, 3], HALF))
+    blocks = (
+        box("a", [1.0, 1.0, 0.0], [0.2, 3.0, 3.0], HALF),
+        box("b", [5, 1, 0], [0.2, 3, 3], HALF),
+    )
     reach = Reach(order=3, plan_order=3)._replace(**changed)
     paths, count = found(rectangle(*blocks), reach)
     kinds = set()

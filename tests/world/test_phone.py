@@ -89,7 +89,9 @@ def test_ends_are_where_the_device_has_them() -> None:
         "odd", np.ones(BAND_BINS), speaker_m=np.array([0.01, 0.08, 0.0]),
         microphone_m=np.array([0.0, -0.07, 0.005]), microphone_axis=np.array([0.0, 0.0, 1.0]),
     )  # fmt: skip
-    ends = ends_of(device, poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.zeros(1)))
+    ends = ends_of(
+        device, poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.zeros(1))
+    )
     np.testing.assert_allclose(ends.speaker, [[1.01, 2.08, 1.2]])
     np.testing.assert_allclose(ends.microphone, [[1.0, 1.93, 1.205]])
     np.testing.assert_allclose(ends.microphone_axis, [[0, 0, 1]], atol=1e-12)
@@ -140,9 +142,7 @@ def test_a_reach_that_cannot_be_is_refused(reach: Reach) -> None:
 
 
 def test_too_many_paths_are_refused() -> None:
-    strips = tuple(
-        box(f"{k}", [0.02 + 0.03 * k, 0.0, 0.0], [0.01, 1.0, 0.5]) for k in range(30)
-    )
+    strips = tuple(box(f"{k}", [0.02 + 0.03 * k, 0.0, 0.0], [0.01, 1.0, 0.5]) for k in range(30))
     tiny = scene_of(shoebox(np.array([1.0, 1.0, 3.0]), (material("glass"),) * 6, strips))
     poses = poses_at(np.array([[0.4, 0.45, 1.2]]), np.zeros(1), np.zeros(1))
     reach = Reach(longest_m=60.0, plan_order=24)
@@ -157,7 +157,10 @@ def test_another_engine_hears_the_near_field_too() -> None:
     """The direct sound and the holder come from here, whatever the engine."""
     poses = some_poses(2)
     deaf = room_responses(
-        scene(), PLAIN, poses, engine=lambda scene, ends, *rest: np.zeros((2, BAND_BINS), np.complex64)
+        scene(),
+        PLAIN,
+        poses,
+        engine=lambda scene, ends, *rest: np.zeros((2, BAND_BINS), np.complex64),
     )
     sound = np.abs(signal.hilbert(sound_of(deaf[:1])))
     expected_s = PLAIN.separation_m / air_at().speed_mps + 0.005

@@ -53,6 +53,12 @@ def both(scene: Scene, ends: Ends, reach: Reach = REACH) -> tuple[phone.C64, pho
     return phone.image_echoes(*rest), pyroom.image_echoes(*rest)
 
 
+def level_of(responses: phone.C64) -> float:
+    """Within 16 to 19 kHz: towards the ends of the band our pulses fade."""
+    spectrum = np.fft.fftshift(np.fft.fft(responses, axis=1), axes=1)
+    return float(np.linalg.norm(spectrum[:, 165:465]))
+
+
 @pytest.mark.parametrize("directivity", [0.0, 0.5])
 @pytest.mark.parametrize("held", [False, True])
 @pytest.mark.parametrize("which", ["rectangle", "ell", "ell with a pillar"])
@@ -63,7 +69,7 @@ def test_both_engines_hear_the_same(which: str, directivity: float, held: bool) 
     assert ours.shape == theirs.shape == (1, 630)
     assert ours.dtype == theirs.dtype == np.complex64
     assert correlation_of(ours, theirs) > 0.999
-    assert np.linalg.norm(ours) == pytest.approx(np.linalg.norm(theirs), rel=0.05)
+    assert level_of(ours) == pytest.approx(level_of(theirs), rel=0.02)
 
 
 def test_a_change_to_one_wall_is_heard_as_a_difference() -> None:
@@ -85,9 +91,7 @@ def test_lengths_and_gains_of_its_paths() -> None:
     direct = np.linalg.norm([1.04, 2.73, 0.3])
     assert length_m[order == 0] == pytest.approx([direct])
     assert gain[order == 0] == pytest.approx([1.0])
-    assert sorted(gain[order == 1]) == pytest.approx(
-        sorted(wall.reflection for wall in walls(6))
-    )
+    assert sorted(gain[order == 1]) == pytest.approx(sorted(wall.reflection for wall in walls(6)))
     held = pyroom.visible_images(rectangle(), ends_at(held=True), 0, REACH)
     assert len(held[0]) == len(length_m) - 1
 

@@ -119,7 +119,7 @@ def test_a_shoebox_has_its_surfaces_where_they_were_named() -> None:
 
 
 def test_the_box_about_a_room() -> None:
-    room = Room(ELL_M + [2.0, -1.0], 2.5, (WOOD,) * 6, WOOD, WOOD)
+    room = Room(ELL_M + np.array([2.0, -1.0]), 2.5, (WOOD,) * 6, WOOD, WOOD)
     assert room.size_m.tolist() == [6.0, 5.0, 2.5]
     assert room.corner_m.tolist() == [2.0, -1.0]
 

@@ -82,13 +82,13 @@ def _summary(found: list[Comparison]) -> Row:
     correlation = np.array([room.correlation for room in found])
     return {
         "rooms": len(found),
-        "correlation, minimum": float(correlation.min()),
-        "correlation, median": float(np.median(correlation)),
+        "worst correlation (%)": 100 * float(correlation.min()),
+        "median correlation (%)": 100 * float(np.median(correlation)),
         "worst room": int(correlation.argmin()),
         "paths": sum(room.paths for room in found),
-        "paths of one engine alone": sum(room.only_one for room in found),
-        "arrival, largest difference (us)": max(room.arrival_us for room in found),
-        "level, largest difference (dB)": max(room.level_db for room in found),
+        "of one engine alone": sum(room.only_one for room in found),
+        "arrival off by (us)": float(max(room.arrival_us for room in found)),
+        "level off by (dB)": float(max(room.level_db for room in found)),
     }
 
 
@@ -210,7 +210,7 @@ def _cross(one_m: F64, other_m: F64) -> bool:
 
 def random_ends(room: Room, directivity: float, generator: np.random.Generator) -> Ends:
     """A still speaker and a microphone anywhere free in the room, held by nobody."""
-    places_m = []
+    places_m: list[F64] = []
     while len(places_m) < 2:
         xy_m = room.corner_m + generator.uniform(0, 1, (1, 2)) * room.size_m[:2]
         z_m = generator.uniform(CLEARANCE_M, room.height_m - CLEARANCE_M)
@@ -219,4 +219,6 @@ def random_ends(room: Room, directivity: float, generator: np.random.Generator) 
     axes = generator.standard_normal((2, 1, 3))
     axes /= np.linalg.norm(axes, axis=2, keepdims=True)
     ahead, still = np.array([[1.0, 0.0]]), np.zeros((1, 3))
-    return Ends(*places_m, *axes, ahead, still, still, directivity, directivity, False)
+    (speaker, microphone), (speaks, hears) = places_m, axes
+    rows = (speaker, microphone, speaks, hears, ahead, still, still)
+    return Ends(*rows, directivity, directivity, False)

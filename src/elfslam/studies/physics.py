@@ -61,7 +61,13 @@ def check_laws(
 
 
 def _row(law: str, unit: str, off: float, goal: float) -> Row:
-    return {"law": law, "unit": unit, "off by": off, "goal": goal, "met": abs(off) <= goal}
+    return {
+        "law": law,
+        "unit": unit,
+        "off by": float(off),
+        "goal": goal,
+        "met": bool(abs(off) <= goal),
+    }
 
 
 # --- decay ---

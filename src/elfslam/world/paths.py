@@ -1,7 +1,7 @@
 """Paths of sound in plan: image sources of walls and block faces, followed beam by beam (kernels).
 
 Between a floor and a flat ceiling the image method splits: reflections at upright faces are found
-in plan, and each of their paths is then repeated for the images in height (`acoustics.py`). An image
+in plan, and each of their paths is then repeated for the images in height (`acoustics.py`). A beam
 is followed only through the part of its mirror that the sound can reach, so every path that comes
 out has its reflections on the faces (Borish, J. Acoust. Soc. Am. 75, 1984; beams after Funkhouser
 et al., ibid. 115, 2004). Whether something stands in its way is noted for each leg.
@@ -42,8 +42,8 @@ class PlanPaths(NamedTuple):
     """Paths in plan, one row each, and scratch space for finding them.
 
     `departure` and `arrival` are unit vectors from the two ends along the path. The crossings of
-    path p are `crossing_end[p - 1]` to `crossing_end[p]`; `hit_block` and `hit_at` say which block's
-    face reflects how far from the start (-1 in `hit_block`: a wall).
+    path p are `crossing_end[p - 1]` to `crossing_end[p]`; `hit_block` and `hit_at` say which
+    block's face reflects how far from the start (-1 in `hit_block`: a wall).
     """
 
     length: F64

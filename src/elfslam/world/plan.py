@@ -151,7 +151,7 @@ def meets_wall(scene, ax, ay, bx, by, from_face, to_face):
     if scene.convex:
         return False
     for f in range(scene.outer):
-        if f == from_face or f == to_face:
+        if f in (from_face, to_face):
             continue
         px, py = scene.face_a[f, 0], scene.face_a[f, 1]
         ex, ey = scene.face_b[f, 0] - px, scene.face_b[f, 1] - py

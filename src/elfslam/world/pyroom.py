@@ -53,7 +53,8 @@ def visible_images(scene: Scene, ends: Ends, row: int, reach: Reach) -> tuple[F6
         return np.zeros(0), np.zeros(0), np.zeros(0, dtype=np.int64)
     heard = room.visibility[0][0].astype(bool)
     length_m = _lengths_m(room)[heard]
-    return length_m, np.float64(source.damping[0][heard]), np.int64(source.orders[heard])
+    gain = np.asarray(source.damping[0][heard], dtype=np.float64)
+    return length_m, gain, np.asarray(source.orders[heard], dtype=np.int64)
 
 
 def _library() -> ModuleType:

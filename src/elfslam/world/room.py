@@ -96,7 +96,7 @@ class Room(Value):
 def shoebox(
     size_m: F64, surfaces: tuple[Material, ...], blocks: tuple[Block, ...] = (), seed: int = 0
 ) -> Room:
-    """A rectangle with one corner at the origin; surfaces are x=0, x=L, y=0, y=W, floor, ceiling."""
+    """A rectangle from the origin on; surfaces: x=0, x=L, y=0, y=W, floor, ceiling."""
     length, width, height = (float(value) for value in size_m)
     west, east, south, north, floor, ceiling = surfaces
     outline = np.array([[0, 0], [length, 0], [length, width], [0, width]], dtype=np.float64)

@@ -28,10 +28,11 @@ OUTSIDE_M = 0.005
 class Scene(NamedTuple):
     """What sound meets. Faces 0 to `outer - 1` are the room's walls, then four per block.
 
-    Plan arrays: `face_a`, `face_b`, `face_normal` (f, 2), `face_gain`, `face_block` (f);
-    `block_corner` (b, 4, 2), `block_centre` (b, 2), `block_radius`, `block_low`, `block_high`, `block_top_gain` (b); the grid's cells list
-    blocks `cell_block[cell_start[c]:cell_start[c + 1]]`. `point`, `point_normal` (s, 3) and
-    `point_radius` (s) scatter; `edge_a`, `edge_b`, `edge_normal` (e, 3) diffract.
+    In plan: `face_a`, `face_b`, `face_normal` (f, 2), `face_gain`, `face_block` (f);
+    `block_corner` (b, 4, 2), `block_centre` (b, 2), `block_radius`, `block_low`, `block_high`,
+    `block_top_gain` (b). The grid's cell c lists blocks `cell_block[cell_start[c]:cell_start[c +
+    1]]`. `point`, `point_normal` (s, 3) and `point_radius` (s) scatter; `edge_a`, `edge_b`,
+    `edge_normal` (e, 3) diffract.
     """
 
     face_a: F64

@@ -1,0 +1,87 @@
+"""Two engines side by side: rows are whole, random rooms are sound, and differences are found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from elfslam.base.arrays import F64
+from elfslam.studies import fidelity
+from elfslam.studies.fidelity import (
+    compare_engines,
+    compare_room,
+    random_ends,
+    random_polygon,
+    random_shoebox,
+)
+from elfslam.world import pyroom
+from elfslam.world.paths import Reach
+from elfslam.world.phone import C64, Ends
+from elfslam.world.pulses import Air
+from elfslam.world.room import Room, check_outline
+from elfslam.world.scene import Scene
+
+Draw = Callable[[np.random.Generator], Room]
+
+
+def test_both_engines_agree_in_the_first_rooms() -> None:
+    rows = compare_engines(rooms=2)
+    assert [(row["room"], row["transducers"]) for row in rows] == [
+        ("shoebox", "omnidirectional"),
+        ("shoebox", "cardioid"),
+        ("polygon with blocks", "omnidirectional"),
+        ("polygon with blocks", "cardioid"),
+    ]
+    for row in rows:
+        assert float(str(row["worst correlation (%)"])) > 99
+        assert row["of one engine alone"] == 0
+        assert int(str(row["paths"])) > 50
+        assert float(str(row["arrival off by (us)"])) < 2.0
+        assert float(str(row["level off by (dB)"])) < 0.3
+
+
+def test_what_one_engine_lacks_shows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """An engine that loses all third reflections and more is found out."""
+    whole = pyroom.image_echoes
+
+    def shallow(scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach) -> C64:
+        return whole(scene, ends, people_m, air, reach._replace(order=2))
+
+    monkeypatch.setattr(pyroom, "image_echoes", shallow)
+    assert compare_room(random_shoebox, 0.0, 0).correlation < 0.99
+
+
+def test_a_path_of_one_engine_alone_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = pyroom.visible_images
+
+    def but_the_loudest(*given: object) -> tuple[F64, ...]:
+        length_m, gain, order = whole(*given)  # type: ignore[arg-type]
+        keep = length_m > length_m.min()
+        return length_m[keep], gain[keep], order[keep]
+
+    monkeypatch.setattr(pyroom, "visible_images", but_the_loudest)
+    assert compare_room(random_polygon, 0.0, 3).only_one == 1
+
+
+@pytest.mark.parametrize("draw", [random_shoebox, random_polygon])
+def test_random_rooms_are_sound_and_the_same_for_a_seed(draw: Draw) -> None:
+    for seed in range(10):
+        room, again = (draw(np.random.default_rng(seed)) for _ in range(2))
+        assert (room.outline_m == again.outline_m).all()
+        assert (check_outline(room.outline_m) == room.outline_m).all()
+        for k, block in enumerate(room.blocks):
+            others = replace(room, blocks=room.blocks[:k] + room.blocks[k + 1 :])
+            assert others.is_free(block.corners_m, 1.0).all()
+            assert block.top_m == room.height_m
+        ends = random_ends(room, 0.5, np.random.default_rng(seed))
+        assert room.is_free(np.vstack([ends.speaker, ends.microphone])[:, :2], 1.0, 0.2).all()
+        np.testing.assert_allclose(np.linalg.norm(ends.speaker_axis), 1.0)
+
+
+def test_most_random_polygons_are_not_convex() -> None:
+    rooms = [random_polygon(np.random.default_rng(seed)) for seed in range(20)]
+    convex = [fidelity.scene_of(room).convex for room in rooms]
+    assert sum(convex) < 10
