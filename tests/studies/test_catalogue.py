@@ -9,8 +9,10 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.score.page import Page
 from elfslam.studies import catalogue
 from elfslam.studies.catalogue import STUDIES, run_study
+from elfslam.studies.finding import Finding
 
 ROWS: list[dict[str, object]] = [
     {"quantity": "speed", "value": 1.25},
@@ -40,6 +42,16 @@ def test_a_table_is_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
         {"quantity": "speed", "value": "1.25"},
         {"quantity": "size, of steps", "value": ""},
     ]
+
+
+def test_a_page_is_written_beside_the_tables(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    page = Page("Walks", "of today", [])
+    monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda data, announce: Finding(ROWS, page)})
+    assert run_study("gait", tmp_path, None, silent) == ROWS
+    assert "<title>Walks</title>" in (tmp_path / "gait.html").read_text()
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".html", ".json"]
 
 
 def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None:

@@ -39,35 +39,38 @@ class Heard:
     spot: I64
 
 
-def measure_distinctness(data: Path | None, announce: Announce) -> Finding:
+def measure_distinctness(
+    data: Path | None, announce: Announce, *, spots: int | None = None
+) -> Finding:
     """How often a spot is recognised among all, and the t-SNE picture of five in a row.
 
-    After the paper, section 3; `data` is not needed.
+    After the paper, section 3; `data` is not needed. `spots` takes the first few alone.
     """
     world, rows, panels = load_world("lab"), [], []
-    chosen = _row_of_spots(world.spots_m)
+    spots_m = world.spots_m[:spots]
+    chosen = _row_of_spots(spots_m)
     for k, (signal, title) in enumerate(SIGNALS.items()):
-        announce(f"{signal} at {len(world.spots_m)} spots", k / len(SIGNALS))
-        heard = _hear(world, signal, built_in_device("simulated phone"))
-        rows.append(_recognised(world, signal, heard))
-        panels.append(Panel(title, clouds_figure(_embedded(heard, chosen)), NOTE))
+        announce(f"{signal} at {len(spots_m)} spots", k / len(SIGNALS))
+        heard = _hear(world, spots_m, signal, built_in_device("simulated phone"))
+        rows.append(_recognised(spots_m, signal, heard))
+        panels.append(Panel(title, clouds_figure(_embedded(heard, chosen)), NOTE, wide=True))
     panels.append(Panel("All spots", rows_table(rows), wide=True))
     subtitle = f"{ECHOES} echoes at each spot of the simulated lab, phone held still"
     return Finding(rows, Page("Echoes of five spots, one metre apart", subtitle, panels))
 
 
-def _hear(world: World, signal: str, device: Device) -> Heard:
+def _hear(world: World, spots_m: F64, signal: str, device: Device) -> Heard:
     """Echoes of a phone that is held still at every spot and heads the same way."""
     generator = np.random.default_rng(128)
     scene, chirp = scene_of(world.room), make_chirp(ChirpParameters(kind=signal), ECHO_RATE_HZ)
     features = []
-    for spot_m in world.spots_m:
+    for spot_m in spots_m:
         frames = render_frames(
             room_responses(scene, device, _held_still(spot_m, generator)), chirp, device
         )
         noise = generator.standard_normal(frames.shape, dtype=np.float32)
         features.append(_log_spectrogram(frames + np.float32(device.noise_rms) * noise, device))
-    return Heard(np.concatenate(features), np.repeat(np.arange(len(world.spots_m)), ECHOES))
+    return Heard(np.concatenate(features), np.repeat(np.arange(len(spots_m)), ECHOES))
 
 
 def _held_still(spot_m: F64, generator: np.random.Generator) -> Poses:
@@ -85,15 +88,15 @@ def _log_spectrogram(frames: F32, device: Device) -> F64:
     return np.asarray(np.log(image + 1e-7), dtype=np.float64).reshape(len(frames), -1)
 
 
-def _recognised(world: World, signal: str, heard: Heard) -> Row:
+def _recognised(spots_m: F64, signal: str, heard: Heard) -> Row:
     """The nearest of the learnt spots' means, for every echo that was not learnt from."""
-    spots = len(world.spots_m)
+    spots = len(spots_m)
     features = heard.features.reshape(spots, ECHOES, -1)
     means = features[:, : ECHOES // 2].mean(axis=1)
     asked = features[:, ECHOES // 2 :].reshape(spots * (ECHOES // 2), -1)
     square = (asked**2).sum(axis=1)[:, None] - 2 * asked @ means.T + (means**2).sum(axis=1)
     answer, truth = square.argmin(axis=1), np.repeat(np.arange(spots), ECHOES // 2)
-    error_m = np.linalg.norm(world.spots_m[answer] - world.spots_m[truth], axis=1)
+    error_m = np.linalg.norm(spots_m[answer] - spots_m[truth], axis=1)
     right = (answer == truth).reshape(spots, -1).astype(np.float64)
     low, high = interval(list(right), lambda values: float(values.mean()), np.random.default_rng(0))
     return {

@@ -34,16 +34,18 @@ ENOUGH_ORDER = 12
 TIMES_FASTER, MINUTES = 300.0, 5.0
 
 
-def measure_speed(data: Path | None, announce: Announce) -> list[Row]:
+def measure_speed(
+    data: Path | None, announce: Announce, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES
+) -> list[Row]:
     """Rates, their ratios and the goals, all measured in this one run. `data` is not needed."""
     furnished = load_world("living_room").room
     announce("living room", 0.0)
-    empty = _rate(replace(furnished, blocks=()), 1)
-    full, lab = _rate(furnished, 1), _rate(load_world("lab").room, 1)
+    empty = _rate(replace(furnished, blocks=()), 1, echoes)
+    full, lab = _rate(furnished, 1, echoes), _rate(load_world("lab").room, 1, echoes)
     announce("pyroomacoustics", 0.1)
     slow, bare = (_pyroom_rate(furnished, air_absorption=air) for air in (True, False))
     announce("both cores", 0.15)
-    one, two = (_rate(furnished, threads, clock=time.perf_counter) for threads in (1, 2))
+    one, two = (_rate(furnished, k, echoes, clock=time.perf_counter) for k in (1, 2))
     rows = [
         _row("living room, empty, ours", empty, "echoes/s and core"),
         _row("living room, furnished, ours", full, "echoes/s and core"),
@@ -55,7 +57,7 @@ def measure_speed(data: Path | None, announce: Announce) -> list[Row]:
         _row("furnished: ours over pyroomacoustics without air", full / bare, "times"),
         _row("two threads over one, wall clock", two / one, "times"),
     ]
-    return rows + list(_stream_rows(announce))
+    return rows + list(_stream_rows(stream, announce))
 
 
 def _row(quantity: str, value: float, unit: str, goal: float | None = None) -> Row:
@@ -71,9 +73,11 @@ def _places(room: Room, count: int) -> Any:
     return poses_at(position_m, yaw_rad, np.full(len(xy_m), 0.4))
 
 
-def _rate(room: Room, threads: int, clock: Callable[[], float] = time.process_time) -> float:
+def _rate(
+    room: Room, threads: int, echoes: int, clock: Callable[[], float] = time.process_time
+) -> float:
     """Responses per second of the furnished scene, best of five; sound not yet rendered."""
-    scene, poses = scene_of(room), _places(room, ECHOES)
+    scene, poses = scene_of(room), _places(room, echoes)
     ends = ends_of(named_device("simulated phone"), poses)
 
     def run() -> None:
@@ -118,9 +122,9 @@ def _pyroom_rate(room: Room, *, air_absorption: bool) -> float:
     return 1.0 / float(np.median(seconds))
 
 
-def _stream_rows(announce: Announce) -> Iterator[Row]:
+def _stream_rows(echoes: int, announce: Announce) -> Iterator[Row]:
     """The training stream with its spectrograms, by two processes, and what memory it took."""
-    steps = -(-STREAM_ECHOES // (2 * PAIRS))
+    steps = -(-echoes // (2 * PAIRS))
     start, done, memory = time.perf_counter(), 0, 0.0
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=context) as pool:
@@ -129,7 +133,7 @@ def _stream_rows(announce: Announce) -> Iterator[Row]:
             if done % 40 == 0:
                 announce(f"{2 * PAIRS * done} echoes", 0.2 + 0.8 * done / steps)
     minutes = (time.perf_counter() - start) / 60
-    yield _row(f"{STREAM_ECHOES} training echoes, spectrograms, 2 cores", minutes, "min", MINUTES)
+    yield _row(f"{echoes} training echoes, spectrograms, 2 cores", minutes, "min", MINUTES)
     yield _row("their peak memory in each process", memory / ONE_GIGABYTE, "GiB", 0.5)
 
 

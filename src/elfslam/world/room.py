@@ -108,7 +108,7 @@ def inside(outline_m: F64, xy_m: F64) -> Bool:
     a, b = outline_m, np.roll(outline_m, -1, axis=0)
     x, y = xy_m[:, :1], xy_m[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
-    rise = np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1])
+    rise = np.where(spans, b[:, 1] - a[:, 1], 1.0)
     crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
     return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
 
