@@ -18,10 +18,11 @@ from elfslam.world.magnetic_field import (
     magnetic_field,
     read_magnetometer,
 )
-from elfslam.world.room import Room
+from elfslam.world.materials import material
+from elfslam.world.room import shoebox
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker, walk
 
-ROOM = Room(np.array([8.0, 6.0, 2.6]), np.full(6, 0.8), np.zeros((0, 3)), np.zeros(0))
+ROOM = shoebox(np.array([8.0, 6.0, 2.6]), (material("concrete"),) * 6)
 PERFECT = MagnetometerGrade("perfect", 50.0, 1e-9, 0.0, 0.0)
 NO_EARTH = np.zeros(3)
 

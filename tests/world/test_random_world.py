@@ -70,14 +70,10 @@ def test_some_lack_a_corner_and_some_lean(rooms: list[Room]) -> None:
     assert all(scene_of(room).convex == (len(room.outline_m) == 4) for room in rooms[:30])
 
 
-def test_blocks_stand_in_the_box_about_the_room(rooms: list[Room]) -> None:
-    """Those that are turned may reach through a wall, but stand inside with their middle."""
+def test_blocks_stand_in_the_room(rooms: list[Room]) -> None:
     for room in rooms:
-        leans_m = 0.0 if is_square(room) else 0.07 * room.size_m[:2]
         for block in room.blocks:
-            points = block.corners_m if block.turn_rad == 0 else block.centre_m[None]
-            beyond_m = np.abs(points - room.corner_m - room.size_m[:2] / 2) - room.size_m[:2] / 2
-            assert (beyond_m < leans_m + 1e-9).all()
+            assert room.holds(block.corners_m).all()
             assert 0 <= block.base_m < block.top_m <= room.height_m + 1e-9
 
 
@@ -88,7 +84,8 @@ def is_partition(block: Block) -> bool:
 def test_furniture_and_partitions_are_as_many_as_fit(rooms: list[Room]) -> None:
     partitions = [sum(map(is_partition, room.blocks)) for room in rooms]
     furniture = [len(room.blocks) - count for room, count in zip(rooms, partitions, strict=True)]
-    assert (min(furniture), max(furniture)) == (2, MOST_FURNITURE)
+    assert max(furniture) == MOST_FURNITURE
+    assert np.median(furniture) > 5
     assert (min(partitions), max(partitions)) == (0, MOST_PARTITIONS)
     size = [area_m2(room.outline_m) for room in rooms]
     assert np.corrcoef(size, furniture)[0, 1] > 0.5
