@@ -65,6 +65,9 @@ class Ends(NamedTuple):
     held: bool
 
 
+COLUMNS = Ends._fields[:7]
+"""Those of its fields that have a row for every phone."""
+
 Engine = Callable[[Scene, Ends, F64, Air, Reach], C64]
 """Scene, both ends (n), people (n, p, 2), air and reach in; complex envelopes (n, 630) out: what is
 heard of an impulse without the direct sound and the holder. Two exist: `image_echoes` here and
@@ -133,6 +136,17 @@ def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
     return -1
 
 
+def _plain(ends: Ends, rows: slice) -> Ends:
+    """Some rows as arrays of one kind: a kernel is compiled anew for every other kind."""
+    columns = {name: np.array(getattr(ends, name)[rows], dtype=np.float64) for name in COLUMNS}
+    return Ends(
+        **columns,
+        speaker_directivity=float(ends.speaker_directivity),
+        microphone_directivity=float(ends.microphone_directivity),
+        held=bool(ends.held),
+    )
+
+
 def image_echoes(
     scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, threads: int = 1
 ) -> C64:
@@ -145,15 +159,14 @@ def image_echoes(
             f"reach: wanted at most {MOST_REFLECTIONS} reflections in plan and a positive length, "
             f"got {reach.plan_order} and {reach.longest_m}; change them"
         )
-    count = len(ends.speaker)
+    count, limits = len(ends.speaker), Reach(float(reach.longest_m), *map(int, reach[1:]))
     out, table = np.zeros((count, BAND_BINS), dtype=np.complex64), pulse_table()
 
     def render(rows: slice) -> int:
-        part = ends._replace(**{name: getattr(ends, name)[rows] for name in Ends._fields[:7]})
+        part, about = _plain(ends, rows), np.array(people_m[rows], dtype=np.float64)
         paths, rays = make_plan_paths(len(scene.block_low)), make_rays()
-        return int(
-            _render_rows(out[rows], scene, part, people_m[rows], paths, rays, reach, air, table)
-        )
+        found = _render_rows(out[rows], scene, part, about, paths, rays, limits, air, table)
+        return int(found)
 
     edges = np.linspace(0, count, max(min(threads, count), 1) + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(edges)]
