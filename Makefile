@@ -6,15 +6,15 @@ INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --co
 
 .PHONY: demo test fast lint coverage pretrain clean
 
-demo: $(VENV)/.installed
+demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
 	$(BIN)/elfslam demo demo
 
-test: lint
+test: lint $(VENV)/.kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 
-fast: $(VENV)/.installed-test
+fast: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/python -m pytest -m "not slow"
 
 lint: $(VENV)/.installed-test
@@ -22,7 +22,7 @@ lint: $(VENV)/.installed-test
 	$(BIN)/ruff format --check src tests
 	$(BIN)/mypy
 
-pretrain: $(VENV)/.installed-test
+pretrain: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0
 
 $(VENV)/.installed: pyproject.toml constraints.txt
@@ -33,6 +33,11 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 $(VENV)/.installed-test: $(VENV)/.installed
 	$(INSTALL) --editable ".[learn,test]"
 	touch $@
+
+# A compiled kernel knows when its own file changes, but not when one that it calls does.
+$(VENV)/.kernels: $(wildcard src/elfslam/world/*.py)
+	find src -name '*.nb[ic]' -delete
+	mkdir -p $(VENV) && touch $@
 
 clean:
 	rm -rf $(VENV) demo
