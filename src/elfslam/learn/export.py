@@ -10,13 +10,13 @@ import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
+from torch import nn
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.network import CompactEncoder
 from elfslam.line.feature import BINS
 
 
-def export_encoder(network: CompactEncoder, path: Path) -> None:
+def export_encoder(network: nn.Module, path: Path) -> None:
     """Write `network` to `path`.
 
     Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
@@ -34,7 +34,7 @@ def export_encoder(network: CompactEncoder, path: Path) -> None:
     partial.replace(path)
 
 
-def _traced(network: CompactEncoder) -> bytes:
+def _traced(network: nn.Module) -> bytes:
     buffer = io.BytesIO()
     example = torch.randn(2, ECHO_SAMPLES), torch.zeros(BINS)
     with warnings.catch_warnings():
