@@ -14,6 +14,7 @@ import soundfile
 
 from elfslam.cli import main
 from elfslam.data.recordings import read_recording
+from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.studies import catalogue
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
@@ -372,6 +373,75 @@ def test_one_bad_log_among_many_costs_no_other(tmp_path: Path, elfslam: Elfslam)
     assert json.loads(out)[0]["recordings"] == 1
     assert "bad.txt" in err
     assert [item.name for item in (tmp_path / "walks").iterdir()] == ["good"]
+
+
+QUICK = tuple(
+    word
+    for setting in ("steps=12", "check_steps=4", "warmup_steps=2", "learning_rate=1e-3",
+                    "pairs=48", "shortest_s=30", "threads=1")
+    for word in ("--set", f"finetune.{setting}")
+)  # fmt: skip
+
+
+def test_an_encoder_learns_a_walk(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    files = [tmp_path / "new" / name for name in ("one.onnx", "two.onnx")]
+    for file in files:
+        code, out, err = elfslam("finetune", walk, file, "--seed", 3, *QUICK)
+        assert (code, out) == (0, "")
+        assert "revisits heard again" in err
+        assert (file.read_bytes() == read_shipped()) == ("does not help" in err)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def read_shipped() -> bytes:
+    encoder = load_encoder("compact")
+    assert isinstance(encoder, OnnxEncoder)
+    return encoder.content
+
+
+def test_a_map_takes_its_fine_tuned_encoder_along(
+    walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    run = tmp_path / "run"
+    code, _, err = elfslam("map", walk, run, "--finetune", *QUICK)
+    assert code == 0
+    facts = json.loads((run / "run.json").read_text())
+    assert f"fine-tuning: {facts['finetuning']}" in err
+    assert load_encoder(str(run / "encoder.onnx")).identity == facts["encoder"]
+    kept = facts["encoder"] == load_encoder("compact").identity
+    assert kept == ("does not help" in facts["finetuning"])
+    assert elfslam("locate", walk, run, tmp_path / "fixes.csv")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--encoder", "spectral"), "wanted an encoder that learns"),
+        (("--by", "motion"), "leave it out with --by motion"),
+        ((), "walk longer"),
+    ],
+)
+def test_what_cannot_be_fine_tuned_is_refused(
+    options: tuple[str, ...], words: str, walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, _, err = elfslam("map", walk, tmp_path / "run", "--finetune", *options)
+    assert code == 2
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_torch_the_extra_is_named(
+    walk: Path, tmp_path: Path, elfslam: Elfslam, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in [name for name in sys.modules if name.startswith("elfslam.learn.")]:
+        if name != "elfslam.learn.settings":
+            monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    code, _, err = elfslam("finetune", walk, tmp_path / "one.onnx", *QUICK)
+    assert code == 2
+    assert err == (
+        "elfslam: fine-tuning needs torch; install it with pip install 'elfslam[learn]'\n"
+    )
 
 
 def test_a_demo_does_not_write_over_anything(tmp_path: Path, elfslam: Elfslam) -> None:

@@ -35,6 +35,8 @@ READERS = {
     "demo with parameters": "demo {new}/demo --parameters {bad}",
     "demo with an encoder": "demo {new}/demo --encoder {bad}",
     "pretrain": "pretrain {new}/one.onnx --parameters {bad}",
+    "finetune": "finetune {bad} {new}/one.onnx",
+    "finetune an encoder": "finetune {walk} {new}/one.onnx --encoder {bad}",
     "parameters": "parameters --parameters {bad}",
 }
 BAD = ("missing", "empty", "full", "text", "text/below", "damaged.zip", "damaged.npz")
@@ -47,11 +49,12 @@ WRITERS = {
     "show": "show studio {out}",
     "pretrain": "pretrain {out} " + " ".join(TINY),
     "pretrain a file": "pretrain {out}/one.onnx " + " ".join(TINY),
+    "finetune a file": "finetune {walk} {out}/one.onnx --set finetune.shortest_s=1",
     "study": "study gait {out}",
 }
 INTO = {"demo": ("text", "text/below"), "show": ("full", "text/below")}
 INTO |= {"locate": ("full", "text/below"), "study": ("text", "text/below")}
-INTO |= {"pretrain a file": ("text", "text/below")}
+INTO |= {"pretrain a file": ("text", "text/below"), "finetune a file": ("text", "text/below")}
 """Not a folder with content where only one more file comes to lie in it, nor a file to replace."""
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -13,21 +13,24 @@ import numpy as np
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load, rows
-from elfslam.base.values import Echoes, FixStatus, FloorMap
+from elfslam.base.values import FixStatus
 from elfslam.console import DONE, INTERRUPTED, exit_code_of, print_rows, progress_bar, say
 from elfslam.data.fixes_files import read_fixes, write_fixes
 from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.data.runs import ENCODER, FACTS, read_facts, read_run
-from elfslam.line.feature import Encoder, load_encoder
+from elfslam.data.runs import FACTS, read_facts, read_run
+from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
     MapJob,
     Modality,
     Settings,
+    breaks,
+    encoder_of,
+    finetune_into,
     line_only,
     map_into,
     map_many,
@@ -175,6 +178,7 @@ def map_command(
     by: Annotated[Modality | None, typer.Option(help="Default: elf where there is sound.")] = None,
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
+    finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
     plan: Plan = None,
     force: Force = False,
     parameter_file: ParameterFile = None,
@@ -183,7 +187,7 @@ def map_command(
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
     known = load(Settings(), parameter_file, setting or [])
     drawn = _plan(plan)
-    job = MapJob(by, parse_start(start), encoder, known, force)
+    job = MapJob(by, parse_start(start), encoder, known, force, finetune)
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:
@@ -199,18 +203,11 @@ def map_command(
         _say_refused("mapped", refused)
 
 
-def _breaks(echoes: Echoes) -> Iterator[str]:
-    """What happened to the stream, a line for each break."""
-    for at_s, lost_s in echoes.losses_s:
-        if lost_s == 0:
-            yield f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost"
-        else:
-            yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
-
-
 def _say_mapped(run: slam.Run, out: Path) -> None:
-    for line in [] if run.echoes is None else _breaks(run.echoes):
+    for line in [] if run.echoes is None else breaks(run.echoes):
         say(line)
+    if "finetuning" in (facts := read_facts(out)):
+        say(f"fine-tuning: {facts['finetuning']}")
     kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "
@@ -236,7 +233,7 @@ def locate_command(
     """Locate a recording in a map, one fix per 0.6 s of sound."""
     parameters = load(Settings(), parameter_file, setting or [])
     known = read_map(floor_map)
-    used = load_encoder(encoder) if encoder else _encoder_of(floor_map, known)
+    used = load_encoder(encoder) if encoder else encoder_of(floor_map, known)
     with progress_bar() as announce:
         announce("locating", None)
         heard = read_recording(recording, parameters.chirp)
@@ -248,20 +245,6 @@ def locate_command(
     )
     if counts["OK"] == 0:
         raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
-
-
-def _encoder_of(path: Path, floor_map: FloorMap) -> Encoder:
-    """The encoder beside the map; the one without learning where the map was made with that."""
-    spectral = load_encoder("spectral")
-    if {item.encoder for item in floor_map.payloads} <= {spectral.identity}:
-        return spectral
-    beside = (path if path.is_dir() else path.parent) / ENCODER
-    if not beside.is_file():
-        raise StoreError(
-            f"{beside}: is missing and the map needs it; copy it from the run, name the encoder "
-            "with --encoder (compact is the shipped one), or map the recording again"
-        )
-    return load_encoder(str(beside))
 
 
 @app.command()
@@ -371,6 +354,22 @@ def pretrain_command(
     with progress_bar() as announce:
         loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce)
     say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
+
+
+@app.command("finetune")
+def finetune_command(
+    recording: Annotated[Path, typer.Argument(help="The walk to learn.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.onnx", help="Where the encoder goes.")],
+    encoder: EncoderName = "compact",
+    seed: Seed = 0,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Fine-tune an encoder on one recording, without labels; kept as it is where that is better."""
+    known = load(Settings(), parameter_file, setting or [])
+    with progress_bar() as announce:
+        found = finetune_into(out, recording, encoder, known, seed=seed, announce=announce)
+    say(f"wrote {out}; {found}")
 
 
 def _plan(world: str | None) -> FloorPlan | None:

@@ -2,30 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from elfslam import __version__, slam
-from elfslam.base.errors import InputError, NoAnswerError, ParameterError
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.values import Odometry, Recording, Similarity
+from elfslam.base.values import Echoes, FloorMap, Odometry, Recording, Similarity
 from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
-from elfslam.data.folders import new_folder, refuse_occupied
+from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import FACTS, digest_of, write_run
-from elfslam.learn.settings import PretrainParameters
+from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
+from elfslam.learn.settings import FinetuneParameters, PretrainParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 
+if TYPE_CHECKING:
+    from elfslam.learn.finetune import Finetuned
+
 Announce = Callable[[str, float | None], None]
 """Hears what is being done, and the share done where it is known."""
 FARTHEST_M = 1e6
+FINETUNE_SEED = 0
 Pose = tuple[float, float, float]
 
 
@@ -35,6 +39,7 @@ class Settings(slam.Parameters):
 
     magnetic: MagneticParameters = field(default_factory=MagneticParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
+    finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
 
 
 class Modality(StrEnum):
@@ -54,6 +59,7 @@ class MapJob:
     encoder: str
     parameters: Settings
     overwrite: bool
+    finetune: bool = False
 
 
 def recordings_in(path: Path) -> list[Path]:
@@ -126,8 +132,19 @@ def _mapped(
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
+    if job.finetune and by is not Modality.ELF:
+        raise InputError(f"{recording.name}: --finetune learns echoes; leave it out with --by {by}")
     encoder = load_encoder(job.encoder) if by is Modality.ELF else None
-    run = _map_one(recording, by, encoder, job.parameters, announce)
+    tuned: list[Finetuned] = []
+
+    def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
+        if not job.finetune:
+            return shipped
+        tuned.append(finetuned(shipped, echoes, job.parameters.finetune, FINETUNE_SEED, announce))
+        return tuned[-1].encoder
+
+    run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
+    encoder = tuned[-1].encoder if tuned else encoder
     facts: dict[str, Any] = {
         **versions(),
         "device": recording.device,
@@ -135,18 +152,62 @@ def _mapped(
         "encoder": None if encoder is None else encoder.identity,
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
+        **({"finetuning": tuned[-1].reason} if tuned else {}),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
 
 
+def finetune_into(
+    out: Path, path: Path, encoder: str, known: Settings, *, seed: int, announce: Announce
+) -> str:
+    """Fine-tune the encoder called `encoder` on one recording into the file `out`; what came of it.
+
+    Raises StoreError before the work where `out` cannot be an encoder file.
+    """
+    if out.suffix != ".onnx" or out.is_dir():
+        raise StoreError(f"{out}: wanted the name of a file that ends in .onnx; rename it")
+    nearest = next(folder for folder in out.absolute().parents if folder.exists())
+    if not nearest.is_dir():
+        raise StoreError(f"{out}: {nearest} is no folder; choose another place")
+    announce("echoes", None)
+    echoes = slam.hear(read_recording(path, known.chirp), known)
+    tuned = finetuned(load_encoder(encoder), echoes, known.finetune, seed, announce)
+    with new_file(out) as partial:
+        partial.write_bytes(tuned.encoder.content)
+    return tuned.reason
+
+
+def finetuned(
+    encoder: Encoder, echoes: Echoes, known: FinetuneParameters, seed: int, announce: Announce
+) -> Finetuned:
+    """What fine-tuning makes of an encoder. Raises InputError, also where torch is missing."""
+    if not isinstance(encoder, OnnxEncoder):
+        raise InputError("fine-tuning: wanted an encoder that learns, got spectral; name another")
+    try:
+        from elfslam.learn.finetune import finetune
+    except ModuleNotFoundError as cause:
+        raise InputError(
+            f"fine-tuning needs {cause.name}; install it with pip install 'elfslam[learn]'"
+        ) from cause
+    return finetune(
+        encoder, echoes, known, seed=seed,
+        report=lambda check: announce("fine-tuning", check.step / known.steps),
+    )  # fmt: skip
+
+
 def _map_one(
-    recording: Recording, by: Modality, encoder: Encoder | None, known: Settings, announce: Announce
+    recording: Recording,
+    by: Modality,
+    encoder: Encoder | None,
+    known: Settings,
+    adapt: slam.Adapt,
+    announce: Announce,
 ) -> slam.Run:
     def stage(name: str) -> None:
         announce(f"{recording.name}: {name}", None)
 
     if encoder is not None:
-        return slam.map_by_echoes(recording, encoder, known, announce=stage)
+        return slam.map_by_echoes(recording, encoder, known, adapt=adapt, announce=stage)
     makers = {
         Modality.MOTION: slam.no_similarity,
         Modality.MAGNETIC: lambda walk, nodes: _field_similarity(walk, nodes, known.magnetic),
@@ -175,6 +236,29 @@ def parse_start(text: str | None) -> Pose | None:
             f"--start: wanted finite numbers, got {text!r}; give metres and radians"
         )
     return x_m, y_m, heading_rad
+
+
+def encoder_of(path: Path, floor_map: FloorMap) -> Encoder:
+    """The encoder beside the map; the one without learning where the map was made with that."""
+    spectral = load_encoder("spectral")
+    if {item.encoder for item in floor_map.payloads} <= {spectral.identity}:
+        return spectral
+    beside = (path if path.is_dir() else path.parent) / ENCODER
+    if not beside.is_file():
+        raise StoreError(
+            f"{beside}: is missing and the map needs it; copy it from the run, name the encoder "
+            "with --encoder (compact is the shipped one), or map the recording again"
+        )
+    return load_encoder(str(beside))
+
+
+def breaks(echoes: Echoes) -> Iterator[str]:
+    """What happened to the stream, a line for each break."""
+    for at_s, lost_s in echoes.losses_s:
+        if lost_s == 0:
+            yield f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost"
+        else:
+            yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
 
 
 def line_only(known: Settings) -> slam.Parameters:

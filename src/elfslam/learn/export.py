@@ -1,4 +1,4 @@
-"""Encoders as ONNX files: one graph from raw aligned samples to the ELF."""
+"""Encoders as ONNX files, and back: one graph from raw aligned samples to the ELF."""
 
 from __future__ import annotations
 
@@ -10,31 +10,82 @@ import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
+from torch import nn
 
+from elfslam.base.arrays import F32
+from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
 from elfslam.line.feature import BINS
 
 
-def export_encoder(network: CompactEncoder, path: Path) -> None:
+def export_encoder(network: nn.Module, path: Path) -> None:
     """Write `network` to `path`.
 
     Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
     output `elf` (n, 128).
     """
+    content = encoder_content(network)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    partial = path.with_suffix(".partial")
+    partial.write_bytes(content)
+    partial.replace(path)
+
+
+def encoder_content(network: nn.Module) -> bytes:
+    """`network` as the content of an encoder file, see `export_encoder`."""
     model = onnx.load_model_from_string(_traced(network))
     model.graph.initializer.append(
         numpy_helper.from_array(np.zeros(BINS, dtype=np.float32), "device_log_spectrum")
     )
     model.graph.output[0].type.tensor_type.shape.dim[1].dim_value = ELF_SIZE
     onnx.checker.check_model(model)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_bytes(model.SerializeToString())
-    partial.replace(path)
+    return bytes(model.SerializeToString())
 
 
-def _traced(network: CompactEncoder) -> bytes:
+def network_of(content: bytes) -> CompactEncoder:
+    """The network in the encoder file `content`, ready to be trained further.
+
+    The file's convolutions have taken in the statistics behind them, so those of the network are
+    zero and one: what it computes is the same to rounding. Raises InputError for a file of
+    another network.
+    """
+    try:
+        return _rebuilt(onnx.load_model_from_string(content).graph)
+    except Exception as cause:  # protobuf, numpy and torch raise many types for a foreign graph
+        raise InputError(
+            "encoder: wanted the compact network of `elfslam pretrain`, got another graph; "
+            "name a file that it wrote"
+        ) from cause
+
+
+def _rebuilt(graph: onnx.GraphProto) -> CompactEncoder:
+    known = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
+    folded = [node for node in graph.node if node.op_type == "Conv" and len(node.input) == 3]
+    network = CompactEncoder(len(known[folded[0].input[1]])).eval()
+    network.head.load_state_dict(
+        {
+            name.removeprefix("head."): torch.tensor(value)
+            for name, value in known.items()
+            if name.startswith("head.")
+        }
+    )
+    modules = list(network.body.modules())
+    convolutions = [module for module in modules if isinstance(module, nn.Conv2d)]
+    norms = [module for module in modules if isinstance(module, nn.BatchNorm2d)]
+    for node, convolution, norm in zip(folded, convolutions, norms, strict=True):
+        _unfold(known[node.input[1]], known[node.input[2]], convolution, norm)
+    return network
+
+
+def _unfold(weight: F32, bias: F32, convolution: nn.Conv2d, norm: nn.BatchNorm2d) -> None:
+    with torch.no_grad():
+        convolution.weight.copy_(torch.tensor(weight))
+        norm.weight.fill_((1 + norm.eps) ** 0.5)
+        norm.bias.copy_(torch.tensor(bias))
+
+
+def _traced(network: nn.Module) -> bytes:
     buffer = io.BytesIO()
     example = torch.randn(2, ECHO_SAMPLES), torch.zeros(BINS)
     with warnings.catch_warnings():

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
@@ -39,9 +39,12 @@ def pretrain(
     seed: int,
     checkpoint: Path,
     report: Callable[[Progress], None],
-) -> CompactEncoder:
+    build: Callable[[], nn.Module] | None = None,
+) -> nn.Module:
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
 
+    `build` makes it, samples and device log spectrum in and unit rows out; without, it is a
+    compact one.
     Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
     where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
     fixes the number of threads, on which rounding depends. Raises StoreError for a checkpoint of
@@ -49,7 +52,7 @@ def pretrain(
     """
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
-    network = CompactEncoder(parameters.width)
+    network = build() if build else CompactEncoder(parameters.width)
     optimizer = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
@@ -69,7 +72,7 @@ def pretrain(
     return network.eval()
 
 
-def pair_loss(network: CompactEncoder, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
+def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
     """NT-Xent of a batch; places of one room that are too near are left out of the negatives."""
     none = torch.zeros(BINS)
     both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
@@ -104,7 +107,7 @@ def _save(
     checkpoint: Path,
     run: str,
     step: int,
-    network: CompactEncoder,
+    network: nn.Module,
     optimizer: torch.optim.Optimizer,
 ) -> None:
     parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
@@ -115,7 +118,7 @@ def _save(
 
 
 def _resume(
-    checkpoint: Path, run: str, network: CompactEncoder, optimizer: torch.optim.Optimizer
+    checkpoint: Path, run: str, network: nn.Module, optimizer: torch.optim.Optimizer
 ) -> int:
     """The next step; 0 where there is no checkpoint. Raises StoreError for one of another run."""
     if not checkpoint.exists():

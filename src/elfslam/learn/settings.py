@@ -26,3 +26,36 @@ class PretrainParameters:
     )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
     threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)
+
+
+@dataclass(frozen=True)
+class FinetuneParameters:
+    """How the encoder learns one walk, without any label."""
+
+    steps: int = parameter(100, "", "batches to train on", low=1)
+    pairs: int = parameter(96, "", "pairs of consecutive echoes in a batch", low=2)
+    temperature: float = parameter(0.1, "", "temperature of NT-Xent", low=0.01)
+    learning_rate: float = parameter(2e-4, "", "peak learning rate (AdamW, cosine decay)", low=1e-6)
+    warmup_steps: int = parameter(20, "", "steps until the peak", low=1)
+    near_s: float = parameter(5.0, "s", "echoes this close in time are no negatives", low=0.2)
+    gap_s: float = parameter(0.15, "s", "consecutive echoes are no farther apart", low=0.05)
+    window: int = parameter(6, "echoes", "averaged before they are compared, a footstep", low=1)
+    line_windows: int = parameter(
+        7, "windows", "length over which a revisit must sound alike", low=1
+    )
+    line_similarity: float = parameter(
+        0.55, "", "mean similarity along it from which it may be a revisit", low=-1.0, high=1.0
+    )
+    beside_windows: int = parameter(
+        2, "windows", "what lies beside a revisit may be one too", low=0
+    )
+    keep: float = parameter(
+        20.0, "", "weight of: what is no negative keeps the similarity that it had", low=0.0
+    )
+    jitter_samples: int = parameter(2, "samples", "shift of the cut, either way", low=0, high=40)
+    noise: float = parameter(0.1, "", "most noise added, as a share of an echo's level", low=0.0)
+    ripple: float = parameter(0.2, "", "log gain over the band, as if of another phone", low=0.0)
+    check_steps: int = parameter(25, "", "steps between looks at the quality", low=1)
+    block_s: float = parameter(5.0, "s", "one block of five is not learnt from", low=1.0)
+    shortest_s: float = parameter(60.0, "s", "walk from which there is enough to learn", low=1.0)
+    threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)

@@ -11,16 +11,22 @@ from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
 from elfslam.score.page import save_page
 from elfslam.studies.distinctness import measure_distinctness
+from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, Row, Study
+from elfslam.studies.finetuning import measure_finetuning
 from elfslam.studies.physics import check_laws
+from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
 
 STUDIES: Mapping[str, Study] = {
     "distinctness": measure_distinctness,
+    "elf": measure_elf,
     "fidelity": compare_engines,
+    "finetuning": measure_finetuning,
     "physics": check_laws,
+    "real-rooms": measure_real_rooms,
     "sensors": compare_sensors,
     "speed": measure_speed,
 }

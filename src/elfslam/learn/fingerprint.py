@@ -1,0 +1,125 @@
+"""The supervised fingerprint: a ResNet-18 that names the spot of an echo (paper, section 3).
+
+It needs labelled echoes of every spot, which is what the ELF does without.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import parameter
+from elfslam.base.values import ECHO_SAMPLES
+from elfslam.learn.network import Spectrogram, normalised_log
+from elfslam.learn.resnet import STAGES, Stem, resnet18
+from elfslam.line.feature import BINS
+
+ROWS_AT_ONCE = 256
+
+
+@dataclass(frozen=True)
+class FingerprintParameters:
+    """How the classifier of spots is trained."""
+
+    epochs: int = parameter(10, "", "passes over the labelled echoes", low=1)
+    batch: int = parameter(64, "", "echoes in a batch", low=2)
+    learning_rate: float = parameter(1e-3, "", "peak learning rate (AdamW, one cycle)", low=1e-6)
+    weight_decay: float = parameter(1e-4, "", "weight decay of AdamW", low=0.0)
+
+
+class SpotClassifier(nn.Module):
+    """Raw aligned samples (n, 2352) to a score for every spot (n, spots)."""
+
+    def __init__(self, spots: int, stem: Stem = "imagenet") -> None:
+        super().__init__()
+        self.spectrogram = Spectrogram()
+        self.body = resnet18(stem)
+        self.head = nn.Linear(STAGES[-1], spots)
+
+    def forward(self, samples: Tensor) -> Tensor:
+        image = normalised_log(self.spectrogram(samples), samples.new_zeros(BINS))
+        scores: Tensor = self.head(self.body(image[:, None]))
+        return scores
+
+
+class FingerprintScore(NamedTuple):
+    """How often the right spot is named, and how far the named one lies off on average."""
+
+    top_1: float
+    mean_error_m: float
+
+
+def train_fingerprint(
+    samples: F32,
+    spot: I64,
+    parameters: FingerprintParameters,
+    *,
+    seed: int,
+    stem: Stem = "imagenet",
+    report: Callable[[float], None] = lambda share: None,
+) -> SpotClassifier:
+    """A classifier trained on traces (n, 2352) of known spots (n), numbered from 0.
+
+    `report` hears the share done. The same seed and number of threads give the same classifier.
+    Raises InputError for traces that are too few or have no spot each.
+    """
+    _check(samples, spot, parameters)
+    torch.manual_seed(seed)
+    network = SpotClassifier(int(spot.max()) + 1, stem)
+    steps = parameters.epochs * (len(samples) // parameters.batch)
+    optimizer = torch.optim.AdamW(network.parameters(), weight_decay=parameters.weight_decay)
+    schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, parameters.learning_rate, steps)
+    generator, step = np.random.default_rng(seed), 0
+    network.train()
+    for _ in range(parameters.epochs):
+        for rows in _batches(generator, len(samples), parameters.batch):
+            scores = network(torch.from_numpy(samples[rows]))
+            loss = functional.cross_entropy(scores, torch.from_numpy(spot[rows]))
+            optimizer.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            optimizer.step()
+            schedule.step()
+            step += 1
+            report(step / steps)
+    return network.eval()
+
+
+def named_spots(network: SpotClassifier, samples: F32) -> I64:
+    """The spot (n) that the classifier names for each of the traces (n, 2352)."""
+    parts = np.array_split(samples, range(ROWS_AT_ONCE, len(samples), ROWS_AT_ONCE))
+    with torch.no_grad():
+        named = [network(torch.from_numpy(part)).argmax(dim=1).numpy() for part in parts]
+    return np.concatenate(named)
+
+
+def score_fingerprint(named: I64, spot: I64, spots_m: F64) -> FingerprintScore:
+    """Top-1 and mean error of named spots (n) against the true ones, at `spots_m` (spots, 2)."""
+    error_m = np.linalg.norm(spots_m[named] - spots_m[spot], axis=1)
+    return FingerprintScore(float(np.mean(named == spot)), float(error_m.mean()))
+
+
+def _batches(generator: np.random.Generator, count: int, batch: int) -> list[I64]:
+    """Rows in random order, in whole batches."""
+    order = generator.permutation(count)
+    return [order[k : k + batch] for k in range(0, count - batch + 1, batch)]
+
+
+def _check(samples: F32, spot: I64, parameters: FingerprintParameters) -> None:
+    if samples.shape != (len(spot), ECHO_SAMPLES) or (len(spot) and spot.min() < 0):
+        raise InputError(
+            f"fingerprint: wanted a spot from 0 up for each trace (n, {ECHO_SAMPLES}), got traces "
+            f"{samples.shape} and {len(spot)} spots; check both"
+        )
+    if len(samples) < parameters.batch:
+        raise InputError(
+            f"fingerprint: wanted at least one batch of {parameters.batch} echoes, "
+            f"got {len(samples)}; record more or lower the batch"
+        )

@@ -1,0 +1,98 @@
+"""How well a similarity tells the same place from elsewhere, from histograms of its values.
+
+Histograms add up: pooling walks, and drawing them again for an interval, needs no values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.errors import InputError
+from elfslam.score.bootstrap import interval
+
+CELLS = 4000
+EDGES = np.round(np.linspace(-1.0, 1.0, CELLS + 1), 6)
+SAME, ELSEWHERE = 0, 1
+
+Measure = Callable[[F64], float]
+"""A figure of the histograms (2, 4000)."""
+
+
+def histograms(same: F32 | F64, elsewhere: F32 | F64) -> F64:
+    """Counts (2, 4000) of the similarities, in [-1, 1], of one place and of different places."""
+    return np.stack(
+        [np.histogram(np.clip(values, -1.0, 1.0), EDGES)[0] for values in (same, elsewhere)]
+    ).astype(np.float64)
+
+
+def area_under_curve(counts: F64) -> float:
+    """Chance that a pair of one place is more similar than one of different places (2, cells).
+
+    Pairs within a cell of 0.0005 count half (Hanley and McNeil 1982).
+    """
+    below = np.cumsum(counts[ELSEWHERE]) - counts[ELSEWHERE] / 2
+    return float(counts[SAME] @ below / (counts[SAME].sum() * counts[ELSEWHERE].sum()))
+
+
+def recall_at(counts: F64, false_positive_rate: float) -> float:
+    """Share of same-place pairs found by the lowest threshold that keeps false positives so few."""
+    found, false = shares_above(counts)
+    return float(found[false <= false_positive_rate].max())
+
+
+MEASURES: Mapping[str, Measure] = {
+    "AUC": area_under_curve,
+    "recall at 1 %": partial(recall_at, false_positive_rate=0.01),
+    "recall at 0.1 %": partial(recall_at, false_positive_rate=0.001),
+}
+
+
+def shares_above(counts: F64) -> tuple[F64, F64]:
+    """Shares (4001) of same-place pairs and of others at or above each threshold of `EDGES`."""
+    above = np.cumsum(counts[:, ::-1], axis=1)[:, ::-1]
+    shares = np.pad(above, ((0, 0), (0, 1))) / counts.sum(axis=1, keepdims=True)
+    return shares[SAME], shares[ELSEWHERE]
+
+
+def separation_row(walks: Sequence[F64], threshold: float) -> dict[str, object]:
+    """Measures of the pooled histograms (2, 4000) of walks, with 95 % intervals over walks.
+
+    Raises InputError where no walk has a pair of both kinds.
+    """
+    walks = [counts for counts in walks if counts.sum(axis=1).all()]
+    if not walks:
+        raise InputError("separation: no walk comes back to a place; walk more rounds")
+    pooled = np.sum(walks, axis=0)
+    cells = (EDGES[:-1] + EDGES[1:]) / 2
+    at = int(np.searchsorted(EDGES, threshold))
+    kept, false = shares_above(pooled)
+    same, elsewhere = pooled @ cells / pooled.sum(axis=1)
+    return {
+        "walks": len(walks),
+        "same place (pairs)": int(pooled[SAME].sum()),
+        "elsewhere (pairs)": int(pooled[ELSEWHERE].sum()),
+        **_measured(walks),
+        "mean, same place": round(float(same), 3),
+        "mean, elsewhere": round(float(elsewhere), 3),
+        f"kept at {threshold:g}": round(float(kept[at]), 3),
+        f"false at {threshold:g}": round(float(false[at]), 4),
+    }
+
+
+def _measured(walks: Sequence[F64]) -> dict[str, object]:
+    stacked = [counts[None] for counts in walks]
+    row: dict[str, object] = {}
+    for name, measure in MEASURES.items():
+        low, high = interval(stacked, partial(_of_pooled, measure), np.random.default_rng(0))
+        row[name] = round(_of_pooled(measure, np.concatenate(stacked)), 3)
+        row[f"{name}, 95 %"] = f"{low:.3f} to {high:.3f}"
+    return row
+
+
+def _of_pooled(measure: Measure, walks: F64) -> float:
+    """A measure of the sum of histograms (walks, 2, 4000)."""
+    return measure(walks.sum(axis=0))

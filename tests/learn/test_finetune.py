@@ -1,0 +1,249 @@
+"""Fine-tuning: it helps where it must, keeps the encoder where it hurts, and never looks at names.
+
+The toy is a walk of three rounds: every place has echoes of its own under a loud part that all
+places share, which the pre-trained encoder has not learnt to overhear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import torch
+
+from elfslam.base.arrays import Bool
+from elfslam.base.errors import InputError
+from elfslam.base.values import ECHO_SAMPLES, Echoes
+from elfslam.learn.export import encoder_content, network_of
+from elfslam.learn.finetune import Check, Finetuned, augmented, finetune, walk_loss, walk_of
+from elfslam.learn.loss import nt_xent
+from elfslam.learn.network import CompactEncoder
+from elfslam.learn.settings import FinetuneParameters
+from elfslam.line.feature import BINS, OnnxEncoder, load_encoder
+
+ROUND, ROUNDS, ANCHOR = 200, 3, 8
+TOY = FinetuneParameters(
+    steps=30,
+    pairs=48,
+    warmup_steps=3,
+    learning_rate=2e-3,
+    check_steps=10,
+    line_similarity=0.8,
+    beside_windows=1,
+    block_s=10.0,
+    shortest_s=30.0,
+    threads=1,
+)
+"""What all places share makes them resemble each other, so a line is asked for more."""
+
+
+def toy_echoes(seed: int = 0, *, shared: float = 1.5, noise: float = 1.0) -> Echoes:
+    """Three rounds of 20 s past 25 spots; between two spots the sound changes over smoothly."""
+    draw = np.random.default_rng(seed)
+    decay = np.exp(-np.arange(ECHO_SAMPLES) / 700)
+    spots = draw.standard_normal((ROUND // ANCHOR, ECHO_SAMPLES))
+    at = np.arange(ROUND * ROUNDS) / ANCHOR
+    share = (at % 1)[:, None]
+    before, after = (spots[(at.astype(int) + k) % len(spots)] for k in (0, 1))
+    place = np.sqrt(1 - share) * before + np.sqrt(share) * after
+    hiss = noise * draw.standard_normal((len(at), ECHO_SAMPLES))
+    samples = 0.01 * decay * (place + shared * draw.standard_normal(ECHO_SAMPLES) + hiss)
+    t_s = np.arange(len(at)) * 0.1
+    return Echoes(t_s, samples.astype(np.float32), np.full(len(at), 30.0), np.zeros((0, 2)))
+
+
+def same_place(echoes: Echoes) -> tuple[Bool, Bool]:
+    """Pairs of echoes of different rounds at one spot, and pairs at others."""
+    number = np.arange(len(echoes.t_s))
+    apart = np.abs((number[:, None] - number + ROUND // 2) % ROUND - ROUND // 2)
+    rounds = number[:, None] // ROUND != number // ROUND
+    return rounds & (apart <= 1), apart > 2 * ANCHOR
+
+
+def recall(encoder: OnnxEncoder, echoes: Echoes) -> float:
+    """Of echoes of the same place, by what was planted, at 1 % false positives."""
+    rows = encoder.embed(echoes.samples)
+    same, other = same_place(echoes)
+    scores = rows @ rows.T
+    return float((scores[same] > np.quantile(scores[other], 0.99)).mean())
+
+
+@pytest.fixture(scope="module")
+def encoder() -> OnnxEncoder:
+    return load_encoder("compact")  # type: ignore[return-value]
+
+
+@pytest.fixture(scope="module")
+def echoes() -> Echoes:
+    return toy_echoes()
+
+
+@pytest.fixture(scope="module")
+def tuned(encoder: OnnxEncoder, echoes: Echoes) -> Finetuned:
+    return finetune(encoder, echoes, TOY, seed=0)
+
+
+def test_the_weights_come_back_out_of_the_file(encoder: OnnxEncoder, echoes: Echoes) -> None:
+    network = network_of(encoder.content)
+    with torch.no_grad():
+        rows = network(torch.from_numpy(np.array(echoes.samples[:50])), torch.zeros(BINS))
+    np.testing.assert_allclose(rows.numpy(), encoder.embed(echoes.samples[:50]), atol=1e-5)
+    again = OnnxEncoder(encoder_content(network), "again").embed(echoes.samples[:50])
+    np.testing.assert_allclose(again, rows.numpy(), atol=1e-5)
+
+
+def test_an_encoder_of_another_width_comes_back_too() -> None:
+    torch.manual_seed(0)
+    network, samples = CompactEncoder(8), torch.randn(16, ECHO_SAMPLES)
+    network.train()(samples, torch.zeros(BINS))
+    back = network_of(encoder_content(network))
+    with torch.no_grad():
+        one, other = (net.eval()(samples, torch.zeros(BINS)) for net in (network, back))
+    np.testing.assert_allclose(one.numpy(), other.numpy(), atol=1e-5)
+
+
+@pytest.mark.parametrize("content", [b"", b"no graph"])
+def test_a_foreign_file_is_no_network(content: bytes) -> None:
+    with pytest.raises(InputError, match="wanted the compact network"):
+        network_of(content)
+
+
+def test_it_helps_where_the_places_share_a_loud_part(
+    encoder: OnnxEncoder, echoes: Echoes, tuned: Finetuned
+) -> None:
+    assert tuned.changed
+    before, after = recall(encoder, echoes), recall(tuned.encoder, echoes)
+    assert after > before + 0.08
+    assert tuned.encoder.identity != encoder.identity
+    assert "->" in tuned.reason
+
+
+def test_the_same_seed_gives_the_same_bytes(
+    encoder: OnnxEncoder, echoes: Echoes, tuned: Finetuned
+) -> None:
+    short = replace(TOY, steps=4, check_steps=2)
+    one, two = (finetune(encoder, echoes, short, seed=5) for _ in range(2))
+    assert one.encoder.content == two.encoder.content
+    assert one.checks == two.checks
+    other = finetune(encoder, echoes, short, seed=6)
+    assert other.checks != one.checks or other.encoder.content != one.encoder.content
+
+
+def test_rows_stay_row_by_row(echoes: Echoes, tuned: Finetuned) -> None:
+    whole = tuned.encoder.embed(echoes.samples[:20])
+    alone = np.concatenate([tuned.encoder.embed(echoes.samples[k : k + 1]) for k in range(20)])
+    np.testing.assert_allclose(alone, whole, atol=1e-5)
+
+
+def test_where_it_hurts_the_encoder_is_kept(encoder: OnnxEncoder, echoes: Echoes) -> None:
+    """A learning rate that wrecks any network: the look at the quality notices."""
+    seen: list[Check] = []
+    wrecked = finetune(
+        encoder, echoes, replace(TOY, learning_rate=1.0, keep=0.0), seed=0, report=seen.append
+    )
+    assert wrecked.encoder is encoder
+    assert not wrecked.changed
+    assert "does not help" in wrecked.reason
+    assert tuple(seen) == wrecked.checks[1:]
+    assert max(check.quality for check in seen) <= wrecked.checks[0].quality
+
+
+def test_in_a_walk_out_of_order_there_is_nothing_to_learn(
+    encoder: OnnxEncoder, echoes: Echoes
+) -> None:
+    order = np.random.default_rng(0).permutation(len(echoes.t_s))
+    shuffled = Echoes(echoes.t_s, echoes.samples[order], echoes.snr_db, echoes.losses_s)
+    found = finetune(encoder, shuffled, TOY, seed=0)
+    assert found.encoder is encoder
+    assert "nothing to judge by" in found.reason
+
+
+def test_what_is_learnt_from_and_what_is_spared(encoder: OnnxEncoder, echoes: Echoes) -> None:
+    walk = walk_of(encoder.embed(echoes.samples), echoes, TOY)
+    t_s = echoes.t_s
+    assert not walk.held_out[walk.window[walk.first]].any()
+    assert not walk.held_out[walk.window[walk.first + 1]].any()
+    assert 0.1 < walk.held_out.mean() < 0.3
+    near = np.abs(t_s[:, None] - t_s) < TOY.near_s - TOY.window * 0.1
+    spared = walk.spared[np.ix_(walk.window, walk.window)]
+    assert spared[near].all()
+    same, _ = same_place(echoes)
+    assert spared[same].mean() > 0.9, "the rounds are found without a label"
+    assert not (walk.spared & walk.other).any()
+    assert not (walk.revisit & ~walk.spared).any()
+
+
+def test_an_echo_behind_a_gap_is_no_positive(encoder: OnnxEncoder, echoes: Echoes) -> None:
+    t_s = echoes.t_s + 3.0 * (np.arange(len(echoes.t_s)) >= 25)
+    broken = Echoes(t_s, echoes.samples, echoes.snr_db, echoes.losses_s)
+    first = walk_of(encoder.embed(echoes.samples), broken, TOY).first
+    assert 23 in first
+    assert 24 not in first
+    assert 25 in first
+
+
+def test_spared_pairs_do_not_push_but_keep_their_similarity(
+    encoder: OnnxEncoder, echoes: Echoes
+) -> None:
+    """Where everything is spared, only what has moved is left to lose."""
+    still = replace(TOY, jitter_samples=0, noise=0.0, ripple=0.0)
+    walk = walk_of(encoder.embed(echoes.samples), echoes, still)
+    all_spared = replace(walk, spared=np.ones_like(walk.spared))
+    draw = torch.Generator().manual_seed(0)
+    rows = walk.first[:64:8]
+    untouched = walk_loss(network_of(encoder.content), all_spared, rows, still, draw)
+    assert float(untouched.detach()) == pytest.approx(0.0, abs=1e-6)
+    torch.manual_seed(0)
+    moved = walk_loss(CompactEncoder(8).eval(), all_spared, rows, still, draw)
+    assert float(moved.detach()) > 0.01
+
+
+def test_without_spared_pairs_it_is_plain_nt_xent(encoder: OnnxEncoder, echoes: Echoes) -> None:
+    still = replace(TOY, jitter_samples=0, noise=0.0, ripple=0.0)
+    walk = walk_of(encoder.embed(echoes.samples), echoes, still)
+    none_spared = replace(walk, spared=np.zeros_like(walk.spared))
+    rows = walk.first[:64:8]
+    loss = walk_loss(
+        network_of(encoder.content), none_spared, rows, still, torch.Generator().manual_seed(0)
+    )
+    views = walk.vectors[rows], walk.vectors[rows + 1]
+    expected = nt_xent(*views, torch.zeros(len(rows), len(rows), dtype=torch.bool), 0.1)
+    assert float(loss.detach()) == pytest.approx(float(expected), abs=1e-4)
+
+
+def test_an_echo_is_cut_anew_within_the_jitter(echoes: Echoes) -> None:
+    quiet = replace(TOY, noise=0.0, jitter_samples=2)
+    samples = torch.from_numpy(np.array(echoes.samples[:40]))
+    made = augmented(samples, quiet, torch.Generator().manual_seed(0))
+    shifts = set()
+    for before, after in zip(samples, made, strict=True):
+        fits = [k for k in range(-2, 3) if torch.equal(before.roll(-k)[2:-2], after[2:-2])]
+        assert len(fits) == 1
+        shifts.add(fits[0])
+    assert shifts == {-2, -1, 0, 1, 2}
+    noisy = augmented(samples, replace(quiet, jitter_samples=0, noise=0.5), torch.Generator())
+    share = (noisy - samples).square().mean(dim=1).sqrt() / samples.square().mean(dim=1).sqrt()
+    assert float(share.max()) < 0.55
+    assert float(share.max() - share.min()) > 0.2
+
+
+def cut_to(echoes: Echoes, count: int) -> Echoes:
+    return Echoes(
+        echoes.t_s[:count], echoes.samples[:count], echoes.snr_db[:count], echoes.losses_s
+    )
+
+
+@pytest.mark.parametrize(
+    ("count", "changes", "words"),
+    [
+        (0, {}, "wanted echoes of 30 s, got 0 s; walk longer"),
+        (250, {}, "wanted echoes of 30 s, got 25 s; walk longer"),
+        (310, {"pairs": 310}, "wanted 310 consecutive echoes, got"),
+    ],
+)
+def test_too_short_a_walk_is_refused(
+    count: int, changes: dict[str, int], words: str, encoder: OnnxEncoder, echoes: Echoes
+) -> None:
+    with pytest.raises(InputError, match=words):
+        finetune(encoder, cut_to(echoes, count), replace(TOY, **changes), seed=0)

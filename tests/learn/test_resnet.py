@@ -1,0 +1,96 @@
+"""ResNet-18: the published size, interchangeable with the compact encoder, learns and exports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
+from elfslam.learn.export import export_encoder
+from elfslam.learn.pretrain import pretrain
+from elfslam.learn.resnet import ResNetEncoder, Stem, resnet18
+from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import BINS, load_encoder
+
+STEMS: tuple[Stem, ...] = ("imagenet", "small")
+NO_CALIBRATION = torch.zeros(BINS)
+
+
+def traces(count: int, seed: int = 0) -> Tensor:
+    noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
+    decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
+    return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
+
+
+@pytest.fixture(scope="module")
+def network() -> ResNetEncoder:
+    torch.manual_seed(0)
+    made = ResNetEncoder()
+    with torch.no_grad():
+        made.train()(traces(16), NO_CALIBRATION)
+    return made.eval()
+
+
+def test_it_has_as_many_weights_as_published() -> None:
+    """11,689,512 for ImageNet; less its classifier (513,000), and one colour instead of three."""
+    colours = 2 * 64 * 7 * 7
+    counted = sum(weights.numel() for weights in resnet18("imagenet").parameters())
+    assert counted == 11_689_512 - 513_000 - colours
+
+
+@pytest.mark.parametrize(("stem", "cells"), [("imagenet", (3, 12)), ("small", (12, 48))])
+def test_the_stems_leave_what_they_say_to_the_first_stage(
+    stem: Stem, cells: tuple[int, int]
+) -> None:
+    entry = 3 if stem == "imagenet" else 2
+    assert resnet18(stem)[:entry](torch.zeros(1, 1, 12, 48)).shape == (1, 64, *cells)
+
+
+@pytest.mark.parametrize("stem", STEMS)
+def test_rows_are_unit(stem: Stem) -> None:
+    with torch.no_grad():
+        elf = ResNetEncoder(stem).eval()(traces(3), NO_CALIBRATION)
+    assert elf.shape == (3, ELF_SIZE)
+    np.testing.assert_allclose(torch.linalg.norm(elf, dim=1).numpy(), 1.0, atol=1e-5)
+
+
+def test_rows_are_row_by_row_and_have_no_level(network: ResNetEncoder) -> None:
+    samples = traces(5, 1)
+    with torch.no_grad():
+        whole = network(samples, NO_CALIBRATION)
+        alone = torch.cat([network(samples[k : k + 1], NO_CALIBRATION) for k in range(5)])
+        loud = network(20 * samples, NO_CALIBRATION)
+    np.testing.assert_allclose(alone.numpy(), whole.numpy(), atol=1e-5)
+    np.testing.assert_allclose(loud.numpy(), whole.numpy(), atol=1e-3)
+    assert float(torch.pdist(whole).min()) > 1e-3, "other echoes, other features"
+
+
+def test_its_file_is_read_by_the_line(network: ResNetEncoder, tmp_path: Path) -> None:
+    export_encoder(network, tmp_path / "resnet.onnx")
+    encoder, samples = load_encoder(str(tmp_path / "resnet.onnx")), traces(5, 1)
+    with torch.no_grad():
+        expected = network(samples, NO_CALIBRATION).numpy()
+    np.testing.assert_allclose(encoder.embed(samples.numpy()), expected, atol=1e-4)
+    one = encoder.embed(samples[:1].numpy())
+    np.testing.assert_allclose(one, expected[:1], atol=1e-4)
+
+
+def test_pretraining_takes_it(tmp_path: Path) -> None:
+    one, more = traces(8, 1).numpy(), traces(8, 2).numpy()
+    pairs = EchoPairs(one, one + 0.3 * more, np.arange(8) % 2, np.arange(16.0).reshape(8, 2))
+    losses: list[float] = []
+    network = pretrain(
+        lambda step: pairs,
+        PretrainParameters(steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1),
+        seed=0,
+        checkpoint=tmp_path / "training.pt",
+        report=lambda progress: losses.append(progress.loss),
+        build=ResNetEncoder,
+    )
+    assert isinstance(network, ResNetEncoder)
+    assert not network.training
+    assert losses[-1] < 0.7 * losses[0]

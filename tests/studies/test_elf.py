@@ -1,0 +1,91 @@
+"""The study of known places: planted pairs, diagonals, and one short walk."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from elfslam.base.values import Odometry, Truth
+from elfslam.baselines.generic import generic_encoders
+from elfslam.line.feature import load_encoder
+from elfslam.studies.elf import labelled_pairs, measure_elf, sequence_similarity
+from elfslam.studies.finding import Row
+
+CIRCLE_M = 4.0
+
+
+def silent(what: str, share: float | None) -> None:
+    """Hears nothing."""
+
+
+def circle(rounds: int, *, back: bool = False) -> tuple[Odometry, Truth]:
+    """Rounds of 24 footsteps each on a circle; `back` turns after the first half of them."""
+    t_s = np.linspace(0, 24.0 * rounds, 24 * rounds * 10 + 1)
+    angle = 2 * np.pi * t_s / 24.0
+    sense = np.ones_like(t_s)
+    if back:
+        sense[angle > np.pi * rounds] = -1
+        angle = np.where(sense > 0, angle, 2 * np.pi * rounds - angle)
+    xy_m = CIRCLE_M * np.column_stack([np.cos(angle), np.sin(angle)])
+    truth = Truth(t_s, np.column_stack([xy_m, angle + sense * np.pi / 2]))
+    steps_s = np.arange(24.0 * rounds + 1)
+    nodes = Odometry(steps_s, np.zeros((len(steps_s), 3)), np.full((len(steps_s) - 1, 3), 0.05))
+    return nodes, truth
+
+
+def test_the_same_place_of_every_round_is_found_once() -> None:
+    same, elsewhere = labelled_pairs(*circle(3), rounds=3)
+    i, j = np.nonzero(same)
+    assert len(i) == 24 * 3, "each of 24 places, in three pairs of rounds"
+    assert set(j - i) == {24, 48}
+    assert not (same & elsewhere).any()
+    assert not elsewhere[np.tril_indices(72)].any()
+    first_with_second = elsewhere[:24, 24:48]
+    assert not np.diag(first_with_second, -13)[:3].any(), "less than half a lap apart"
+    assert first_with_second[3, 10]
+
+
+def test_the_other_way_round_is_no_same_place() -> None:
+    same, elsewhere = labelled_pairs(*circle(2, back=True), rounds=2)
+    assert not same.any()
+    assert elsewhere.any()
+
+
+def test_a_diagonal_is_averaged_about_its_middle() -> None:
+    scores = np.zeros((30, 30), dtype=np.float32)
+    for k in range(8):
+        scores[6 + k, 16 + k] = 1.0
+        scores[6 + k, 29 - k] = 0.5
+    made = sequence_similarity(scores)
+    assert made[10, 20] == pytest.approx(1.0)
+    assert made[10, 25] == pytest.approx(0.5), "the second walked the other way round"
+    assert np.isnan(made[3, 10])
+    assert np.isnan(made[10, 27])
+    assert np.nanmin(made) == 0.0
+
+
+def test_a_walk_too_short_for_a_sequence_has_none() -> None:
+    assert np.isnan(sequence_similarity(np.ones((5, 5), dtype=np.float32))).all()
+
+
+@pytest.fixture(scope="module")
+def rows() -> list[Row]:
+    encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
+    return measure_elf(None, silent, worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders)
+
+
+def test_an_elf_knows_a_place_better_than_its_spectrum(rows: list[Row]) -> None:
+    by_kind = {(row["feature"], row["compared"]): row for row in rows}
+    assert set(by_kind) == {(f, u) for f in ("PSD", "ELF") for u in ("footstep", "8 footsteps")}
+    psd, elf = by_kind["PSD", "footstep"], by_kind["ELF", "footstep"]
+    assert elf["AUC"] > 0.97 > psd["AUC"]  # type: ignore[operator]
+    assert elf["same place (pairs)"] == psd["same place (pairs)"]
+    assert by_kind["ELF", "8 footsteps"]["AUC"] >= elf["AUC"]  # type: ignore[operator]
+
+
+def test_means_agree_with_the_threshold(rows: list[Row]) -> None:
+    for row in rows:
+        assert row["world"] == "studio"
+        assert row["walks"] == 1
+        assert row["mean, same place"] > row["mean, elsewhere"] - 0.02  # type: ignore[operator]
+        assert row["kept at 0.4"] >= row["false at 0.4"]  # type: ignore[operator]

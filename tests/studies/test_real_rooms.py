@@ -1,0 +1,103 @@
+"""The study of impulse responses: on planted ones, since the real ones are a test."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from elfslam.base.arrays import F32
+from elfslam.base.errors import InputError
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
+from elfslam.baselines.generic import GenericEncoder, generic_encoders
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.studies.real_rooms import (
+    FILE,
+    PERIOD_S,
+    PLAIN,
+    echo_of,
+    measure_real_rooms,
+    read_responses,
+    recognised,
+)
+
+RATE_HZ = 48_000
+DIRECT = 480
+
+
+def silent(what: str, share: float | None) -> None:
+    """Hears nothing."""
+
+
+def response(delays_s: np.ndarray, gains: np.ndarray) -> np.ndarray:
+    made = np.zeros(6240)
+    made[DIRECT] = 1.0
+    made[DIRECT + np.round(delays_s * RATE_HZ).astype(int)] += gains
+    return made
+
+
+@pytest.fixture(scope="module")
+def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three states of four places on two microphones; the second hears nothing of the place."""
+    folder = tmp_path_factory.mktemp("data")
+    generator = np.random.default_rng(0)
+    delays_s = generator.uniform(0.012, 0.055, (4, 40))
+    gains = generator.normal(0, 0.1, (4, 40))
+    rir = np.zeros((3, 4, 6240, 2), dtype=np.float32)
+    for state, place in np.ndindex(3, 4):
+        absorbed = generator.uniform(0.8, 1.2, 40)
+        rir[state, place, :, 0] = response(delays_s[place], absorbed * gains[place])
+        rir[state, place, :, 1] = response(delays_s[0], generator.normal(0, 0.1, 40))
+    (folder / FILE).parent.mkdir()
+    np.savez(folder / FILE, rir=rir, rate_hz=RATE_HZ, microphone=np.array(["near", "deaf"]))
+    return folder
+
+
+def test_the_line_cuts_behind_the_direct_sound() -> None:
+    """A reflection planted 20 ms behind the direct sound stands where it was planted."""
+    chirp = make_chirp(replace(ChirpParameters(), period_s=PERIOD_S), RATE_HZ)
+    echo = echo_of(response(np.array([0.020]), np.array([0.5])), chirp)
+    assert echo.shape == (ECHO_SAMPLES,)
+    energy = np.abs(signal.hilbert(echo))
+    assert np.flatnonzero(energy > 0.1 * energy.max())[0] == pytest.approx(
+        0.020 * 44_100 - DISCARDED_SAMPLES, abs=60
+    )
+
+
+def test_known_places_are_recognised_and_unheard_ones_are_not(planted: Path) -> None:
+    deaf = GenericEncoder("deaf", lambda samples: np.ones((len(samples), 3), dtype=np.float32))
+    rows = measure_real_rooms(planted, silent, encoders={"deaf": deaf})
+    by_kind = {(row["microphone"], row["feature"]): row for row in rows}
+    plain, other = by_kind["near", PLAIN], by_kind["near", "deaf"]
+    assert plain["queries"] == 8, "two changed states of four places"
+    assert plain["top-1"] == 1.0
+    assert (plain["over plain"], plain["over plain, 95 %"]) == (0.0, "0.000 to 0.000")
+    assert other["top-1"] == 0.25, "all alike, so the first is named"
+    assert other["over plain"] == -0.75
+    assert by_kind["deaf", PLAIN]["top-1"] < 1.0  # type: ignore[operator]
+
+
+def test_the_gallery_is_the_first_state_at_the_first_microphone() -> None:
+    encoder = generic_encoders()["raw samples"]
+    noise = np.random.default_rng(0).standard_normal((2, 3, 2, ECHO_SAMPLES)).astype(np.float32)
+    noise[1, :, 0] = noise[0, :, 0]
+    noise[1, :, 1] = np.roll(noise[0, :, 0], 1, axis=0)
+    same: F32 = recognised(noise, encoder, 0)
+    assert same.tolist() == [[True, True, True]]
+    assert recognised(noise, encoder, 1).tolist() == [[False, False, False]]
+
+
+@pytest.mark.parametrize("given", [True, False])
+def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
+    with pytest.raises(InputError, match="is absent; pass --data or set ELFSLAM_DATA"):
+        measure_real_rooms(tmp_path if given else None, silent)
+
+
+def test_the_real_responses_are_read(shared_data: Path) -> None:
+    responses, rate_hz, microphones = read_responses(shared_data)
+    assert responses.shape == (8, 12, 2, 6240)
+    assert rate_hz == RATE_HZ
+    assert microphones == ["centre", "front"]
