@@ -20,7 +20,8 @@ CORNER_RADIUS_M = 0.45
 class Walker:
     """A person: gait and the way the phone is held.
 
-    `step_factor` is the true step length over the typical one; it is hidden from the line.
+    `step_factor` is the true step length over the typical one at the same cadence; at the same
+    speed it enters as its square root. It is hidden from the line.
     """
 
     speed_mps: float
@@ -50,7 +51,7 @@ class Motion(Value):
 
 
 def random_walker(generator: np.random.Generator) -> Walker:
-    """Someone: speed 1.0 to 1.4 m/s, steps up to 10 % off the typical length."""
+    """Someone: speed 1.0 to 1.4 m/s, steps up to 10 % off the typical length at their cadence."""
     return Walker(
         speed_mps=generator.uniform(1.0, 1.4),
         step_factor=generator.uniform(0.9, 1.1),
