@@ -13,6 +13,7 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.world import pyroom
 from elfslam.world.air import speed_of_sound_mps
 from elfslam.world.circumstances import (
+    ENGINES,
     KEEP_AWAY_M,
     LOW_FURNITURE_M,
     MOVED_M,
@@ -25,12 +26,13 @@ from elfslam.world.circumstances import (
     device_of,
     engine_of,
     parse_sounds,
+    reach_of,
     room_on,
     whereabouts,
 )
 from elfslam.world.device import DEVICES, Device, built_in_device
 from elfslam.world.materials import material
-from elfslam.world.phone import air_at, image_echoes, poses_at, room_responses
+from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at, room_responses
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import Climate, People, World, load_world
@@ -301,3 +303,29 @@ def test_impossible_circumstances_are_refused(wrong: dict[str, object], complain
 def test_sounds_are_parsed(text: str) -> None:
     assert list(parse_sounds(text)) == text.replace(" ", "").strip(",").split(",") * bool(text)
     assert set(SOUNDS) == {"speech", "music", "clicks"}
+
+
+# --- the second engine ---
+
+
+def test_the_second_engine_gets_closed_solids_and_hears_what_ours_hears() -> None:
+    room = room_on(load_world("studio"), Circumstances(engine="pyroomacoustics"))
+    assert all(block.base_m == 0 for block in room.blocks)
+    assert {block.top_m for block in room.blocks} == {room.height_m}
+    scene = scene_of(room)
+    assert len(scene.point_radius) == len(scene.edge_a) == 0
+    device = built_in_device("flat")
+    place = np.array([[1.3, 1.2, 1.2]])
+    ends = ends_of(device, poses_at(place, np.array([0.4]), np.array([0.3])))
+    ends = ends._replace(held=False)
+    reach = reach_of(Circumstances(engine="pyroomacoustics"))
+    ours, theirs = (
+        engine(scene, ends, np.zeros((1, 0, 2)), air_at(), reach)[0]
+        for engine in (image_echoes, pyroom.image_echoes)
+    )
+    alike = abs(np.vdot(ours, theirs)) / np.linalg.norm(ours) / np.linalg.norm(theirs)
+    assert alike > 0.97  # the ends of the band fade in ours alone
+
+
+def test_ours_follows_paths_farther() -> None:
+    assert reach_of(Circumstances()).order > reach_of(Circumstances(engine=ENGINES[1])).order

@@ -13,6 +13,8 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ParameterError
 from elfslam.world import interference
 from elfslam.world.device import Device, built_in_device
+from elfslam.world.materials import Material
+from elfslam.world.paths import Reach
 from elfslam.world.phone import Engine, air_at, image_echoes
 from elfslam.world.pulses import Air
 from elfslam.world.room import Block, Room
@@ -29,6 +31,8 @@ SOUNDS: Mapping[str, Sound] = MappingProxyType(
 )
 """What else is to be heard, by name; the levels are those of a talk beside the phone."""
 ENGINES = ("images", "pyroomacoustics")
+SOLID_REACH = Reach(order=3, plan_order=3, block_order=3, beside_block=3)
+"""For the second engine, whose work grows with the number of faces to the power of the order."""
 MOST_PEOPLE = 50
 MOST_PHONES = 8
 
@@ -94,6 +98,35 @@ def engine_of(circumstances: Circumstances, threads: int) -> Engine:
     return pyroom.image_echoes
 
 
+def reach_of(circumstances: Circumstances) -> Reach:
+    """How far paths are followed: as far as the engine can in a furnished room."""
+    return Reach() if circumstances.engine == "images" else SOLID_REACH
+
+
+def closed_solids(room: Room) -> Room:
+    """The room as the second engine can model it.
+
+    What stands on the floor reaches up to the ceiling, what hangs is left out, and all is smooth.
+    """
+    blocks = tuple(
+        replace(
+            block,
+            size_m=np.append(block.size_m[:2], room.height_m),
+            surface=_smooth(block.surface),
+            clutter_per_m2=0.0,
+        )
+        for block in room.blocks
+        if block.base_m == 0
+    )
+    walls = tuple(_smooth(wall) for wall in room.walls)
+    floor, ceiling = _smooth(room.floor), _smooth(room.ceiling)
+    return replace(room, walls=walls, floor=floor, ceiling=ceiling, blocks=blocks)
+
+
+def _smooth(surface: Material) -> Material:
+    return replace(surface, scattering=0.0)
+
+
 def device_of(circumstances: Circumstances) -> Device:
     """The phone at the volume that was asked for."""
     device = built_in_device(circumstances.device)
@@ -103,10 +136,14 @@ def device_of(circumstances: Circumstances) -> Device:
 def room_on(world: World, circumstances: Circumstances) -> Room:
     """The room in the asked state, with what has been moved a little by that day."""
     room = in_state(world, circumstances.state).room if circumstances.state else world.room
-    if circumstances.day == 0:
-        return room
-    generator = np.random.default_rng([room.seed, circumstances.day, 1])
-    share = min(circumstances.day * MOVED_PER_DAY, 0.5)
+    if circumstances.day:
+        room = _after_days(room, circumstances.day)
+    return room if circumstances.engine == "images" else closed_solids(room)
+
+
+def _after_days(room: Room, day: int) -> Room:
+    generator = np.random.default_rng([room.seed, day, 1])
+    share = min(day * MOVED_PER_DAY, 0.5)
     blocks = tuple(_moved(room, block, share, generator) for block in room.blocks)
     return replace(room, blocks=blocks)
 

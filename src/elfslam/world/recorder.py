@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from elfslam.world.circumstances import (
     air_on,
     device_of,
     engine_of,
+    reach_of,
     room_on,
     whereabouts,
 )
@@ -56,7 +57,7 @@ class Stage:
     device: Device
     chirp: Chirp
     engine: Engine
-    reach: Reach = Reach()
+    reach: Reach
 
 
 def record_walk(
@@ -73,13 +74,15 @@ def record_walk(
     stage = Stage(
         scene_of(room_on(world, circumstances)), air_on(world, circumstances.day),
         device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
-        engine_of(circumstances, os.cpu_count() or 1),
+        engine_of(circumstances, os.cpu_count() or 1), reach_of(circumstances),
     )  # fmt: skip
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
     total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
     starts = np.arange(latency, total - frame, frame)
     stream = np.zeros(total, dtype=np.float32)
     poses = _poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
+    if circumstances.engine != "images":
+        poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
     for first in range(0, len(starts), BLOCK):
         rows = slice(first, first + BLOCK)
