@@ -127,10 +127,7 @@ def test_a_day_is_the_same_every_time_and_no_other(world: World) -> None:
 
 
 def test_other_circumstances_leave_the_furniture(world: World) -> None:
-    busy = Circumstances(
-        people=9, device="cheap", volume=0.2, sounds=("music",), other_phones=2,
-        engine="pyroomacoustics",
-    )  # fmt: skip
+    busy = Circumstances(people=9, device="cheap", volume=0.2, sounds=("music",), other_phones=2)
     assert room_on(world, busy) is world.room
 
 
