@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -15,18 +17,30 @@ from elfslam.line.feature import load_encoder
 from elfslam.world import echo_pairs as module
 from elfslam.world.device import named_device, random_device
 from elfslam.world.echo_pairs import (
+    CHANGED_ROOM_SHARE,
+    DISTRICT_M,
+    MOST_PEOPLE,
+    OTHER_PHONE_SHARE,
+    PEOPLE_SHARE,
     PHONE_HEIGHT_M,
     POSITIVE_DISTANCE_M,
+    STRANGER_SHARE,
     WALL_MARGIN_M,
+    Visit,
+    _among_people,
+    _another_visit,
     _cut,
+    _free_places,
+    _heard,
     _places,
     _random_holder,
     _random_poses,
+    _random_visit,
     _within,
     echo_pairs,
 )
 from elfslam.world.phone import poses_at, render_frames, room_responses
-from elfslam.world.random_world import random_room
+from elfslam.world.random_world import changed_room, random_room
 from elfslam.world.room import Block, Room, box
 from elfslam.world.scene import scene_of
 
@@ -103,7 +117,7 @@ def square_room(*blocks: Block) -> Room:
 
 @pytest.mark.parametrize("count", [8, 9])
 def test_half_of_the_places_are_the_others_after_half_a_turn(count: int) -> None:
-    xy, yaw = _places(generator_of(3), square_room(), count)
+    xy, yaw = _places(generator_of(3), square_room(), count, twins=True)
     half = (count + 1) // 2
     assert xy.shape == (count, 2)
     assert yaw.shape == (count,)
@@ -117,7 +131,7 @@ def test_only_what_is_blocked_after_half_a_turn_is_placed_anew() -> None:
     """A cupboard fills the left half: nothing to the right of it can be turned onto it."""
     cupboard = box("cupboard", np.array([0.0, 0.0, 0.0]), np.array([3.0, 6.0, 2.0]))
     room = square_room(cupboard)
-    xy, _ = _places(generator_of(4), room, 400)
+    xy, _ = _places(generator_of(4), room, 400, twins=True)
     turned, blocked = [8.0, 6.0] - xy[:200], 8.0 - xy[:200, 0] < 3.0 + WALL_MARGIN_M
     assert 0.2 < blocked.mean() < 0.9
     np.testing.assert_allclose(xy[200:][~blocked], turned[~blocked])
@@ -129,7 +143,7 @@ def test_only_what_is_blocked_after_half_a_turn_is_placed_anew() -> None:
 def test_places_are_free(seed: int) -> None:
     """In the room and in no furniture; the margin gives way only where there is no room for it."""
     room = random_room(generator_of(seed))
-    xy, _ = _places(generator_of(seed + 1), room, 40)
+    xy, _ = _places(generator_of(seed + 1), room, 40, twins=True)
     assert room.is_free(xy, PHONE_HEIGHT_M).all()
     assert room.is_free(xy, PHONE_HEIGHT_M, 0.2).mean() > 0.9
 
@@ -211,3 +225,75 @@ def test_traces_are_cut_where_the_line_cuts_them() -> None:
         lags = np.correlate(ours, by_line, mode="same")
         assert abs(int(lags.argmax()) - ECHO_SAMPLES // 2) <= 3
     assert DISCARDED_SAMPLES == 485
+
+
+def test_places_lie_in_one_district() -> None:
+    bare = random_room(generator_of(2))
+    outline = np.array([[0, 0], [40, 0], [40, 30], [0, 30]], dtype=np.float64)
+    hall = Room(outline, 5.0, bare.walls[:4], bare.floor, bare.ceiling, (), 1)
+    corners = []
+    for seed in range(10):
+        xy, yaw = _places(generator_of(seed), hall, 64, twins=False)
+        assert xy.shape == (64, 2)
+        assert yaw.shape == (64,)
+        assert np.ptp(xy, axis=0).max() <= DISTRICT_M
+        corners.append(xy.min(axis=0))
+    assert np.ptp(corners, axis=0).min() > 5.0
+
+
+def test_a_full_district_is_left() -> None:
+    """A closed store fills all of the district but not the room."""
+    store = box("store", np.array([0.0, 0.0, 0.0]), np.array([8.0, 3.0, 2.5]))
+    room = square_room(store)
+    found = _free_places(generator_of(0), room, 9, np.zeros(2), np.array([8.0, 2.9]))
+    assert room.is_free(found, PHONE_HEIGHT_M).all()
+
+
+VISITS = 400
+
+
+@pytest.fixture(scope="module")
+def visits() -> list[tuple[Visit, Visit]]:
+    made = []
+    for seed in range(VISITS):
+        first = _random_visit(generator_of(seed), square_room())
+        made.append((first, _another_visit(generator_of(seed + VISITS), first)))
+    return made
+
+
+def test_what_changes_between_two_visits(visits: list[tuple[Visit, Visit]]) -> None:
+    for field, share in (
+        ("room", CHANGED_ROOM_SHARE),
+        ("device", OTHER_PHONE_SHARE),
+        ("holder", STRANGER_SHARE),
+        ("air", 1.0),
+    ):
+        other = [getattr(a, field) is not getattr(b, field) for a, b in visits]
+        assert np.mean(other) == pytest.approx(share, abs=0.08), field
+    people = np.array([[a.people, b.people] for a, b in visits])
+    assert (people > 0).mean() == pytest.approx(PEOPLE_SHARE, abs=0.06)
+    assert people.max() == MOST_PEOPLE
+    assert abs(np.corrcoef(people.T)[0, 1]) < 0.15, "people come and go"
+
+
+def test_people_stand_about_the_phone(visits: list[tuple[Visit, Visit]]) -> None:
+    crowded = next(visit for visit, _ in visits if visit.people == MOST_PEOPLE)
+    poses = poses_at(np.array([[2.0, 3.0, 1.2], [5.0, 1.0, 1.2]]), np.zeros(2), np.zeros(2))
+    people_m = _among_people(generator_of(0), poses, crowded).people_m
+    assert people_m.shape == (2, MOST_PEOPLE, 2)
+    away_m = np.linalg.norm(people_m - poses.position_m[:, None, :2], axis=2)
+    assert 0.8 <= away_m.min() <= away_m.max() <= 5.0
+
+
+def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
+    """Level and noise are those of the phone; the echo of another room is another."""
+    visit = _random_visit(generator_of(4), square_room())._replace(people=0)
+    xy, yaw = np.tile([2.0, 3.0], (4, 1)), np.zeros(4)
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    quiet = visit._replace(device=replace(visit.device, level=0.0, noise_rms=0.01))
+    noise = _heard(generator_of(0), quiet, xy, yaw, chirp)
+    assert noise.shape == (4, ECHO_SAMPLES)
+    assert noise.std() == pytest.approx(0.01, rel=0.05)
+    carpeted = visit._replace(room=changed_room(generator_of(3), visit.room))
+    here, there = (_heard(generator_of(0), each, xy, yaw, chirp) for each in (visit, carpeted))
+    assert np.abs(here - there).max() > 0.05 * np.abs(here).max()

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
-from elfslam.learn.loss import nt_xent
+from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
@@ -73,14 +73,27 @@ def pretrain(
 
 
 def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
-    """NT-Xent of a batch; places of one room that are too near are left out of the negatives."""
+    """What a batch costs: weighted NT-Xent, and what lies on the wrong side of the margins.
+
+    Places of one room that are too near are left out of the negatives; the others of the room
+    count `room_weight` times, for other rooms are easily told apart.
+    """
     none = torch.zeros(BINS)
     both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
     rows = network(both, none)
+    first, second = rows[: len(batch.first)], rows[len(batch.first) :]
     distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
-    near = (batch.room[:, None] == batch.room[None]) & (distance_m < parameters.too_near_m)
-    count = len(batch.first)
-    return nt_xent(rows[:count], rows[count:], torch.from_numpy(near), parameters.temperature)
+    same_room = batch.room[:, None] == batch.room[None]
+    near = torch.from_numpy(same_room & (distance_m < parameters.too_near_m))
+    harder = torch.from_numpy(same_room & ~np.eye(len(same_room), dtype=bool))
+    contrast = nt_xent(
+        first, second, near, parameters.temperature, math.log(parameters.room_weight) * harder
+    )
+    margin = margin_loss(
+        first, second, near, low=parameters.margin_low, high=parameters.margin_high,
+        hardest=parameters.hardest,
+    )  # fmt: skip
+    return contrast + parameters.margin_weight * margin
 
 
 def _schedule(step: int, parameters: PretrainParameters) -> float:

@@ -17,7 +17,16 @@ class PretrainParameters:
         8, "", "rooms in a batch; pairs of one room are its hard negatives", low=1
     )
     width: int = parameter(24, "", "channels of the first layer", low=4, high=64)
-    temperature: float = parameter(0.1, "", "temperature of NT-Xent", low=0.01)
+    temperature: float = parameter(0.07, "", "temperature of NT-Xent", low=0.01)
+    room_weight: float = parameter(
+        8.0, "", "how many times a negative of the same room counts", low=0.01
+    )
+    margin_weight: float = parameter(3.0, "", "weight of the margins beside NT-Xent", low=0.0)
+    margin_low: float = parameter(
+        0.25, "", "similarity that negatives should not exceed", low=-1.0, high=1.0
+    )
+    margin_high: float = parameter(0.55, "", "similarity that pairs should reach", low=-1, high=1)
+    hardest: int = parameter(12, "", "negatives of an echo that are held to the margin", low=1)
     learning_rate: float = parameter(2e-3, "", "peak learning rate (AdamW, cosine decay)", low=1e-6)
     warmup_steps: int = parameter(100, "", "steps until the peak", low=1)
     weight_decay: float = parameter(1e-4, "", "weight decay of AdamW", low=0.0)

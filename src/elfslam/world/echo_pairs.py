@@ -1,6 +1,13 @@
-"""A stream of simulated echo pairs for contrastive training: close poses in random rooms."""
+"""A stream of simulated echo pairs for contrastive training: close poses in random rooms.
+
+The two members of a pair are of two visits to the room: walls and furniture, phone, holder,
+people and air may all have changed in between.
+"""
 
 from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,7 +24,8 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import Device, random_device
 from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
-from elfslam.world.random_world import random_room
+from elfslam.world.pulses import Air
+from elfslam.world.random_world import changed_room, random_room
 from elfslam.world.room import Room
 from elfslam.world.scene import scene_of
 
@@ -25,12 +33,33 @@ POSITIVE_DISTANCE_M = 0.20
 """Echoes closer than this are positives (paper, section 5.3, pre-training)."""
 
 WALL_MARGIN_M = 0.4
+FRUITLESS_TRIES = 12
 PHONE_HEIGHT_M = 0.95
 """What stands higher than this is in the way of a phone."""
 ONE_HEADING_SHARE = 0.5
 """Share of rooms in which all phones point nearly the same way, as on a walk down an aisle."""
+DISTRICT_M = 14.0
+"""Places of one room lie in a square of this side: those far apart are easily told apart."""
+TWIN_SHARE = 0.7
+"""Share of rooms in which half of the places are the others after half a turn."""
+
 STRANGER_SHARE = 0.5
 """Share of rooms in which the second echo is another holder's: other height, tilt and body."""
+OTHER_PHONE_SHARE = 0.4
+CHANGED_ROOM_SHARE = 0.4
+PEOPLE_SHARE = 0.4
+"""Share of visits with others about, `MOST_PEOPLE` at most, at 0.8 to 5 m."""
+MOST_PEOPLE = 4
+
+
+class Visit(NamedTuple):
+    """The circumstances under which a room is heard; the holder is height, pitch and distance."""
+
+    room: Room
+    device: Device
+    holder: tuple[float, float, float]
+    air: Air
+    people: int
 
 
 def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPairs:
@@ -51,47 +80,99 @@ def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPa
 def _pairs_in_room(
     generator: np.random.Generator, count: int, chirp: Chirp
 ) -> tuple[F32, F32, F64]:
-    room, device = random_room(generator), random_device(generator)
-    scene, air = scene_of(room), air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0]))
-    xy, yaw = _places(generator, room, count)
-    holder = _random_holder(generator)
-    stranger = generator.uniform() < STRANGER_SHARE
-    holders = holder, _random_holder(generator) if stranger else holder
-    shifts = np.zeros((count, 2)), _within(generator, count, POSITIVE_DISTANCE_M)
-    sides = []
-    for shift, someone in zip(shifts, holders, strict=True):
-        poses = _random_poses(generator, xy + shift, yaw, someone)
-        frames = render_frames(room_responses(scene, device, poses, air), chirp, device)
-        noise = generator.standard_normal(frames.shape, dtype=np.float32)
-        sides.append(_cut(generator, frames + np.float32(device.noise_rms) * noise, device))
-    return sides[0], sides[1], xy
+    first = _random_visit(generator, random_room(generator))
+    second = _another_visit(generator, first)
+    twins = generator.uniform() < TWIN_SHARE
+    xy, yaw = _places(generator, first.room, count, twins=twins)
+    near = xy + _within(generator, count, POSITIVE_DISTANCE_M)
+    return (
+        _heard(generator, first, xy, yaw, chirp),
+        _heard(generator, second, near, yaw, chirp),
+        xy,
+    )
 
 
-def _places(generator: np.random.Generator, room: Room, count: int) -> tuple[F64, F64]:
-    """Positions and yaws; the second half is the first after half a turn of the room.
+def _random_visit(generator: np.random.Generator, room: Room) -> Visit:
+    people = int(generator.integers(1, MOST_PEOPLE + 1))
+    return Visit(
+        room,
+        random_device(generator),
+        _random_holder(generator),
+        air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0])),
+        people if generator.uniform() < PEOPLE_SHARE else 0,
+    )
 
-    An empty shoebox sounds the same from there: only furniture and materials tell the two apart,
-    and they are what the network has to listen to.
+
+def _another_visit(generator: np.random.Generator, first: Visit) -> Visit:
+    """The same room another time: each circumstance is as before or drawn anew."""
+    drawn = _random_visit(generator, first.room)
+    changed, phone, stranger = generator.uniform(size=3)
+    return Visit(
+        changed_room(generator, first.room) if changed < CHANGED_ROOM_SHARE else first.room,
+        drawn.device if phone < OTHER_PHONE_SHARE else first.device,
+        drawn.holder if stranger < STRANGER_SHARE else first.holder,
+        drawn.air,
+        drawn.people,
+    )
+
+
+def _heard(
+    generator: np.random.Generator, visit: Visit, xy_m: F64, yaw_rad: F64, chirp: Chirp
+) -> F32:
+    """Echo traces (n, 2352) at places (n, 2) on a visit."""
+    poses = _among_people(generator, _random_poses(generator, xy_m, yaw_rad, visit.holder), visit)
+    responses = room_responses(scene_of(visit.room), visit.device, poses, visit.air)
+    frames = render_frames(responses, chirp, visit.device)
+    noise = generator.standard_normal(frames.shape, dtype=np.float32)
+    noise *= np.float32(visit.device.noise_rms)
+    return _cut(generator, frames + noise, visit.device)
+
+
+def _among_people(generator: np.random.Generator, poses: Poses, visit: Visit) -> Poses:
+    shape = len(poses.position_m), visit.people
+    distance, angle = generator.uniform(0.8, 5.0, shape), generator.uniform(-np.pi, np.pi, shape)
+    offset = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=2)
+    return replace(poses, people_m=poses.position_m[:, None, :2] + offset)
+
+
+def _places(
+    generator: np.random.Generator, room: Room, count: int, *, twins: bool
+) -> tuple[F64, F64]:
+    """Positions and yaws in a district of the room; half of them may be twins of the others.
+
+    The twins are the places after half a turn of the district. Where it is the room, an empty
+    shoebox sounds the same from there: only furniture and materials tell the two apart, and they
+    are what the network has to listen to.
     """
-    half, size = (count + 1) // 2, room.size_m[:2]
-    xy = _free_places(generator, room, half)
+    size = np.minimum(room.size_m[:2], DISTRICT_M)
+    low = room.corner_m + generator.uniform(0.0, 1.0, 2) * (room.size_m[:2] - size)
+    half = (count + 1) // 2 if twins else count
+    xy = _free_places(generator, room, half, low, size)
     yaw = generator.uniform(-np.pi, np.pi) + generator.normal(0, 0.2, half)
     if generator.uniform() > ONE_HEADING_SHARE:
         yaw += generator.integers(0, 4, half) * np.pi / 2
-    turned = 2 * room.corner_m + size - xy
+    if not twins:
+        return xy, yaw
+    turned = 2 * low + size - xy
     blocked = ~room.is_free(turned, PHONE_HEIGHT_M, WALL_MARGIN_M)
-    turned[blocked] = _free_places(generator, room, int(blocked.sum()))
+    turned[blocked] = _free_places(generator, room, int(blocked.sum()), low, size)
     return np.vstack([xy, turned])[:count], np.concatenate([yaw, yaw + np.pi])[:count]
 
 
-def _free_places(generator: np.random.Generator, room: Room, count: int) -> F64:
-    """Places (count, 2) in the room where a phone is not in or at a wall or block."""
-    found = np.zeros((0, 2))
-    margin_m = WALL_MARGIN_M
+def _free_places(
+    generator: np.random.Generator, room: Room, count: int, low_m: F64, size_m: F64
+) -> F64:
+    """Places (count, 2) in a box of the room where a phone is not in or at a wall or block.
+
+    Where the box has too few, anywhere in the room.
+    """
+    found, margin_m, tries = np.zeros((0, 2)), WALL_MARGIN_M, 0
     while len(found) < count:
-        tried = generator.uniform(0.0, 1.0, (4 * count + 16, 2)) * room.size_m[:2] + room.corner_m
+        if tries == FRUITLESS_TRIES:
+            low_m, size_m = room.corner_m, room.size_m[:2]
+        tried = generator.uniform(0.0, 1.0, (4 * count + 16, 2)) * size_m + low_m
         found = np.vstack([found, tried[room.is_free(tried, PHONE_HEIGHT_M, margin_m)]])
-        margin_m *= 0.9
+        margin_m, tries = 0.9 * margin_m, tries + 1
     return found[:count]
 
 
