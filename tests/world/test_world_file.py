@@ -227,6 +227,7 @@ def area_m2(room: Room) -> float:
         ("office", 360, 6, 0, 1),
         ("studio", 52, 6, 0, 1),
         ("lounge", 55.9, 5, 0, 1),
+        ("concourse", 848, 21, 0, 1),
         ("mall", 2004, 79, 0, 2),
         ("lab", 448, 116, 128, 2),
         ("hall", 643.5, 34, 4000, 2),
@@ -259,7 +260,7 @@ def test_each_state_moves_five_pieces() -> None:
 
 def test_the_tests_above_know_every_built_in_world() -> None:
     assert set(world_names()) == {
-        "living_room", "office", "studio", "lounge", "mall", "lab", "hall",
+        "living_room", "office", "studio", "lounge", "concourse", "mall", "lab", "hall",
     }  # fmt: skip
 
 

@@ -34,7 +34,9 @@ class PretrainParameters:
         0.5, "m", "places of one room this close are no negatives", low=0.0
     )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
-    threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)
+    threads: int = parameter(
+        1, "", "threads of the network beside the simulator's; rounding depends on them", low=1
+    )
 
 
 @dataclass(frozen=True)
@@ -67,4 +69,17 @@ class FinetuneParameters:
     check_steps: int = parameter(25, "", "steps between looks at the quality", low=1)
     block_s: float = parameter(5.0, "s", "one block of five is not learnt from", low=1.0)
     shortest_s: float = parameter(60.0, "s", "walk from which there is enough to learn", low=1.0)
+    threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)
+
+
+@dataclass(frozen=True)
+class ScratchParameters:
+    """How an encoder learns one walk from random weights, for comparison."""
+
+    steps: int = parameter(200, "", "batches to train on", low=1)
+    pairs: int = parameter(128, "", "pairs of consecutive echoes in a batch", low=2)
+    temperature: float = parameter(0.1, "", "temperature of NT-Xent", low=0.01)
+    learning_rate: float = parameter(2e-3, "", "peak learning rate (AdamW, cosine decay)", low=1e-6)
+    near_s: float = parameter(2.0, "s", "echoes this close in time are no negatives", low=0.2)
+    gap_s: float = parameter(0.15, "s", "consecutive echoes are no farther apart", low=0.05)
     threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -11,16 +12,22 @@ from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
+from elfslam.learn.from_scratch import learn_from_scratch
+from elfslam.learn.settings import FinetuneParameters, ScratchParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.mapping import finetuned
 from elfslam.score.separation import histograms, separation_row
 from elfslam.slam import Parameters, hear, walk_nodes
 from elfslam.studies.finding import Announce, Row
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.simulate import load_world, simulate
 
-WORLDS = ("living_room", "office", "mall")
+SECOND_ENGINE = " by pyroomacoustics"
+"""Behind the name of a world: its closed solids, rendered by the second engine."""
+WORLDS = ("living_room", "office", "mall", "living_room" + SECOND_ENGINE)
 SEEDS = (0, 1, 2)
 ROUNDS = 4
 SAME_M = 0.3
@@ -32,6 +39,8 @@ PRINCIPAL_ECHOES = 2048
 """From random rooms, never from the worlds that are measured."""
 UNITS = ("footstep", f"{SEQUENCE} footsteps")
 
+Adapt = Callable[[Echoes], Encoder]
+"""An encoder made from the echoes of the walk that is measured, without labels."""
 Counts = dict[tuple[str, str], list[F64]]
 """Histograms of each walk, by feature and by what is compared."""
 
@@ -44,13 +53,20 @@ def measure_elf(
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
     encoders: Mapping[str, Encoder] | None = None,
+    adapted: Mapping[str, Adapt] | None = None,
 ) -> list[Row]:
     """A row per world, feature and length: how similarity tells the same place from elsewhere.
 
-    `encoders` are compared by name; by default the generic features and the shipped encoder.
-    `data` is not needed.
+    `encoders` are compared by name, `adapted` are made anew for each walk; by default the generic
+    features, the shipped encoder, it after fine-tuning, and one without pre-training. `data` is
+    not needed.
     """
-    compared = encoders or shipped_and_generic()
+    if encoders is None and adapted is None:
+        encoders, adapted = shipped_and_generic(), learnt_from_the_walk()
+    compared: dict[str, Adapt] = {
+        **{name: partial(_as_it_is, encoder) for name, encoder in (encoders or {}).items()},
+        **(adapted or {}),
+    }
     rows: list[Row] = []
     for place, world in enumerate(worlds):
         counts: Counts = {}
@@ -73,20 +89,40 @@ def shipped_and_generic() -> dict[str, Encoder]:
     }
 
 
+def learnt_from_the_walk() -> dict[str, Adapt]:
+    """The encoders that learn each walk by itself, by name."""
+    shipped = load_encoder("compact")
+    return {
+        "ELF, without pre-training": lambda echoes: learn_from_scratch(
+            echoes, ScratchParameters(), seed=0
+        ),
+        "ELF, fine-tuned": lambda echoes: (
+            finetuned(shipped, echoes, FinetuneParameters(), 0, lambda what, share: None).encoder
+        ),
+    }
+
+
+def _as_it_is(encoder: Encoder, echoes: Echoes) -> Encoder:
+    return encoder
+
+
 def measure_walk(
-    world: str, seed: int, rounds: int, encoders: Mapping[str, Encoder], counts: Counts
+    world: str, seed: int, rounds: int, compared: Mapping[str, Adapt], counts: Counts
 ) -> None:
     """Simulate a walk and append its histograms (2, 4000) to `counts`."""
-    recording, truth = simulate(load_world(world), seed, rounds=rounds)
+    name = world.removesuffix(SECOND_ENGINE)
+    engine = "images" if name == world else "pyroomacoustics"
+    today = Circumstances(engine=engine)
+    recording, truth = simulate(load_world(name), seed, rounds=rounds, circumstances=today)
     parameters = Parameters()
     nodes, echoes = walk_nodes(recording, parameters), hear(recording, parameters)
     same, elsewhere = labelled_pairs(nodes, truth, rounds)
-    for name, encoder in encoders.items():
-        single = _similarity(echoes, nodes, encoder)
+    for feature, encoder_for in compared.items():
+        single = _similarity(echoes, nodes, encoder_for(echoes))
         for unit, scores in zip(UNITS, (single, sequence_similarity(single)), strict=True):
             known = np.isfinite(scores)
             made = histograms(scores[same & known], scores[elsewhere & known])
-            counts.setdefault((name, unit), []).append(made)
+            counts.setdefault((feature, unit), []).append(made)
 
 
 def labelled_pairs(nodes: Odometry, truth: Truth, rounds: int) -> tuple[Bool, Bool]:
