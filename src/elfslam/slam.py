@@ -26,7 +26,7 @@ from elfslam.base.values import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures
 from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import Encoder, extract_features
+from elfslam.line.feature import Encoder, encoder_for, extract_features
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.locate import LocateParameters, locate_one_shot
@@ -147,8 +147,12 @@ def no_similarity(recording: Recording, nodes: Odometry) -> Similarity:
 def locate(
     recording: Recording, floor_map: FloorMap, encoder: Encoder, parameters: Parameters
 ) -> Fixes:
-    """Where the phone was at every moment of a recording, as far as the map can tell."""
-    features = extract_features(hear(recording, parameters), encoder)
+    """Where the phone was at every moment of a recording, as far as the map can tell.
+
+    In a calibrated map the recording calibrates the encoder to its own phone.
+    """
+    echoes = hear(recording, parameters)
+    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
     return locate_one_shot(features, floor_map, parameters.locate)
 
 

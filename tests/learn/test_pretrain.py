@@ -169,7 +169,7 @@ def test_the_first_half_of_a_checkpoint_is_refused(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:
     run(tmp_path)
-    with pytest.raises(StoreError, match="another seed or other parameters"):
+    with pytest.raises(StoreError, match="another seed, parameters or arithmetic"):
         run(tmp_path, replace(TINY, width=8))
 
 
