@@ -177,7 +177,7 @@ def map_command(
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
-    calibrate: Annotated[bool, typer.Option(help="Take this phone's response out.")] = False,
+    calibrate: Annotated[bool, typer.Option(help="For other phones to be located.")] = False,
     plan: Plan = None,
     force: Force = False,
     parameter_file: ParameterFile = None,
@@ -369,7 +369,7 @@ def card(
     """What an encoder is, and how to train it again: as its own file says."""
     known = read_card(encoder)
     if known is None:
-        raise NoAnswerError(f"encoder {encoder}: its file has no card, so nothing is known of it")
+        raise NoAnswerError(f"encoder {encoder}: carries no card, so how it was made is not known")
     print_rows(list(card_rows(known)), title=f"Encoder {encoder}", as_json=as_json)
 
 

@@ -19,13 +19,7 @@ from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters
-from elfslam.line.feature import (
-    CalibratedEncoder,
-    Encoder,
-    OnnxEncoder,
-    calibrated,
-    load_encoder,
-)
+from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 
@@ -139,19 +133,21 @@ def _mapped(
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
-    _check_learning(job, by, recording.name)
+    learns = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
+    if learns and by is not Modality.ELF:
+        raise InputError(
+            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {by}"
+        )
     encoder = load_encoder(job.encoder) if by is Modality.ELF else None
     tuned: list[Finetuned] = []
-    hearing: list[CalibratedEncoder] = []
 
     def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
-        if job.calibrate:
-            hearing.append(calibrated(shipped, echoes))
-            return hearing[-1]
-        if not job.finetune:
-            return shipped
-        tuned.append(finetuned(shipped, echoes, job.parameters.finetune, FINETUNE_SEED, announce))
-        return tuned[-1].encoder
+        used = shipped
+        if job.finetune:
+            known = job.parameters.finetune
+            tuned.append(finetuned(shipped, echoes, known, FINETUNE_SEED, announce))
+            used = tuned[-1].encoder
+        return calibrated(used, echoes) if job.calibrate else used
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
     encoder = tuned[-1].encoder if tuned else encoder
@@ -163,25 +159,9 @@ def _mapped(
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
         **({"finetuning": tuned[-1].reason} if tuned else {}),
-        **({"device_log_spectrum": _rounded(hearing[-1])} if hearing else {}),
+        **({"calibrated": True} if job.calibrate else {}),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
-
-
-def _check_learning(job: MapJob, by: Modality, name: str) -> None:
-    """Raise InputError where what was asked of the encoder cannot be done."""
-    asked = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
-    if asked and by is not Modality.ELF:
-        raise InputError(f"{name}: {asked[0]} learns echoes; leave it out with --by {by}")
-    if len(asked) > 1:
-        raise InputError(
-            f"{name}: --finetune learns the sound of this phone, --calibrate takes it out; "
-            "leave one of them out"
-        )
-
-
-def _rounded(encoder: CalibratedEncoder) -> list[float]:
-    return [round(float(gain), 3) for gain in encoder.device_log_spectrum]
 
 
 def finetune_into(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -13,7 +13,7 @@ import numpy as np
 from elfslam.base.arrays import F32, Value, array
 from elfslam.base.card import Card, card_in
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features, FloorMap
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features, FloorMap, Payload
 
 WINDOW_SAMPLES = 96
 HOP_SAMPLES = 48
@@ -22,15 +22,9 @@ BINS = 12
 """Bins 33 to 44 of a 96-point window at 44.1 kHz: 15.2 to 20.2 kHz."""
 QUIET = 1e-7
 """Added to magnitudes before the logarithm, so that silence has one."""
-FLAT_LOG_SPECTRUM = (
-    -0.69, -0.09, 0.10, 0.14, 0.20, 0.25, 0.30, 0.34, 0.41, 0.28, -0.27, -0.96,
-)  # fmt: skip
-"""`mean_log_spectrum` of a phone of flat response: what chirp, air and rooms leave of it.
-
-Mean over 512 of the random rooms that encoders are trained in (docs/learn.md).
-"""
-CALIBRATED = "+calibrated"
-"""Ends the identity of an encoder that hears through the phone's own response."""
+PHONE = "phone"
+"""The payload of a map that says what its phone made of the chirp, at each spot."""
+MEAN_LOG_SPECTRUM = "mean-log-spectrum-1"
 
 
 class Encoder(Protocol):
@@ -122,22 +116,26 @@ class OnnxEncoder:
 
 @dataclass(frozen=True, eq=False)
 class CalibratedEncoder(Value):
-    """An encoder that hears through one phone's response: the log gain (12) of each band.
+    """An encoder that hears one phone as if it were another: the one that made a map.
 
-    Its identity is the same for every phone, since that is what makes two of them comparable.
+    `heard` (12) and `reference` (12) are the `mean_log_spectrum` of each; their difference is what
+    is taken out. The identity names the reference, for whose echoes all of them stand.
     """
 
     plain: OnnxEncoder
-    device_log_spectrum: F32 = array(BINS, dtype=np.float32)
+    heard: F32 = array(BINS, dtype=np.float32)
+    reference: F32 = array(BINS, dtype=np.float32)
 
     @property
     def identity(self) -> str:
-        """That of the plain encoder, marked."""
-        return self.plain.identity + CALIBRATED
+        """That of the plain encoder, and a digest of the reference."""
+        return (
+            f"{self.plain.identity}+as-{hashlib.sha256(self.reference.tobytes()).hexdigest()[:8]}"
+        )
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, 128)."""
-        return self.plain.embed(samples, self.device_log_spectrum)
+        return self.plain.embed(samples, self.heard - self.reference)
 
 
 def mean_log_spectrum(samples: F32) -> F32:
@@ -152,11 +150,12 @@ def mean_log_spectrum(samples: F32) -> F32:
     return np.asarray(found - found.mean(), dtype=np.float32)
 
 
-def calibrated(encoder: Encoder, echoes: Echoes) -> CalibratedEncoder:
-    """`encoder` calibrated to the phone that heard `echoes`, without any label.
+def calibrated(encoder: Encoder, echoes: Echoes, reference: F32 | None = None) -> CalibratedEncoder:
+    """`encoder` for the phone that heard `echoes`, without any label.
 
-    What a phone of flat response hears is known; the rest is taken for the phone's own. Raises
-    InputError for an encoder that takes no calibration, and where there is no echo.
+    `reference` (12) is the `mean_log_spectrum` of the phone it is to be heard as; by default it is
+    its own, as for a first map. Raises InputError for an encoder that takes no calibration, and
+    where there is no echo.
     """
     if not (isinstance(encoder, OnnxEncoder) and encoder.takes_calibration):
         raise InputError(
@@ -166,14 +165,24 @@ def calibrated(encoder: Encoder, echoes: Echoes) -> CalibratedEncoder:
     if len(echoes.samples) == 0:
         raise InputError("calibration: wanted some echoes, got none; record longer")
     heard = mean_log_spectrum(echoes.samples)
-    return CalibratedEncoder(encoder, np.subtract(heard, FLAT_LOG_SPECTRUM))
+    return CalibratedEncoder(encoder, heard, heard if reference is None else reference)
+
+
+def with_phone(floor_map: FloorMap, encoder: Encoder) -> FloorMap:
+    """The map, with the phone that others are to be heard as where its encoder is calibrated."""
+    if not isinstance(encoder, CalibratedEncoder):
+        return floor_map
+    spots = np.tile(encoder.reference, (len(floor_map.xy_m), 1))
+    phone = Payload(PHONE, MEAN_LOG_SPECTRUM, spots)
+    return replace(floor_map, payloads=(*floor_map.payloads, phone))
 
 
 def encoder_for(floor_map: FloorMap, encoder: Encoder, echoes: Echoes) -> Encoder:
-    """`encoder`, calibrated to the phone of `echoes` where the phone of the map was."""
-    made_by = [payload.encoder for payload in floor_map.payloads if payload.kind == "elf"]
-    is_calibrated = any(identity.endswith(CALIBRATED) for identity in made_by)
-    return calibrated(encoder, echoes) if is_calibrated else encoder
+    """`encoder`, calibrated to the phone of `echoes` where the map says as whom to hear it."""
+    phones = [item.vectors for item in floor_map.payloads if item.kind == PHONE]
+    if not phones or len(phones[0]) == 0:
+        return encoder
+    return calibrated(encoder, echoes, phones[0][0])
 
 
 def load_encoder(name: str) -> Encoder:
