@@ -14,12 +14,12 @@ from torch import nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
-from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
     Progress,
+    embedded,
     pair_loss,
     pretrain,
     training_device,
@@ -151,7 +151,7 @@ def test_the_losses_of_before_a_kill_are_kept(tmp_path: Path) -> None:
 
 
 def by_hand(parameters: PretrainParameters, seed: int) -> nn.Module:
-    """The training of the first day, written out: no device, no autocast, no checkpoint."""
+    """The training written out: no device, no checkpoint, no stream."""
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
     network = CompactEncoder(parameters.width).train()
@@ -160,13 +160,7 @@ def by_hand(parameters: PretrainParameters, seed: int) -> nn.Module:
         warm = min((step + 1) / parameters.warmup_steps, 1.0)
         cosine = 0.5 + 0.5 * math.cos(math.pi * step / parameters.steps)
         optimizer.param_groups[0]["lr"] = parameters.learning_rate * (warm * cosine)
-        batch = fake_pairs(step)
-        rows = network(
-            torch.from_numpy(np.concatenate([batch.first, batch.second])), torch.zeros(BINS)
-        )
-        distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
-        near = (batch.room[:, None] == batch.room) & (distance_m < parameters.too_near_m)
-        loss = nt_xent(rows[:8], rows[8:], torch.from_numpy(near), parameters.temperature)
+        loss = pair_loss(network, fake_pairs(step), parameters)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -178,6 +172,16 @@ def test_on_a_processor_it_is_the_plain_training_bit_for_bit(tmp_path: Path) -> 
     made = trained(tmp_path, seed=2)
     assert made.arithmetic == "float32"
     assert same_weights(made.network, by_hand(TINY, 2))
+
+
+def test_on_a_processor_the_network_computes_as_it_is() -> None:
+    torch.manual_seed(0)
+    network, batch = CompactEncoder(4), fake_pairs(0)
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
+    with torch.no_grad():
+        rows = embedded(network.eval(), batch)
+        assert torch.equal(rows, network(both, torch.zeros(BINS)))
+    assert rows.dtype == torch.float32
 
 
 def test_a_gpu_is_used_where_there_is_one() -> None:

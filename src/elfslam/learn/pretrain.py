@@ -92,23 +92,25 @@ def training_device(*, has_gpu: bool) -> torch.device:
     return torch.device("cuda" if has_gpu else "cpu")
 
 
-def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
-    """NT-Xent of a batch; places of one room that are too near are left out of the negatives.
+def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
+    """ELFs of the first and then of the second echoes of a batch, where the network's weights lie.
 
-    The network computes where its weights lie, in bfloat16 on a GPU; the loss is in float32.
+    On a GPU it computes in bfloat16; what comes out is float32 all the same.
     """
     device = next(network.parameters()).device
-    none = torch.zeros(BINS, device=device)
     both = torch.from_numpy(np.concatenate([batch.first, batch.second])).to(device)
     with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
-        rows = network(both, none)
-    rows = rows.float()
+        rows: Tensor = network(both, torch.zeros(BINS, device=device))
+    return rows.float()
+
+
+def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
+    """NT-Xent of a batch; places of one room that are too near are left out of the negatives."""
+    rows = embedded(network, batch)
     distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
     near = (batch.room[:, None] == batch.room[None]) & (distance_m < parameters.too_near_m)
-    count = len(batch.first)
-    return nt_xent(
-        rows[:count], rows[count:], torch.from_numpy(near).to(device), parameters.temperature
-    )
+    count, ignored = len(batch.first), torch.from_numpy(near).to(rows.device)
+    return nt_xent(rows[:count], rows[count:], ignored, parameters.temperature)
 
 
 def _schedule(step: int, parameters: PretrainParameters) -> float:

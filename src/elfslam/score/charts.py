@@ -189,8 +189,8 @@ def _curve(key: tuple[str, str], x: F64, y: F64) -> go.Scatter:
     )
 
 
-def loss_figure(losses: F64, block_step: I64, block_mean: F64, guess: float) -> go.Figure:
-    """The loss (steps) of a training, its means over blocks, and that of a mere guess, dashed."""
+def loss_figure(losses: F64, block_step: I64, block_mean: F64) -> go.Figure:
+    """The loss (steps) of a training, and its means over blocks that end at `block_step`."""
     each = go.Scatter(
         x=np.arange(1, len(losses) + 1),
         y=np.round(losses, 4),
@@ -208,7 +208,6 @@ def loss_figure(losses: F64, block_step: I64, block_mean: F64, guess: float) -> 
         hovertemplate="to step %{x}: %{y:.3f}<extra></extra>",
     )
     figure = styled(go.Figure([each, mean]), height_px=460)
-    figure.add_hline(y=guess, line={"color": TRUTH, "width": 1, "dash": "dash"})
     figure.update_xaxes(title_text="step", rangemode="tozero")
-    figure.update_yaxes(title_text="NT-Xent", rangemode="tozero")
+    figure.update_yaxes(title_text="loss", rangemode="tozero")
     return figure
