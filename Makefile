@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test fast lint coverage pretrain clean
+.PHONY: demo test fast lint coverage pretrain web-check clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -24,6 +24,11 @@ lint: $(VENV)/.installed-test
 
 pretrain: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0
+
+# Needs node and npm, 20 or newer; no test does.
+web-check: $(VENV)/.installed $(VENV)/.kernels
+	cd benchmarks/web_runtime && npm ci
+	$(BIN)/python benchmarks/web_runtime/compare.py
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

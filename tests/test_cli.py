@@ -413,6 +413,60 @@ def test_a_map_takes_its_fine_tuned_encoder_along(
     assert elfslam("locate", walk, run, tmp_path / "fixes.csv")[0] == 0
 
 
+def test_a_calibrated_map_locates_another_phone(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    run, tablet, fixes = (tmp_path / name for name in ("run", "tablet", "fixes.csv"))
+    assert elfslam("map", walk, run, "--calibrate")[0] == 0
+    assert json.loads((run / "run.json").read_text())["calibrated"] is True
+    assert (run / "trajectory.tum").read_bytes() == (mapped / "trajectory.tum").read_bytes()
+    assert (run / "encoder.onnx").read_bytes() == (mapped / "encoder.onnx").read_bytes()
+    elfslam("simulate", "studio", tablet, "--seed", 108, "--rounds", 1, "--device", "tablet")
+    assert elfslam("locate", tablet, run, fixes)[0] == 0
+    assert elfslam("locate", tablet, mapped, tmp_path / "plain.csv")[0] in (0, 1)
+    assert fixes.read_bytes() != (tmp_path / "plain.csv").read_bytes()
+    code, _, err = elfslam("locate", tablet, run, fixes, "--encoder", "spectral")
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "spectral-1 has no input device_log_spectrum" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--encoder", "spectral"), "spectral-1 has no input device_log_spectrum"),
+        (("--by", "motion"), "--calibrate learns echoes; leave it out with --by motion"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(
+    options: tuple[str, ...], words: str, walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, _, err = elfslam("map", walk, tmp_path / "run", "--calibrate", *options)
+    assert code == 2
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> None:
+    file = tmp_path / "one.onnx"
+    tiny = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
+    settings = [word for setting in tiny for word in ("--set", f"pretrain.{setting}")]
+    assert elfslam("pretrain", file, "--seed", 5, *settings)[0] == 0
+    code, out, _ = elfslam("card", file, "--json")
+    shown = {row["what"]: row["value"] for row in json.loads(out)}
+    assert (code, shown["seed"], shown["echoes"]) == (0, 5, 16)
+    assert shown["parameters"]["width"] == 4
+    assert "samples (n, 2352)" in shown["Input"]
+    code, out, _ = elfslam("card", file)
+    assert code == 0
+    assert "parameters_digest" in out
+
+
+def test_an_encoder_without_a_card_is_told_in_one_line(elfslam: Elfslam) -> None:
+    code, out, err = elfslam("card", "spectral")
+    assert (code, out) == (1, "")
+    assert err == "elfslam: encoder spectral: carries no card, so how it was made is not known\n"
+
+
 @pytest.mark.parametrize(
     ("options", "words"),
     [

@@ -35,6 +35,7 @@ READERS = {
     "demo with parameters": "demo {new}/demo --parameters {bad}",
     "demo with an encoder": "demo {new}/demo --encoder {bad}",
     "pretrain": "pretrain {new}/one.onnx --parameters {bad}",
+    "card": "card {bad}",
     "finetune": "finetune {bad} {new}/one.onnx",
     "finetune an encoder": "finetune {walk} {new}/one.onnx --encoder {bad}",
     "parameters": "parameters --parameters {bad}",

@@ -24,8 +24,9 @@ from elfslam.base.values import (
     Similarity,
     Truth,
 )
-from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
+from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
 from elfslam.slam import Parameters, Run, map_by, map_by_echoes, no_similarity, walk_nodes
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 
@@ -292,3 +293,21 @@ def test_the_line_needs_no_torch_and_no_plotting() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
+
+
+def test_a_calibrated_map_is_the_same_map_and_hears_others_as_its_own_phone(
+    recording: Recording, encoder: Encoder, run: Run
+) -> None:
+    own = map_by_echoes(recording, encoder, PARAMETERS, adapt=calibrated)
+    assert own.floor_map is not None
+    assert run.floor_map is not None
+    npt.assert_array_equal(own.trajectory.world_from_body, run.trajectory.world_from_body)
+    kinds = [item.kind for item in own.floor_map.payloads]
+    assert kinds == ["elf", "phone"]
+    npt.assert_array_equal(own.floor_map.payloads[0].vectors, run.floor_map.payloads[0].vectors)
+    phone = Circumstances(device="tablet")
+    other, _ = simulate(load_world("studio"), seed=7, rounds=1, circumstances=phone)
+    fixes = slam.locate(other, own.floor_map, encoder, PARAMETERS)
+    plain = slam.locate(other, run.floor_map, encoder, PARAMETERS)
+    assert not np.array_equal(fixes.score, plain.score), "the tablet is heard as the map's phone"
+    assert np.nanmean(fixes.score) > np.nanmean(plain.score)

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Annotated
 
@@ -13,6 +11,7 @@ import numpy as np
 import typer
 
 from elfslam import slam
+from elfslam.base.card import card_rows
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load, rows
 from elfslam.base.values import FixStatus
@@ -23,7 +22,7 @@ from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.data.runs import FACTS, read_facts, read_run
-from elfslam.line.feature import load_encoder
+from elfslam.line.feature import load_encoder, read_card
 from elfslam.mapping import (
     MapJob,
     Modality,
@@ -40,14 +39,13 @@ from elfslam.mapping import (
 )
 from elfslam.score.errors import alignment_of
 from elfslam.score.figures import FloorPlan
-from elfslam.score.report import write_map_page, write_report
+from elfslam.score.report import write_report
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
-from elfslam.score.world_page import write_world_page
 from elfslam.studies.catalogue import STUDIES, run_study
 from elfslam.studies.demo import floor_plan, run_demo
+from elfslam.studies.drawing import drawing_of
 from elfslam.studies.walks import score_walks
-from elfslam.studies.world_plan import world_plan
 from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
 from elfslam.world.sensors import parse_sensors
@@ -179,6 +177,7 @@ def map_command(
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
+    calibrate: Annotated[bool, typer.Option(help="For other phones to be located.")] = False,
     plan: Plan = None,
     force: Force = False,
     parameter_file: ParameterFile = None,
@@ -187,7 +186,7 @@ def map_command(
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
     known = load(Settings(), parameter_file, setting or [])
     drawn = _plan(plan)
-    job = MapJob(by, parse_start(start), encoder, known, force, finetune)
+    job = MapJob(by, parse_start(start), encoder, known, force, finetune, calibrate)
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:
@@ -297,20 +296,10 @@ def show(
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
 ) -> None:
     """Draw a run, a map or a world as a page."""
-    draw = _drawing_of(what)
+    draw = drawing_of(what)
     with new_file(out) as page:
         draw(page)
     say(f"look at {out}")
-
-
-def _drawing_of(what: str) -> Callable[[Path], None]:
-    """What draws the page, once `what` has been read: a refusal makes no folder."""
-    path = Path(what)
-    if (path / FACTS).exists():
-        return partial(write_report, run=read_run(path), facts=read_facts(path))
-    if path.suffix == ".npz":
-        return partial(write_map_page, floor_map=read_map(path))
-    return partial(write_world_page, world=world_plan(load_world(what)))
 
 
 @app.command()
@@ -370,6 +359,18 @@ def finetune_command(
     with progress_bar() as announce:
         found = finetune_into(out, recording, encoder, known, seed=seed, announce=announce)
     say(f"wrote {out}; {found}")
+
+
+@app.command()
+def card(
+    encoder: Annotated[str, typer.Argument(help="compact or an ONNX file.")] = "compact",
+    as_json: AsJson = False,
+) -> None:
+    """What an encoder is, and how to train it again: as its own file says."""
+    known = read_card(encoder)
+    if known is None:
+        raise NoAnswerError(f"encoder {encoder}: carries no card, so how it was made is not known")
+    print_rows(list(card_rows(known)), title=f"Encoder {encoder}", as_json=as_json)
 
 
 def _plan(world: str | None) -> FloorPlan | None:

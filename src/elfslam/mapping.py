@@ -19,7 +19,7 @@ from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 
@@ -60,6 +60,7 @@ class MapJob:
     parameters: Settings
     overwrite: bool
     finetune: bool = False
+    calibrate: bool = False
 
 
 def recordings_in(path: Path) -> list[Path]:
@@ -132,16 +133,21 @@ def _mapped(
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
-    if job.finetune and by is not Modality.ELF:
-        raise InputError(f"{recording.name}: --finetune learns echoes; leave it out with --by {by}")
+    learns = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
+    if learns and by is not Modality.ELF:
+        raise InputError(
+            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {by}"
+        )
     encoder = load_encoder(job.encoder) if by is Modality.ELF else None
     tuned: list[Finetuned] = []
 
     def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
-        if not job.finetune:
-            return shipped
-        tuned.append(finetuned(shipped, echoes, job.parameters.finetune, FINETUNE_SEED, announce))
-        return tuned[-1].encoder
+        used = shipped
+        if job.finetune:
+            known = job.parameters.finetune
+            tuned.append(finetuned(shipped, echoes, known, FINETUNE_SEED, announce))
+            used = tuned[-1].encoder
+        return calibrated(used, echoes) if job.calibrate else used
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
     encoder = tuned[-1].encoder if tuned else encoder
@@ -153,6 +159,7 @@ def _mapped(
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
         **({"finetuning": tuned[-1].reason} if tuned else {}),
+        **({"calibrated": True} if job.calibrate else {}),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
 

@@ -26,7 +26,7 @@ from elfslam.base.values import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures
 from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import Encoder, extract_features
+from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.locate import LocateParameters, locate_one_shot
@@ -93,7 +93,8 @@ def map_by_echoes(
     with stage("echoes"):
         echoes = hear(recording, parameters)
     with stage("features"):
-        features = extract_features(echoes, adapt(encoder, echoes))
+        used = adapt(encoder, echoes)
+        features = extract_features(echoes, used)
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
     closures, trajectory = _close_loops(nodes, similarity, parameters, stage)
@@ -105,6 +106,7 @@ def map_by_echoes(
             parameters_digest=digest(parameters),
             source=recording.name,
         )
+        floor_map = with_phone(floor_map, used)
     evidence = similarity, closures, trajectory, floor_map, echoes, features
     return Run(recording.name, nodes, *evidence, seconds)
 
@@ -147,8 +149,12 @@ def no_similarity(recording: Recording, nodes: Odometry) -> Similarity:
 def locate(
     recording: Recording, floor_map: FloorMap, encoder: Encoder, parameters: Parameters
 ) -> Fixes:
-    """Where the phone was at every moment of a recording, as far as the map can tell."""
-    features = extract_features(hear(recording, parameters), encoder)
+    """Where the phone was at every moment of a recording, as far as the map can tell.
+
+    Where the map says what its own phone made of the chirp, this one is heard as if it were that.
+    """
+    echoes = hear(recording, parameters)
+    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
     return locate_one_shot(features, floor_map, parameters.locate)
 
 

@@ -11,10 +11,12 @@ import pytest
 import torch
 
 from elfslam.base.arrays import F32
+from elfslam.base.card import Card, Pretraining, metadata_of, training_facts
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.export import export_encoder
 from elfslam.learn.network import CompactEncoder
-from elfslam.line.feature import BINS, load_encoder
+from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import BINS, load_encoder, read_card
 
 MOST_BYTES = 2_000_000
 
@@ -123,3 +125,33 @@ def test_an_older_file_is_replaced(network: CompactEncoder, tmp_path: Path) -> N
     path.write_bytes(b"older")
     export_encoder(network, path)
     onnx.checker.check_model(onnx.load(path))
+
+
+def card(seed: int = 3) -> Card:
+    facts = training_facts(PretrainParameters())
+    how = Pretraining("elfslam 0", seed, 1024, "float32", 1.5, **facts)
+    return Card("Encoder: of a test", how, metrics={"recall": 0.75})
+
+
+def test_the_file_carries_its_card(network: CompactEncoder, file: Path, tmp_path: Path) -> None:
+    path = tmp_path / "carded.onnx"
+    export_encoder(network, path, card=card())
+    assert read_card(str(path)) == card()
+    props = {item.key: item.value for item in onnx.load(path).metadata_props}
+    assert props == metadata_of(card()), "any program that reads ONNX finds it"
+    samples = traces(5, seed=3)
+    with_card, without = (load_encoder(str(name)) for name in (path, file))
+    assert (with_card.embed(samples) == without.embed(samples)).all()
+    assert onnx.load(path).graph == onnx.load(file).graph
+    assert read_card(str(file)) is None
+
+
+def test_the_same_card_gives_the_same_file_and_another_another(
+    network: CompactEncoder, tmp_path: Path
+) -> None:
+    paths = [tmp_path / f"{name}.onnx" for name in "abc"]
+    for path, seed in zip(paths, (3, 3, 4), strict=True):
+        export_encoder(network, path, card=card(seed))
+    one, again, other = (path.read_bytes() for path in paths)
+    assert one == again
+    assert one != other

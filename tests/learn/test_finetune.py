@@ -13,7 +13,9 @@ import pytest
 import torch
 
 from elfslam.base.arrays import Bool
+from elfslam.base.card import Card
 from elfslam.base.errors import InputError
+from elfslam.base.parameters import digest
 from elfslam.base.values import ECHO_SAMPLES, Echoes
 from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.finetune import Check, Finetuned, augmented, finetune, walk_loss, walk_of
@@ -128,6 +130,36 @@ def test_the_same_seed_gives_the_same_bytes(
     assert one.checks == two.checks
     other = finetune(encoder, echoes, short, seed=6)
     assert other.checks != one.checks or other.encoder.content != one.encoder.content
+
+
+@pytest.mark.parametrize(
+    ("card", "words"), [(Card("Encoder: known", metrics={"a": 1.0}), "known"), (None, "no card")]
+)
+def test_its_card_adds_the_fine_tuning_to_that_of_the_parent(
+    card: Card | None, words: str, encoder: OnnxEncoder, echoes: Echoes
+) -> None:
+    parent = OnnxEncoder(encoder_content(network_of(encoder.content), card), "parent")
+    child = finetune(parent, echoes, TOY, seed=0)
+    found = child.encoder.card
+    assert found is not None
+    assert words in found.text
+    assert found.metrics == (card.metrics if card else {})
+    (made,) = found.finetunings
+    assert (made.parent, made.seed, made.echoes) == (parent.identity, 0, ROUND * ROUNDS)
+    assert made.outcome == child.reason
+    assert made.parameters["steps"] == TOY.steps
+    assert made.parameters_digest == digest(TOY)
+
+
+def test_what_was_fine_tuned_twice_says_so(tuned: Finetuned, echoes: Echoes) -> None:
+    """The second time nothing may be won, and then the file stays as it is."""
+    first = tuned.encoder.card
+    assert first is not None
+    again = finetune(tuned.encoder, echoes, replace(TOY, steps=10), seed=1)
+    second = again.encoder.card
+    assert second is not None
+    assert second.finetunings[: len(first.finetunings)] == first.finetunings
+    assert len(second.finetunings) == len(first.finetunings) + again.changed
 
 
 def test_rows_stay_row_by_row(echoes: Echoes, tuned: Finetuned) -> None:

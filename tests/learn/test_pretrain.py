@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -9,12 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from torch import nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn.network import CompactEncoder
-from elfslam.learn.pretrain import PairsOf, Progress, pair_loss, pretrain
+from elfslam.learn.pretrain import (
+    PairsOf,
+    Pretrained,
+    Progress,
+    embedded,
+    pair_loss,
+    pretrain,
+    training_device,
+)
 from elfslam.learn.settings import PretrainParameters
+from elfslam.line.feature import BINS
 
 TINY = PretrainParameters(
     steps=4, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
@@ -45,7 +56,18 @@ def run(
     pairs_of: PairsOf = fake_pairs,
     report: Callable[[Progress], None] = lambda progress: None,
     seed: int = 0,
-) -> CompactEncoder:
+) -> nn.Module:
+    return trained(folder, parameters, pairs_of=pairs_of, report=report, seed=seed).network
+
+
+def trained(
+    folder: Path,
+    parameters: PretrainParameters = TINY,
+    *,
+    pairs_of: PairsOf = fake_pairs,
+    report: Callable[[Progress], None] = lambda progress: None,
+    seed: int = 0,
+) -> Pretrained:
     return pretrain(
         pairs_of, parameters, seed=seed, checkpoint=folder / "training.pt", report=report
     )
@@ -59,7 +81,7 @@ def killed_after(step: int) -> Callable[[Progress], None]:
     return report
 
 
-def same_weights(one: CompactEncoder, other: CompactEncoder) -> bool:
+def same_weights(one: nn.Module, other: nn.Module) -> bool:
     pairs = zip(one.state_dict().values(), other.state_dict().values(), strict=True)
     return all(torch.equal(a, b) for a, b in pairs)
 
@@ -112,6 +134,67 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
     assert steps == [3, 4]
     assert same_weights(whole, resumed)
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_the_losses_of_before_a_kill_are_kept(tmp_path: Path) -> None:
+    straight, broken = tmp_path / "straight", tmp_path / "broken"
+    straight.mkdir()
+    broken.mkdir()
+    seen: list[float] = []
+    whole = trained(straight, report=lambda progress: seen.append(progress.loss))
+    with pytest.raises(KilledError):
+        run(broken, report=killed_after(2))
+    resumed = trained(broken)
+    assert whole.losses.tolist() == seen
+    assert resumed.losses.tolist() == seen
+    assert trained(broken).losses.tolist() == seen, "a finished run knows them too"
+
+
+def by_hand(parameters: PretrainParameters, seed: int) -> nn.Module:
+    """The training written out: no device, no checkpoint, no stream."""
+    torch.manual_seed(seed)
+    torch.set_num_threads(parameters.threads)
+    network = CompactEncoder(parameters.width).train()
+    optimizer = torch.optim.AdamW(network.parameters(), weight_decay=parameters.weight_decay)
+    for step in range(parameters.steps):
+        warm = min((step + 1) / parameters.warmup_steps, 1.0)
+        cosine = 0.5 + 0.5 * math.cos(math.pi * step / parameters.steps)
+        optimizer.param_groups[0]["lr"] = parameters.learning_rate * (warm * cosine)
+        loss = pair_loss(network, fake_pairs(step), parameters)
+        optimizer.zero_grad()
+        loss.backward()
+        optimizer.step()
+    return network.eval()
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="on a GPU other numbers come out")
+def test_on_a_processor_it_is_the_plain_training_bit_for_bit(tmp_path: Path) -> None:
+    made = trained(tmp_path, seed=2)
+    assert made.arithmetic == "float32"
+    assert same_weights(made.network, by_hand(TINY, 2))
+
+
+def test_on_a_processor_the_network_computes_as_it_is() -> None:
+    torch.manual_seed(0)
+    network, batch = CompactEncoder(4), fake_pairs(0)
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
+    with torch.no_grad():
+        rows = embedded(network.eval(), batch)
+        assert torch.equal(rows, network(both, torch.zeros(BINS)))
+    assert rows.dtype == torch.float32
+
+
+def test_a_gpu_is_used_where_there_is_one() -> None:
+    assert training_device(has_gpu=True).type == "cuda"
+    assert training_device(has_gpu=False).type == "cpu"
+
+
+@pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
+def test_a_gpu_learns_too_and_gives_the_network_back(tmp_path: Path) -> None:
+    made = trained(tmp_path, replace(TINY, steps=20), pairs_of=lambda step: fake_pairs(0))
+    assert made.arithmetic == "bfloat16 on a GPU"
+    assert made.losses[-1] < 0.4 * made.losses[0]
+    assert {value.device.type for value in made.network.state_dict().values()} == {"cpu"}
 
 
 def test_a_finished_run_only_reads_its_checkpoint(tmp_path: Path) -> None:
@@ -169,11 +252,11 @@ def test_the_first_half_of_a_checkpoint_is_refused(tmp_path: Path) -> None:
 
 def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:
     run(tmp_path)
-    with pytest.raises(StoreError, match="another seed or other parameters"):
+    with pytest.raises(StoreError, match="another seed, parameters or arithmetic"):
         run(tmp_path, replace(TINY, width=8))
 
 
-@pytest.mark.parametrize("missing", ["step", "network", "optimizer"])
+@pytest.mark.parametrize("missing", ["losses", "network", "optimizer"])
 def test_a_checkpoint_without_its_parts_is_refused(tmp_path: Path, missing: str) -> None:
     run(tmp_path)
     path = tmp_path / "training.pt"

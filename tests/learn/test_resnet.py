@@ -90,7 +90,7 @@ def test_pretraining_takes_it(tmp_path: Path) -> None:
         checkpoint=tmp_path / "training.pt",
         report=lambda progress: losses.append(progress.loss),
         build=ResNetEncoder,
-    )
+    ).network
     assert isinstance(network, ResNetEncoder)
     assert not network.training
     assert losses[-1] < 0.7 * losses[0]

@@ -116,3 +116,11 @@ def test_the_error_share_ends_at_the_greatest_error(run: Run) -> None:
     figure = charts.error_share_figure({("SLAM", "aligned"): (np.arange(3.0), errors)})
     assert (figure.data[0].x[-1], figure.data[0].y[-1]) == (2.0, 1.0)
     assert figure.data[0].line.color == figures.SLAM
+
+
+def test_a_loss_is_drawn_step_by_step_and_by_blocks() -> None:
+    losses = np.array([4.0, 2.0, 3.0, 1.0])
+    figure = charts.loss_figure(losses, np.array([2, 4]), np.array([3.0, 2.0]))
+    each, mean = figure.data
+    assert (list(each.x), list(each.y)) == ([1, 2, 3, 4], [4, 2, 3, 1])
+    assert (list(mean.x), list(mean.y)) == ([2, 4], [3, 2])

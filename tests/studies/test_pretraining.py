@@ -5,13 +5,22 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from torch import nn
 
 from elfslam.base.errors import ParameterError, StoreError
+from elfslam.base.parameters import digest
+from elfslam.learn.pretrain import Pretrained
 from elfslam.learn.settings import PretrainParameters
-from elfslam.line.feature import load_encoder
+from elfslam.line.feature import load_encoder, read_card
 from elfslam.studies import pretraining
-from elfslam.studies.pretraining import pretrain_on_simulated_echoes
+from elfslam.studies.pretraining import (
+    block_means,
+    card_of,
+    last_loss,
+    pretrain_on_simulated_echoes,
+)
 
 SMALL = PretrainParameters(steps=3, pairs=8, rooms=2, width=4, warmup_steps=1, checkpoint_steps=2)
 
@@ -30,7 +39,39 @@ def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     one, two = (load_encoder(str(tmp_path / f"{name}.onnx")) for name in ("one", "two"))
     assert one.identity == two.identity
     assert shares[:3] == pytest.approx([1 / 3, 2 / 3, 1.0])
-    assert {file.suffix for file in tmp_path.iterdir()} == {".onnx"}
+    made = {name: tmp_path / f"one.{name}" for name in ("onnx", "losses.csv", "losses.html")}
+    assert {file.name for file in tmp_path.glob("one*")} == {file.name for file in made.values()}
+    assert made["losses.csv"].read_bytes() == (tmp_path / "two.losses.csv").read_bytes()
+    card = read_card(str(made["onnx"]))
+    assert card is not None
+    assert card.pretraining is not None
+    assert card.pretraining.seed == 3
+    assert card.pretraining.echoes == 2 * 8 * 3
+    assert card.pretraining.loss == pytest.approx(loss, abs=1e-6)
+    assert PretrainParameters(**card.pretraining.parameters) == SMALL
+    assert card.pretraining.parameters_digest == digest(SMALL)
+    (row,) = np.atleast_2d(np.loadtxt(made["losses.csv"], delimiter=",", skiprows=1))
+    assert row[0] == 3
+    assert "loss of the first step" in made["losses.html"].read_text()
+
+
+def test_losses_are_averaged_block_by_block() -> None:
+    step, mean = block_means(np.arange(1.0, 8.0), 3)
+    assert step.tolist() == [3, 6, 7]
+    assert mean.tolist() == [2.0, 5.0, 7.0]
+
+
+def test_the_last_tenth_counts() -> None:
+    assert last_loss(np.arange(40.0)) == np.mean([36, 37, 38, 39])
+    assert last_loss(np.array([5.0, 2.0])) == 2.0
+
+
+def test_figures_of_the_caller_stand_on_the_card() -> None:
+    made = Pretrained(nn.Identity(), np.array([2.0, 1.0]), "float32")
+    one, two = (card_of(made, SMALL, 0, metrics) for metrics in ({}, {"recall": 0.5}))
+    assert two == replace(one, metrics={"recall": 0.5})
+    assert one.text.count("\n") == len(one.text.splitlines())
+    assert all(": " in line for line in one.text.splitlines())
 
 
 def silent(what: str, share: float | None) -> None:

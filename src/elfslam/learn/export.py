@@ -13,32 +13,35 @@ from onnx import numpy_helper
 from torch import nn
 
 from elfslam.base.arrays import F32
+from elfslam.base.card import Card, metadata_of
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
 from elfslam.line.feature import BINS
 
 
-def export_encoder(network: nn.Module, path: Path) -> None:
-    """Write `network` to `path`.
+def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) -> None:
+    """Write `network` to `path`, with its `card` as the file's metadata.
 
     Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
-    output `elf` (n, 128).
+    output `elf` (n, 128). Same network and card, same bytes.
     """
-    content = encoder_content(network)
+    content = encoder_content(network, card)
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     partial.write_bytes(content)
     partial.replace(path)
 
 
-def encoder_content(network: nn.Module) -> bytes:
+def encoder_content(network: nn.Module, card: Card | None = None) -> bytes:
     """`network` as the content of an encoder file, see `export_encoder`."""
     model = onnx.load_model_from_string(_traced(network))
     model.graph.initializer.append(
         numpy_helper.from_array(np.zeros(BINS, dtype=np.float32), "device_log_spectrum")
     )
     model.graph.output[0].type.tensor_type.shape.dim[1].dim_value = ELF_SIZE
+    if card is not None:
+        onnx.helper.set_model_props(model, metadata_of(card))
     onnx.checker.check_model(model)
     return bytes(model.SerializeToString())
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from elfslam import __version__
 from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.card import Card, Finetuning, training_facts
 from elfslam.base.errors import InputError
 from elfslam.base.values import Echoes
 from elfslam.learn.export import encoder_content, network_of
@@ -81,6 +83,7 @@ def finetune(
     """
     torch.set_num_threads(parameters.threads)
     network = network_of(encoder.content)
+    card = _card(encoder, echoes, parameters, seed)
     walk = walk_of(encoder.embed(echoes.samples), echoes, parameters)
     if not (walk.revisit[walk.held_out].any() and walk.other[walk.held_out].any()):
         return Finetuned(encoder, False, "no place heard twice, so nothing to judge by", ())
@@ -94,7 +97,7 @@ def finetune(
             best = {name: value.clone() for name, value in network.state_dict().items()}
         checks.append(Check(step, quality))
         report(checks[-1])
-    return _judged(encoder, network, best, tuple(checks))
+    return _judged(encoder, network, best, tuple(checks), card)
 
 
 def walk_of(vectors: F32, echoes: Echoes, parameters: FinetuneParameters) -> Walk:
@@ -210,11 +213,26 @@ def _embedded(network: CompactEncoder, samples: Tensor) -> F32:
     return np.asarray(torch.cat(parts).numpy())
 
 
+def _card(encoder: OnnxEncoder, echoes: Echoes, parameters: FinetuneParameters, seed: int) -> Card:
+    """The card of `encoder` with this fine-tuning added, whose outcome is still open."""
+    parent = encoder.card or Card("ELF encoder: fine-tuned from one whose file has no card.")
+    made = Finetuning(
+        parent=encoder.identity,
+        software=f"elfslam {__version__}",
+        seed=seed,
+        echoes=len(echoes.t_s),
+        outcome="",
+        **training_facts(parameters),
+    )
+    return replace(parent, finetunings=(*parent.finetunings, made))
+
+
 def _judged(
     encoder: OnnxEncoder,
     network: CompactEncoder,
     best: dict[str, Tensor],
     checks: tuple[Check, ...],
+    card: Card,
 ) -> Finetuned:
     """The best of all looks; the encoder as it was where none was better than the first."""
     before, after = checks[0].quality, max(check.quality for check in checks[1:])
@@ -222,4 +240,6 @@ def _judged(
     if not best:
         return Finetuned(encoder, False, f"{heard}: fine-tuning does not help here", checks)
     network.load_state_dict(best)
-    return Finetuned(OnnxEncoder(encoder_content(network), "fine-tuned"), True, heard, checks)
+    *earlier, made = card.finetunings
+    card = replace(card, finetunings=(*earlier, replace(made, outcome=heard)))
+    return Finetuned(OnnxEncoder(encoder_content(network, card), "fine-tuned"), True, heard, checks)

@@ -13,6 +13,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from elfslam.base.arrays import F64
 from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
@@ -22,6 +23,8 @@ from elfslam.line.feature import BINS
 
 PairsOf = Callable[[int], EchoPairs]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
+ARITHMETIC = {"cpu": "float32", "cuda": "bfloat16 on a GPU"}
+"""Of the network, by where it is trained."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +35,15 @@ class Progress:
     loss: float
 
 
+@dataclass(frozen=True, eq=False)
+class Pretrained:
+    """The encoder, the loss of every step (steps), and the arithmetic of the network."""
+
+    network: nn.Module
+    losses: F64
+    arithmetic: str
+
+
 def pretrain(
     pairs_of: PairsOf,
     parameters: PretrainParameters,
@@ -40,36 +52,56 @@ def pretrain(
     checkpoint: Path,
     report: Callable[[Progress], None],
     build: Callable[[], nn.Module] | None = None,
-) -> nn.Module:
+) -> Pretrained:
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
 
     `build` makes it, samples and device log spectrum in and unit rows out; without, it is a
     compact one.
     Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
     where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
-    fixes the number of threads, on which rounding depends. Raises StoreError for a checkpoint of
-    another run.
+    fixes the number of threads, on which rounding depends. On a GPU, where there is one, the
+    network computes in bfloat16, and no seed gives the bytes of a processor. Raises StoreError for
+    a checkpoint of another run.
     """
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
-    network = build() if build else CompactEncoder(parameters.width)
+    device = training_device(has_gpu=torch.cuda.is_available())
+    network = (build() if build else CompactEncoder(parameters.width)).to(device)
     optimizer = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
-    run = f"seed {seed}, {parameters}"
-    first = _resume(checkpoint, run, network, optimizer)
+    run = f"seed {seed}, {ARITHMETIC[device.type]}, {parameters}"
+    losses = _resume(checkpoint, run, network, optimizer)
     network.train()
-    for step, batch in _prefetched(pairs_of, first, parameters.steps):
+    for step, batch in _prefetched(pairs_of, len(losses), parameters.steps):
         for group in optimizer.param_groups:
             group["lr"] = parameters.learning_rate * _schedule(step, parameters)
         loss = pair_loss(network, batch, parameters)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
-        report(Progress(step + 1, float(loss.item())))
+        losses.append(float(loss.item()))
+        report(Progress(step + 1, losses[-1]))
         if (step + 1) % parameters.checkpoint_steps == 0:
-            _save(checkpoint, run, step + 1, network, optimizer)
-    return network.eval()
+            _save(checkpoint, run, losses, network, optimizer)
+    return Pretrained(network.cpu().eval(), np.array(losses), ARITHMETIC[device.type])
+
+
+def training_device(*, has_gpu: bool) -> torch.device:
+    """Where to train: on the GPU if there is one."""
+    return torch.device("cuda" if has_gpu else "cpu")
+
+
+def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
+    """ELFs of the first and then of the second echoes of a batch, where the network's weights lie.
+
+    On a GPU it computes in bfloat16; what comes out is float32 all the same.
+    """
+    device = next(network.parameters()).device
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second])).to(device)
+    with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
+        rows: Tensor = network(both, torch.zeros(BINS, device=device))
+    return rows.float()
 
 
 def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
@@ -78,14 +110,12 @@ def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParamete
     Places of one room that are too near are left out of the negatives; the others of the room
     count `room_weight` times, for other rooms are easily told apart.
     """
-    none = torch.zeros(BINS)
-    both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
-    rows = network(both, none)
+    rows = embedded(network, batch)
     first, second = rows[: len(batch.first)], rows[len(batch.first) :]
     distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
     same_room = batch.room[:, None] == batch.room[None]
-    near = torch.from_numpy(same_room & (distance_m < parameters.too_near_m))
-    harder = torch.from_numpy(same_room & ~np.eye(len(same_room), dtype=bool))
+    near = torch.from_numpy(same_room & (distance_m < parameters.too_near_m)).to(rows.device)
+    harder = torch.from_numpy(same_room & ~np.eye(len(same_room), dtype=bool)).to(rows.device)
     contrast = nt_xent(
         first, second, near, parameters.temperature, math.log(parameters.room_weight) * harder
     )
@@ -119,12 +149,12 @@ def _prefetched(
 def _save(
     checkpoint: Path,
     run: str,
-    step: int,
+    losses: list[float],
     network: nn.Module,
     optimizer: torch.optim.Optimizer,
 ) -> None:
     parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
-    state = {"run": run, "step": step, **parts}
+    state = {"run": run, "losses": losses, **parts}
     partial = checkpoint.with_suffix(".partial")
     torch.save(state, partial)
     partial.replace(checkpoint)
@@ -132,19 +162,19 @@ def _save(
 
 def _resume(
     checkpoint: Path, run: str, network: nn.Module, optimizer: torch.optim.Optimizer
-) -> int:
-    """The next step; 0 where there is no checkpoint. Raises StoreError for one of another run."""
+) -> list[float]:
+    """The losses so far; none without a checkpoint. Raises StoreError for one of another run."""
     if not checkpoint.exists():
-        return 0
+        return []
     try:
-        state: dict[str, Any] = torch.load(checkpoint, weights_only=True)
+        state: dict[str, Any] = torch.load(checkpoint, weights_only=True, map_location="cpu")
         if state["run"] != run:
             raise StoreError(
-                f"{checkpoint}: of another seed or other parameters; delete it to start over"
+                f"{checkpoint}: of another seed, parameters or arithmetic; delete it to start over"
             )
         network.load_state_dict(state["network"])
         optimizer.load_state_dict(state["optimizer"])
-        return int(state["step"])
+        return [float(loss) for loss in state["losses"]]
     except StoreError:
         raise
     except Exception as cause:  # torch raises many types for a damaged or foreign file

@@ -3,21 +3,28 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass, replace
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 
-from elfslam.base.arrays import F32
+from elfslam.base.arrays import F32, Value, array
+from elfslam.base.card import Card, card_in
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features, FloorMap, Payload
 
 WINDOW_SAMPLES = 96
 HOP_SAMPLES = 48
 FIRST_BIN = 33
 BINS = 12
 """Bins 33 to 44 of a 96-point window at 44.1 kHz: 15.2 to 20.2 kHz."""
+QUIET = 1e-7
+"""Added to magnitudes before the logarithm, so that silence has one."""
+PHONE = "phone"
+"""The payload of a map that says what its phone made of the chirp, at each spot."""
+MEAN_LOG_SPECTRUM = "mean-log-spectrum-1"
 
 
 class Encoder(Protocol):
@@ -49,7 +56,7 @@ class SpectralEncoder:
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, 576)."""
-        level = np.log(spectrogram(samples) + 1e-7)
+        level = np.log(spectrogram(samples) + QUIET)
         level -= level.mean(axis=2, keepdims=True)
         time = np.linspace(-1.0, 1.0, level.shape[2], dtype=np.float32)
         slope = (level * time).sum(axis=2, keepdims=True) / (time**2).sum()
@@ -79,22 +86,103 @@ class OnnxEncoder:
                 f"encoder {name}: not a readable ONNX graph; pass the .onnx file of an encoder"
             ) from cause
         inputs = {item.name: item.shape for item in self._session.get_inputs()}
+        optional = {item.name: item.shape for item in self._session.get_overridable_initializers()}
         outputs = [item.name for item in self._session.get_outputs()]
         if inputs.get("samples", [0, 0])[1:] != [ECHO_SAMPLES] or "elf" not in outputs:
             raise InputError(
                 f"encoder {name}: wanted input samples (n, {ECHO_SAMPLES}) and output elf, "
                 f"got {inputs}; export it with `elfslam pretrain`"
             )
+        self.takes_calibration = {**inputs, **optional}.get("device_log_spectrum") == [BINS]
 
-    def embed(self, samples: F32) -> F32:
-        """Unit vectors (n, 128)."""
+    @property
+    def card(self) -> Card | None:
+        """How it was made, None where its file does not say. Raises InputError if damaged."""
+        return card_in(self._session.get_modelmeta().custom_metadata_map)
+
+    def embed(self, samples: F32, device_log_spectrum: F32 | None = None) -> F32:
+        """Unit vectors (n, 128), the phone's log response (12) taken out where it is given."""
         if len(samples) == 0:
             return np.zeros((0, ELF_SIZE), dtype=np.float32)
+        given = {} if device_log_spectrum is None else {"device_log_spectrum": device_log_spectrum}
         parts = [
-            self._session.run(["elf"], {"samples": np.ascontiguousarray(samples[k : k + 256])})[0]
+            self._session.run(
+                ["elf"], {"samples": np.ascontiguousarray(samples[k : k + 256]), **given}
+            )[0]
             for k in range(0, len(samples), 256)
         ]
         return np.concatenate(parts)
+
+
+@dataclass(frozen=True, eq=False)
+class CalibratedEncoder(Value):
+    """An encoder that hears one phone as if it were another: the one that made a map.
+
+    `heard` (12) and `reference` (12) are the `mean_log_spectrum` of each; their difference is what
+    is taken out. The identity names the reference, for whose echoes all of them stand.
+    """
+
+    plain: OnnxEncoder
+    heard: F32 = array(BINS, dtype=np.float32)
+    reference: F32 = array(BINS, dtype=np.float32)
+
+    @property
+    def identity(self) -> str:
+        """That of the plain encoder, and a digest of the reference."""
+        return (
+            f"{self.plain.identity}+as-{hashlib.sha256(self.reference.tobytes()).hexdigest()[:8]}"
+        )
+
+    def embed(self, samples: F32) -> F32:
+        """Unit vectors (n, 128)."""
+        return self.plain.embed(samples, self.heard - self.reference)
+
+
+def mean_log_spectrum(samples: F32) -> F32:
+    """The level of each band (12) in aligned traces (n, 2352), less the mean over the bands.
+
+    The median over the traces of each one's mean log magnitude: neither loudness nor a few
+    disturbed echoes change it.
+    """
+    level = np.log(spectrogram(samples) + QUIET).mean(axis=2)
+    level -= level.mean(axis=1, keepdims=True)
+    found = np.median(level, axis=0)
+    return np.asarray(found - found.mean(), dtype=np.float32)
+
+
+def calibrated(encoder: Encoder, echoes: Echoes, reference: F32 | None = None) -> CalibratedEncoder:
+    """`encoder` for the phone that heard `echoes`, without any label.
+
+    `reference` (12) is the `mean_log_spectrum` of the phone it is to be heard as; by default it is
+    its own, as for a first map. Raises InputError for an encoder that takes no calibration, and
+    where there is no echo.
+    """
+    if not (isinstance(encoder, OnnxEncoder) and encoder.takes_calibration):
+        raise InputError(
+            f"calibration: encoder {encoder.identity} has no input device_log_spectrum ({BINS}); "
+            "leave the calibration out or name another encoder"
+        )
+    if len(echoes.samples) == 0:
+        raise InputError("calibration: wanted some echoes, got none; record longer")
+    heard = mean_log_spectrum(echoes.samples)
+    return CalibratedEncoder(encoder, heard, heard if reference is None else reference)
+
+
+def with_phone(floor_map: FloorMap, encoder: Encoder) -> FloorMap:
+    """The map, with the phone that others are to be heard as where its encoder is calibrated."""
+    if not isinstance(encoder, CalibratedEncoder):
+        return floor_map
+    spots = np.tile(encoder.reference, (len(floor_map.xy_m), 1))
+    phone = Payload(PHONE, MEAN_LOG_SPECTRUM, spots)
+    return replace(floor_map, payloads=(*floor_map.payloads, phone))
+
+
+def encoder_for(floor_map: FloorMap, encoder: Encoder, echoes: Echoes) -> Encoder:
+    """`encoder`, calibrated to the phone of `echoes` where the map says as whom to hear it."""
+    phones = [item.vectors for item in floor_map.payloads if item.kind == PHONE]
+    if not phones or len(phones[0]) == 0:
+        return encoder
+    return calibrated(encoder, echoes, phones[0][0])
 
 
 def load_encoder(name: str) -> Encoder:
@@ -111,6 +199,12 @@ def load_encoder(name: str) -> Encoder:
             f"encoder {name!r}: wanted compact, spectral or an ONNX file; no such file"
         ) from cause
     return OnnxEncoder(content, name)
+
+
+def read_card(name: str) -> Card | None:
+    """The card of the encoder that `load_encoder` finds by this name; None where it has none."""
+    encoder = load_encoder(name)
+    return encoder.card if isinstance(encoder, OnnxEncoder) else None
 
 
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:

@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import Closures, Echoes, Odometry, Similarity, Trajectory
-from elfslam.score.figures import CLOSURE, DEAD_RECKONING, METHODS, SLAM, TRUTH, styled
+from elfslam.score.figures import CLOSURE, DEAD_RECKONING, GRID, METHODS, SLAM, TRUTH, styled
 
 MATRIX_AT_MOST = 800
 """Larger similarity matrices are shown in blocks, so that the page stays under 10 MB."""
@@ -187,3 +187,27 @@ def _curve(key: tuple[str, str], x: F64, y: F64) -> go.Scatter:
     return go.Scatter(
         x=np.round(x, 3), y=np.round(y, 3), name=f"{method}, {alignment}", mode="lines", line=line
     )
+
+
+def loss_figure(losses: F64, block_step: I64, block_mean: F64) -> go.Figure:
+    """The loss (steps) of a training, and its means over blocks that end at `block_step`."""
+    each = go.Scatter(
+        x=np.arange(1, len(losses) + 1),
+        y=np.round(losses, 4),
+        mode="lines",
+        name="each step",
+        line={"color": GRID, "width": 1},
+        hoverinfo="skip",
+    )
+    mean = go.Scatter(
+        x=block_step,
+        y=np.round(block_mean, 4),
+        mode="lines",
+        name="mean of a block",
+        line={"color": SLAM, "width": 2},
+        hovertemplate="to step %{x}: %{y:.3f}<extra></extra>",
+    )
+    figure = styled(go.Figure([each, mean]), height_px=460)
+    figure.update_xaxes(title_text="step", rangemode="tozero")
+    figure.update_yaxes(title_text="loss", rangemode="tozero")
+    return figure

@@ -10,6 +10,7 @@ from pathlib import Path
 from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
 from elfslam.score.page import save_page
+from elfslam.studies.calibration import measure_calibration
 from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
@@ -21,6 +22,7 @@ from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
 
 STUDIES: Mapping[str, Study] = {
+    "calibration": measure_calibration,
     "distinctness": measure_distinctness,
     "elf": measure_elf,
     "fidelity": compare_engines,

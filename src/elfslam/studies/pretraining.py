@@ -2,19 +2,39 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import asdict
 from pathlib import Path
 from tempfile import TemporaryFile
 
 import numpy as np
 
+from elfslam import __version__
+from elfslam.base.arrays import F64, I64
+from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
+from elfslam.data.folders import new_file
 from elfslam.learn.export import export_encoder
-from elfslam.learn.pretrain import Progress, pretrain
+from elfslam.learn.pretrain import Pretrained, Progress, pretrain
 from elfslam.learn.settings import PretrainParameters
+from elfslam.score.charts import loss_figure
+from elfslam.score.page import Page, Panel, facts_table, save_page
 from elfslam.world.echo_pairs import echo_pairs
+
+ABOUT = """\
+ELF encoder: turns an echo trace into a unit vector; two traces of one place have a high cosine
+Data: simulated echoes of random furnished rooms and random phones; no real room, no person
+Input: samples (n, 2352), float32 at 44.1 kHz, from 11 ms after the direct arrival of the chirp
+Optional input: device_log_spectrum (12), the phone's log gain from 15.2 to 20.2 kHz; zeros for none
+Output: elf (n, 128), unit rows, each from its own trace alone
+Limits: made for the 10 ms chirp from 15 to 20 kHz; one trace says little, so compare means over a \
+footstep; places that look alike after half a turn of the room sound alike
+"""
+BLOCK_STEPS = 20
+"""Steps that make one row of the table of losses."""
+LOSS_NOTE = f"Each step, and the mean of every {BLOCK_STEPS}. Batches differ, so steps do too."
 
 
 def pretrain_on_simulated_echoes(
@@ -23,29 +43,81 @@ def pretrain_on_simulated_echoes(
     *,
     seed: int,
     announce: Callable[[str, float | None], None],
+    metrics: Mapping[str, float] | None = None,
 ) -> float:
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
-    The checkpoint lies beside `out` until the training is done, so that a killed run goes on.
+    The file carries its card, `metrics` in it; beside it come to lie the losses as a table and as
+    a page. The checkpoint lies there until the training is done, so that a killed run goes on.
     Raises StoreError or ParameterError before anything is made.
     """
     _check(out, parameters)
-    losses: list[float] = []
 
     def batch(step: int) -> EchoPairs:
         return echo_pairs(np.random.default_rng([seed, step]), parameters.pairs, parameters.rooms)
 
     def report(progress: Progress) -> None:
-        losses.append(progress.loss)
         share = progress.step / parameters.steps
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
     checkpoint = out.with_suffix(".checkpoint")
     with _folder_of(out):
-        network = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
-        export_encoder(network, out)
+        made = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
+        card = card_of(made, parameters, seed, metrics or {})
+        write_losses(out, made.losses, parameters, seed)
+        export_encoder(made.network, out, card=card)
         checkpoint.unlink(missing_ok=True)
-    return float(np.mean(losses[-max(len(losses) // 10, 1) :])) if losses else float("nan")
+    return last_loss(made.losses)
+
+
+def card_of(
+    made: Pretrained, parameters: PretrainParameters, seed: int, metrics: Mapping[str, float]
+) -> Card:
+    """What the encoder file says of itself; nothing in it depends on the day."""
+    how = Pretraining(
+        software=f"elfslam {__version__}",
+        seed=seed,
+        echoes=2 * parameters.pairs * parameters.steps,
+        arithmetic=made.arithmetic,
+        loss=round(last_loss(made.losses), 3),
+        **training_facts(parameters),
+    )
+    return Card(ABOUT, how, metrics=metrics)
+
+
+def last_loss(losses: F64) -> float:
+    """The mean over the last tenth of the steps."""
+    return float(np.mean(losses[-max(len(losses) // 10, 1) :]))
+
+
+def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: int) -> None:
+    """The loss over the steps beside the encoder `out`: .losses.csv and .losses.html."""
+    step, mean = block_means(losses, BLOCK_STEPS)
+    with new_file(out.with_suffix(".losses.csv")) as partial:
+        np.savetxt(
+            partial, np.column_stack([step, mean]), fmt=["%d", "%.5f"], delimiter=",",
+            header="step,loss", comments="",
+        )  # fmt: skip
+    page = Page(
+        title=f"Learning {out.name}",
+        subtitle=f"Pairs of simulated echoes, seed {seed}",
+        panels=[Panel("Loss", loss_figure(losses, step, mean), LOSS_NOTE, wide=True)],
+        tiles={
+            "mean loss of the last tenth": f"{last_loss(losses):.3f}",
+            "loss of the first step": f"{losses[0]:.3f}",
+            "steps": f"{len(losses):,}",
+            "echoes": f"{2 * parameters.pairs * len(losses):,}",
+        },
+        details={"Parameters": facts_table(asdict(parameters))},
+    )
+    save_page(out.with_suffix(".losses.html"), page)
+
+
+def block_means(losses: F64, size: int) -> tuple[I64, F64]:
+    """The last step of each block of `size` steps, counted from 1, and the mean loss over it."""
+    starts = np.arange(0, len(losses), size)
+    ends = np.minimum(starts + size, len(losses))
+    return ends, np.add.reduceat(losses, starts) / (ends - starts)
 
 
 def _check(out: Path, parameters: PretrainParameters) -> None:
