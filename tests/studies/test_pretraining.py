@@ -47,7 +47,7 @@ def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     assert card.pretraining is not None
     assert card.pretraining.seed == 3
     assert card.pretraining.echoes == 2 * 8 * 3
-    assert card.pretraining.loss == pytest.approx(loss, abs=1e-6)
+    assert card.pretraining.loss == round(loss, 3)
     assert PretrainParameters(**card.pretraining.parameters) == SMALL
     assert card.pretraining.parameters_digest == digest(SMALL)
     (row,) = np.atleast_2d(np.loadtxt(made["losses.csv"], delimiter=",", skiprows=1))
