@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 import torch
@@ -18,7 +20,7 @@ from elfslam.learn.fingerprint import (
     train_fingerprint,
 )
 
-QUICK = FingerprintParameters(epochs=8, batch=16, learning_rate=2e-3)
+QUICK = FingerprintParameters(epochs=8, batch=16, learning_rate=2e-3, threads=1)
 SPOTS = 4
 
 
@@ -34,7 +36,6 @@ def labelled(per_spot: int, seed: int) -> tuple[F32, I64]:
 
 @pytest.fixture(scope="module")
 def network() -> SpotClassifier:
-    torch.set_num_threads(1)
     return train_fingerprint(*labelled(16, 0), QUICK, seed=0)
 
 
@@ -59,6 +60,17 @@ def test_the_same_seed_gives_the_same_classifier() -> None:
     assert all(torch.equal(one[name], same[name]) for name in one)
     assert not torch.equal(one["head.weight"], other["head.weight"])
     assert shares == [0.5, 1.0] * 3
+
+
+def test_two_that_learn_at_once_do_not_mix_their_first_weights() -> None:
+    quick = FingerprintParameters(epochs=1, batch=16, threads=1)
+
+    def learnt(seed: int) -> torch.Tensor:
+        return train_fingerprint(*labelled(8, 0), quick, seed=seed).state_dict()["head.weight"]
+
+    with ThreadPoolExecutor(2) as pool:
+        at_once = list(pool.map(learnt, (0, 1)))
+    assert all(torch.equal(learnt(seed), weights) for seed, weights in enumerate(at_once))
 
 
 def test_the_score_is_counted_by_hand() -> None:

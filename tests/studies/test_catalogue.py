@@ -12,9 +12,10 @@ from elfslam.base.errors import InputError
 from elfslam.score.page import Page
 from elfslam.studies import catalogue
 from elfslam.studies.catalogue import STUDIES, run_study
-from elfslam.studies.finding import Finding
+from elfslam.studies.finding import Finding, LongStudy
 
-ROWS: list[dict[str, object]] = [
+Row = dict[str, object]
+ROWS: list[Row] = [
     {"quantity": "speed", "value": 1.25},
     {"quantity": "size, of steps", "value": None},
 ]
@@ -52,6 +53,26 @@ def test_a_page_is_written_beside_the_tables(
     assert run_study("gait", tmp_path, None, silent) == ROWS
     assert "<title>Walks</title>" in (tmp_path / "gait.html").read_text()
     assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".html", ".json"]
+
+
+def test_a_long_study_is_told_where_to_keep_what_is_finished(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[str] = []
+
+    def gait(data: Path | None, announce: catalogue.Announce, kept: Path) -> list[Row]:
+        told.append(kept.read_text() if kept.exists() else "")
+        kept.write_text("half")
+        if len(told) == 1:
+            raise KeyboardInterrupt
+        return ROWS
+
+    monkeypatch.setattr(catalogue, "STUDIES", {"gait": LongStudy(gait)})
+    with pytest.raises(KeyboardInterrupt):
+        run_study("gait", tmp_path, None, silent)
+    assert run_study("gait", tmp_path, None, silent) == ROWS
+    assert told == ["", "half"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["gait.csv", "gait.json"]
 
 
 def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ It needs labelled echoes of every spot, which is what the ELF does without.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -23,6 +24,8 @@ from elfslam.learn.resnet import STAGES, Stem, resnet18
 from elfslam.line.feature import BINS
 
 ROWS_AT_ONCE = 256
+_DRAWING = threading.Lock()
+"""First weights come from the one generator of the process: two trainings must not mix theirs."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +36,7 @@ class FingerprintParameters:
     batch: int = parameter(64, "", "echoes in a batch", low=2)
     learning_rate: float = parameter(1e-3, "", "peak learning rate (AdamW, one cycle)", low=1e-6)
     weight_decay: float = parameter(1e-4, "", "weight decay of AdamW", low=0.0)
+    threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)
 
 
 class SpotClassifier(nn.Module):
@@ -68,12 +72,14 @@ def train_fingerprint(
 ) -> SpotClassifier:
     """A classifier trained on traces (n, 2352) of known spots (n), numbered from 0.
 
-    `report` hears the share done. The same seed and number of threads give the same classifier.
+    `report` hears the share done. The same seed and `parameters.threads` give the same one.
     Raises InputError for traces that are too few or have no spot each.
     """
     _check(samples, spot, parameters)
-    torch.manual_seed(seed)
-    network = SpotClassifier(int(spot.max()) + 1, stem)
+    torch.set_num_threads(parameters.threads)
+    with _DRAWING:
+        torch.manual_seed(seed)
+        network = SpotClassifier(int(spot.max()) + 1, stem)
     steps = parameters.epochs * (len(samples) // parameters.batch)
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=parameters.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, parameters.learning_rate, steps)

@@ -14,14 +14,16 @@ from elfslam.studies.calibration import measure_calibration
 from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
-from elfslam.studies.finding import Announce, Finding, Row, Study
+from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
 from elfslam.studies.physics import check_laws
 from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
+from elfslam.studies.spots import measure_spots
+from elfslam.studies.trace import measure_trace
 
-STUDIES: Mapping[str, Study] = {
+STUDIES: Mapping[str, Study | LongStudy] = {
     "calibration": measure_calibration,
     "distinctness": measure_distinctness,
     "elf": measure_elf,
@@ -31,17 +33,24 @@ STUDIES: Mapping[str, Study] = {
     "real-rooms": measure_real_rooms,
     "sensors": compare_sensors,
     "speed": measure_speed,
+    "spots": LongStudy(measure_spots),
+    "trace": measure_trace,
 }
 
 
 def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> list[Row]:
     """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
+    A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
     Raises InputError for a study that does not exist.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
-    made = STUDIES[name](data, announce)
+    study, kept = STUDIES[name], out / f"{name}.partial"
+    if isinstance(study, LongStudy):
+        made = study.measure(data, announce, kept)
+    else:
+        made = study(data, announce)
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
@@ -50,6 +59,7 @@ def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> li
         _write_csv(partial, rows)
     if finding.page is not None:
         save_page(out / f"{name}.html", finding.page)
+    kept.unlink(missing_ok=True)
     return rows
 
 

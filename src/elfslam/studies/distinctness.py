@@ -8,24 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES
-from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.feature import spectrogram
 from elfslam.score.bootstrap import interval
 from elfslam.score.clouds import clouds_figure
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.studies.finding import Announce, Finding, Row
-from elfslam.world.air import SPEED_OF_SOUND_MPS
-from elfslam.world.device import Device, built_in_device
-from elfslam.world.phone import Poses, phone_axes, render_frames, room_responses
-from elfslam.world.scene import scene_of
-from elfslam.world.world_file import World, load_world
+from elfslam.studies.still_phone import Listener, hear_at, held_still, listener_in
+from elfslam.world.world_file import load_world
 
 ECHOES = 40
 """At each spot, half of them to learn from and half to be recognised."""
-HAND_M = 0.01
-HAND_RAD = np.deg2rad(2.0)
-"""How much a hand that holds a phone still moves it from echo to echo, one standard deviation."""
 SPOTS_SHOWN = 5
 SIGNALS = {"chirp": "Chirp, 15 to 20 kHz", "tone": "Single tone"}
 NOTE = "t-SNE of log spectrograms, 12 x 48; axes have no unit. Each dot is an echo."
@@ -51,7 +43,7 @@ def measure_distinctness(
     chosen = _row_of_spots(spots_m)
     for k, (signal, title) in enumerate(SIGNALS.items()):
         announce(f"{signal} at {len(spots_m)} spots", k / len(SIGNALS))
-        heard = _hear(world, spots_m, signal, built_in_device("simulated phone"))
+        heard = _hear(listener_in(world.room, signal=signal), spots_m)
         rows.append(_recognised(spots_m, signal, heard))
         panels.append(Panel(title, clouds_figure(_embedded(heard, chosen)), NOTE, wide=True))
     panels.append(Panel("All spots", rows_table(rows), wide=True))
@@ -59,33 +51,19 @@ def measure_distinctness(
     return Finding(rows, Page("Echoes of five spots, one metre apart", subtitle, panels))
 
 
-def _hear(world: World, spots_m: F64, signal: str, device: Device) -> Heard:
+def _hear(listener: Listener, spots_m: F64) -> Heard:
     """Echoes of a phone that is held still at every spot and heads the same way."""
     generator = np.random.default_rng(128)
-    scene, chirp = scene_of(world.room), make_chirp(ChirpParameters(kind=signal), ECHO_RATE_HZ)
-    features = []
-    for spot_m in spots_m:
-        frames = render_frames(
-            room_responses(scene, device, _held_still(spot_m, generator)), chirp, device
-        )
-        noise = generator.standard_normal(frames.shape, dtype=np.float32)
-        features.append(_log_spectrogram(frames + np.float32(device.noise_rms) * noise, device))
+    features = [
+        _log_spectrogram(hear_at(listener, held_still(spot_m, ECHOES, generator), generator))
+        for spot_m in spots_m
+    ]
     return Heard(np.concatenate(features), np.repeat(np.arange(len(spots_m)), ECHOES))
 
 
-def _held_still(spot_m: F64, generator: np.random.Generator) -> Poses:
-    shift = generator.normal(0, HAND_M, (ECHOES, 3))
-    turn = generator.normal(0, HAND_RAD, (3, ECHOES))
-    return Poses(
-        np.append(spot_m, 1.2) + shift, phone_axes(turn[0], 0.4 + turn[1], turn[2]),
-        np.zeros((ECHOES, 3)), np.full(ECHOES, 0.35), np.zeros((ECHOES, 0, 2)),
-    )  # fmt: skip
-
-
-def _log_spectrogram(frames: F32, device: Device) -> F64:
-    first = round(device.separation_m / SPEED_OF_SOUND_MPS * ECHO_RATE_HZ) + DISCARDED_SAMPLES
-    image = spectrogram(frames[:, first : first + ECHO_SAMPLES])
-    return np.asarray(np.log(image + 1e-7), dtype=np.float64).reshape(len(frames), -1)
+def _log_spectrogram(samples: F32) -> F64:
+    image = np.log(spectrogram(samples) + 1e-7)
+    return np.asarray(image, dtype=np.float64).reshape(len(samples), -1)
 
 
 def _recognised(spots_m: F64, signal: str, heard: Heard) -> Row:

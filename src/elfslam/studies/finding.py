@@ -23,3 +23,10 @@ class Finding:
 
 Study = Callable[[Path | None, Announce], list[Row] | Finding]
 """Makes a finding, given the folder of real recordings (or None) and who hears of progress."""
+
+
+@dataclass(frozen=True)
+class LongStudy:
+    """A study that keeps what is finished in the file it is given, and goes on from there."""
+
+    measure: Callable[[Path | None, Announce, Path], list[Row] | Finding]

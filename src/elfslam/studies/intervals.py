@@ -1,0 +1,36 @@
+"""Rows of means with their intervals, and such rows as curves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.score.bootstrap import interval
+from elfslam.score.curves import Curve
+from elfslam.studies.finding import Row
+
+
+def mean_row(
+    varied: str, at: float | None, measure: str, values: F64 | Sequence[float], over: str
+) -> Row:
+    """The mean of some values (n), and its 95 % interval by resampling them."""
+    each = [np.array([value]) for value in values]
+    low, high = interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
+    return {
+        "varied": varied,
+        "at": at,
+        "measure": measure,
+        "mean": round(float(np.mean(values)), 4),
+        "from": round(low, 4),
+        "to": round(high, 4),
+        "over": f"{len(each)} {over}",
+    }
+
+
+def curve_of(rows: Sequence[Row]) -> Curve:
+    """Rows of one measure as a curve."""
+    columns = ("at", "mean", "from", "to")
+    x, y, low, high = (np.array([row[name] for row in rows], float) for name in columns)
+    return Curve(x, y, low, high)

@@ -1,0 +1,24 @@
+"""Means with their intervals, and curves of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from elfslam.studies.intervals import curve_of, mean_row
+
+
+def test_a_mean_lies_in_its_interval_and_alike_values_have_none() -> None:
+    row = mean_row("spots", 8, "recognised", [0.8, 0.9, 1.0], "repeats")
+    assert (row["varied"], row["at"], row["measure"]) == ("spots", 8, "recognised")
+    assert (row["mean"], row["over"]) == (0.9, "3 repeats")
+    assert 0.8 <= row["from"] < 0.9 < row["to"] <= 1.0  # type: ignore[operator]
+    alike = mean_row("spots", 8, "recognised", np.full(4, 0.5), "repeats")
+    assert (alike["from"], alike["mean"], alike["to"]) == (0.5, 0.5, 0.5)
+
+
+def test_rows_become_a_curve() -> None:
+    curve = curve_of([mean_row("spots", at, "share", [at / 100], "") for at in (8, 16)])
+    np.testing.assert_array_equal(curve.x, [8.0, 16.0])
+    np.testing.assert_array_equal(curve.y, [0.08, 0.16])
+    assert curve.low is not None
+    np.testing.assert_array_equal(curve.low, curve.y)

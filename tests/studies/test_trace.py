@@ -1,0 +1,115 @@
+"""The trace of 58 markers: planted returns, and two rounds of the lab."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from elfslam.baselines.generic import generic_encoders
+from elfslam.line.feature import load_encoder
+from elfslam.studies.finding import Finding
+from elfslam.studies.marked_walk import MARKERS, walk_over_markers
+from elfslam.studies.trace import (
+    LEARNING,
+    all_encoders,
+    embedded,
+    learnt_on,
+    measure_trace,
+    returns_of,
+)
+from elfslam.world.world_file import load_world
+
+
+def silent(what: str, share: float | None) -> None:
+    """Hears nothing."""
+
+
+def planted(rounds: int) -> np.ndarray:
+    """Similarity 0.9 to the same marker, 0.95 to its neighbours, 0.1 elsewhere."""
+    marker = np.arange(rounds * MARKERS) % MARKERS
+    apart = np.abs(marker[:, None] - marker)
+    apart = np.minimum(apart, MARKERS - apart)
+    return np.select([apart == 0, apart <= 3], [0.9, 0.95], 0.1)
+
+
+def test_planted_returns_are_all_on_top() -> None:
+    found = returns_of(planted(4))
+    assert found["returns"] == pytest.approx(np.full(MARKERS, 0.9))
+    assert found["elsewhere"] == pytest.approx(np.full(MARKERS, 0.1))
+    assert not found["higher elsewhere (%)"].any()
+    assert (found["all three on top (%)"] == 100).all()
+
+
+def test_one_higher_footstep_elsewhere_is_counted() -> None:
+    scores = planted(4)
+    scores[7, 30] = 0.99
+    scores[9, 9] = 0.0  # a footstep itself is no return
+    found = returns_of(scores)
+    assert np.flatnonzero(found["higher elsewhere (%)"]).tolist() == [7]
+    assert found["higher elsewhere (%)"][7] == pytest.approx(100 / (4 * (MARKERS - 7)))
+    assert found["all three on top (%)"].sum() == 100 * (MARKERS - 1)
+    assert found["returns"] == pytest.approx(np.full(MARKERS, 0.9))
+
+
+@pytest.fixture(scope="module")
+def finding() -> Finding:
+    encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
+    return measure_trace(None, silent, encoders=encoders, rounds=2)
+
+
+def test_an_elf_stands_out_where_a_spectrum_does_not(finding: Finding) -> None:
+    psd, elf = finding.rows
+    assert (psd["feature"], elf["feature"]) == ("PSD", "ELF")
+    assert elf["higher elsewhere (%)"] < 5  # type: ignore[operator]
+    assert psd["higher elsewhere (%)"] > 20  # type: ignore[operator]
+    assert elf["returns"] - elf["elsewhere"] > 0.3 > psd["returns"] - psd["elsewhere"]  # type: ignore[operator]
+
+
+def test_the_page_draws_a_row_for_every_feature(finding: Finding) -> None:
+    assert finding.page is not None
+    traces, table, walk = finding.page.panels
+    lines = [trace for trace in traces.body.data if trace.mode == "lines"]  # type: ignore[union-attr]
+    assert [len(line.y) for line in lines] == [2 * MARKERS] * 2
+    dots = [t for t in traces.body.data if t.name == "the same marker again"]  # type: ignore[union-attr]
+    assert all(list(dot.x) == [4 + MARKERS] for dot in dots)
+    assert "PSD" in str(table.body)
+    assert walk.title == "The walk"
+
+
+def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
+    _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
+    tiny = replace(LEARNING, steps=2, pairs=16, width=4, threads=1)
+    random, learnt = learnt_on(echoes, replace(tiny, steps=0)), learnt_on(echoes, tiny)
+    a, b = (encoder.embed(echoes.samples[:4]) for encoder in (random, learnt))
+    assert a.shape == b.shape == (4, 128)
+    np.testing.assert_allclose(np.linalg.norm(b, axis=1), 1.0, rtol=1e-5)
+    assert not np.allclose(a, b)
+    np.testing.assert_array_equal(learnt_on(echoes, tiny).embed(echoes.samples[:4]), b)
+
+
+def test_all_features_of_the_papers_figure_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    known = {"raw samples": load_encoder("spectral"), "ELF, shipped": load_encoder("compact")}
+    monkeypatch.setattr("elfslam.studies.trace.shipped_and_generic", known.copy)
+    monkeypatch.setattr("elfslam.studies.trace.LEARNING", replace(LEARNING, steps=1, pairs=8))
+    _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
+    assert list(all_encoders(echoes)) == [
+        "raw samples",
+        "t-SNE",
+        "ELF, random weights",
+        "ELF without pre-training",
+        "ELF, shipped",
+    ]
+
+
+def test_echoes_of_two_kinds_are_two_clouds() -> None:
+    generator = np.random.default_rng(3)
+    decay = np.exp(-np.arange(2352) / 400)
+    kinds = generator.standard_normal((2, 2352)) * decay
+    samples = np.repeat(kinds, 50, axis=0) + 0.01 * generator.standard_normal((100, 2352))
+    plane = embedded(samples.astype(np.float32), 500)
+    np.testing.assert_allclose(plane.mean(axis=0), 0.0, atol=1e-3)
+    middles = plane[:50].mean(axis=0), plane[50:].mean(axis=0)
+    spread = max(plane[:50].std(), plane[50:].std())
+    assert np.linalg.norm(middles[0] - middles[1]) > 2 * spread
