@@ -53,3 +53,17 @@ def test_a_seed_gives_one_encoder(walk: Echoes, learnt: OnnxEncoder) -> None:
 def test_too_few_echoes_are_refused() -> None:
     with pytest.raises(InputError, match="wanted 32 consecutive echoes, got 19; walk longer"):
         learn_from_scratch(passing(2, 10), FEW, seed=0, width=8)
+
+
+def test_a_start_is_where_it_begins(walk: Echoes, learnt: OnnxEncoder) -> None:
+    """Without steps the start comes out; with them, its first loss is that of what was learnt."""
+    none = replace(FEW, steps=0)
+    same = learn_from_scratch(walk, none, seed=5, start=learnt)
+    np.testing.assert_allclose(same.embed(walk.samples), learnt.embed(walk.samples), atol=1e-5)
+    fresh: list[float] = []
+    going_on: list[float] = []
+    learn_from_scratch(walk, FEW, seed=1, width=8, report=fresh.append)
+    learn_from_scratch(walk, FEW, seed=1, start=learnt, report=going_on.append)
+    assert len(fresh) == len(going_on) == FEW.steps
+    assert going_on[0] < 0.8 * fresh[0]
+    assert fresh[-1] < fresh[0]

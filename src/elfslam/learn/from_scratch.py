@@ -1,8 +1,12 @@
-"""The ELF without pre-training: a network that has heard one walk alone (paper, section 6)."""
+"""The paper's fine-tuning as it stands, from random weights or from those of an encoder.
+
+From random weights it gives the paper's "ELF without pre-training", which has heard one walk alone.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import torch
@@ -10,7 +14,7 @@ import torch
 from elfslam.base.arrays import I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Echoes
-from elfslam.learn.export import encoder_content
+from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.settings import ScratchParameters
@@ -18,12 +22,19 @@ from elfslam.line.feature import BINS, OnnxEncoder
 
 
 def learn_from_scratch(
-    echoes: Echoes, parameters: ScratchParameters, *, seed: int, width: int = 24
+    echoes: Echoes,
+    parameters: ScratchParameters,
+    *,
+    seed: int,
+    width: int = 24,
+    start: OnnxEncoder | None = None,
+    report: Callable[[float], None] = lambda loss: None,
 ) -> OnnxEncoder:
-    """A compact encoder trained from random weights on the echoes of one walk alone.
+    """A compact encoder trained on the echoes of one walk alone, by the paper's section 5.3.
 
     Positives are consecutive echoes, negatives all others of the batch that are not near in time;
-    what the walk passes twice pushes itself apart. Same seed and number of threads, same bytes.
+    what the walk passes twice pushes itself apart. `start` gives the first weights, which are
+    random without it; `report` hears every loss. Same seed and number of threads, same bytes.
     Raises InputError for a walk of too few echoes.
     """
     first = np.flatnonzero(np.diff(echoes.t_s) <= parameters.gap_s)
@@ -34,7 +45,7 @@ def learn_from_scratch(
         )
     torch.set_num_threads(parameters.threads)
     torch.manual_seed(seed)
-    network = CompactEncoder(width).train()
+    network = (CompactEncoder(width) if start is None else network_of(start.content)).train()
     optimizer = torch.optim.AdamW(network.parameters(), lr=parameters.learning_rate)
     draw = np.random.default_rng(seed)
     for step in range(parameters.steps):
@@ -46,6 +57,7 @@ def learn_from_scratch(
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
+        report(float(loss.item()))
     return OnnxEncoder(encoder_content(network.eval()), "without pre-training")
 
 

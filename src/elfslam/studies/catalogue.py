@@ -10,6 +10,7 @@ from pathlib import Path
 from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
 from elfslam.score.page import save_page
+from elfslam.studies.amounts import measure_amounts
 from elfslam.studies.calibration import measure_calibration
 from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.elf import measure_elf
@@ -24,6 +25,7 @@ from elfslam.studies.spots import measure_spots
 from elfslam.studies.trace import measure_trace
 
 STUDIES: Mapping[str, Study | LongStudy] = {
+    "amounts": LongStudy(measure_amounts),
     "calibration": measure_calibration,
     "distinctness": measure_distinctness,
     "elf": measure_elf,

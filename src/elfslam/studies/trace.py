@@ -138,8 +138,8 @@ def learnt_on(echoes: Echoes, parameters: PretrainParameters) -> Encoder:
 
     with TemporaryDirectory() as folder:
         checkpoint = Path(folder) / "checkpoint"
-        network = pretrain(batch, parameters, seed=0, checkpoint=checkpoint, report=lambda _: None)
-    return OnnxEncoder(encoder_content(network), "learnt on this walk")
+        made = pretrain(batch, parameters, seed=0, checkpoint=checkpoint, report=lambda _: None)
+    return OnnxEncoder(encoder_content(made.network), "learnt on this walk")
 
 
 def _row(name: str, scores: F64) -> Row:
