@@ -309,11 +309,13 @@ def study(
     data: Annotated[
         Path | None, typer.Option(envvar="ELFSLAM_DATA", help="Folder of real recordings.")
     ] = None,
+    encoder: Annotated[list[str] | None, typer.Option(help="To be measured, repeatable.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Make the table of a study."""
+    encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
     with progress_bar() as announce:
-        table = run_study(name, out, data, announce)
+        table = run_study(name, out, data, announce, encoders=encoders)
     print_rows(table, title=f"Study: {name}", as_json=as_json)
 
 
@@ -336,7 +338,7 @@ def pretrain_command(
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
-    """Train the compact encoder on simulated echoes; goes on after a kill."""
+    """Train an encoder on simulated echoes; goes on after a kill."""
     from elfslam.studies.pretraining import pretrain_on_simulated_echoes
 
     known = load(Settings(), parameter_file, setting or []).pretrain

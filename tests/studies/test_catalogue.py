@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.line.feature import SpectralEncoder
 from elfslam.score.page import Page
 from elfslam.studies import catalogue
 from elfslam.studies.catalogue import STUDIES, run_study
@@ -73,6 +74,26 @@ def test_a_long_study_is_told_where_to_keep_what_is_finished(
     assert run_study("gait", tmp_path, None, silent) == ROWS
     assert told == ["", "half"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gait.csv", "gait.json"]
+
+
+def test_encoders_reach_the_studies_that_compare_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[object] = []
+
+    def study(
+        data: Path | None, announce: catalogue.Announce, encoders: object = "usual"
+    ) -> list[Row]:
+        told.append(encoders)
+        return ROWS
+
+    monkeypatch.setattr(catalogue, "STUDIES", {"elf": study, "gait": study})
+    mine = {"mine": SpectralEncoder()}
+    assert run_study("elf", tmp_path, None, silent) == ROWS
+    assert run_study("elf", tmp_path, None, silent, encoders=mine) == ROWS
+    assert told == ["usual", mine]
+    with pytest.raises(InputError, match="study gait: compares no encoders, only elf"):
+        run_study("gait", tmp_path, None, silent, encoders=mine)
 
 
 def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None:

@@ -16,7 +16,8 @@ class PretrainParameters:
     rooms: int = parameter(
         8, "", "rooms in a batch; pairs of one room are its hard negatives", low=1
     )
-    width: int = parameter(24, "", "channels of the first layer", low=4, high=64)
+    network: str = parameter("compact", "", "compact, or resnet18 as in the paper")
+    width: int = parameter(24, "", "channels of the compact one's first layer", low=4, high=64)
     temperature: float = parameter(0.07, "", "temperature of NT-Xent", low=0.01)
     room_weight: float = parameter(
         8.0, "", "how many times a negative of the same room counts", low=0.01

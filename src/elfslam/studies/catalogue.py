@@ -9,6 +9,7 @@ from pathlib import Path
 
 from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
+from elfslam.line.feature import Encoder
 from elfslam.score.page import save_page
 from elfslam.studies.amounts import measure_amounts
 from elfslam.studies.calibration import measure_calibration
@@ -40,19 +41,28 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 }
 
 
-def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> list[Row]:
+COMPARES = ("elf", "real-rooms", "trace")
+"""Studies to which encoders can be given."""
+
+
+def run_study(
+    name: str,
+    out: Path,
+    data: Path | None,
+    announce: Announce,
+    *,
+    encoders: Mapping[str, Encoder] | None = None,
+) -> list[Row]:
     """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
     A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
-    Raises InputError for a study that does not exist.
+    `encoders` are measured by name in place of those that the study would measure. Raises
+    InputError for a study that does not exist or that compares no encoders.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
-    study, kept = STUDIES[name], out / f"{name}.partial"
-    if isinstance(study, LongStudy):
-        made = study.measure(data, announce, kept)
-    else:
-        made = study(data, announce)
+    kept = out / f"{name}.partial"
+    made = _measured(name, data, announce, kept, encoders or {})
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
@@ -63,6 +73,17 @@ def run_study(name: str, out: Path, data: Path | None, announce: Announce) -> li
         save_page(out / f"{name}.html", finding.page)
     kept.unlink(missing_ok=True)
     return rows
+
+
+def _measured(
+    name: str, data: Path | None, announce: Announce, kept: Path, encoders: Mapping[str, Encoder]
+) -> list[Row] | Finding:
+    study = STUDIES[name]
+    if encoders and name not in COMPARES:
+        raise InputError(f"study {name}: compares no encoders, only {', '.join(COMPARES)} do")
+    if isinstance(study, LongStudy):
+        return study.measure(data, announce, kept)
+    return study(data, announce, encoders=encoders) if encoders else study(data, announce)
 
 
 def _write_csv(file: Path, rows: list[Row]) -> None:

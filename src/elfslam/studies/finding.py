@@ -21,8 +21,11 @@ class Finding:
     page: Page | None = None
 
 
-Study = Callable[[Path | None, Announce], list[Row] | Finding]
-"""Makes a finding, given the folder of real recordings (or None) and who hears of progress."""
+Study = Callable[..., list[Row] | Finding]
+"""Makes a finding, given the folder of real recordings (or None) and who hears of progress.
+
+Some take `encoders` by name, too, to be measured in place of the usual ones.
+"""
 
 
 @dataclass(frozen=True)
