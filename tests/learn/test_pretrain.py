@@ -19,11 +19,13 @@ from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
     Progress,
+    build_network,
     embedded,
     pair_loss,
     pretrain,
     training_device,
 )
+from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
@@ -182,6 +184,13 @@ def test_on_a_processor_the_network_computes_as_it_is() -> None:
         rows = embedded(network.eval(), batch)
         assert torch.equal(rows, network(both, torch.zeros(BINS)))
     assert rows.dtype == torch.float32
+
+
+def test_the_network_is_the_named_one() -> None:
+    assert isinstance(build_network(replace(TINY, network="resnet18")), ResNetEncoder)
+    compact = build_network(replace(TINY, network="compact", width=6))
+    assert isinstance(compact, CompactEncoder)
+    assert compact.body[0].out_channels == 6
 
 
 def test_a_gpu_is_used_where_there_is_one() -> None:

@@ -85,11 +85,12 @@ def test_pretraining_takes_it(tmp_path: Path) -> None:
     losses: list[float] = []
     network = pretrain(
         lambda step: pairs,
-        PretrainParameters(steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1),
+        PretrainParameters(
+            network="resnet18", steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1
+        ),
         seed=0,
         checkpoint=tmp_path / "training.pt",
         report=lambda progress: losses.append(progress.loss),
-        build=ResNetEncoder,
     ).network
     assert isinstance(network, ResNetEncoder)
     assert not network.training

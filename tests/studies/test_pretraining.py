@@ -11,15 +11,12 @@ from torch import nn
 
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.parameters import digest
-from elfslam.learn.network import CompactEncoder
 from elfslam.learn.pretrain import Pretrained
-from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import load_encoder, read_card
 from elfslam.studies import pretraining
 from elfslam.studies.pretraining import (
     block_means,
-    build_network,
     card_of,
     last_loss,
     pretrain_on_simulated_echoes,
@@ -75,13 +72,6 @@ def test_figures_of_the_caller_stand_on_the_card() -> None:
     assert two == replace(one, metrics={"recall": 0.5})
     assert one.text.count("\n") == len(one.text.splitlines())
     assert all(": " in line for line in one.text.splitlines())
-
-
-def test_the_network_is_the_named_one() -> None:
-    assert isinstance(build_network(replace(SMALL, network="resnet18")), ResNetEncoder)
-    compact = build_network(replace(SMALL, network="compact", width=6))
-    assert isinstance(compact, CompactEncoder)
-    assert compact.body[0].out_channels == 6
 
 
 def silent(what: str, share: float | None) -> None:

@@ -18,9 +18,11 @@ from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
+NETWORKS = ("compact", "resnet18")
 PairsOf = Callable[[int], EchoPairs]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
 ARITHMETIC = {"cpu": "float32", "cuda": "bfloat16 on a GPU"}
@@ -51,12 +53,9 @@ def pretrain(
     seed: int,
     checkpoint: Path,
     report: Callable[[Progress], None],
-    build: Callable[[], nn.Module] | None = None,
 ) -> Pretrained:
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
 
-    `build` makes it, samples and device log spectrum in and unit rows out; without, it is a
-    compact one.
     Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
     where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
     fixes the number of threads, on which rounding depends. On a GPU, where there is one, the
@@ -66,7 +65,7 @@ def pretrain(
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
     device = training_device(has_gpu=torch.cuda.is_available())
-    network = (build() if build else CompactEncoder(parameters.width)).to(device)
+    network = build_network(parameters).to(device)
     optimizer = torch.optim.AdamW(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
@@ -85,6 +84,13 @@ def pretrain(
         if (step + 1) % parameters.checkpoint_steps == 0:
             _save(checkpoint, run, losses, network, optimizer)
     return Pretrained(network.cpu().eval(), np.array(losses), ARITHMETIC[device.type])
+
+
+def build_network(parameters: PretrainParameters) -> nn.Module:
+    """The network that the parameters name, with random weights."""
+    if parameters.network == "resnet18":
+        return ResNetEncoder()
+    return CompactEncoder(parameters.width)
 
 
 def training_device(*, has_gpu: bool) -> torch.device:

@@ -40,7 +40,7 @@ class ClosureParameters:
     )
     cluster_radius: float = parameter(2.0, "footsteps", "DBSCAN neighbourhood", low=0.5, high=8.0)
     cluster_points: int = parameter(
-        5, "", "DBSCAN: candidates that make a core point", low=1, high=1_000
+        3, "", "DBSCAN: candidates that make a core point", low=1, high=1_000
     )
     line_distance: float = parameter(
         1.2, "footsteps", "RANSAC: farthest inlier from the line", low=0.1, high=50.0

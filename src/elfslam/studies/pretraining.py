@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
 
 import numpy as np
-from torch import nn
 
 from elfslam import __version__
 from elfslam.base.arrays import F64, I64
@@ -19,9 +17,7 @@ from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.folders import new_file
 from elfslam.learn.export import export_encoder
-from elfslam.learn.network import CompactEncoder
-from elfslam.learn.pretrain import Pretrained, Progress, pretrain
-from elfslam.learn.resnet import ResNetEncoder
+from elfslam.learn.pretrain import NETWORKS, Pretrained, Progress, pretrain
 from elfslam.learn.settings import PretrainParameters
 from elfslam.score.charts import loss_figure
 from elfslam.score.page import Page, Panel, facts_table, save_page
@@ -36,7 +32,6 @@ Output: elf (n, 128), unit rows, each from its own trace alone
 Limits: made for the 10 ms chirp from 15 to 20 kHz; one trace says little, so compare means over a \
 footstep; places that look alike after half a turn of the room sound alike
 """
-NETWORKS = ("compact", "resnet18")
 BLOCK_STEPS = 20
 """Steps that make one row of the table of losses."""
 LOSS_NOTE = f"Each step, and the mean of every {BLOCK_STEPS}. Batches differ, so steps do too."
@@ -67,22 +62,12 @@ def pretrain_on_simulated_echoes(
 
     checkpoint = out.with_suffix(".checkpoint")
     with _folder_of(out):
-        made = pretrain(
-            batch, parameters, seed=seed, checkpoint=checkpoint, report=report,
-            build=partial(build_network, parameters),
-        )  # fmt: skip
+        made = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
         card = card_of(made, parameters, seed, metrics or {})
         write_losses(out, made.losses, parameters, seed)
         export_encoder(made.network, out, card=card)
         checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
-
-
-def build_network(parameters: PretrainParameters) -> nn.Module:
-    """The network that the parameters name, with random weights."""
-    if parameters.network == "resnet18":
-        return ResNetEncoder()
-    return CompactEncoder(parameters.width)
 
 
 def card_of(
