@@ -52,6 +52,8 @@ details table { margin-top: 10px; }
 .js-plotly-plot .legendtext { fill: var(--ink) !important; }
 """
 
+FIT = '<script>dispatchEvent(new Event("resize"))</script>'
+"""Figures were drawn while the page was still short of panels: each takes the width it has now."""
 CONFIG = {
     "responsive": True,
     "displayModeBar": False,
@@ -100,7 +102,7 @@ def rendered(page: Page) -> str:
         f"<title>{title}</title><style>{STYLE}</style><script>{get_plotlyjs()}</script></head>"
         f"<body><main><header><h1>{title}</h1><p>{subtitle}</p></header>"
         f'{_tiles(page.tiles)}<div class="panels">{panels}</div>'
-        f"{''.join(_details(*item) for item in page.details.items())}</main></body></html>\n"
+        f"{''.join(_details(*item) for item in page.details.items())}</main>{FIT}</body></html>\n"
     )
 
 
