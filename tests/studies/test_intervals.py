@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.studies.intervals import curve_of, mean_row
+from elfslam.studies.intervals import by_measure, curve_of, mean_row
 
 
 def test_a_mean_lies_in_its_interval_and_alike_values_have_none() -> None:
@@ -22,3 +22,20 @@ def test_rows_become_a_curve() -> None:
     np.testing.assert_array_equal(curve.y, [0.08, 0.16])
     assert curve.low is not None
     np.testing.assert_array_equal(curve.low, curve.y)
+
+
+def test_measures_become_columns() -> None:
+    rows = [
+        mean_row("spacing (m)", at, measure, [value], "repeats")
+        for at in (0.25, 1.0)
+        for measure, value in (("recognised", 1 - at / 4), ("error", at))
+    ]
+    near, far = by_measure(rows)
+    assert near == {
+        "varied": "spacing (m)",
+        "at": "0.25",
+        "over": "1 repeats",
+        "recognised": "0.938 (0.938 to 0.938)",
+        "error": "0.250 (0.250 to 0.250)",
+    }
+    assert (far["at"], far["error"]) == ("1", "1.000 (1.000 to 1.000)")

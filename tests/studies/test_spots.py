@@ -100,17 +100,18 @@ def test_every_point_has_a_row_of_each_measure(finding: Finding) -> None:
     assert all(0 <= r["mean"] <= 1 for r in named if "recognised" in str(r["measure"]))  # type: ignore[operator]
 
 
-def test_the_page_shows_curves_and_both_tables(finding: Finding) -> None:
+def test_the_page_shows_tables_and_curves(finding: Finding) -> None:
     assert finding.page is not None
     titles = [panel.title for panel in finding.page.panels]
-    assert titles[:4] == [
+    assert titles[:5] == [
+        "Spots told apart",
         "Spots recognised against spacing",
         "Mean error against spacing",
         "Spots recognised against spots",
         "Mean error against spots",
     ]
-    assert len(titles) == 10
-    assert len(finding.page.details) == 2
+    assert len(titles) == 11
+    assert list(finding.page.details) == ["Table of the spectra"]
 
 
 def test_finished_repeats_are_not_measured_again(

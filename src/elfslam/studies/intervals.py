@@ -34,3 +34,21 @@ def curve_of(rows: Sequence[Row]) -> Curve:
     columns = ("at", "mean", "from", "to")
     x, y, low, high = (np.array([row[name] for row in rows], float) for name in columns)
     return Curve(x, y, low, high)
+
+
+def by_measure(rows: Sequence[Row]) -> list[Row]:
+    """The same in short: a row for each value of what is varied, a column for each measure.
+
+    All need the same measures.
+    """
+    found: dict[tuple[object, ...], Row] = {}
+    for row in rows:
+        known = {name: row[name] for name in ("varied", "at", "over")}
+        texts = [f"{row[name]:.3f}" for name in ("mean", "from", "to")]
+        short = found.setdefault(tuple(known.values()), {**known, "at": _plain(row["at"])})
+        short[str(row["measure"])] = f"{texts[0]} ({texts[1]} to {texts[2]})"
+    return list(found.values())
+
+
+def _plain(at: object) -> object:
+    return at if at is None else f"{at:g}"

@@ -113,10 +113,12 @@ def all_encoders(echoes: Echoes) -> dict[str, Encoder]:
 def embedded(samples: F32, iterations: int = 1000) -> F32:
     """All log spectrograms in two dimensions (n, 2) about their centre, by t-SNE."""
     from sklearn.manifold import TSNE
+    from threadpoolctl import threadpool_limits
 
     level = np.log(spectrogram(samples) + 1e-7).reshape(len(samples), -1)
     known = {"perplexity": 30, "init": "pca", "random_state": 0, "max_iter": iterations}
-    plane = TSNE(2, **known).fit_transform(level)
+    with threadpool_limits(1):  # rounding depends on how many threads there are
+        plane = TSNE(2, **known).fit_transform(level)
     return np.asarray(plane - plane.mean(axis=0), dtype=np.float32)
 
 
