@@ -80,7 +80,7 @@ def test_the_page_draws_a_row_for_every_feature(finding: Finding) -> None:
 
 def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
     _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
-    tiny = replace(LEARNING, steps=2, pairs=16, width=4, threads=1)
+    tiny = replace(LEARNING, steps=2, pairs=16, threads=1)
     random, learnt = learnt_on(echoes, replace(tiny, steps=0)), learnt_on(echoes, tiny)
     a, b = (encoder.embed(echoes.samples[:4]) for encoder in (random, learnt))
     assert a.shape == b.shape == (4, 128)

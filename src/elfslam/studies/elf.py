@@ -12,7 +12,6 @@ from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
-from elfslam.learn.from_scratch import learn_from_scratch
 from elfslam.learn.settings import FinetuneParameters, ScratchParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, extract_features, load_encoder
@@ -91,6 +90,8 @@ def shipped_and_generic() -> dict[str, Encoder]:
 
 def learnt_from_the_walk() -> dict[str, Adapt]:
     """The encoders that learn each walk by itself, by name."""
+    from elfslam.learn.from_scratch import learn_from_scratch
+
     shipped = load_encoder("compact")
     return {
         "ELF, without pre-training": lambda echoes: learn_from_scratch(

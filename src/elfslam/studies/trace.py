@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.values import Echoes, EchoPairs, Odometry
+from elfslam.base.values import Echoes, Odometry
 from elfslam.baselines.generic import GenericEncoder
-from elfslam.learn.settings import PretrainParameters
-from elfslam.line.feature import Encoder, OnnxEncoder, extract_features, spectrogram
+from elfslam.learn.settings import ScratchParameters
+from elfslam.line.feature import Encoder, extract_features, spectrogram
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.score.bootstrap import interval
 from elfslam.score.curves import traces_figure
@@ -22,7 +21,7 @@ from elfslam.score.page import Page, Panel, rows_table
 from elfslam.studies.demo import floor_plan
 from elfslam.studies.elf import shipped_and_generic
 from elfslam.studies.finding import Announce, Finding, Row
-from elfslam.studies.marked_walk import MARKERS, SPEED_MPS, walk_over_markers
+from elfslam.studies.marked_walk import MARKERS, walk_over_markers
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 
@@ -34,11 +33,8 @@ NEAR_STEPS = 3
 BLOCK_STEPS = 8
 """Neighbouring footsteps are resampled together."""
 SHIPPED = "ELF, shipped"
-LEARNING = PretrainParameters(
-    steps=100, pairs=96, too_near_m=7.0, learning_rate=1e-3, warmup_steps=20
-)
-"""For the encoder that knows nothing but this walk: as long as fine-tuning takes, and what lies 5 s
-of walking apart or less is no negative there either."""
+LEARNING = ScratchParameters()
+"""For the encoder that knows nothing but this walk."""
 NOTE = (
     f"ESS of footstep {FOOTSTEP} of the first round and every footstep of the walk. t-SNE is "
     "fitted on this very walk, since it has no place for new echoes."
@@ -122,26 +118,11 @@ def embedded(samples: F32, iterations: int = 1000) -> F32:
     return np.asarray(plane - plane.mean(axis=0), dtype=np.float32)
 
 
-def learnt_on(echoes: Echoes, parameters: PretrainParameters) -> Encoder:
-    """The compact encoder learnt from its first weights on the echoes of one walk alone.
+def learnt_on(echoes: Echoes, parameters: ScratchParameters) -> Encoder:
+    """The compact encoder learnt on the echoes of one walk alone; without a step it is random."""
+    from elfslam.learn.from_scratch import learn_from_scratch
 
-    Positives are two consecutive echoes, as in the paper. Without a step its weights are random.
-    """
-    from elfslam.learn.export import encoder_content
-    from elfslam.learn.pretrain import pretrain
-
-    def batch(step: int) -> EchoPairs:
-        draw = np.random.default_rng([0, step])
-        first = draw.choice(len(echoes.t_s) - 1, parameters.pairs, replace=False)
-        way_m = np.column_stack([SPEED_MPS * echoes.t_s[first], np.zeros(len(first))])
-        return EchoPairs(
-            echoes.samples[first], echoes.samples[first + 1], np.zeros_like(first), way_m
-        )
-
-    with TemporaryDirectory() as folder:
-        checkpoint = Path(folder) / "checkpoint"
-        made = pretrain(batch, parameters, seed=0, checkpoint=checkpoint, report=lambda _: None)
-    return OnnxEncoder(encoder_content(made.network), "learnt on this walk")
+    return learn_from_scratch(echoes, parameters, seed=0)
 
 
 def _row(name: str, scores: F64) -> Row:
