@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import load_encoder, read_card
 from elfslam.studies import pretraining
 from elfslam.studies.pretraining import (
+    ABOUT,
     block_means,
     card_of,
     last_loss,
@@ -120,3 +121,12 @@ def test_a_training_that_fails_leaves_a_folder_only_for_its_checkpoint(
     with pytest.raises(RuntimeError, match="planted"):
         pretrain_on_simulated_echoes(folder / "one.onnx", SMALL, seed=0, announce=silent)
     assert [path.name for path in sorted(tmp_path.rglob("*"))] == left
+
+
+def test_the_shipped_encoder_was_trained_as_the_defaults_say() -> None:
+    card = read_card("compact")
+    assert card is not None
+    assert card.pretraining is not None
+    assert card.pretraining.parameters == asdict(PretrainParameters())
+    assert card.pretraining.parameters_digest == digest(PretrainParameters())
+    assert card.text == ABOUT
