@@ -84,7 +84,7 @@ def length_and_gain(response: C128) -> tuple[float, float]:
     return length_m, abs(carrier) * length_m * np.exp(AIR.attenuation_per_m * length_m)
 
 
-def is_one_path(response: C128, length_m: float, gain: float, rel: float = 1e-3) -> None:
+def assert_one_path(response: C128, length_m: float, gain: float, rel: float = 1e-3) -> None:
     found_m, found = length_and_gain(response)
     assert found_m == pytest.approx(length_m, abs=2e-4)
     assert found == pytest.approx(gain, rel=rel)
@@ -97,7 +97,7 @@ def is_one_path(response: C128, length_m: float, gain: float, rel: float = 1e-3)
 def test_the_direct_sound_comes_after_its_way(distance_m: float) -> None:
     speaker_m = np.array([0.2, 2.0, 1.0])
     response = heard(dead_room(), ends_at(speaker_m, speaker_m + distance_m * X))
-    is_one_path(response, distance_m, 1.0)
+    assert_one_path(response, distance_m, 1.0)
 
 
 @pytest.mark.parametrize("face", range(6))
@@ -110,7 +110,7 @@ def test_a_wall_is_a_mirror(face: int) -> None:
     image_m = SPEAKER_M.copy()
     axis, far = divmod(face, 2)
     image_m[axis] = 2 * far * SIZE_M[axis] - image_m[axis]
-    is_one_path(response, np.linalg.norm(image_m - MICROPHONE_M), WALLS[face].reflection)
+    assert_one_path(response, np.linalg.norm(image_m - MICROPHONE_M), WALLS[face].reflection)
 
 
 def test_held_phones_hear_no_direct_sound() -> None:
@@ -174,13 +174,13 @@ def test_what_stands_between_hides_and_what_is_lower_does_not() -> None:
         scene = scene_of(dead_room(block))._replace(edge_a=np.zeros((0, 3)))
         assert np.abs(heard(scene, ends)).max() == pytest.approx(0.0) or not hidden
         if not hidden:
-            is_one_path(heard(scene, ends), 5.0, 1.0)
+            assert_one_path(heard(scene, ends), 5.0, 1.0)
 
 
 def test_sound_passes_below_what_hangs() -> None:
     lamp = Block("lamp", DEAD, [3.0, 2.5], [0.5, 2.0, 0.5], base_m=1.6, clutter_per_m2=0.0)
     scene = scene_of(dead_room(lamp))._replace(edge_a=np.zeros((0, 3)))
-    is_one_path(heard(scene, ends_at([1.0, 2.5, 1.4], [6.0, 2.5, 1.4])), 5.0, 1.0)
+    assert_one_path(heard(scene, ends_at([1.0, 2.5, 1.4], [6.0, 2.5, 1.4])), 5.0, 1.0)
     assert not heard(scene, ends_at([1.0, 2.5, 1.8], [6.0, 2.5, 1.8])).any()
 
 
@@ -193,7 +193,7 @@ def test_a_block_reflects_as_high_as_it_is(top_m: float, gain: float) -> None:
     ends = ends_at(speaker_m, microphone_m, held=True)
     response = heard(scene, ends)
     if gain:
-        is_one_path(response, np.hypot(3.5, 1.0), gain)
+        assert_one_path(response, np.hypot(3.5, 1.0), gain)
     else:
         assert not response.any()
 
@@ -202,7 +202,7 @@ def test_a_turned_block_reflects_to_the_side() -> None:
     """A mirror at 45 degrees: along x to (3.593, 2.8) and then along y."""
     pillar = Block("pillar", HARD, [4.0, 2.5], [1.0, 1.0, 3.0], np.pi / 4, clutter_per_m2=0.0)
     ends = ends_at([1.0, 2.8, 1.5], [3.5928932, 4.5, 1.5], held=True)
-    is_one_path(heard(dead_room(pillar), ends), 2.5928932 + 1.7, HARD.reflection, rel=2e-3)
+    assert_one_path(heard(dead_room(pillar), ends), 2.5928932 + 1.7, HARD.reflection, rel=2e-3)
 
 
 def test_a_table_top_is_a_mirror_too() -> None:
@@ -211,7 +211,7 @@ def test_a_table_top_is_a_mirror_too() -> None:
     speaker_m, microphone_m = np.array([2.0, 2.0, 1.2]), np.array([3.0, 2.5, 1.5])
     response = heard(scene, ends_at(speaker_m, microphone_m, held=True))
     image_m = speaker_m * [1, 1, -1] + [0, 0, 1.4]
-    is_one_path(response, np.linalg.norm(image_m - microphone_m), HARD.reflection)
+    assert_one_path(response, np.linalg.norm(image_m - microphone_m), HARD.reflection)
 
 
 def test_a_table_hides_the_floor_below_it() -> None:
@@ -238,7 +238,7 @@ def test_a_scatterer_is_heard_after_there_and_back() -> None:
     speaker_m, microphone_m = np.array([2.0, 2.2, 1.2]), np.array([2.3, 2.8, 1.5])
     there, home = np.linalg.norm(point_m - speaker_m), np.linalg.norm(point_m - microphone_m)
     response = heard(scatterer(point_m, 0.1), ends_at(speaker_m, microphone_m, held=True))
-    is_one_path(response, there + home, 0.05 / (there * home) * (there + home))
+    assert_one_path(response, there + home, 0.05 / (there * home) * (there + home))
 
 
 def test_a_scatterer_on_a_face_that_looks_away_is_not_heard() -> None:
@@ -253,7 +253,7 @@ def test_an_upright_edge_diffracts() -> None:
     place_m = np.array([3.0 - away_m / np.sqrt(2), 2.0 - away_m / np.sqrt(2), 1.0])
     response = heard(dead_room(crate), ends_at(place_m, place_m + 1e-6 * UP, held=True))
     strength = EDGE_GAIN * np.sqrt(away_m / 2) / away_m**2
-    is_one_path(response, 2 * (away_m - 0.005), strength * 2 * away_m, rel=0.02)
+    assert_one_path(response, 2 * (away_m - 0.005), strength * 2 * away_m, rel=0.02)
 
 
 def test_a_person_reflects_like_a_cylinder() -> None:
@@ -262,7 +262,7 @@ def test_a_person_reflects_like_a_cylinder() -> None:
     response = heard(dead_room(), ends, person_m)
     gap_m = 2.0 - PERSON_RADIUS_M
     curved = 1 / np.sqrt(1 + gap_m / PERSON_RADIUS_M)
-    is_one_path(response, 2 * gap_m - 0.01, PERSON_REFLECTION * curved, rel=0.02)
+    assert_one_path(response, 2 * gap_m - 0.01, PERSON_REFLECTION * curved, rel=0.02)
 
 
 @pytest.mark.parametrize("above_m", [-0.1, 0.1])

@@ -75,7 +75,7 @@ def length_and_gain(response: C128) -> tuple[float, float]:
     return length_m, abs(carrier) * length_m * np.exp(AIR.attenuation_per_m * length_m)
 
 
-def is_one_path(response: C128, length_m: float, gain: float, rel: float = 1e-3) -> None:
+def assert_one_path(response: C128, length_m: float, gain: float, rel: float = 1e-3) -> None:
     found_m, found = length_and_gain(response)
     assert found_m == pytest.approx(length_m, abs=2e-4)
     assert found == pytest.approx(gain, rel=rel)
@@ -136,7 +136,7 @@ def test_a_lobe_is_one_minus_b_plus_b_cosine(forward: float) -> None:
     axis = np.array([forward, np.sqrt(1 - forward**2), 0.0])
     ends = ends_at([2.0, 2.5, 1.5], [4.0, 2.5, 1.5], axis=axis, directivity=0.3)
     lobes = (0.7 + 0.3 * forward) * (0.7 - 0.3 * forward)
-    is_one_path(heard(dead_room(), ends), 2.0, lobes)
+    assert_one_path(heard(dead_room(), ends), 2.0, lobes)
 
 
 def test_the_holder_shadows_what_is_behind() -> None:

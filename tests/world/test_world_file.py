@@ -300,7 +300,7 @@ def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
         load_world(str(path))
 
 
-def refuse(text: str, old: str, new: str, mark: str, complaint: str) -> None:
+def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> None:
     """The planted text is refused by a line that holds `mark`, in one line with `complaint`."""
     assert old in text
     broken = text.replace(old, new, 1)
@@ -341,7 +341,7 @@ def refuse(text: str, old: str, new: str, mark: str, complaint: str) -> None:
     ],
 )
 def test_mistakes_at_the_top_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
-    refuse(BOX, old, new, mark, complaint)
+    assert_refused(BOX, old, new, mark, complaint)
 
 
 @pytest.mark.parametrize(
@@ -373,7 +373,7 @@ def test_mistakes_at_the_top_are_refused(old: str, new: str, mark: str, complain
     ],
 )
 def test_mistakes_of_furniture_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
-    refuse(BOX, old, new, mark, complaint)
+    assert_refused(BOX, old, new, mark, complaint)
 
 
 @pytest.mark.parametrize(
@@ -404,14 +404,14 @@ def test_mistakes_of_furniture_are_refused(old: str, new: str, mark: str, compla
 def test_ways_that_nobody_can_walk_are_refused(
     old: str, new: str, mark: str, complaint: str
 ) -> None:
-    refuse(BOX, old, new, mark, complaint)
+    assert_refused(BOX, old, new, mark, complaint)
 
 
 def test_nobody_walks_under_a_table_but_under_a_high_shelf() -> None:
     """The stool of 0.5 m is in the way; a shelf from 1.9 m is not, one from 1.7 m is."""
     under = ("[5.2, 3.2], [0.8, 3.2]]", "[5.2, 3.7], [0.8, 3.7]]")
     assert parsed(BOX.replace(*under).replace("[[0.8, 0.8], [5.2, 3.2]]", "[]"))
-    refuse(BOX.replace("3.8, 1.9]", "3.8, 1.7]"), *under, "route_m", 'meets "shelf"')
+    assert_refused(BOX.replace("3.8, 1.9]", "3.8, 1.7]"), *under, "route_m", 'meets "shelf"')
 
 
 @pytest.mark.parametrize(
@@ -431,14 +431,14 @@ def test_nobody_walks_under_a_table_but_under_a_high_shelf() -> None:
     ],
 )
 def test_mistakes_of_states_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
-    refuse(BOX, old, new, mark, complaint)
+    assert_refused(BOX, old, new, mark, complaint)
 
 
 def test_states_need_names_of_their_own_and_something_to_do() -> None:
     again = '[[state]]\nname = "tidied"\nremoved = ["stool"]\n\n[people]'
-    refuse(BOX, "[people]", again, 'name = "tidied"\nremoved', "the name 'tidied' is taken")
+    assert_refused(BOX, "[people]", again, 'name = "tidied"\nremoved', "the name 'tidied' is taken")
     idle = '[[state]]\nname = "idle"\n\n[people]'
-    refuse(BOX, "[people]", idle, '[[state]]\nname = "idle"', "neither moves nor removes")
+    assert_refused(BOX, "[people]", idle, '[[state]]\nname = "idle"', "neither moves nor removes")
 
 
 @pytest.mark.parametrize(
@@ -457,7 +457,7 @@ def test_states_need_names_of_their_own_and_something_to_do() -> None:
 def test_mistakes_of_the_surroundings_are_refused(
     old: str, new: str, mark: str, complaint: str
 ) -> None:
-    refuse(BOX, old, new, mark, complaint)
+    assert_refused(BOX, old, new, mark, complaint)
 
 
 @pytest.mark.parametrize(
@@ -489,4 +489,4 @@ def test_mistakes_of_the_surroundings_are_refused(
     ],
 )  # fmt: skip
 def test_mistakes_of_polygons_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
-    refuse(POLYGON, old, new, mark, complaint)
+    assert_refused(POLYGON, old, new, mark, complaint)
