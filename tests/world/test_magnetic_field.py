@@ -101,8 +101,8 @@ def test_the_field_belongs_to_the_place() -> None:
 def test_many_positions_are_as_good_as_few() -> None:
     at = np.random.default_rng(0).uniform(0, 2.5, (4500, 3))
     field = room_field()
-    np.testing.assert_array_equal(
-        field_at(field, at)[[0, 2100, 4499]], field_at(field, at[[0, 2100, 4499]])
+    np.testing.assert_allclose(  # sums round by the shape and place of the arrays in memory
+        field_at(field, at)[[0, 2100, 4499]], field_at(field, at[[0, 2100, 4499]]), rtol=1e-12
     )
     assert field_at(field, at[:0]).shape == (0, 3)
 
