@@ -20,6 +20,7 @@ FLOORS = {
     "baselines": 3,
     "data": 3,
     "score": 3,
+    "senses": 3.25,
     "mapping": 3.5,
     "console": 3.5,
     "studies": 4,

@@ -9,11 +9,12 @@ import pytest
 from elfslam import mapping
 from elfslam.base.errors import StoreError
 from elfslam.data.recordings import write_recording
-from elfslam.mapping import MapJob, Modality, Settings, map_into, map_many
+from elfslam.mapping import MapJob, map_into, map_many
+from elfslam.senses import Modality, Settings
 from elfslam.world.simulate import load_world, simulate
 
-JOB = MapJob(Modality.MOTION, None, "spectral", Settings(), overwrite=False)
-AGAIN = MapJob(Modality.MOTION, None, "spectral", Settings(), overwrite=True)
+JOB = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=False)
+AGAIN = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=True)
 
 
 def silent(what: str, share: float | None) -> None:

@@ -25,7 +25,15 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
-from elfslam.slam import Parameters, Run, map_by, map_by_echoes, no_similarity, walk_nodes
+from elfslam.slam import (
+    Parameters,
+    Run,
+    Sense,
+    map_by,
+    map_by_echoes,
+    no_similarity,
+    walk_nodes,
+)
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
@@ -154,7 +162,12 @@ def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth])
         return Similarity(np.exp(-((apart_m / 0.8) ** 2)).astype(np.float32), "oracle")
 
     announced: list[str] = []
-    made = map_by(recording, true_neighbours, PARAMETERS, announce=announced.append)
+    made = map_by(
+        recording,
+        [Sense(true_neighbours, PARAMETERS.closure)],
+        PARAMETERS,
+        announce=announced.append,
+    )
     stages = ["motion", "similarity", "closures", "graph"]
     assert announced == list(made.seconds) == stages
     assert asked[0][0] is recording
@@ -167,7 +180,7 @@ def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth])
 
 
 def test_mapping_by_nothing_is_dead_reckoning(recording: Recording) -> None:
-    made = map_by(recording, no_similarity, PARAMETERS)
+    made = map_by(recording, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS)
     assert made.trajectory.status == "NO_CLOSURES"
     assert made.similarity.scores.shape == (len(made.odometry.t_s) - 1,) * 2
     npt.assert_allclose(made.trajectory.world_from_body, made.odometry.world_from_body, atol=1e-6)
@@ -248,7 +261,10 @@ def test_a_device_with_odometry_needs_no_footsteps() -> None:
     nodes = walk_nodes(bare, load(PARAMETERS, None, ["motion.node_spacing_m=1.0"]))
     npt.assert_allclose(nodes.world_from_body[:, 0], np.arange(11), atol=0.11)
     npt.assert_allclose(nodes.step_sigma[1:-1], 0.01 * np.sqrt(10), rtol=0.06)
-    assert map_by(bare, no_similarity, PARAMETERS).trajectory.status == "NO_CLOSURES"
+    assert (
+        map_by(bare, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS).trajectory.status
+        == "NO_CLOSURES"
+    )
 
 
 def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -> None:

@@ -25,8 +25,6 @@ from elfslam.data.runs import FACTS, read_facts, read_run
 from elfslam.line.feature import load_encoder, read_card
 from elfslam.mapping import (
     MapJob,
-    Modality,
-    Settings,
     breaks,
     encoder_of,
     finetune_into,
@@ -42,6 +40,7 @@ from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
 from elfslam.score.truth import read_truth
+from elfslam.senses import Settings, parse_modalities
 from elfslam.studies.catalogue import STUDIES, run_study
 from elfslam.studies.demo import floor_plan, run_demo
 from elfslam.studies.drawing import drawing_of
@@ -173,7 +172,7 @@ def _say_refused(done: str, refused: dict[str, str]) -> None:
 def map_command(
     recording: Annotated[Path, typer.Argument(help="A recording, or a folder of recordings.")],
     out: Annotated[Path, typer.Argument(help="The run folder, or the folder of run folders.")],
-    by: Annotated[Modality | None, typer.Option(help="Default: elf where there is sound.")] = None,
+    by: Annotated[str | None, typer.Option(help="elf,magnetic: default elf with sound.")] = None,
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
@@ -186,7 +185,9 @@ def map_command(
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
     known = load(Settings(), parameter_file, setting or [])
     drawn = _plan(plan)
-    job = MapJob(by, parse_start(start), encoder, known, force, finetune, calibrate)
+    job = MapJob(
+        parse_modalities(by), parse_start(start), encoder, known, force, finetune, calibrate
+    )
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
-from enum import StrEnum
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,15 +12,15 @@ from typing import TYPE_CHECKING, Any
 from elfslam import __version__, slam
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.values import Echoes, FloorMap, Odometry, Recording, Similarity
-from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
+from elfslam.base.values import Echoes, FloorMap, Recording
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
-from elfslam.learn.settings import FinetuneParameters, PretrainParameters
+from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
+from elfslam.senses import Modality, Settings, sense_of
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -34,27 +33,10 @@ Pose = tuple[float, float, float]
 
 
 @dataclass(frozen=True)
-class Settings(slam.Parameters):
-    """Every parameter there is: the line's, the rivals' and the training's."""
-
-    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
-    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
-    finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
-
-
-class Modality(StrEnum):
-    """What closes the loops."""
-
-    ELF = "elf"
-    MAGNETIC = "magnetic"
-    MOTION = "motion"
-
-
-@dataclass(frozen=True)
 class MapJob:
-    """How recordings are to be mapped."""
+    """How recordings are to be mapped; `by` nothing means by echoes where there is sound."""
 
-    by: Modality | None
+    by: tuple[Modality, ...]
     start_pose: Pose | None
     encoder: str
     parameters: Settings
@@ -132,13 +114,14 @@ def _mapped(
     recording = read_recording(path, job.parameters.chirp)
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
-    by = job.by or (Modality.ELF if recording.audio is not None else Modality.MOTION)
+    heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
+    by = job.by or heard
     learns = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
-    if learns and by is not Modality.ELF:
+    if learns and Modality.ELF not in by:
         raise InputError(
-            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {by}"
+            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {','.join(by)}"
         )
-    encoder = load_encoder(job.encoder) if by is Modality.ELF else None
+    encoder = load_encoder(job.encoder) if Modality.ELF in by else None
     tuned: list[Finetuned] = []
 
     def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
@@ -204,7 +187,7 @@ def finetuned(
 
 def _map_one(
     recording: Recording,
-    by: Modality,
+    by: tuple[Modality, ...],
     encoder: Encoder | None,
     known: Settings,
     adapt: slam.Adapt,
@@ -213,21 +196,10 @@ def _map_one(
     def stage(name: str) -> None:
         announce(f"{recording.name}: {name}", None)
 
-    if encoder is not None:
-        return slam.map_by_echoes(recording, encoder, known, adapt=adapt, announce=stage)
-    makers = {
-        Modality.MOTION: slam.no_similarity,
-        Modality.MAGNETIC: lambda walk, nodes: _field_similarity(walk, nodes, known.magnetic),
-    }
-    return slam.map_by(recording, makers[by], known, announce=stage)
-
-
-def _field_similarity(
-    recording: Recording, nodes: Odometry, known: MagneticParameters
-) -> Similarity:
-    if recording.magnetometer is None:
-        raise InputError(f"{recording.name}: no magnetometer; map it with --by elf or motion")
-    return magnetic_similarity(recording.magnetometer, recording.orientation, nodes, known)
+    senses = [sense_of(item, known) for item in by if item is not Modality.ELF]
+    if encoder is None:
+        return slam.map_by(recording, senses, known, announce=stage)
+    return slam.map_by_echoes(recording, encoder, known, adapt=adapt, beside=senses, announce=stage)
 
 
 def parse_start(text: str | None) -> Pose | None:

@@ -3,28 +3,30 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 
 import numpy as np
 
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
+    AnySimilarity,
     Closures,
     Echoes,
     Features,
     Fixes,
     FloorMap,
+    MeanSimilarity,
     Odometry,
     Recording,
-    Similarity,
     Trajectory,
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures
+from elfslam.line.curation import CurationParameters, curated_closures
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
@@ -42,6 +44,7 @@ class Parameters:
     echo: EchoParameters = field(default_factory=EchoParameters)
     motion: MotionParameters = field(default_factory=MotionParameters)
     closure: ClosureParameters = field(default_factory=ClosureParameters)
+    curation: CurationParameters = field(default_factory=CurationParameters)
     graph: GraphParameters = field(default_factory=GraphParameters)
     floormap: FloorMapParameters = field(default_factory=FloorMapParameters)
     locate: LocateParameters = field(default_factory=LocateParameters)
@@ -53,7 +56,7 @@ class Run:
 
     name: str
     odometry: Odometry
-    similarity: Similarity
+    similarity: AnySimilarity
     closures: Closures
     trajectory: Trajectory
     floor_map: FloorMap | None
@@ -65,7 +68,15 @@ class Run:
 Announce = Callable[[str], None]
 Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
-SimilarityMaker = Callable[[Recording, Odometry], Similarity]
+SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
+
+
+@dataclass(frozen=True)
+class Sense:
+    """What knows a place again: how alike nodes are, and what then counts as a closure."""
+
+    similarity_of: SimilarityMaker
+    closure: ClosureParameters
 
 
 def silent(stage: str) -> None:
@@ -83,9 +94,13 @@ def map_by_echoes(
     parameters: Parameters,
     *,
     adapt: Adapt = as_shipped,
+    beside: Sequence[Sense] = (),
     announce: Announce = silent,
 ) -> Run:
-    """A walk with sound becomes a straightened trajectory and a map of ELFs."""
+    """A walk with sound becomes a straightened trajectory and a map of ELFs.
+
+    Other senses may close loops `beside` the echoes.
+    """
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
@@ -97,7 +112,8 @@ def map_by_echoes(
         features = extract_features(echoes, used)
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
-    closures, trajectory = _close_loops(nodes, similarity, parameters, stage)
+        similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
+    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
     with stage("map"):
         floor_map = trajectory_map(
             trajectory,
@@ -113,37 +129,76 @@ def map_by_echoes(
 
 def map_by(
     recording: Recording,
-    similarity_of: SimilarityMaker,
+    senses: Sequence[Sense],
     parameters: Parameters,
     *,
     announce: Announce = silent,
 ) -> Run:
-    """The same with another sense: whatever makes a similarity between nodes closes the loops."""
+    """The same with other senses: whatever makes a similarity between nodes closes the loops.
+
+    The run keeps the similarity of the first.
+    """
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
         nodes = walk_nodes(recording, parameters)
     with stage("similarity"):
-        similarity = similarity_of(recording, nodes)
-    closures, trajectory = _close_loops(nodes, similarity, parameters, stage)
+        similarities = _sensed(recording, nodes, senses)
+    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
+    similarity = similarities[0][0]
     return Run(recording.name, nodes, similarity, closures, trajectory, None, None, None, seconds)
 
 
+def _sensed(
+    recording: Recording, nodes: Odometry, senses: Sequence[Sense]
+) -> list[tuple[AnySimilarity, ClosureParameters]]:
+    return [(sense.similarity_of(recording, nodes), sense.closure) for sense in senses]
+
+
 def _close_loops(
-    nodes: Odometry, similarity: Similarity, parameters: Parameters, stage: Stage
+    nodes: Odometry,
+    similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
+    parameters: Parameters,
+    stage: Stage,
 ) -> tuple[Closures, Trajectory]:
     """What resembles closes loops, and the loops straighten the walk."""
     with stage("closures"):
-        closures = find_closures(similarity, nodes, parameters.closure)
+        closures = joined(
+            [closures_of(each, nodes, known, parameters.curation) for each, known in similarities]
+        )
     with stage("graph"):
         trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
     return closures, trajectory
 
 
-def no_similarity(recording: Recording, nodes: Odometry) -> Similarity:
+def closures_of(
+    similarity: AnySimilarity,
+    nodes: Odometry,
+    closure: ClosureParameters,
+    curation: CurationParameters,
+) -> Closures:
+    """Loop closures by the strategy that the parameters name. Raises ParameterError."""
+    if closure.strategy == "sequence":
+        return find_closures(similarity, nodes, closure)
+    if closure.strategy == "curation":
+        return curated_closures(similarity, nodes, curation)
+    raise ParameterError(
+        f"closure.strategy: wanted sequence or curation, got {closure.strategy!r}; choose one"
+    )
+
+
+def joined(parts: Sequence[Closures]) -> Closures:
+    """The closures of several senses as one."""
+    columns = (
+        np.concatenate([getattr(part, column.name) for part in parts])
+        for column in fields(Closures)
+    )
+    return Closures(*columns)
+
+
+def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:
     """Nothing resembles anything: mapping by this is dead reckoning alone."""
-    count = len(nodes.t_s) - 1
-    return Similarity(np.zeros((count, count), dtype=np.float32), kind="motion")
+    return MeanSimilarity(np.zeros((len(nodes.t_s) - 1, 1), dtype=np.float32), kind="motion")
 
 
 def locate(

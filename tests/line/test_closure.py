@@ -1,204 +1,214 @@
-"""Closures: planted lines are found, everything else is not."""
+"""Closures by sequence: planted ridges are found, and what contradicts dead reckoning is not."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.testing as npt
 import pytest
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.geometry import chain, compose, wrap_angle
-from elfslam.base.values import Closures, Odometry, Similarity
-from elfslam.line.closure import ClosureParameters, candidate_pairs, curate, find_closures
+from elfslam.base.geometry import between, chain, wrap_angle
+from elfslam.base.values import Closures, MeanSimilarity, Odometry, Similarity
+from elfslam.line import closure
+from elfslam.line.closure import AGAIN, BACK, ClosureParameters, find_closures, sequence_mean
 
 PARAMETERS = ClosureParameters()
 STEP_M = 0.7
-COUNT = 100
-Partner = Callable[[F64], F64]
+SIDE = 12
+LAP = 4 * SIDE
+SIGMA = (0.05, 0.05, 0.01)
+Line = tuple[int, int, int, float]
+"""First and last row, the column in the first, and the slope."""
 
 
-def planted(partner: Partner, first: int, last: int, *, width: float = 1.1) -> F32:
-    """Scores (100, 100): footsteps `first` to `last` resemble the partner's, both ways round."""
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    i, j = np.meshgrid(np.arange(first, last), np.arange(COUNT), indexing="ij")
-    distance = np.abs(j - partner(i.astype(float)))
-    near = distance < width
-    scores[i[near], j[near]] = 0.9 - 0.2 * distance[near]
-    return np.asarray(np.maximum(scores, scores.T))
+def square_walk(laps: float, drift_rad: float = 0.0) -> Odometry:
+    """Rounds of a square of 12 steps a side, left about."""
+    count = round(laps * LAP)
+    moves = np.zeros((count, 3))
+    moves[:, 0] = STEP_M
+    moves[SIDE - 1 :: SIDE, 2] = np.pi / 2
+    moves[:, 2] += drift_rad
+    return odometry(moves)
 
 
-def noisy(scores: F32, share: float = 0.01) -> F32:
-    """The same with scattered places that only sound alike."""
-    generator = np.random.default_rng(4)
-    alike = np.triu(generator.random(scores.shape) < share, k=1)
-    return np.asarray(np.where(alike | alike.T, np.float32(0.8), scores))
+def there_and_back(steps: int) -> Odometry:
+    """Straight ahead, a turn on the spot, and straight back."""
+    moves = np.zeros((2 * steps + 1, 3))
+    moves[:, 0] = STEP_M
+    moves[steps] = [0.0, 0.0, np.pi]
+    return odometry(moves)
 
 
-def walk(step_m: F64 | float = STEP_M) -> Odometry:
-    """Straight ahead."""
-    moves = np.zeros((COUNT, 3))
-    moves[:, 0] = step_m
+def odometry(moves: F64) -> Odometry:
     poses = chain(np.zeros(3), moves)
-    return Odometry(0.5 * np.arange(COUNT + 1), poses, np.full((COUNT, 3), 0.1))
+    return Odometry(0.5 * np.arange(len(poses)), poses, np.tile(SIGMA, (len(moves), 1)))
 
 
-def closures_of(scores: F32, nodes: Odometry | None = None, **changes: float) -> Closures:
-    parameters = dataclasses.replace(PARAMETERS, **changes)
-    return find_closures(Similarity(scores, "stub"), nodes or walk(), parameters)
+def alike(count: int, lines: Sequence[Line], height: float = 0.8, seed: int = 4) -> Similarity:
+    """Scores with ridges along `lines`, symmetric, over a noisy floor."""
+    generator = np.random.default_rng(seed)
+    scores = generator.normal(0.1, 0.05, (count, count))
+    i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
+    for first, last, column, slope in lines:
+        away = np.abs(j - (column + slope * (i - first)))
+        ridge = height - 0.25 * away
+        scores = np.where((i >= first) & (i <= last), np.maximum(scores, ridge), scores)
+    lower = np.tril(np.ones((count, count), bool))
+    scores = np.where(lower, scores.T, scores)
+    return Similarity(scores.astype(np.float32), "planted")
 
 
-def same_way(offset: float) -> Partner:
-    return lambda i: i + offset
+def pairs(found: Closures) -> set[tuple[int, int]]:
+    return set(zip(found.i.tolist(), found.j.tolist(), strict=True))
 
 
-def test_two_passes_give_exactly_the_planted_line() -> None:
-    scores = noisy(planted(same_way(50), 5, 45))
-    found = closures_of(scores)
-    npt.assert_array_equal(found.i, np.arange(5, 45))
-    npt.assert_array_equal(found.j, np.arange(55, 95))
-    npt.assert_array_equal(found.score, scores[found.i, found.j])
-    npt.assert_allclose(found.i_from_j, np.zeros((40, 3)), atol=0.15 * STEP_M)
-
-
-def test_scattered_points_alone_close_nothing() -> None:
-    blank = noisy(np.zeros((COUNT, COUNT), dtype=np.float32), share=0.03)
-    assert len(candidate_pairs(blank, PARAMETERS)) > 100
-    assert len(closures_of(blank).i) == 0
+def test_a_second_round_closes_each_footstep_with_its_own() -> None:
+    nodes = square_walk(2)
+    found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), nodes, PARAMETERS)
+    inner = {(k, k + LAP) for k in range(3, LAP - 3)}
+    assert inner <= pairs(found) <= {(k, k + LAP) for k in range(LAP)}
+    npt.assert_allclose(found.i_from_j, 0, atol=0.15 * STEP_M)
+    assert (found.score > PARAMETERS.threshold).all()
 
 
 def test_walking_back_gives_half_a_turn_and_the_right_place() -> None:
-    # Ahead for 40 steps and back again: stretch i is stretch 95 - i, walked the other way.
-    found = closures_of(noisy(planted(lambda i: 95 - i, 5, 40)))
-    assert set(zip(found.i.tolist(), found.j.tolist(), strict=True)) >= {
-        (i, 95 - i) for i in range(8, 38)
-    }
-    there = np.column_stack([STEP_M * np.arange(48), np.zeros((48, 2))])
-    back = np.column_stack([STEP_M * (96 - np.arange(48, 100)), np.zeros(52), np.full(52, np.pi)])
-    truth = np.vstack([there, back])
-    implied = compose(truth[found.i], found.i_from_j)
-    npt.assert_allclose(implied[:, :2], truth[found.j][:, :2], atol=0.2 * STEP_M)
-    npt.assert_allclose(wrap_angle(implied[:, 2] - truth[found.j][:, 2]), 0, atol=1e-9)
+    nodes = there_and_back(30)
+    # Stretch k leads from k to k+1, so on the way back stretch 60 - k lies on it.
+    found = find_closures(alike(61, [(0, 25, 60, -1.0)]), nodes, PARAMETERS)
+    assert pairs(found) >= {(k, 60 - k) for k in range(3, 22)}
+    truth = between(nodes.world_from_body[found.i], nodes.world_from_body[found.j])
+    npt.assert_allclose(found.i_from_j[:, :2], truth[:, :2], atol=0.2 * STEP_M)
+    npt.assert_allclose(wrap_angle(found.i_from_j[:, 2] - truth[:, 2]), 0, atol=1e-9)
 
 
-@pytest.mark.parametrize("pace", [0.8, 1.0, 1.25])
-def test_a_partner_between_two_footsteps_lies_ahead_or_behind(pace: float) -> None:
-    # The second pass takes `pace` times as many footsteps, so its steps are that much shorter.
-    def partner(i: F64) -> F64:
-        return pace * (i - 5) + 50.4
+@pytest.mark.parametrize("ahead", [-0.4, 0.3])
+def test_a_partner_between_two_footsteps_lies_ahead_or_behind(ahead: float) -> None:
+    found = find_closures(alike_between(2 * LAP, LAP + ahead), square_walk(2), PARAMETERS)
+    npt.assert_allclose(np.median(found.i_from_j[:, 0]), -ahead * STEP_M, atol=0.1 * STEP_M)
 
-    steps = np.where(np.arange(COUNT) < 46, STEP_M, STEP_M / pace)
-    found = closures_of(planted(partner, 5, 40, width=1.7), walk(steps))
-    place_of_j_m = STEP_M * (5 + (found.j - 50.4) / pace)
-    ahead_m = place_of_j_m - STEP_M * found.i
-    error_m = found.i_from_j[:, 0] - ahead_m
-    assert len(found.i) >= 30
-    npt.assert_allclose(error_m, 0, atol=0.3 * STEP_M)
-    npt.assert_array_equal(found.i_from_j[:, 1:], np.zeros((len(found.i), 2)))
-    if pace != 1.0:
-        assert np.corrcoef(found.i_from_j[:, 0], ahead_m)[0, 1] > 0.9
-        assert np.ptp(ahead_m) > 0.5 * STEP_M
+
+def alike_between(count: int, offset: float) -> Similarity:
+    """The ridge of a second pass whose footsteps fall `offset` columns on."""
+    i, j = np.meshgrid(np.arange(count), np.arange(count), indexing="ij")
+    away = np.minimum(np.abs(j - i - offset), np.abs(i - j - offset))
+    return Similarity(np.maximum(0.8 - 0.2 * away**2, 0.0), "planted")
+
+
+def test_scattered_likeness_closes_nothing() -> None:
+    """High scores here and there, as many as footsteps, but no two in sequence."""
+    scores = alike(2 * LAP, []).scores.copy()
+    generator = np.random.default_rng(3)
+    i, j = generator.integers(0, 2 * LAP, (2, 2 * LAP))
+    scores[i, j] = scores[j, i] = 0.95
+    assert len(find_closures(Similarity(scores, "x"), square_walk(2), PARAMETERS).i) == 0
+
+
+def test_dead_reckoning_rules_out_what_it_cannot_have_missed() -> None:
+    """The far side of the square sounds the same for a whole side."""
+    lines = [(2, SIDE - 2, 2 + 2 * SIDE, 1.0)]
+    assert len(find_closures(alike(2 * LAP, lines), square_walk(2), PARAMETERS).i) == 0
+    blind = dataclasses.replace(PARAMETERS, gate_probability=1.0)
+    assert len(find_closures(alike(2 * LAP, lines), square_walk(2), blind).i) > 5
+
+
+def test_one_cannot_be_at_two_places_at_once() -> None:
+    """A pillar further on sounds nearly as the right one: dead reckoning alone cannot tell."""
+    nodes = uncertain(square_walk(2))
+    right, wrong = (0, LAP - 1, LAP, 1.0), (0, LAP - 5, LAP + 4, 1.0)
+    both = np.maximum(alike(2 * LAP, [right], 0.8).scores, alike(2 * LAP, [wrong], 0.7).scores)
+    found = find_closures(Similarity(both, "x"), nodes, PARAMETERS)
+    assert {j - i for i, j in pairs(found)} == {LAP}
+    loose = dataclasses.replace(PARAMETERS, rival_margin=0.0)
+    assert {j - i for i, j in pairs(find_closures(Similarity(both, "x"), nodes, loose))} == {LAP}
+
+
+def test_where_two_places_sound_the_same_neither_is_taken() -> None:
+    nodes = uncertain(square_walk(2))
+    twins = [(0, LAP - 1, LAP, 1.0), (0, LAP - 7, LAP + 6, 1.0)]
+    found = find_closures(alike(2 * LAP, twins), nodes, PARAMETERS)
+    alone = find_closures(alike(2 * LAP, twins[:1]), nodes, PARAMETERS)
+    assert len(found.i) < 0.35 * len(alone.i)
+    assert all(i > LAP - 12 or i < 8 for i, _ in pairs(found)), "only where one of them ends"
+
+
+def uncertain(nodes: Odometry) -> Odometry:
+    """The same walk by someone whose steps say little."""
+    sigma = np.tile([0.15, 0.15, 0.05], (len(nodes.t_s) - 1, 1))
+    return dataclasses.replace(nodes, step_sigma=sigma)
+
+
+def test_two_equal_corridors_are_not_one() -> None:
+    """Up a corridor, over, and up another that sounds the same: no closure, ever."""
+    ahead, left = [STEP_M, 0.0, 0.0], [STEP_M, 0.0, np.pi / 2]
+    right = [STEP_M, 0.0, -np.pi / 2]
+    moves = [ahead] * 29 + [right] + [ahead] * 15 + [right] + [ahead] * 29
+    moves += [left] + [ahead] * 15 + [left] + [ahead] * 29
+    nodes = odometry(np.array(moves))
+    second = 29 + 1 + 15 + 1 + 29 + 1 + 15 + 1
+    twin = [(0, 28, second, 1.0)]
+    assert len(find_closures(alike(len(moves), twin), nodes, PARAMETERS).i) == 0
+
+
+def test_a_third_round_closes_with_both_before() -> None:
+    lines = [(0, 2 * LAP - 1, LAP, 1.0), (0, LAP - 1, 2 * LAP, 1.0)]
+    found = find_closures(alike(3 * LAP, lines), square_walk(3), PARAMETERS)
+    offsets = np.bincount(found.j - found.i)
+    assert offsets[LAP] > 1.8 * LAP
+    assert offsets[2 * LAP] > 0.85 * LAP
+    assert offsets.sum() == offsets[LAP] + offsets[2 * LAP]
+
+
+def test_neighbours_in_time_are_no_closures() -> None:
+    scores = alike(2 * LAP, [(0, LAP, 5, 1.0)])
+    far = dataclasses.replace(PARAMETERS, gate_probability=1.0)
+    assert len(find_closures(scores, square_walk(2), far).i) == 0
+    near = dataclasses.replace(far, near_footsteps=4)
+    assert len(find_closures(scores, square_walk(2), near).i) > LAP / 2
 
 
 def test_the_covariance_is_that_of_the_parameters() -> None:
-    found = closures_of(
-        planted(same_way(50), 5, 45), along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3
+    known = dataclasses.replace(
+        PARAMETERS, along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3
     )
-    npt.assert_allclose(found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (40, 1, 1)))
-
-
-@pytest.mark.parametrize(("offset", "survives"), [(9, False), (15, True)])
-def test_neighbours_in_time_are_no_closures(offset: int, survives: bool) -> None:
-    scores = np.maximum(planted(same_way(offset), 5, 60), np.eye(COUNT, dtype=np.float32))
-    found = closures_of(scores)
-    assert bool(len(found.i)) is survives
-    assert (found.j - found.i >= PARAMETERS.near_footsteps).all()
-
-
-@pytest.mark.parametrize("triangle", [np.triu, np.tril])
-def test_nothing_survives_without_its_mirror_image(triangle: Callable[[F32], F32]) -> None:
-    whole = planted(same_way(50), 5, 45)
-    assert len(closures_of(whole).i) == 40
-    assert len(closures_of(triangle(whole)).i) == 0
-
-
-def test_a_part_of_the_mirror_image_keeps_its_part_of_the_line() -> None:
-    scores = planted(same_way(50), 5, 45)
-    scores[55:75] = 0.0
-    found = closures_of(scores)
-    npt.assert_array_equal(found.i, np.arange(found.i[0], 45))
-    assert found.i[0] in {24, 25}
-
-
-@pytest.mark.parametrize(("slope", "width"), [(0.0, 0.5), (0.0, 1.1), (0.3, 1.1), (2.5, 1.1)])
-def test_a_line_too_flat_or_too_steep_is_no_walk(slope: float, width: float) -> None:
-    scores = planted(lambda i: 60 + slope * (i - 5), 5, 21, width=width)
-    assert len(candidate_pairs(scores, PARAMETERS)) >= 32
-    assert len(closures_of(scores).i) == 0
-
-
-def test_a_line_too_short_is_no_walk() -> None:
-    """Four footsteps within one slice; eight are enough."""
-    assert len(closures_of(planted(same_way(48), 4, 8)).i) == 0
-    assert len(closures_of(planted(same_way(48), 4, 12)).i) == 8
-
-
-def test_few_points_make_no_line() -> None:
-    scores = planted(same_way(48), 2, 12)
-    assert len(closures_of(scores).i) == 10
-    assert len(closures_of(scores, line_points=31).i) == 0
-    assert len(closures_of(scores, cluster_points=20).i) == 0
-    assert len(closures_of(scores, cluster_points=40).i) == 0
-
-
-def test_a_star_of_points_holds_no_long_line() -> None:
-    arms = [(0, 0), (1, 1), (2, 2), (3, 1), (4, 0), (1, -1), (2, -2), (3, -3), (5, 3), (6, 4)]
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    for i, j in arms:
-        scores[4 + i, 60 + j] = scores[60 + j, 4 + i] = 0.9
-    changes = {"line_points": 9, "line_distance": 0.4}
-    assert len(closures_of(scores, **changes).i) == 0
-
-
-def test_the_threshold_is_included() -> None:
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    scores[3, 50], scores[4, 51] = 0.5, 0.499
-    parameters = dataclasses.replace(PARAMETERS, threshold=0.5)
-    assert candidate_pairs(scores, parameters).tolist() == [[3, 50]]
-
-
-def test_one_closure_per_footstep_and_crossing_the_best() -> None:
-    """A third pass closes with the first and the second."""
-    scores = np.maximum(planted(same_way(30), 2, 26), planted(same_way(62), 2, 26))
-    found = closures_of(scores)
-    pairs = sorted(zip(found.i.tolist(), found.j.tolist(), strict=True))
-    inner = [(i, j) for i, j in pairs if 2 < i < 25]
-    assert inner == [(i, i + offset) for i in range(3, 25) for offset in (30, 62)]
-    assert len(set(pairs)) == len(pairs)
-    best = np.array(
-        [scores[i, max(j - 2, 0) : j + 3].max() for i, j in zip(found.i, found.j, strict=True)]
+    found = find_closures(alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)]), square_walk(2), known)
+    assert len(found.i) > 0
+    npt.assert_allclose(
+        found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (len(found.i), 1, 1))
     )
-    npt.assert_allclose(found.score, best)
 
 
-def test_the_curated_pairs_name_the_line_they_lie_on() -> None:
-    curated = curate(planted(same_way(50), 5, 45), PARAMETERS)
-    assert (curated.i < curated.j).all()
-    npt.assert_allclose(curated.line_j, curated.i + 50, atol=0.3)
-    npt.assert_allclose(curated.slope, 1, atol=0.05)
+def test_blocks_of_rows_give_what_the_whole_gives(monkeypatch: pytest.MonkeyPatch) -> None:
+    nodes, generator = square_walk(4), np.random.default_rng(1)
+    places = generator.standard_normal((LAP, 16))
+    means = np.tile(places / np.linalg.norm(places, axis=1, keepdims=True), (4, 1))
+    means = (means + 0.1 * generator.standard_normal(means.shape)).astype(np.float32)
+    whole = find_closures(Similarity(means @ means.T, "x"), nodes, PARAMETERS)
+    monkeypatch.setattr(closure, "_block_rows", lambda count: 17)
+    parts = find_closures(MeanSimilarity(means, "x"), nodes, PARAMETERS)
+    assert pairs(parts) == pairs(whole)
+    assert len(whole.i) > 4 * LAP
+    order, other = np.lexsort((whole.j, whole.i)), np.lexsort((parts.j, parts.i))
+    npt.assert_allclose(parts.score[other], whole.score[order], rtol=1e-5)
+    npt.assert_allclose(parts.i_from_j[other], whole.i_from_j[order], atol=1e-3)
 
 
-def test_the_same_matrix_gives_the_same_closures() -> None:
-    scores = noisy(planted(same_way(50), 5, 45), share=0.02)
-    first, second = closures_of(scores), closures_of(scores)
-    npt.assert_array_equal(first.i, second.i)
-    npt.assert_array_equal(first.i_from_j, second.i_from_j)
+@pytest.mark.parametrize("direction", [AGAIN, BACK])
+def test_the_sequence_mean_is_the_naive_one(direction: int) -> None:
+    scores: F32 = np.random.default_rng(0).random((7, 9)).astype(np.float32)
+    got = sequence_mean(scores, 2, direction)
+    for i in range(7):
+        for j in range(9):
+            along = [(i + k, j + k * direction) for k in range(-2, 3)]
+            inside = [scores[a, b] for a, b in along if 0 <= a < 7 and 0 <= b < 9]
+            assert got[i, j] == pytest.approx(np.mean(inside), rel=1e-5)
 
 
-def test_a_walk_of_a_single_footstep_closes_nothing() -> None:
+def test_no_likeness_or_a_single_footstep_closes_nothing() -> None:
     nodes = Odometry([0.0, 0.5], np.zeros((2, 3)), np.ones((1, 3)))
     found = find_closures(Similarity(np.ones((1, 1)), "stub"), nodes, PARAMETERS)
-    assert len(found.i) == 0
-    assert found.covariance.shape == (0, 3, 3)
+    assert (len(found.i), found.covariance.shape) == (0, (0, 3, 3))
+    blank = MeanSimilarity(np.zeros((2 * LAP, 1)), "blank")
+    assert len(find_closures(blank, square_walk(2), PARAMETERS).i) == 0

@@ -70,7 +70,7 @@ def test_reduction_keeps_the_greatest_score() -> None:
     size = 2 * charts.MATRIX_AT_MOST + 1
     scores = np.zeros((size, size), np.float32)
     scores[1234, 77] = 0.9
-    small, starts = charts.reduced(scores)
+    small, starts = charts.reduced(Similarity(scores, "elf"))
     assert max(small.shape) <= charts.MATRIX_AT_MOST
     row, column = np.unravel_index(np.argmax(small), small.shape)
     assert starts[row] <= 1234 < starts[row + 1]
@@ -79,7 +79,7 @@ def test_reduction_keeps_the_greatest_score() -> None:
 
 
 def test_a_small_matrix_is_shown_whole() -> None:
-    small, starts = charts.reduced(np.eye(3, dtype=np.float32))
+    small, starts = charts.reduced(Similarity(np.eye(3), "elf"))
     assert small.tolist() == np.eye(3).tolist()
     assert starts.tolist() == [0, 1, 2]
 

@@ -166,6 +166,43 @@ class Similarity(Value):
     scores: F32 = array("n", "n", dtype=np.float32)
     kind: str
 
+    @property
+    def count(self) -> int:
+        """How many nodes there are."""
+        return len(self.scores)
+
+    def rows(self, first: int, last: int) -> F32:
+        """Scores (last - first, n) of nodes `first` to `last`, without the last."""
+        return self.scores[first:last]
+
+
+@dataclass(frozen=True, eq=False)
+class MeanSimilarity(Value):
+    """Scores between nodes as dot products of one mean feature each, made where they are asked for.
+
+    A walk of hours has more scores than fit into memory.
+    """
+
+    means: F32 = array("n", "d", dtype=np.float32)
+    kind: str
+
+    @property
+    def count(self) -> int:
+        """How many nodes there are."""
+        return len(self.means)
+
+    @property
+    def scores(self) -> F32:
+        """All of them (n, n); for walks that are not long."""
+        return self.rows(0, self.count)
+
+    def rows(self, first: int, last: int) -> F32:
+        """Scores (last - first, n) of nodes `first` to `last`, without the last."""
+        return np.asarray(self.means[first:last] @ self.means.T)
+
+
+AnySimilarity = Similarity | MeanSimilarity
+
 
 @dataclass(frozen=True, eq=False)
 class Closures(Value):

@@ -14,9 +14,11 @@ import numpy.typing as npt
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import (
+    AnySimilarity,
     Closures,
     Echoes,
     Features,
+    MeanSimilarity,
     Odometry,
     Similarity,
     Trajectory,
@@ -31,6 +33,7 @@ from elfslam.data.tum import read_tum, write_tum
 from elfslam.slam import Run
 
 FACTS, TIMINGS, ENCODER = "run.json", "timings.json", "encoder.onnx"
+SIMILARITY = "similarity.npz"
 CLOSURE_COLUMNS = ("i", "j", "t_i_s", "t_j_s", "score", "weight", "x_m", "y_m", "heading_rad")
 UNCERTAINTY = (
     "step_sigma",
@@ -102,7 +105,6 @@ def digest_of(path: Path) -> str:
 def _read_run(folder: Path) -> Run:
     facts, timings = read_facts(folder), _read_json(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
-    similarity = read_npz(folder / "similarity.npz", ["scores", "kind"])
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
     if (np.concatenate([closures.i, closures.j, [0]]) >= len(trajectory_t_s)).any():
@@ -110,7 +112,7 @@ def _read_run(folder: Path) -> Run:
     return Run(
         name=str(facts.get("name", folder.name)),
         odometry=Odometry(*read_tum(folder / "odometry.tum"), spread["step_sigma"]),
-        similarity=Similarity(similarity["scores"], str(similarity["kind"])),
+        similarity=_read_similarity(folder / SIMILARITY),
         closures=closures,
         trajectory=Trajectory(
             trajectory_t_s,
@@ -168,13 +170,25 @@ def _write_evidence(run: Run, folder: Path) -> None:
         run.trajectory.status,
     )
     write_npz(folder / "uncertainty.npz", dict(zip(UNCERTAINTY, spread, strict=True)))
-    scores = run.similarity.scores.astype(np.float16)
-    write_npz(folder / "similarity.npz", {"scores": scores, "kind": run.similarity.kind})
+    write_npz(folder / SIMILARITY, _similarity_arrays(run.similarity))
     if run.echoes is not None:
         _write_echoes(run.echoes, folder / "echoes.npz")
     if run.features is not None:
         kept = {name: getattr(run.features, name) for name in ("t_s", "vectors", "encoder")}
         write_npz(folder / "features.npz", kept)
+
+
+def _similarity_arrays(similarity: AnySimilarity) -> dict[str, npt.ArrayLike]:
+    if isinstance(similarity, MeanSimilarity):
+        return {"means": similarity.means, "kind": similarity.kind}
+    return {"scores": similarity.scores.astype(np.float16), "kind": similarity.kind}
+
+
+def _read_similarity(file: Path) -> AnySimilarity:
+    arrays = read_npz(file, ["kind"])
+    if "means" in arrays:
+        return MeanSimilarity(arrays["means"], str(arrays["kind"]))
+    return Similarity(read_npz(file, ["scores"])["scores"], str(arrays["kind"]))
 
 
 def _write_echoes(echoes: Echoes, file: Path) -> None:

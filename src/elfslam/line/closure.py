@@ -1,197 +1,223 @@
-"""Loop closures curated from a similarity matrix (paper, section 5.4).
+"""Loop closures from sequences: what sounds alike for several footsteps in a row.
 
-Candidates above the threshold form lines along the diagonal where a stretch is walked again, and
-scattered points where two places only sound alike. The matrix is cut into slices of 16 footsteps,
-DBSCAN groups the candidates of each slice, RANSAC keeps a line per group, and a pair survives only
-if its mirror image, curated in another slice, survived as well.
+A single pair of footsteps says little. Similarity is averaged along the diagonal, for a stretch
+walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
+reckoning rules out those it cannot have missed by so much, and of two candidates that would put
+the walker at two places at once only the clearly better one stays. The graph has the last word.
 """
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from sklearn.cluster import DBSCAN
-from sklearn.linear_model import LinearRegression, RANSACRegressor
+import numpy.typing as npt
+from scipy.ndimage import maximum_filter1d
+from scipy.stats import chi2
 
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.errors import ParameterError
+from elfslam.base.drift import Drift
 from elfslam.base.parameters import parameter
-from elfslam.base.values import Closures, Odometry, Similarity
+from elfslam.base.values import AnySimilarity, Closures, Odometry
 
-GATHERED_WITHIN = (2.0, 1.5, 1.0)
-"""A line is fitted to the points this close, as shares of `line_distance`: one that starts out
-skewed cuts off the very points that would turn it back, so the first rounds reach further."""
+AGAIN, BACK = 1, -1
+"""Ways of walking a stretch a second time."""
+DEGREES_OF_FREEDOM = 3
+Columns = tuple[npt.NDArray[Any], ...]
 
 
 @dataclass(frozen=True)
 class ClosureParameters:
     """What counts as a loop closure."""
 
+    strategy: str = parameter("sequence", "", "sequence, or curation as in the paper")
     threshold: float = parameter(
-        0.4, "", "similarity from which a pair is a candidate", low=-1.0, high=1.0
+        0.4, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
     )
     near_footsteps: int = parameter(
         12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
     )
-    slice_footsteps: int = parameter(
-        16, "footsteps", "width of a slice of the matrix", low=4, high=256
+    half_sequence: int = parameter(
+        6, "footsteps", "averaged before and after a footstep", low=0, high=200
     )
-    cluster_radius: float = parameter(2.0, "footsteps", "DBSCAN neighbourhood", low=0.5, high=8.0)
-    cluster_points: int = parameter(
-        3, "", "DBSCAN: candidates that make a core point", low=1, high=1_000
+    half_peak: int = parameter(
+        2, "footsteps", "the same over which a ridge is placed exactly", low=0, high=200
     )
-    line_distance: float = parameter(
-        1.2, "footsteps", "RANSAC: farthest inlier from the line", low=0.1, high=50.0
+    ridge_footsteps: int = parameter(
+        3, "footsteps", "a candidate is the best this far to either side", low=1, high=100
     )
-    line_points: int = parameter(6, "", "fewest inliers of a line", low=2, high=1_000)
-    line_length: int = parameter(
-        5, "footsteps", "fewest footsteps a line must span", low=2, high=1_000
+    rival_margin: float = parameter(
+        0.05, "", "by how much a candidate must beat those it contradicts", low=0.0, high=2.0
     )
-    slope_low: float = parameter(
-        0.6, "", "least slope of a line: pace of one pass over the other", low=0.0, high=10.0
+    gate_probability: float = parameter(
+        0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
     )
-    slope_high: float = parameter(1.6, "", "greatest slope of a line", low=0.1, high=10.0)
+    scale_sigma: float = parameter(
+        0.05, "", "error of all step lengths together, as a share of them", low=0.0, high=1.0
+    )
     along_sigma_m: float = parameter(
-        0.18, "m", "error of a closure along the walk", low=0.01, high=100.0
+        0.25, "m", "error of a closure along the walk", low=0.01, high=100.0
     )
     across_sigma_m: float = parameter(
-        0.18, "m", "error of a closure across the walk", low=0.01, high=100.0
+        0.35, "m", "error of a closure across the walk", low=0.01, high=100.0
     )
     heading_sigma_rad: float = parameter(
-        0.18, "rad", "error of a closure's heading", low=0.01, high=3.14
+        0.35, "rad", "error of a closure's heading", low=0.01, high=3.14
     )
 
 
 @dataclass(frozen=True)
-class Curated:
-    """Surviving matrix elements (k) and the partner that the line through them predicts."""
+class Candidates:
+    """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked."""
 
     i: I64
     j: I64
+    score: F64
     line_j: F64
-    slope: F64
+    direction: I64
+
+    def chosen(self, rows: Bool) -> Candidates:
+        """Those of some rows."""
+        parts = (self.i, self.j, self.score, self.line_j, self.direction)
+        return Candidates(*(part[rows] for part in parts))
 
 
 def find_closures(
-    similarity: Similarity, nodes: Odometry, parameters: ClosureParameters
+    similarity: AnySimilarity, nodes: Odometry, parameters: ClosureParameters
 ) -> Closures:
     """Pairs of footsteps at the same place, with the relative pose that each implies.
 
-    Raises ParameterError where two parameters contradict each other.
+    Half a turn of heading where the stretch was walked the other way.
     """
-    check_closure(parameters)
-    curated = curate(similarity.scores, parameters)
-    rows = _one_per_line(curated, similarity.scores)
-    i, j = curated.i[rows], curated.j[rows]
-    lines, slope = curated.line_j[rows], np.sign(curated.slope[rows])
-    step_m = _step_lengths(nodes)
-    # Walking back, stretch j begins where stretch i ends: a step ahead of footstep i.
-    forward_m = ((j - lines) * slope + (slope < 0)) * step_m[np.minimum(j, len(step_m) - 1)]
-    heading = np.where(slope > 0, 0.0, np.pi)
-    i_from_j = np.column_stack([forward_m, np.zeros(len(i)), heading])
-    sigma = [parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad]
-    covariance = np.tile(np.diag(np.square(sigma)), (len(i), 1, 1))
-    score = similarity.scores[i, j].astype(np.float64)
-    return Closures(i, j, score, i_from_j, covariance)
+    drift = Drift(nodes, parameters.scale_sigma)
+    found = candidates(similarity, parameters)
+    found = found.chosen(possible(found, drift, parameters))
+    found = found.chosen(unrivalled(found, drift, parameters))
+    sigma = _sigma(parameters)
+    covariance = np.tile(np.diag(np.square(sigma)), (len(found.i), 1, 1))
+    return Closures(found.i, found.j, found.score, _i_from_j(found, nodes), covariance)
 
 
-def check_closure(parameters: ClosureParameters) -> None:
-    """Refuse parameters with which no line could ever be found."""
-    if parameters.slope_low >= parameters.slope_high:
-        raise ParameterError(
-            f"closure.slope_low: wanted less than slope_high ({parameters.slope_high:g}), "
-            f"got {parameters.slope_low:g}; set both"
-        )
-    if parameters.line_length > parameters.slice_footsteps:
-        raise ParameterError(
-            f"closure.line_length: wanted at most slice_footsteps ({parameters.slice_footsteps}), "
-            f"got {parameters.line_length}; set both"
-        )
-
-
-def curate(scores: F32, parameters: ClosureParameters) -> Curated:
-    """Candidates that lie on a line in their slice and whose mirror image does too; i < j."""
-    candidates = candidate_pairs(scores, parameters)
-    slices = [
-        _lines_in_slice(candidates[candidates[:, 0] // parameters.slice_footsteps == k], parameters)
-        for k in range(-(-len(scores) // parameters.slice_footsteps))
+def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Candidates:
+    """Ridges of the averaged similarity, for stretches walked again and walked back."""
+    parts = [
+        _ridges(similarity, first, direction, parameters)
+        for first in range(0, similarity.count, _block_rows(similarity.count))
+        for direction in (AGAIN, BACK)
     ]
-    kept = np.vstack([np.zeros((0, 4)), *slices])
-    pairs = {(int(i), int(j)) for i, j in kept[:, :2]}
-    mirrored = np.array([(int(j), int(i)) in pairs for i, j in kept[:, :2]], dtype=bool)
-    kept = kept[mirrored & (kept[:, 0] < kept[:, 1])] if len(kept) else kept
-    return Curated(kept[:, 0].astype(int), kept[:, 1].astype(int), kept[:, 2], kept[:, 3])
+    return Candidates(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def candidate_pairs(scores: F32, parameters: ClosureParameters) -> I64:
-    """Matrix elements (k, 2) above the threshold and away from the diagonal, both triangles."""
-    i, j = np.nonzero(scores >= parameters.threshold)
-    far = np.abs(i - j) >= parameters.near_footsteps
-    return np.column_stack([i[far], j[far]])
+def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
+    """Which candidates (k) dead reckoning allows: its error may be that large by then."""
+    turn_rad = np.where(found.direction == AGAIN, 0.0, np.pi)
+    distance = drift.disagreement(found.i, found.j, turn_rad, _sigma(parameters))
+    return np.asarray(distance <= _gate(parameters))
 
 
-def _lines_in_slice(points: I64, parameters: ClosureParameters) -> F64:
-    """Rows (i, j, j on the line, slope) of the candidates that a line explains."""
-    if len(points) < parameters.cluster_points:
-        return np.zeros((0, 4))
-    clustering = DBSCAN(eps=parameters.cluster_radius, min_samples=parameters.cluster_points)
-    labels = clustering.fit_predict(points)
-    lines = [_line(points[labels == label], parameters) for label in range(labels.max() + 1)]
-    return np.vstack([np.zeros((0, 4)), *lines])
+def unrivalled(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
+    """Which candidates (k) have no rival: one of the same footstep that contradicts it.
+
+    Two contradict each other where dead reckoning excludes that their other ends are one place.
+    The better one stays if it leads by the margin, else neither.
+    """
+    beaten = np.zeros(len(found.i), dtype=bool)
+    for shared, other in ((found.i, found.j), (found.j, found.i)):
+        order = np.argsort(shared, kind="stable")
+        for distance in range(1, _most_alike(shared)):
+            one, two = order[:-distance], order[distance:]
+            same = shared[one] == shared[two]
+            one, two = one[same], two[same]
+            rivals = _contradict(other, found.direction, one, two, drift, parameters)
+            lead = found.score[one] - found.score[two]
+            beaten[one[rivals & (lead < parameters.rival_margin)]] = True
+            beaten[two[rivals & (-lead < parameters.rival_margin)]] = True
+    return ~beaten
 
 
-def _line(points: I64, parameters: ClosureParameters) -> F64:
-    i, j = points[:, 0].astype(float), points[:, 1].astype(float)
-    if not _long_enough(i, parameters):
-        return np.zeros((0, 4))
-    ransac = RANSACRegressor(
-        LinearRegression(),
-        min_samples=2,
-        residual_threshold=parameters.line_distance,
-        is_model_valid=lambda model, *_: _plausible(float(model.coef_[0]), parameters),
-        random_state=0,
+def _contradict(
+    other: I64, direction: I64, one: I64, two: I64, drift: Drift, parameters: ClosureParameters
+) -> Bool:
+    """Whether the far ends of candidates `one` and `two` (rows) cannot be the same place."""
+    turn_rad = np.where(direction[one] == direction[two], 0.0, np.pi)
+    earlier, later = np.minimum(other[one], other[two]), np.maximum(other[one], other[two])
+    slack = np.sqrt(2) * _sigma(parameters)
+    return np.asarray(drift.disagreement(earlier, later, turn_rad, slack) > _gate(parameters))
+
+
+def _ridges(
+    similarity: AnySimilarity, first: int, direction: int, parameters: ClosureParameters
+) -> Columns:
+    """Columns of the `Candidates` whose earlier footstep lies in one block of rows."""
+    last = min(first + _block_rows(similarity.count), similarity.count)
+    margin = parameters.half_sequence + parameters.ridge_footsteps
+    top, bottom = max(first - margin, 0), min(last + margin, similarity.count)
+    scores = similarity.rows(top, bottom)
+    mean = sequence_mean(scores, parameters.half_sequence, direction)
+    reach = 2 * parameters.ridge_footsteps + 1
+    ridge = mean >= np.minimum(maximum_filter1d(mean, reach, 0), maximum_filter1d(mean, reach, 1))
+    inside = slice(first - top, last - top)
+    i, j = np.nonzero(ridge[inside] & (mean[inside] >= parameters.threshold))
+    far = j - (i + first) >= parameters.near_footsteps
+    i, j = i[far] + first - top, j[far]
+    peak = sequence_mean(scores, parameters.half_peak, direction)
+    found = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
+    return i + top, j, *found, np.full(len(i), direction)
+
+
+def sequence_mean(scores: F32, half: int, direction: int) -> F32:
+    """Means (n, m) over up to `half` rows before and after, one column on for each row.
+
+    Or one column back, where `direction` is BACK. Shorter at the edges.
+    """
+    rows, columns = scores.shape
+    total, count = np.zeros_like(scores), np.zeros_like(scores)
+    for k in range(-min(half, rows - 1), min(half, rows - 1) + 1):
+        aside = k * direction
+        to = (slice(max(0, -k), rows - max(0, k)), slice(max(0, -aside), columns - max(0, aside)))
+        of = (slice(max(0, k), rows - max(0, -k)), slice(max(0, aside), columns - max(0, -aside)))
+        total[to] += scores[of]
+        count[to] += 1
+    return np.asarray(total / count)
+
+
+def _offset(mean: F32, i: I64, j: I64) -> F64:
+    """How far beside column j the parabola through it and its neighbours peaks, in columns.
+
+    Zero in the first and last column, which have a neighbour on one side only.
+    """
+    inside = np.clip(j, 1, mean.shape[1] - 2)
+    left, at, right = (mean[i, inside + k].astype(np.float64) for k in (-1, 0, 1))
+    curvature = np.minimum(2 * (left - 2 * at + right), -1e-3)
+    return np.where(inside == j, np.clip((left - right) / curvature, -1.0, 1.0), 0.0)
+
+
+def _i_from_j(found: Candidates, nodes: Odometry) -> F64:
+    """Relative poses (k, 3): how far footstep j lies ahead of footstep i, and its turn."""
+    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
+    back = found.direction == BACK
+    # Walking back, stretch j begins where stretch i ends: a step ahead of footstep i.
+    ahead = (found.j - found.line_j) * found.direction + back
+    forward_m = ahead * steps_m[np.minimum(found.j, len(steps_m) - 1)]
+    return np.column_stack([forward_m, np.zeros(len(back)), np.where(back, np.pi, 0.0)])
+
+
+def _sigma(parameters: ClosureParameters) -> F64:
+    return np.array(
+        [parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad]
     )
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            ransac.fit(i[:, None], j)
-    except ValueError:  # no two candidates make a plausible line
-        return np.zeros((0, 4))
-    return _inliers(points, ransac.inlier_mask_, parameters)
 
 
-def _inliers(points: I64, inlier: Bool, parameters: ClosureParameters) -> F64:
-    """What lies near the best line through the inliers: RANSAC's own is drawn through two only."""
-    i, j = points.T.astype(float)
-    if np.ptp(i[inlier]) == 0:
-        return np.zeros((0, 4))
-    for share in GATHERED_WITHIN:
-        slope, offset = np.polyfit(i[inlier], j[inlier], 1)
-        line_j = slope * i + offset
-        inlier = np.abs(j - line_j) <= share * parameters.line_distance
-        if not (_long_enough(i[inlier], parameters) and _plausible(slope, parameters)):
-            return np.zeros((0, 4))
-    return np.column_stack([points, line_j, np.full(len(points), slope)])[inlier]
+def _gate(parameters: ClosureParameters) -> float:
+    return float(chi2.ppf(parameters.gate_probability, DEGREES_OF_FREEDOM))
 
 
-def _long_enough(i: F64, parameters: ClosureParameters) -> bool:
-    enough = len(i) >= parameters.line_points
-    return enough and bool(np.ptp(i) + 1 >= parameters.line_length)
+def _most_alike(values: I64) -> int:
+    """How often the most frequent value occurs."""
+    return int(np.bincount(values).max()) if len(values) else 0
 
 
-def _plausible(slope: float, parameters: ClosureParameters) -> bool:
-    return parameters.slope_low <= abs(slope) <= parameters.slope_high
-
-
-def _one_per_line(curated: Curated, scores: F32) -> I64:
-    """Indices of the best pair per footstep i and crossing line: one closure for each revisit."""
-    group = np.round(curated.line_j / 4.0).astype(int)
-    order = np.argsort(-scores[curated.i, curated.j], kind="stable")
-    _, first = np.unique(np.column_stack([curated.i, group])[order], axis=0, return_index=True)
-    return np.sort(order[first])
-
-
-def _step_lengths(nodes: Odometry) -> F64:
-    return np.asarray(np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1))
+def _block_rows(count: int) -> int:
+    """Rows worked on at a time: a block of them has about four million scores."""
+    return max(4_000_000 // max(count, 1), 64)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.values import Features, Odometry, Similarity
+from elfslam.base.values import Features, MeanSimilarity, Odometry
 
 
 def footstep_means(features: Features, footsteps_t_s: F64) -> F32:
@@ -22,7 +22,7 @@ def footstep_means(features: Features, footsteps_t_s: F64) -> F32:
     return (sums / np.maximum(counts, 1)[:, None]).astype(np.float32)
 
 
-def echo_sequence_similarity(features: Features, nodes: Odometry) -> Similarity:
-    """ESS between all footsteps: scores (n-1, n-1), symmetric."""
+def echo_sequence_similarity(features: Features, nodes: Odometry) -> MeanSimilarity:
+    """ESS between all footsteps, symmetric."""
     means = footstep_means(features, nodes.t_s)
-    return Similarity(means @ means.T, kind=f"elf:{features.encoder}")
+    return MeanSimilarity(means, kind=f"elf:{features.encoder}")

@@ -10,13 +10,14 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.values import Closures, Echoes, Odometry, Similarity, Trajectory
+from elfslam.base.values import AnySimilarity, Closures, Echoes, Odometry, Trajectory
 from elfslam.score.figures import CLOSURE, DEAD_RECKONING, GRID, METHODS, SLAM, TRUTH, styled
 
 MATRIX_AT_MOST = 800
 """Larger similarity matrices are shown in blocks, so that the page stays under 10 MB."""
 
 HISTOGRAM_BINS = 80
+HISTOGRAM_ROWS = 2000
 GAP = "rgba(209,52,75,0.2)"
 CURVE_POINTS = 400
 SIMILARITY_SCALE = [[0.0, "rgba(15,139,141,0)"], [1.0, "rgba(15,139,141,1)"]]
@@ -25,9 +26,9 @@ Curves = Mapping[tuple[str, str], tuple[F64, F64]]
 """Times (n) and errors (n) by (method, alignment)."""
 
 
-def similarity_figure(similarity: Similarity, closures: Closures) -> go.Figure:
+def similarity_figure(similarity: AnySimilarity, closures: Closures) -> go.Figure:
     """The matrix over footsteps, with the curated closures marked on both sides."""
-    scores, footstep = reduced(similarity.scores)
+    scores, footstep = reduced(similarity)
     off_diagonal = scores[~np.eye(len(scores), dtype=bool)]
     low, high = np.quantile(off_diagonal, [0.05, 0.999]) if off_diagonal.size else (0.0, 1.0)
     heat = go.Heatmap(
@@ -51,31 +52,36 @@ def similarity_figure(similarity: Similarity, closures: Closures) -> go.Figure:
     )
     figure = styled(go.Figure([heat, marks]), height_px=460)
     figure.update_layout(showlegend=True)
-    ends = [-0.5, similarity.scores.shape[0] - 0.5]
+    ends = [-0.5, similarity.count - 0.5]
     figure.update_xaxes(title_text="footstep", range=ends, constrain="domain", showgrid=False)
     figure.update_yaxes(title_text="footstep", range=ends[::-1], constrain="domain", showgrid=False)
     figure.update_yaxes(scaleanchor="x")
     return figure
 
 
-def reduced(scores: F32) -> tuple[F32, I64]:
+def reduced(similarity: AnySimilarity) -> tuple[F32, I64]:
     """The matrix with at most MATRIX_AT_MOST rows, and the first footstep of each row.
 
     A block shows its greatest score: a mean would wash out the thin diagonals that matter.
     """
-    size = scores.shape[0]
-    block = max(-(-size // MATRIX_AT_MOST), 1)
-    starts = np.arange(0, size, block)
+    block = max(-(-similarity.count // MATRIX_AT_MOST), 1)
+    firsts = range(0, similarity.count, block)
+    greatest = [similarity.rows(first, first + block).max(axis=0) for first in firsts]
+    starts = np.asarray(firsts, dtype=np.int64)
+    scores = np.array(greatest, dtype=np.float32).reshape(len(starts), similarity.count)
     if block > 1:
-        scores = np.maximum.reduceat(scores, starts, axis=0)
         scores = np.maximum.reduceat(scores, starts, axis=1)
     return np.round(scores, 3).astype(np.float32), starts
 
 
-def histogram_figure(similarity: Similarity, threshold: float | None) -> go.Figure:
-    """How the scores of all pairs are spread, and where the threshold cuts."""
-    scores = similarity.scores[np.triu_indices_from(similarity.scores, k=1)]
-    counts, edges = np.histogram(scores, bins=HISTOGRAM_BINS)
+def histogram_figure(similarity: AnySimilarity, threshold: float | None) -> go.Figure:
+    """How the scores of all pairs are spread, and where the threshold cuts.
+
+    Of a long walk, the pairs of HISTOGRAM_ROWS footsteps spread over it.
+    """
+    rows = np.unique(np.linspace(0, similarity.count - 1, HISTOGRAM_ROWS).astype(int))
+    pairs = [similarity.rows(k, k + 1)[0, k + 1 :] for k in rows if 0 <= k < similarity.count]
+    counts, edges = np.histogram(np.concatenate([np.empty(0), *pairs]), bins=HISTOGRAM_BINS)
     middles = (edges[:-1] + edges[1:]) / 2
     bars = go.Bar(x=middles, y=counts, marker={"color": SLAM, "line": {"width": 0}}, opacity=0.7)
     figure = styled(go.Figure(bars), height_px=460)

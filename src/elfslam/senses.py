@@ -1,0 +1,71 @@
+"""What can close loops: the echoes, and the senses they are compared and joined with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.values import AnySimilarity, Odometry, Recording
+from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
+from elfslam.learn.settings import FinetuneParameters, PretrainParameters
+from elfslam.line.closure import ClosureParameters
+from elfslam.slam import Parameters, Sense, no_similarity
+
+
+@dataclass(frozen=True)
+class Settings(Parameters):
+    """Every parameter there is: the line's, the rivals' and the training's."""
+
+    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
+    magnetic_closure: ClosureParameters = field(default_factory=ClosureParameters)
+    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
+    finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
+
+
+class Modality(StrEnum):
+    """What closes the loops."""
+
+    ELF = "elf"
+    MAGNETIC = "magnetic"
+    MOTION = "motion"
+
+
+def parse_modalities(text: str | None) -> tuple[Modality, ...]:
+    """The modalities in "elf,magnetic", none where nothing is said. Raises ParameterError."""
+    names = [] if text is None else [name.strip() for name in text.split(",")]
+    known = [item.value for item in Modality]
+    for name in names:
+        if name not in known:
+            raise ParameterError(f"--by: wanted {', '.join(known)}, got {name!r}; name one or some")
+    if len(set(names)) < len(names):
+        raise ParameterError(f"--by: got {text!r}; name each modality once")
+    if Modality.MOTION in names and len(names) > 1:
+        raise ParameterError("--by: motion closes no loops; name it alone or leave it out")
+    return tuple(Modality(name) for name in names)
+
+
+def sense_of(modality: Modality, known: Settings) -> Sense:
+    """What a modality other than the echoes makes of a walk."""
+    return SENSES[modality](known)
+
+
+def _magnetic(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.magnetometer is None:
+            raise InputError(f"{recording.name}: no magnetometer; map it with --by elf or motion")
+        sensors = recording.magnetometer, recording.orientation
+        return magnetic_similarity(*sensors, nodes, known.magnetic)
+
+    return Sense(similarity, known.magnetic_closure)
+
+
+def _motion(known: Settings) -> Sense:
+    return Sense(no_similarity, known.closure)
+
+
+SENSES: Mapping[Modality, Callable[[Settings], Sense]] = {
+    Modality.MAGNETIC: _magnetic,
+    Modality.MOTION: _motion,
+}
