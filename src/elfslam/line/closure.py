@@ -8,11 +8,9 @@ the walker at two places at once only the clearly better one stays. The graph ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 from scipy.ndimage import maximum_filter1d
 from scipy.stats import chi2
 
@@ -24,7 +22,6 @@ from elfslam.base.values import AnySimilarity, Closures, Odometry
 AGAIN, BACK = 1, -1
 """Ways of walking a stretch a second time."""
 DEGREES_OF_FREEDOM = 3
-Columns = tuple[npt.NDArray[Any], ...]
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,10 @@ def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Cand
         for first in range(0, similarity.count, _block_rows(similarity.count))
         for direction in (AGAIN, BACK)
     ]
-    return Candidates(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    columns = [item.name for item in fields(Candidates)]
+    return Candidates(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in columns)
+    )
 
 
 def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
@@ -148,8 +148,8 @@ def _contradict(
 
 def _ridges(
     similarity: AnySimilarity, first: int, direction: int, parameters: ClosureParameters
-) -> Columns:
-    """Columns of the `Candidates` whose earlier footstep lies in one block of rows."""
+) -> Candidates:
+    """The candidates whose earlier footstep lies in one block of rows."""
     last = min(first + _block_rows(similarity.count), similarity.count)
     margin = parameters.half_sequence + parameters.ridge_footsteps
     top, bottom = max(first - margin, 0), min(last + margin, similarity.count)
@@ -162,8 +162,8 @@ def _ridges(
     far = j - (i + first) >= parameters.near_footsteps
     i, j = i[far] + first - top, j[far]
     peak = sequence_mean(scores, parameters.half_peak, direction)
-    found = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
-    return i + top, j, *found, np.full(len(i), direction)
+    score, line_j = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
+    return Candidates(i + top, j, score, line_j, np.full(len(i), direction))
 
 
 def sequence_mean(scores: F32, half: int, direction: int) -> F32:
