@@ -76,8 +76,8 @@ class Candidates:
 
     def chosen(self, rows: Bool) -> Candidates:
         """Those of some rows."""
-        parts = (self.i, self.j, self.score, self.line_j, self.direction)
-        return Candidates(*(part[rows] for part in parts))
+        i, j, score = self.i[rows], self.j[rows], self.score[rows]
+        return Candidates(i, j, score, self.line_j[rows], self.direction[rows])
 
 
 def find_closures(
