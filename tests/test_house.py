@@ -85,7 +85,7 @@ def test_imports_go_down_and_rooms_keep_to_themselves(path: Path) -> None:
         ("line/echo.py", "from elfslam.line.graph import optimise"),
         ("world/room.py", "import elfslam.learn.loss"),
         ("data/runs.py", "import torch.nn"),
-        ("cli.py", "from plotly import graph_objects"),
+        ("cli/maps.py", "from plotly import graph_objects"),
         ("slam.py", "from elfslam import data"),
     ],
 )

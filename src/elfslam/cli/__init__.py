@@ -1,0 +1,60 @@
+"""One command, thin verbs. Exit codes: 0 done, 1 no honest answer, 2 bad input."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+
+import typer
+
+from elfslam.base.errors import ParameterError
+from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
+from elfslam.cli.maps import locate_command, map_command
+from elfslam.cli.scores import score, show, study
+from elfslam.cli.walks import demo, import_command, simulate_command
+from elfslam.console import DONE, INTERRUPTED, exit_code_of
+
+app = typer.Typer(
+    name="elfslam",
+    help="Indoor positioning from the sound of a phone.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+VERBS: Mapping[str, Callable[..., None]] = {
+    "demo": demo,
+    "simulate": simulate_command,
+    "import": import_command,
+    "map": map_command,
+    "locate": locate_command,
+    "score": score,
+    "show": show,
+    "study": study,
+    "parameters": parameters,
+    "pretrain": pretrain_command,
+    "finetune": finetune_command,
+    "card": card,
+}
+for name, verb in VERBS.items():
+    app.command(name)(verb)
+
+
+def _run_app() -> None:
+    """The commands; what Typer refuses becomes one line as well."""
+    if len(sys.argv) == 1:
+        app()
+    try:
+        sys.exit(app(standalone_mode=False) or DONE)
+    except (typer.Abort, KeyboardInterrupt) as stop:
+        raise SystemExit(INTERRUPTED) from stop
+    except Exception as error:
+        explain = getattr(error, "format_message", None)
+        if explain is None:
+            raise
+        raise ParameterError(f"{explain()} See elfslam --help") from error
+
+
+def main() -> None:
+    """The `elfslam` command."""
+    sys.exit(exit_code_of(_run_app))

@@ -1,0 +1,117 @@
+"""Verbs that map and locate."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from elfslam import slam
+from elfslam.base.errors import NoAnswerError
+from elfslam.base.parameters import load
+from elfslam.base.values import FixStatus
+from elfslam.cli.options import (
+    AsJson,
+    EncoderName,
+    Force,
+    ParameterFile,
+    Plan,
+    Setting,
+    drawn_plan,
+    refuse_if_none,
+    say_refused,
+)
+from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.fixes_files import write_fixes
+from elfslam.data.map_files import read_map
+from elfslam.data.recordings import read_recording
+from elfslam.data.runs import read_facts
+from elfslam.line.feature import load_encoder
+from elfslam.mapping import (
+    MapJob,
+    breaks,
+    encoder_of,
+    map_into,
+    map_many,
+    parse_start,
+    recordings_in,
+)
+from elfslam.senses import Settings, parse_modalities
+
+
+def map_command(
+    recording: Annotated[Path, typer.Argument(help="A recording, or a folder of recordings.")],
+    out: Annotated[Path, typer.Argument(help="The run folder, or the folder of run folders.")],
+    by: Annotated[str | None, typer.Option(help="elf,magnetic: default elf with sound.")] = None,
+    start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
+    encoder: EncoderName = "compact",
+    finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
+    calibrate: Annotated[bool, typer.Option(help="For other phones to be located.")] = False,
+    plan: Plan = None,
+    force: Force = False,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
+    known = load(Settings(), parameter_file, setting or [])
+    drawn = drawn_plan(plan)
+    job = MapJob(
+        parse_modalities(by), parse_start(start), encoder, known, force, finetune, calibrate
+    )
+    paths = recordings_in(recording)
+    with progress_bar() as announce:
+        if paths == [recording]:
+            run = map_into(out, recording, job, announce, drawn)
+        else:
+            refused = map_many(out, paths, job, announce)
+    if paths == [recording]:
+        _say_mapped(run, out)
+    else:
+        mapped = len(paths) - len(refused)
+        refuse_if_none("mapped", recording, refused, mapped)
+        say(f"mapped {mapped} of {len(paths)} recordings into {out}")
+        say_refused("mapped", refused)
+
+
+def _say_mapped(run: slam.Run, out: Path) -> None:
+    for line in [] if run.echoes is None else breaks(run.echoes):
+        say(line)
+    if "finetuning" in (facts := read_facts(out)):
+        say(f"fine-tuning: {facts['finetuning']}")
+    kept = int((run.trajectory.closure_weights > 0.5).sum())
+    say(
+        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "
+        f"look at {out / 'report.html'}"
+    )
+    if run.trajectory.status != "OK" and run.similarity.kind != "motion":
+        raise NoAnswerError(
+            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
+            "walk at least two rounds of the same route"
+        )
+
+
+def locate_command(
+    recording: Annotated[Path, typer.Argument(help="The recording to be located.")],
+    floor_map: Annotated[Path, typer.Argument(metavar="MAP", help="A run folder.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
+    encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Locate a recording in a map, one fix per 0.6 s of sound."""
+    parameters = load(Settings(), parameter_file, setting or [])
+    known = read_map(floor_map)
+    used = load_encoder(encoder) if encoder else encoder_of(floor_map, known)
+    with progress_bar() as announce:
+        announce("locating", None)
+        heard = read_recording(recording, parameters.chirp)
+        fixes = slam.locate(heard, known, used, parameters)
+    write_fixes(fixes, out)
+    counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
+    print_rows(
+        [{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json
+    )
+    if counts["OK"] == 0:
+        raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")

@@ -1,0 +1,115 @@
+"""Verbs that make recordings: simulated, or someone else's."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from elfslam.base.parameters import load
+from elfslam.cli.options import (
+    AsJson,
+    EncoderName,
+    ParameterFile,
+    Seed,
+    Setting,
+    refuse_if_none,
+    say_refused,
+)
+from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
+from elfslam.data.recordings import write_recording
+from elfslam.line.feature import load_encoder
+from elfslam.mapping import (
+    line_only,
+    versions,
+)
+from elfslam.senses import Settings
+from elfslam.studies.demo import run_demo
+from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
+from elfslam.world.device import DEVICES, GRADES, built_in_grade
+from elfslam.world.sensors import parse_sensors
+from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.world_file import load_world, world_names
+
+
+def demo(
+    out: Annotated[Path, typer.Argument(help="Folder for recordings, map and reports.")],
+    encoder: EncoderName = "compact",
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Map ten simulated walks, locate ten others in them, write one of each with its reports."""
+    parameters = load(Settings(), parameter_file, setting or [])
+    with progress_bar() as announce:
+        walks, fixes = run_demo(
+            out, load_encoder(encoder), line_only(parameters), facts=versions(), announce=announce
+        )
+    print_rows(walks, title="Mapping, 5 rounds in a room of 60 m2 (m)", as_json=as_json)
+    print_rows(fixes, title="A second walk located in each map (m)", as_json=as_json)
+    say(f"look at {out / 'score.html'}, {out / 'fixes.html'} and {out / 'run' / 'report.html'}")
+
+
+def simulate_command(
+    world: Annotated[str, typer.Argument(help=f"{', '.join(world_names())} or a TOML file.")],
+    out: Annotated[Path, typer.Argument(help="Folder for the recording and its truth.")],
+    seed: Seed = 0,
+    rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
+    rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
+    reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
+    sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
+    state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
+    day: Annotated[int, typer.Option(help="Days since the world was drawn.")] = 0,
+    people: Annotated[int, typer.Option(help="How many others walk about.")] = 0,
+    device: Annotated[str, typer.Option(help=", ".join(DEVICES))] = "simulated phone",
+    volume: Annotated[float, typer.Option(help="Share of the phone's full level.")] = 1.0,
+    sounds: Annotated[str, typer.Option(help=f"Heard besides: {','.join(SOUNDS)}.")] = "",
+    other_phones: Annotated[int, typer.Option(help="How many others chirp in the room.")] = 0,
+    engine: Annotated[str, typer.Option(help=" or ".join(ENGINES))] = ENGINES[0],
+    imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
+) -> None:
+    """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
+    heard = parse_sounds(sounds)
+    today = Circumstances(state, day, people, device, volume, heard, other_phones, engine)
+    with progress_bar() as announce:
+        recording, truth = simulate(
+            load_world(world),
+            seed,
+            rounds=rounds,
+            rate_hz=rate_hz,
+            reverse=reverse,
+            sensors=parse_sensors(sensors),
+            grade=built_in_grade(imu),
+            circumstances=today,
+            progress=lambda share: announce(f"simulating {world}", share),
+        )
+    write_recording(recording, out, chirp_description=describe_chirp(), truth=truth)
+    say(f"wrote {out} ({truth.t_s[-1]:.0f} s)")
+
+
+def import_command(
+    log_format: Annotated[LogFormat, typer.Argument(metavar="FORMAT", help=", ".join(LogFormat))],
+    path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
+    out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
+    drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Turn someone else's log into recordings."""
+    count = damaged = 0
+    refused: dict[str, str] = {}
+    with progress_bar() as announce:
+        for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
+            if isinstance(item, Refused):
+                refused[item.name] = item.reason
+                continue
+            announce(item.recording.name, None)
+            folder = out / item.recording.name if takes_many(log_format) else out
+            write_recording(item.recording, folder, truth=item.truth)
+            count, damaged = count + 1, damaged + item.damaged_lines
+    refuse_if_none("imported", path, refused, count)
+    summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
+    print_rows([summary], title="Imported", as_json=as_json)
+    say_refused("imported", refused)
