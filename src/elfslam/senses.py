@@ -8,7 +8,14 @@ from enum import StrEnum
 
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import AnySimilarity, Odometry, Recording
-from elfslam.baselines.magnetic import MagneticParameters, magnetic_similarity
+from elfslam.baselines.emr import EMR_CLOSURES, EmrParameters, emr_similarity
+from elfslam.baselines.magnetic import (
+    MAGNETIC_CLOSURES,
+    MagneticParameters,
+    level_by_gravity,
+    magnetic_similarity,
+)
+from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters, wifi_similarity
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.slam import Parameters, Sense, no_similarity
@@ -18,8 +25,12 @@ from elfslam.slam import Parameters, Sense, no_similarity
 class Settings(Parameters):
     """Every parameter there is: the line's, the rivals' and the training's."""
 
+    wifi: WifiParameters = field(default_factory=WifiParameters)
+    wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)
     magnetic: MagneticParameters = field(default_factory=MagneticParameters)
-    magnetic_closure: ClosureParameters = field(default_factory=ClosureParameters)
+    magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)
+    emr: EmrParameters = field(default_factory=EmrParameters)
+    emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
 
@@ -28,7 +39,9 @@ class Modality(StrEnum):
     """What closes the loops."""
 
     ELF = "elf"
+    WIFI = "wifi"
     MAGNETIC = "magnetic"
+    EMR = "emr"
     MOTION = "motion"
 
 
@@ -51,14 +64,34 @@ def sense_of(modality: Modality, known: Settings) -> Sense:
     return SENSES[modality](known)
 
 
+def _wifi(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.wifi is None:
+            raise InputError(f"{recording.name}: no Wi-Fi scans; map it by something else")
+        return wifi_similarity(recording.wifi, nodes, known.wifi)
+
+    return Sense(similarity, known.wifi_closure)
+
+
 def _magnetic(known: Settings) -> Sense:
     def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
         if recording.magnetometer is None:
-            raise InputError(f"{recording.name}: no magnetometer; map it with --by elf or motion")
-        sensors = recording.magnetometer, recording.orientation
-        return magnetic_similarity(*sensors, nodes, known.magnetic)
+            raise InputError(f"{recording.name}: no magnetometer; map it by something else")
+        level = recording.orientation
+        if level is None and recording.imu is not None:
+            level = level_by_gravity(recording.imu)
+        return magnetic_similarity(recording.magnetometer, level, nodes, known.magnetic)
 
     return Sense(similarity, known.magnetic_closure)
+
+
+def _emr(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.emr is None:
+            raise InputError(f"{recording.name}: no mains hum; map it by something else")
+        return emr_similarity(recording.emr, nodes, known.emr)
+
+    return Sense(similarity, known.emr_closure)
 
 
 def _motion(known: Settings) -> Sense:
@@ -66,6 +99,8 @@ def _motion(known: Settings) -> Sense:
 
 
 SENSES: Mapping[Modality, Callable[[Settings], Sense]] = {
+    Modality.WIFI: _wifi,
     Modality.MAGNETIC: _magnetic,
+    Modality.EMR: _emr,
     Modality.MOTION: _motion,
 }

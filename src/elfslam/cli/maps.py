@@ -43,7 +43,7 @@ from elfslam.senses import Settings, parse_modalities
 def map_command(
     recording: Annotated[Path, typer.Argument(help="A recording, or a folder of recordings.")],
     out: Annotated[Path, typer.Argument(help="The run folder, or the folder of run folders.")],
-    by: Annotated[str | None, typer.Option(help="elf,magnetic: default elf with sound.")] = None,
+    by: Annotated[str | None, typer.Option(help="elf,wifi,magnetic,emr or motion.")] = None,
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
