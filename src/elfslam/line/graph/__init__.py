@@ -1,0 +1,7 @@
+"""The pose graph: dead reckoning and closures together, and which closures to believe."""
+
+from elfslam.line.graph.build import build_graph
+from elfslam.line.graph.optimise import optimise
+from elfslam.line.graph.parameters import GraphParameters
+
+__all__ = ["GraphParameters", "build_graph", "optimise"]
