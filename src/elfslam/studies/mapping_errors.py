@@ -2,28 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.values import AnySimilarity, Odometry, Recording, Truth
+from elfslam.base.values import AnySimilarity, Closures, Odometry, Recording, Trajectory, Truth
 from elfslam.learn.settings import ScratchParameters
-from elfslam.line.closure import ClosureParameters
+from elfslam.line.closure import find_closures
+from elfslam.line.curation import curated_closures
 from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.line.motion import calibrated_by_distance
+from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.bars import Bar, bars_figure
 from elfslam.score.closure_score import score_closures
+from elfslam.score.coverage import trajectory_coverage
 from elfslam.score.errors import Alignment, path_length_m, position_errors, summarise
-from elfslam.score.page import Page, Panel, rows_table
 from elfslam.senses import Modality, Settings, sense_of
-from elfslam.slam import closures_of, hear, joined, walk_nodes
-from elfslam.studies.finding import Announce, Finding, Row
-from elfslam.studies.intervals import mean_row
+from elfslam.slam import hear, joined, walk_nodes
+from elfslam.studies.finding import Announce, Finding
+from elfslam.studies.mapping_table import mapping_page, mapping_rows
 from elfslam.studies.repeats import Numbers, finished
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
@@ -33,16 +33,149 @@ SEEDS = tuple(range(10))
 ROUNDS = 4
 COURSE = "concourse"
 """Where a walker is calibrated: a lap of known length."""
-OFF = 0.1
-"""A walker who is not calibrated takes steps this much longer, or shorter, than assumed."""
+OFF, OFF_SIGMA = 0.1, 0.1
+"""Steps are assumed this much too long (even seeds) or too short, and known no better."""
 CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
 RIVALS = (Modality.WIFI, Modality.MAGNETIC, Modality.EMR)
-ELF, SCRATCH, CURATED, FUSED = "ELF", "ELF without pre-training", "ELF, paper's curation", "all"
-REACKONED = "dead reckoning"
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
-PAPER: Mapping[str, Mapping[str, str]] = {
-    ELF: {"living_room": "0.10 / 0.10 / 0.14", "office": "0.63 / 0.63 / 0.80", "mall": "0.45 / 0.53 / 0.69"},
-    SCRATCH: {"living_room": "0.73 / 0.82 / 1.25", "office": "1.69 / 1.68 / 1.94", "mall": "1.16 / 1.14 / 1.42"},
-    "wifi": {"living_room": "0.44 / 0.45 / 0.55", "office": "1.52 / 1.54 / 2.06", "mall": "1.24 / 1.26 / 1.54"},
-    "magnetic": {"living_room": "0.56 / 0.55 / 0.64", "office": "1.14 / 1.24 / 1.82", "mall": "0.79 / 0.81 / 1.05"},
-}  # fmt: skip
+NO_CLOSURES = Closures([], [], [], np.empty((0, 3)), np.empty((0, 3, 3)))
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A simulated walk."""
+
+    world: str
+    seed: int
+    rounds: int
+
+
+def measure_mapping(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    worlds: Sequence[str] = WORLDS,
+    seeds: Sequence[int] = SEEDS,
+    rounds: int = ROUNDS,
+    scratch: ScratchParameters | None = None,
+) -> Finding:
+    """Errors of every method for walkers calibrated and not; `data` is not needed."""
+    tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
+    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    by_world = {
+        world: [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
+        for world in worlds
+    }
+    rows = mapping_rows(by_world)
+    return Finding(rows, mapping_page(rows))
+
+
+def _measured(walk: Walk, scratch: ScratchParameters) -> Numbers:
+    recording, truth = simulate(
+        load_world(walk.world), walk.seed, rounds=walk.rounds, sensors=SENSORS
+    )
+    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
+    recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
+    encoders = _encoders(recording, walk.seed, scratch)
+    numbers: Numbers = {}
+    for walker, known in walkers(walk.seed).items():
+        nodes = walk_nodes(recording, known)
+        for method, closures in _closures(recording, nodes, encoders, known):
+            trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
+            found = {**_errors(trajectory, truth), **_evidence(closures, trajectory, truth)}
+            numbers |= {f"{walker}|{method}|{name}": value for name, value in found.items()}
+    return numbers
+
+
+def walkers(seed: int) -> Mapping[str, Settings]:
+    """The settings for this walker, calibrated on another walk, and with steps 10 % off."""
+    usual = Settings()
+    recording, truth = simulate(load_world(COURSE), seed, rounds=1, sound=False)
+    assert recording.imu is not None
+    length_m = path_length_m(truth.world_from_body[:, :2])
+    known = calibrated_by_distance(recording.imu, length_m, usual.motion)
+    off = calibrated(known, 1 + OFF * (1 if seed % 2 == 0 else -1), OFF_SIGMA)
+    return {CALIBRATED: replace(usual, motion=known), UNCALIBRATED: replace(usual, motion=off)}
+
+
+def _encoders(recording: Recording, seed: int, scratch: ScratchParameters) -> dict[str, Encoder]:
+    from elfslam.learn.from_scratch import learn_from_scratch
+
+    alone = learn_from_scratch(hear(recording, Settings()), scratch, seed=seed)
+    return {"ELF": _shipped(), "ELF without pre-training": alone}
+
+
+@cache
+def _shipped() -> Encoder:
+    return load_encoder("compact")
+
+
+def _closures(
+    recording: Recording, nodes: Odometry, encoders: Mapping[str, Encoder], known: Settings
+) -> Iterator[tuple[str, Closures]]:
+    """Closures by method, first none, at last those of all senses together."""
+    heard = hear(recording, known)
+    elf = {
+        name: echo_sequence_similarity(extract_features(heard, encoder), nodes)
+        for name, encoder in encoders.items()
+    }
+    found = {
+        name: find_closures(similarity, nodes, known.closure) for name, similarity in elf.items()
+    }
+    found["ELF, paper's curation"] = _curated(elf["ELF"], nodes, known, known.closure.threshold)
+    for item in RIVALS:
+        sense = sense_of(item, known)
+        similarity = sense.similarity_of(recording, nodes)
+        found[item.value] = find_closures(similarity, nodes, sense.closure)
+    for item, paper in _as_in_the_paper(known).items():
+        sense = sense_of(item, paper)
+        similarity = sense.similarity_of(recording, nodes)
+        found[f"{item}, paper's"] = _curated(similarity, nodes, paper, sense.closure.threshold)
+    yield "dead reckoning", NO_CLOSURES
+    yield from found.items()
+    yield "all together", joined([found["ELF"], *(found[item.value] for item in RIVALS)])
+
+
+def _curated(
+    similarity: AnySimilarity, nodes: Odometry, known: Settings, threshold: float
+) -> Closures:
+    return curated_closures(similarity, nodes, replace(known.curation, threshold=threshold))
+
+
+def _as_in_the_paper(known: Settings) -> Mapping[Modality, Settings]:
+    return {
+        Modality.WIFI: replace(known, wifi=replace(known.wifi, variant="paper")),
+        Modality.MAGNETIC: replace(known, magnetic=replace(known.magnetic, variant="paper")),
+    }
+
+
+def _errors(trajectory: Trajectory, truth: Truth) -> Numbers:
+    numbers: Numbers = {}
+    for alignment in Alignment:
+        errors = position_errors(trajectory.t_s, trajectory.world_from_body, truth, alignment)
+        summary = summarise(errors)
+        numbers |= {
+            f"{alignment.value}|median": summary.median_m,
+            f"{alignment.value}|mean": summary.mean_m,
+            f"{alignment.value}|Q3": summary.q3_m,
+        }
+    return numbers
+
+
+def _evidence(closures: Closures, trajectory: Trajectory, truth: Truth) -> Numbers:
+    """How right the closures were, found and believed, and the sigmas of the trajectory."""
+    kept = trajectory.closure_weights > 0.5
+    score = score_closures(closures, trajectory.t_s, truth)
+    known = np.isfinite(score.distance_m)
+    covered = trajectory_coverage(trajectory, truth)
+    return {
+        "closures|found": float(known.sum()),
+        "closures|right": float(score.right[known].sum()),
+        "closures|believed": float((known & kept).sum()),
+        "closures|believed right": float(score.right[known & kept].sum()),
+        "uncertainty|within one sigma": covered.one_sigma,
+        "uncertainty|within two sigma": covered.two_sigma,
+        "uncertainty|NEES": covered.nees,
+    }
