@@ -90,12 +90,16 @@ class Emr(Value):
 class Odometry(Value):
     """Dead reckoning: a pose per node (footstep) and the sigma of each move.
 
-    `step_sigma` is (forward m, lateral m, heading rad) in the body frame of the earlier node.
+    `step_sigma` is (forward m, lateral m, heading rad) in the body frame of the earlier node,
+    independent from move to move. What is wrong alike all along the walk comes on top, 0 where
+    nobody says: `scale_sigma` of all lengths (relative), and a steady turn.
     """
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3)
     step_sigma: F64 = array("n-1", 3)
+    scale_sigma: float = 0.0
+    heading_drift_sigma_radps: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
