@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -12,6 +14,7 @@ from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import Odometry
 
 COUNT = 40
+STEP_S = 0.5
 SIGMA = np.array([0.03, 0.02, 0.01])
 
 
@@ -22,10 +25,10 @@ def curved_moves() -> F64:
 
 def walk(moves: F64, start: tuple[float, float, float] = (3.0, -2.0, 0.4)) -> Odometry:
     poses = chain(np.array(start), moves)
-    return Odometry(0.5 * np.arange(len(moves) + 1), poses, np.tile(SIGMA, (len(moves), 1)))
+    return Odometry(STEP_S * np.arange(len(moves) + 1), poses, np.tile(SIGMA, (len(moves), 1)))
 
 
-def scattered_ends(scale_sigma: float, i: int, j: int) -> F64:
+def scattered_ends(scale_sigma: float, turn_sigma_radps: float, i: int, j: int) -> F64:
     """Errors (k, 3) of the way from node i to node j, in the axes of the walk, of many walkers."""
     generator = np.random.default_rng(5)
     moves, clean = curved_moves()[i:j], walk(curved_moves()).world_from_body
@@ -33,6 +36,7 @@ def scattered_ends(scale_sigma: float, i: int, j: int) -> F64:
     for _ in range(4000):
         noisy = moves + generator.normal(0, SIGMA, moves.shape)
         noisy[:, :2] *= 1 + scale_sigma * generator.normal()
+        noisy[:, 2] += STEP_S * turn_sigma_radps * generator.normal()
         ends.append(chain(clean[i], noisy)[-1] - clean[j])
     errors = np.array(ends)
     errors[:, 2] = wrap_angle(errors[:, 2])
@@ -40,10 +44,15 @@ def scattered_ends(scale_sigma: float, i: int, j: int) -> F64:
 
 
 @pytest.mark.parametrize(("i", "j"), [(0, 40), (7, 31), (12, 13)])
-@pytest.mark.parametrize("scale_sigma", [0.0, 0.05])
-def test_the_covariance_is_that_of_many_walkers(i: int, j: int, scale_sigma: float) -> None:
-    wanted = np.cov(scattered_ends(scale_sigma, i, j).T)
-    got = Drift(walk(curved_moves()), scale_sigma).covariances(np.array([i]), np.array([j]))[0]
+@pytest.mark.parametrize(("scale_sigma", "turn_sigma_radps"), [(0, 0), (0.05, 0), (0.02, 0.004)])
+def test_the_covariance_is_that_of_many_walkers(
+    i: int, j: int, scale_sigma: float, turn_sigma_radps: float
+) -> None:
+    wanted = np.cov(scattered_ends(scale_sigma, turn_sigma_radps, i, j).T)
+    nodes = replace(
+        walk(curved_moves()), scale_sigma=scale_sigma, heading_drift_sigma_radps=turn_sigma_radps
+    )
+    got = Drift(nodes).covariances(np.array([i]), np.array([j]))[0]
     npt.assert_allclose(got, wanted, atol=0.12 * np.abs(np.diag(wanted)).max())
     npt.assert_allclose(np.diag(got), np.diag(wanted), rtol=0.12)
 
@@ -57,8 +66,8 @@ def test_moving_the_world_changes_no_disagreement() -> None:
     moves = curved_moves()
     i, j = np.array([0, 3, 10]), np.array([20, 15, 39])
     slack = np.array([0.3, 0.3, 0.2])
-    here = Drift(walk(moves), 0.05).disagreement(i, j, 0.1, slack)
-    far = Drift(walk(moves, (4000.0, -9000.0, 2.5)), 0.05).disagreement(i, j, 0.1, slack)
+    here = Drift(walk(moves)).disagreement(i, j, 0.1, slack)
+    far = Drift(walk(moves, (4000.0, -9000.0, 2.5))).disagreement(i, j, 0.1, slack)
     npt.assert_allclose(far, here, rtol=1e-6)
 
 

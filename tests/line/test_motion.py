@@ -15,6 +15,8 @@ from elfslam.base.values import Imu, Odometry
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import (
     MotionParameters,
+    calibrated,
+    calibrated_by_distance,
     dead_reckon,
     find_footsteps,
     gyroscope_bias,
@@ -82,7 +84,9 @@ def test_footsteps_come_at_the_planted_cadence(cadence_hz, bounce_mps2):
 
 
 def test_a_straight_walk_has_the_planted_length_and_direction():
-    parameters = replace(PARAMETERS, length_per_root_bounce=0.0, step_length_m=0.7)
+    parameters = replace(
+        PARAMETERS, length_power_of_bounce=0.0, length_power_of_cadence=0.0, step_length_m=0.7
+    )
     odometry = dead_reckon(walk(80, mounting=TILTED), parameters)
     x_m, y_m, heading_rad = odometry.world_from_body[-1]
     assert x_m == pytest.approx(0.7 * 79, abs=0.8)
@@ -106,16 +110,61 @@ def test_each_corner_turns_by_the_planted_angle():
         assert abs(wrap_angle(headings[step] - wanted)) < np.radians(3)
 
 
-def test_steps_grow_with_cadence_and_bounce():
-    parameters = replace(PARAMETERS, length_per_cadence_m_s=0.2)
+@pytest.mark.parametrize("power", [0.0, 0.4])
+def test_steps_follow_the_powers_of_cadence_and_bounce(power):
+    parameters = replace(PARAMETERS, length_power_of_bounce=power, length_power_of_cadence=-power)
 
-    def mean_length(**options):
+    def usual_length(**options):
         imu = walk(40, **options)
-        return step_lengths(imu, find_footsteps(imu, parameters), parameters).mean()
+        return np.median(step_lengths(imu, find_footsteps(imu, parameters), parameters))
 
-    usual = mean_length()
-    assert mean_length(cadence_hz=2.2) - usual == pytest.approx(0.2 * 0.4, abs=0.02)
-    assert mean_length(bounce_mps2=4.0) > usual + 0.05
+    usual = usual_length()
+    assert usual_length(bounce_mps2=3.5) / usual == pytest.approx(1.4**power, rel=0.02)
+    quicker = usual_length(cadence_hz=2.2) / usual
+    assert quicker == pytest.approx((CADENCE_HZ / 2.2) ** power, rel=0.06)  # the band is not flat
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0])
+@pytest.mark.parametrize("pitch_deg", [0.0, 30.0, 60.0])
+def test_steps_are_as_long_at_any_rate_and_tilt(rate_hz, pitch_deg):
+    mounting = Rotation.from_euler("xyz", [pitch_deg, 10, 0], degrees=True)
+    usual, other = (
+        np.median(step_lengths(imu, find_footsteps(imu, PARAMETERS), PARAMETERS))
+        for imu in (walk(40), walk(40, rate_hz=rate_hz, mounting=mounting))
+    )
+    assert other == pytest.approx(usual, rel=0.01)
+
+
+def test_a_pause_is_no_long_step():
+    imu, pause_s = walk(40), 5.0
+    footsteps = find_footsteps(imu, PARAMETERS)
+    later = footsteps + pause_s * (np.arange(len(footsteps)) >= 20)
+    usual, paused = (step_lengths(imu, t_s, PARAMETERS) for t_s in (footsteps, later))
+    assert paused[20] == PARAMETERS.pause_length_m
+    assert paused[:19] == pytest.approx(usual[:19], rel=0.01)
+
+
+def test_a_walker_is_calibrated_by_a_known_distance():
+    short, long = walk(40), square(20)
+    taught = calibrated_by_distance(short, 39 * 0.8, PARAMETERS)
+    assert taught.step_scale_sigma == 0.02
+    moves_m = np.diff(dead_reckon(long, taught).world_from_body[:, :2], axis=0)
+    assert np.linalg.norm(moves_m, axis=1).mean() == pytest.approx(0.8, rel=0.02)
+    assert dead_reckon(long, taught).scale_sigma == 0.02
+    assert dead_reckon(long, PARAMETERS).scale_sigma == PARAMETERS.step_scale_sigma > 0.02
+
+
+def test_calibrations_multiply():
+    twice = calibrated(calibrated(PARAMETERS, 1.1), 0.9, 0.03)
+    assert (twice.step_scale, twice.step_scale_sigma) == (pytest.approx(0.99), 0.03)
+
+
+@pytest.mark.parametrize("wrong", [0.0, -1.0, float("nan")])
+def test_an_impossible_calibration_is_refused(wrong):
+    with pytest.raises(InputError, match="wanted more than 0"):
+        calibrated(PARAMETERS, wrong)
+    with pytest.raises(InputError, match="wanted more than 0"):
+        calibrated_by_distance(walk(40), wrong, PARAMETERS)
 
 
 def test_turning_the_phone_in_its_mounting_changes_nothing():
@@ -156,7 +205,9 @@ def test_uncertainty_is_given_for_every_step_and_follows_its_parameters():
     assert odometry.step_sigma.shape == (len(odometry.t_s) - 1, 3)
     lengths_m = np.linalg.norm(np.diff(odometry.world_from_body[:, :2], axis=0), axis=1)
     assert odometry.step_sigma[:, 0] == pytest.approx(PARAMETERS.forward_sigma * lengths_m)
+    assert odometry.step_sigma[:, 1] == pytest.approx(PARAMETERS.lateral_sigma * lengths_m)
     assert odometry.step_sigma[:, 2] == pytest.approx(PARAMETERS.heading_sigma_rad)
+    assert odometry.heading_drift_sigma_radps == PARAMETERS.heading_drift_sigma_radps
 
 
 def test_real_walks_end_near_where_they_truly_end(shared_data):
@@ -232,6 +283,12 @@ def test_nodes_lie_apart_by_the_spacing():
     gaps_m = np.diff(nodes.world_from_body[:, 0])
     assert gaps_m == pytest.approx(0.5, abs=1e-9)
     assert nodes.t_s[0] == 0.0
+
+
+def test_thinning_keeps_what_is_wrong_all_along():
+    device = replace(device_odometry(), scale_sigma=0.05, heading_drift_sigma_radps=0.002)
+    nodes = nodes_by_distance(device, 0.5)
+    assert (nodes.scale_sigma, nodes.heading_drift_sigma_radps) == (0.05, 0.002)
 
 
 def test_variances_of_the_moves_between_nodes_add_up():

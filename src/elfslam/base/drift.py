@@ -12,13 +12,14 @@ from elfslam.base.values import Odometry
 class Drift:
     """The covariance of the way from one node to a later one, for any pair, from sums kept once.
 
-    Steps err independently, each with its own sigmas; a heading error swings all that follows.
-    `scale_sigma` is the error of all step lengths together, as a share of them.
+    Steps err independently, each with its own sigmas; a heading error swings all that follows. The
+    odometry's `scale_sigma` and `heading_drift_sigma_radps` bear on all steps alike.
     """
 
-    def __init__(self, odometry: Odometry, scale_sigma: float = 0.0) -> None:
-        self._poses = odometry.world_from_body
-        self._scale_sigma = scale_sigma
+    def __init__(self, odometry: Odometry) -> None:
+        self._poses, self._t_s = odometry.world_from_body, odometry.t_s
+        self._scale_sigma = odometry.scale_sigma
+        self._heading_drift_sigma_radps = odometry.heading_drift_sigma_radps
         turn = odometry.step_sigma[:, 2] ** 2
         # Relative to the middle of the walk: far from the origin the sums below would cancel.
         self._xy_m = self._poses[:, :2] - self._poses[:, :2].mean(axis=0)
@@ -26,6 +27,7 @@ class Drift:
         self._steps = _summed(_step_covariances(odometry))
         self._turns = _summed(turn)
         self._swings = _summed(turn[:, None] * after)
+        self._drifts = _summed(np.diff(self._t_s)[:, None] * after)
         self._squares = _summed(turn[:, None, None] * after[:, :, None] * after[:, None, :])
 
     def covariances(self, i: I64, j: I64) -> F64:
@@ -45,7 +47,16 @@ class Drift:
         covariance[:, :2, :2] += self._scale_sigma**2 * way[:, :, None] * way[:, None, :]
         covariance[:, :2, 2] = covariance[:, 2, :2] = np.column_stack([-lever[:, 1], lever[:, 0]])
         covariance[:, 2, 2] = turns
-        return covariance
+        return np.asarray(covariance + self._steady_turn(i, j))
+
+    def _steady_turn(self, i: I64, j: I64) -> F64:
+        """What a heading that drifts steadily adds (k, 3, 3)."""
+        lasting_s = self._t_s[j] - self._t_s[i]
+        lever = lasting_s[:, None] * self._xy_m[j] - (self._drifts[j] - self._drifts[i])
+        swing = np.column_stack([-lever[:, 1], lever[:, 0], lasting_s])
+        return np.asarray(
+            self._heading_drift_sigma_radps**2 * swing[:, :, None] * swing[:, None, :]
+        )
 
     def disagreement(self, i: I64, j: I64, turn_rad: F64 | float, slack: F64) -> F64:
         """Squared Mahalanobis distance (k) of "node j is where node i is, turned by `turn_rad`".

@@ -90,12 +90,16 @@ class Emr(Value):
 class Odometry(Value):
     """Dead reckoning: a pose per node (footstep) and the sigma of each move.
 
-    `step_sigma` is (forward m, lateral m, heading rad) in the body frame of the earlier node.
+    `step_sigma` is (forward m, lateral m, heading rad) in the body frame of the earlier node,
+    independent from move to move. What is wrong alike all along the walk comes on top, 0 where
+    nobody says: `scale_sigma` of all lengths (relative), and a steady turn.
     """
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3)
     step_sigma: F64 = array("n-1", 3)
+    scale_sigma: float = 0.0
+    heading_drift_sigma_radps: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,13 +221,17 @@ class Closures(Value):
 
 @dataclass(frozen=True, eq=False)
 class PoseGraph(Value):
-    """Initial poses and the edges between them: measured i_from_j with its information."""
+    """Initial poses and the edges between them: measured i_from_j with its information.
+
+    `scale_sigma` is the error of all lengths together, which no edge can see.
+    """
 
     initial: F64 = array("n", 3)
     edges: I64 = array("e", 2, dtype=np.int64)
     measurements: F64 = array("e", 3)
     information: F64 = array("e", 3, 3)
     is_closure: Bool = array("e", dtype=np.bool_)
+    scale_sigma: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

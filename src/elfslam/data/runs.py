@@ -37,6 +37,7 @@ SIMILARITY = "similarity.npz"
 CLOSURE_COLUMNS = ("i", "j", "t_i_s", "t_j_s", "score", "weight", "x_m", "y_m", "heading_rad")
 UNCERTAINTY = (
     "step_sigma",
+    "walk_sigma",
     "trajectory_covariance",
     "closure_covariance",
     "closure_weights",
@@ -111,7 +112,11 @@ def _read_run(folder: Path) -> Run:
         raise InputError(f"closures.csv: names more than {len(trajectory_t_s)} footsteps")
     return Run(
         name=str(facts.get("name", folder.name)),
-        odometry=Odometry(*read_tum(folder / "odometry.tum"), spread["step_sigma"]),
+        odometry=Odometry(
+            *read_tum(folder / "odometry.tum"),
+            spread["step_sigma"],
+            *spread["walk_sigma"].astype(float).tolist(),
+        ),
         similarity=_read_similarity(folder / SIMILARITY),
         closures=closures,
         trajectory=Trajectory(
@@ -164,6 +169,7 @@ def _read_closures(file: Path, covariance: npt.NDArray[Any]) -> Closures:
 def _write_evidence(run: Run, folder: Path) -> None:
     spread = (
         run.odometry.step_sigma,
+        [run.odometry.scale_sigma, run.odometry.heading_drift_sigma_radps],
         run.trajectory.covariance,
         run.closures.covariance,
         run.trajectory.closure_weights,

@@ -50,9 +50,6 @@ class ClosureParameters:
     gate_probability: float = parameter(
         0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
     )
-    scale_sigma: float = parameter(
-        0.05, "", "error of all step lengths together, as a share of them", low=0.0, high=1.0
-    )
     along_sigma_m: float = parameter(
         0.25, "m", "error of a closure along the walk", low=0.01, high=100.0
     )
@@ -87,7 +84,7 @@ def find_closures(
 
     Half a turn of heading where the stretch was walked the other way.
     """
-    drift = Drift(nodes, parameters.scale_sigma)
+    drift = Drift(nodes)
     found = candidates(similarity, parameters)
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))

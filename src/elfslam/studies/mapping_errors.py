@@ -38,7 +38,8 @@ OFF, OFF_SIGMA = 0.1, 0.1
 CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
 RIVALS = (Modality.WIFI, Modality.MAGNETIC, Modality.EMR)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
-NO_CLOSURES = Closures([], [], [], np.empty((0, 3)), np.empty((0, 3, 3)))
+NOBODY = np.empty(0, dtype=np.int64)
+NO_CLOSURES = Closures(NOBODY, NOBODY, np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
 
 
 @dataclass(frozen=True)

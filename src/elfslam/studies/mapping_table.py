@@ -93,8 +93,10 @@ NOTE = (
     "Mean over walks of the median error along each, with its 95 % interval. The paper walked in "
     "other rooms: its figures say what order to expect, not more."
 )
-SHORT = ("world", "walker", "method", "anchored (m)", "aligned (m)", "aligned with scale (m)",
-         "paper (m)", "closures", "believed, right", "within one sigma", "within two sigma")  # fmt: skip
+SHORT = (
+    "world", "walker", "method", "anchored (m)", "aligned (m)", "aligned with scale (m)",
+    "paper (m)", "closures", "believed, right", "within one sigma", "within two sigma",
+)  # fmt: skip
 
 
 def _dots(rows: Sequence[Row], walker: str) -> dict[str, list[Dot]]:

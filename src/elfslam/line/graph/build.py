@@ -33,6 +33,7 @@ def build_graph(nodes: Odometry, closures: Closures) -> PoseGraph:
         measurements=np.vstack([between(poses[:-1], poses[1:]), closures.i_from_j]),
         information=np.concatenate([step_information, closure_information]),
         is_closure=np.arange(count + len(closures.i)) >= count,
+        scale_sigma=nodes.scale_sigma,
     )
 
 
@@ -44,6 +45,7 @@ def edges_of(graph: PoseGraph, chosen: I64 | Bool) -> PoseGraph:
         graph.measurements[chosen],
         graph.information[chosen],
         graph.is_closure[chosen],
+        graph.scale_sigma,
     )
 
 

@@ -21,6 +21,8 @@ from elfslam.line.graph.solve import rotation_first, solve
 def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Trajectory:
     """The trajectory that agrees best with all edges, with a covariance per pose.
 
+    Closures cannot see the scale of a walk: what is uncertain about it comes on top.
+
     The first pose stays where it is. Without closures the dead reckoning comes back as it was.
     Raises NoAnswerError where the solver finds no trajectory: the edges are degenerate; and
     InputError where closures are to be rejected and the steps are no chain.
@@ -33,6 +35,7 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
         if kept.any():
             poses = solve(believed, [poses, rotation_first(believed)], parameters)
         covariance = marginals(believed, poses, parameters.anchor_sigma)
+        covariance = covariance + scale_covariance(poses, graph.scale_sigma)
         if not (np.isfinite(poses).all() and np.isfinite(covariance).all()):
             raise RuntimeError("the result is not finite")
     status = "OK" if kept.any() else "NO_CLOSURES"
@@ -63,3 +66,10 @@ def marginals(graph: PoseGraph, poses: F64, anchor_sigma: float) -> F64:
     turn[:, 0, 0], turn[:, 0, 1], turn[:, 1, 0], turn[:, 1, 1] = cos, -sin, sin, cos
     turn[:, 2, 2] = 1.0
     return np.asarray(turn @ covariance_of(known, every, every) @ np.swapaxes(turn, 1, 2))
+
+
+def scale_covariance(poses: F64, scale_sigma: float) -> F64:
+    """Covariances (n, 3, 3) of poses whose distances from the first are wrong in one ratio."""
+    away = poses - poses[0]
+    away[:, 2] = 0.0
+    return np.asarray(scale_sigma**2 * away[:, :, None] * away[:, None, :])

@@ -1,0 +1,126 @@
+"""The inertial sensors on an even clock, with the direction that points up."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import ndimage, signal
+from scipy.spatial.transform import Rotation
+
+from elfslam.base.arrays import F64, Bool, Value, array
+from elfslam.base.errors import InputError
+from elfslam.base.values import Imu
+from elfslam.line.motion.parameters import MotionParameters
+
+GRAVITY_MPS2 = 9.81
+
+
+@dataclass(frozen=True, eq=False)
+class Level(Value):
+    """Sensors at an even rate; the gyroscope without its bias, `up` a unit vector in phone axes."""
+
+    t_s: F64 = array("n", increasing=True)
+    accel_mps2: F64 = array("n", 3)
+    gyro_radps: F64 = array("n", 3)
+    up: F64 = array("n", 3, unit_rows=True)
+    rate_hz: float = 0.0
+
+
+def level(imu: Imu, parameters: MotionParameters) -> Level:
+    """The sensors evenly sampled at their own rate, with what points up at each time."""
+    t_s, accel, gyro = evenly_sampled(imu)
+    rate_hz = rate_of(t_s)
+    turn_radps = gyro - still_bias(accel, gyro, rate_hz, parameters)
+    up = _up_in_phone(accel, turn_radps, rate_hz, parameters)
+    return Level(t_s, accel, turn_radps, up, rate_hz)
+
+
+def rate_of(t_s: F64) -> float:
+    """The usual rate, Hz, of samples at these times."""
+    return float(1.0 / np.median(np.diff(t_s)))
+
+
+def averaged(values: F64, window_s: float, rate_hz: float) -> F64:
+    """Running mean over a window, along the first axis."""
+    size = max(1, round(window_s * rate_hz))
+    return np.asarray(ndimage.uniform_filter1d(values, size, axis=0, mode="nearest"))
+
+
+def evenly_sampled(imu: Imu) -> tuple[F64, F64, F64]:
+    """Times, acceleration and rate of turn on an even grid at the recording's own rate."""
+    rate_hz = rate_of(imu.t_s)
+    count = int((imu.t_s[-1] - imu.t_s[0]) * rate_hz) + 1
+    t_s = imu.t_s[0] + np.arange(count) / rate_hz
+    accel, gyro = (
+        np.column_stack([np.interp(t_s, imu.t_s, column) for column in rows.T])
+        for rows in (imu.accel_mps2, imu.gyro_radps)
+    )
+    return t_s, accel, gyro
+
+
+def still_bias(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> F64:
+    """Mean rate of turn (3) while standing still, zero where the walk never rests."""
+    still = _still(accel, gyro, rate_hz, parameters)
+    return gyro[still].mean(axis=0) if still.any() else np.zeros(3)
+
+
+def check_imu(imu: Imu, parameters: MotionParameters) -> None:
+    """Raises InputError where the recording is too short, sampled too slowly or interrupted."""
+    duration_s = float(imu.t_s[-1] - imu.t_s[0]) if len(imu.t_s) > 1 else 0.0
+    if duration_s < parameters.least_duration_s:
+        raise InputError(
+            f"inertial data: got {duration_s:.1f} s, wanted at least "
+            f"{parameters.least_duration_s:g} s; record longer"
+        )
+    gaps_s = np.diff(imu.t_s)
+    worst = int(np.argmax(gaps_s))
+    if gaps_s[worst] > parameters.longest_gap_s:
+        raise InputError(
+            f"inertial data: {gaps_s[worst]:.2f} s missing after {imu.t_s[worst]:.2f} s, "
+            f"wanted gaps of at most {parameters.longest_gap_s:g} s; cut the recording there "
+            "or raise longest_gap_s"
+        )
+    if rate_of(imu.t_s) < parameters.least_rate_hz:
+        raise InputError(
+            f"inertial data: got {rate_of(imu.t_s):.1f} samples/s, wanted at least "
+            f"{parameters.least_rate_hz:g}; choose a faster sensor rate"
+        )
+
+
+def _up_in_phone(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> F64:
+    """Unit vectors (n, 3) that point up, in phone axes.
+
+    The gyroscope carries the phone into a frame that barely moves, where a slow low-pass without
+    delay leaves of the acceleration only gravity, however the phone is turned meanwhile.
+    """
+    mean_radps = (gyro[1:] + gyro[:-1]) / 2
+    fixed_from_phone = _cumulated(
+        Rotation.from_rotvec(np.vstack([np.zeros(3), mean_radps / rate_hz]))
+    )
+    sos = signal.butter(1, parameters.gravity_cutoff_hz, fs=rate_hz, output="sos")
+    padding = min(len(accel) - 1, round(rate_hz / parameters.gravity_cutoff_hz))
+    gravity = signal.sosfiltfilt(
+        sos, fixed_from_phone.apply(accel), axis=0, padtype="even", padlen=padding
+    )
+    in_phone = fixed_from_phone.inv().apply(gravity)
+    return np.asarray(in_phone / np.linalg.norm(in_phone, axis=1, keepdims=True))
+
+
+def _cumulated(turns: Rotation) -> Rotation:
+    """Products of the first k rotations, for every k, by doubling."""
+    reach = 1
+    while reach < len(turns):
+        turns = Rotation.concatenate([turns[:reach], turns[:-reach] * turns[reach:]])
+        reach *= 2
+    return turns
+
+
+def _still(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> Bool:
+    """Rows inside stretches where the phone hardly shakes or turns for long enough."""
+    window = max(1, round(parameters.still_s * rate_hz))
+    shake = np.linalg.norm(accel - ndimage.uniform_filter1d(accel, window, axis=0), axis=1)
+    calm = (shake < parameters.still_accel_mps2) & (
+        np.linalg.norm(gyro, axis=1) < parameters.still_gyro_radps
+    )
+    return np.asarray(ndimage.binary_opening(calm, np.ones(window, bool)))

@@ -1,0 +1,96 @@
+"""Dead reckoning: steps and heading put together, a pose per footstep."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from elfslam.base.arrays import F64, I64
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import chain
+from elfslam.base.values import Imu, Odometry
+from elfslam.line.motion.footsteps import footfalls
+from elfslam.line.motion.heading import smooth_heading
+from elfslam.line.motion.lengths import lengths_between
+from elfslam.line.motion.level import check_imu, level
+from elfslam.line.motion.parameters import MotionParameters, check_motion
+
+
+def dead_reckon(
+    imu: Imu, parameters: MotionParameters, start_pose: tuple[float, float, float] | None = None
+) -> Odometry:
+    """One node per footstep, the first at `start_pose` or the origin, with the sigma of each move.
+
+    Raises InputError where the recording is too short, too slow, interrupted, or holds too few
+    footsteps, ParameterError where two parameters contradict each other.
+    """
+    check_motion(parameters)
+    check_imu(imu, parameters)
+    levelled = level(imu, parameters)
+    footsteps_t_s = footfalls(levelled, parameters)
+    if len(footsteps_t_s) < parameters.least_footsteps:
+        raise InputError(
+            f"inertial data: found {len(footsteps_t_s)} footsteps, wanted at least "
+            f"{parameters.least_footsteps}; record a longer walk, phone in the hand"
+        )
+    lengths_m = lengths_between(levelled, footsteps_t_s, parameters)
+    heading_rad = smooth_heading(levelled, parameters)
+    at_footsteps = np.interp(footsteps_t_s, levelled.t_s, heading_rad)
+    halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
+    halfway = np.interp(halfway_s, levelled.t_s, heading_rad)
+    moves = _moves(lengths_m, at_footsteps, halfway)
+    poses = chain(np.asarray(start_pose or (0.0, 0.0, 0.0)), moves)
+    return Odometry(
+        footsteps_t_s,
+        poses,
+        _step_sigma(lengths_m, parameters),
+        parameters.step_scale_sigma,
+        parameters.heading_drift_sigma_radps,
+    )
+
+
+def nodes_by_distance(odometry: Odometry, spacing_m: float) -> Odometry:
+    """The odometry thinned to a node each time the walker is `spacing_m` from the node before.
+
+    For devices that bring their own odometry at a fixed rate. The variances of the moves between
+    two nodes add up. Raises InputError where the walk is shorter than the spacing.
+    """
+    kept = _spaced_rows(odometry.world_from_body[:, :2], spacing_m)
+    if len(kept) < 2:
+        raise InputError(
+            f"odometry: the walk never gets {spacing_m:g} m away from its start; "
+            "choose a smaller spacing"
+        )
+    summed = np.vstack([np.zeros(3), np.cumsum(odometry.step_sigma**2, axis=0)])
+    sigma = np.sqrt(np.diff(summed[kept], axis=0))
+    return replace(
+        odometry,
+        t_s=odometry.t_s[kept],
+        world_from_body=odometry.world_from_body[kept],
+        step_sigma=sigma,
+    )
+
+
+def _moves(lengths_m: F64, heading_rad: F64, halfway_rad: F64) -> F64:
+    """Moves (n-1, 3) between footsteps: each goes where the walker heads halfway through it."""
+    aside = halfway_rad - heading_rad[:-1]
+    return np.column_stack(
+        [lengths_m * np.cos(aside), lengths_m * np.sin(aside), np.diff(heading_rad)]
+    )
+
+
+def _step_sigma(lengths_m: F64, parameters: MotionParameters) -> F64:
+    heading_rad = np.full(len(lengths_m), parameters.heading_sigma_rad)
+    return np.column_stack(
+        [parameters.forward_sigma * lengths_m, parameters.lateral_sigma * lengths_m, heading_rad]
+    )
+
+
+def _spaced_rows(xy_m: F64, spacing_m: float) -> I64:
+    """Rows at least `spacing_m` from the row kept before, straight: standing adds none."""
+    kept = [0]
+    for row, position in enumerate(xy_m):
+        if np.hypot(*(position - xy_m[kept[-1]])) >= spacing_m - 1e-9:
+            kept.append(row)
+    return np.asarray(kept, np.int64)
