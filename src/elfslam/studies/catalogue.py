@@ -13,6 +13,7 @@ from elfslam.line.feature import Encoder
 from elfslam.score.page import save_page
 from elfslam.studies.amounts import measure_amounts
 from elfslam.studies.calibration import measure_calibration
+from elfslam.studies.dead_reckoning import measure_dead_reckoning
 from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
@@ -28,6 +29,7 @@ from elfslam.studies.trace import measure_trace
 STUDIES: Mapping[str, Study | LongStudy] = {
     "amounts": LongStudy(measure_amounts),
     "calibration": measure_calibration,
+    "dead-reckoning": measure_dead_reckoning,
     "distinctness": measure_distinctness,
     "elf": measure_elf,
     "fidelity": compare_engines,

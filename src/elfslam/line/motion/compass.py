@@ -125,7 +125,8 @@ def _separated(
         wide_ut2 = (TAIL * prior.sigma_ut**2 + abs(iron - before) ** 2) / (TAIL + 2)
         variance_ut2 = max(prior.sigma_ut**2, wide_ut2)
     left_ut = float(np.sqrt(1 / (told / noise_ut2 + 1 / variance_ut2)))
-    sigma_ut = float(np.hypot(left_ut, parameters.hard_iron_drift_ut))
+    drifted_ut = float(np.hypot(left_ut, parameters.hard_iron_drift_ut))
+    sigma_ut = min(drifted_ut, max(prior.sigma_ut, parameters.hard_iron_sigma_ut))
     rest = field_ut - turned * iron
     # The mean of directions: a strong field nearby does not outvote the rest of the walk.
     north = (weight * rest / np.maximum(abs(rest), 1e-9)).sum() * float(np.median(abs(rest)))
