@@ -12,7 +12,7 @@ from plotly.subplots import make_subplots
 from elfslam.base.arrays import F64, I64
 from elfslam.score.figures import CLOSURE, DEAD_RECKONING, SLAM, TRUTH, WRONG, styled
 
-ROW_PX = 330
+ROW_PX = 250
 LINKS_AT_MOST = 1500
 
 

@@ -43,8 +43,7 @@ PLAIN = GraphParameters(robust=False)
 ROBUST = GraphParameters()
 PICTURED_SHARE, PICTURED_SEED = 0.5, 0
 NOTE_ATTACKED = (
-    f"ringCity with {PICTURED_SHARE:.0%} of false closures (seed {PICTURED_SEED}), each picture "
-    "to its own scale."
+    f"{PICTURED_SHARE:.0%} of false closures (seed {PICTURED_SEED}); each picture to its own scale."
 )
 
 Solver = Callable[[PoseGraph], F64]
@@ -85,10 +84,15 @@ def measure_pose_graphs(
     numbers = finished(measure, tasks, announce, kept=kept, workers=1)
     rows = _attack_rows(tasks, numbers)
     pictures = _pictures({name: graphs[name] for name in names})
-    attacks = _attacked_pictures(folder, read_g2o(folder / "ringCity.g2o"))
+    attacks = _attacked_pictures(folder, attacked[-1])
     panels = [
         Panel("Before and after", graphs_figure(pictures, len(names)), wide=True),
-        Panel("False closures", graphs_figure(attacks, len(attacks)), NOTE_ATTACKED, wide=True),
+        Panel(
+            f"False closures in {attacked[-1]}",
+            graphs_figure(attacks, len(attacks)),
+            NOTE_ATTACKED,
+            wide=True,
+        ),
         Panel("Cost", rows_table(clean), "Half the sum of e' W e, as GTSAM counts it.", wide=True),
         Panel(
             "Error with false closures", rows_table(rows), "Root mean square, metres.", wide=True
@@ -170,7 +174,7 @@ def _clean_row(name: str, graph: PoseGraph) -> Row:
         "closures": int(graph.is_closure.sum()),
         "cost": round(cost, 4),
         "best known": BEST_KNOWN[name],
-        "excess (%)": round(100 * (cost / BEST_KNOWN[name] - 1), 3),
+        "excess (%)": round(100 * (cost / BEST_KNOWN[name] - 1), 2) + 0.0,
         "plain LM": round(half_square(graph, rival), 4),
         "seconds": round(ours_s, 2),
         "seconds, plain LM": round(plain_s, 2),
@@ -229,10 +233,11 @@ def _pictures(graphs: Mapping[str, PoseGraph]) -> list[Drawn]:
     return [*before, *after]
 
 
-def _attacked_pictures(folder: Path, graph: PoseGraph) -> list[Drawn]:
+def _attacked_pictures(folder: Path, name: str) -> list[Drawn]:
     """A graph with its truth, what is claimed of it, and what becomes of it."""
+    graph = read_g2o(folder / f"{name}.g2o")
     attacked = injected(graph, PICTURED_SHARE, PICTURED_SEED)
-    true = read_g2o(folder / "ringCity.truth.g2o").initial[:, :2]
+    true = read_g2o(folder / f"{name}.truth.g2o").initial[:, :2]
     wrong = attacked.edges[len(graph.edges) :]
     poses, rival = ours(attacked)[:, :2], plain(attacked)[:, :2]
     return [
