@@ -20,6 +20,7 @@ from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
 from elfslam.studies.physics import check_laws
+from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
@@ -35,6 +36,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
     "physics": check_laws,
+    "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
     "sensors": compare_sensors,
     "speed": measure_speed,

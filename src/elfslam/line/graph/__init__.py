@@ -3,5 +3,6 @@
 from elfslam.line.graph.build import build_graph
 from elfslam.line.graph.optimise import optimise
 from elfslam.line.graph.parameters import GraphParameters
+from elfslam.line.graph.verdict import Verdict, judge
 
-__all__ = ["GraphParameters", "build_graph", "optimise"]
+__all__ = ["GraphParameters", "Verdict", "build_graph", "judge", "optimise"]
