@@ -105,29 +105,41 @@ def _covariance(odometry: Odometry, nodes: I64) -> F64:
     """
     before, start, end = nodes
     position = odometry.world_from_body[:, :2]
-    noise = _noise(odometry, start, end)
-    covariance = noise.T @ noise
+    noise, reference_noise = _noise(odometry, start, end), _noise(odometry, before, start)
     reference = position[start] - position[before]
     length_m = max(float(np.linalg.norm(reference)), 1e-9)
-    aside = _noise(odometry, before, start) @ (_turned(reference) / length_m)
+    aside = _turned(reference) / length_m**2
     swing = _turned(position[end] - position[start])
-    return covariance + np.outer(swing, swing) * float(aside @ aside) / length_m**2
+    # At the start the heading is off by all that was gathered; the reference tells a part of it.
+    gathered_rad = np.concatenate(
+        [np.zeros(2 * (start - before)), odometry.step_sigma[before:start, 2]]
+    )
+    turned_rad = gathered_rad - reference_noise @ aside
+    drifted_rad = odometry.heading_drift_sigma_radps * (odometry.t_s[start] - odometry.t_s[before])
+    drifted_rad -= float(_drift(odometry, before, start) @ aside)
+    drift = _drift(odometry, start, end) + swing * drifted_rad
+    scale = odometry.scale_sigma * (position[end] - position[start])
+    along_walk = np.outer(drift, drift) + np.outer(scale, scale)
+    swung = np.outer(swing, swing) * float(turned_rad @ turned_rad)
+    return np.asarray(noise.T @ noise + swung + along_walk)
 
 
 def _noise(odometry: Odometry, start: int, end: int) -> F64:
-    """What each independent source moves the end by, one sigma: rows (k, 2)."""
-    position, t_s = odometry.world_from_body[:, :2], odometry.t_s
+    """What each step's independent errors move the end by, one sigma: rows (k, 2)."""
     rows = np.arange(start, end)
     heading = odometry.world_from_body[rows, 2]
     ahead = np.column_stack([np.cos(heading), np.sin(heading)])
     sigma = odometry.step_sigma[rows]
-    left_m = _turned(position[end] - position[rows + 1])
-    lasting_s = np.diff(t_s)[rows, None]
-    drift = odometry.heading_drift_sigma_radps * (left_m * lasting_s).sum(axis=0)
-    scale = odometry.scale_sigma * (position[end] - position[start])
-    return np.vstack(
-        [ahead * sigma[:, :1], _turned(ahead) * sigma[:, 1:2], left_m * sigma[:, 2:], drift, scale]
-    )
+    swept_m = _turned(odometry.world_from_body[end, :2] - odometry.world_from_body[rows + 1, :2])
+    return np.vstack([ahead * sigma[:, :1], _turned(ahead) * sigma[:, 1:2], swept_m * sigma[:, 2:]])
+
+
+def _drift(odometry: Odometry, start: int, end: int) -> F64:
+    """What one sigma of the steady turn moves the end (2) by."""
+    rows = np.arange(start, end)
+    swept_m = _turned(odometry.world_from_body[end, :2] - odometry.world_from_body[rows + 1, :2])
+    lasting_s = np.diff(odometry.t_s)[rows, None]
+    return np.asarray(odometry.heading_drift_sigma_radps * (swept_m * lasting_s).sum(axis=0))
 
 
 def _truth_covariance(true: F64, rows: tuple[int, int, int], sigma_m: float) -> F64:

@@ -14,6 +14,7 @@ from elfslam.score.figures import DEAD_RECKONING, TRUTH, styled
 
 COLUMNS = 4
 TILE_PX = 230
+MARGIN = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,12 +41,22 @@ def walks_figure(walks: Sequence[DrawnWalk]) -> go.Figure:
         row, column = divmod(k, COLUMNS)
         for trace in _traces(walk, named=k == 0):
             figure.add_trace(trace, row=row + 1, col=column + 1)
+        low, high = _around(np.vstack([walk.path_m, walk.true_m]))
         anchor = "x" if k == 0 else f"x{k + 1}"
-        figure.update_yaxes(scaleanchor=anchor, row=row + 1, col=column + 1)
+        where = {"row": row + 1, "col": column + 1}
+        figure.update_xaxes(range=[low[0], high[0]], **where)
+        figure.update_yaxes(range=[low[1], high[1]], scaleanchor=anchor, **where)
     styled(figure, height_px=TILE_PX * rows + 60)
     figure.update_layout(margin={"t": 64}, legend={"y": 1 + 34 / (TILE_PX * rows)})
     figure.update_annotations(font={"size": 12, "color": TRUTH})
     return figure
+
+
+def _around(xy_m: F64) -> tuple[F64, F64]:
+    """Lower left and upper right corner with room about the points."""
+    low, high = xy_m.min(axis=0), xy_m.max(axis=0)
+    room = MARGIN * max(float((high - low).max()), 1.0)
+    return low - room, high + room
 
 
 def _traces(walk: DrawnWalk, *, named: bool) -> list[go.Scatter]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
 from elfslam.base.values import Odometry
 from elfslam.line.motion import (
@@ -27,7 +27,14 @@ from elfslam.score.errors import end_error_share, path_length_m, position_errors
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.walk_figures import DrawnWalk, walks_figure
 from elfslam.studies.finding import Announce, Finding, Row
-from elfslam.studies.reckoned_walks import Walk, mall_floors, resampled, simulated_walks, tilted
+from elfslam.studies.reckoned_walks import (
+    WORLDS,
+    Walk,
+    mall_floors,
+    resampled,
+    simulated_walks,
+    tilted,
+)
 
 DISTANCES_M = (5.0, 20.0, 60.0)
 WAYPOINT_SIGMA_M = 0.4
@@ -60,29 +67,36 @@ class Scored:
 
 
 def measure_dead_reckoning(
-    data: Path | None, announce: Announce, *, walks: int | None = None, seeds: int = 6
+    data: Path | None,
+    announce: Announce,
+    *,
+    walks: int | None = None,
+    seeds: int = 6,
+    worlds: Sequence[str] = WORLDS,
 ) -> Finding:
     """End errors, step scale and normalised errors of dead reckoning; `data` has the mall walks.
 
     Without `data` only simulated walks are measured. `walks` takes the first of each floor
-    alone, `seeds` so many walks of each simulated world.
+    alone, `seeds` so many walks of each simulated world of `worlds`.
     """
     floors = {} if data is None else dict(mall_floors(data, walks, announce))
     announce("simulated walks", 0.5)
-    worlds = {f"{world}, {rate} Hz": walked for world, rate, walked in simulated_walks(seeds)}
+    simulated = {
+        f"{world}, {rate} Hz": walked for world, rate, walked in simulated_walks(worlds, seeds)
+    }
     rows: list[Row] = []
     announce("mall walks", 0.6)
     rows += _real_rows(floors) if floors else []
-    for name, some in worlds.items():
+    for name, some in simulated.items():
         rows += _simulated_rows(name, some)
     announce("uncertainty", 0.9)
-    groups = {**floors, "simulated": [walk for some in worlds.values() for walk in some]}
+    groups = {**floors, "simulated": [walk for some in simulated.values() for walk in some]}
     consistency = [
         row
         for name, some in groups.items()
         for row in _consistency_rows(name, some, WAYPOINT_SIGMA_M if name in floors else 0.0)
     ]
-    return Finding([*_joined(rows, consistency)], _page(rows, consistency, floors, worlds))
+    return Finding([*_joined(rows, consistency)], _page(rows, consistency, floors, simulated))
 
 
 def _real_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
@@ -237,27 +251,32 @@ def _consistency_row(name: str, distance_m: float, found: Sequence[Displacements
         np.vstack([getattr(one, key) for one in found]) for key in ("error_m", "sigma_m")
     )
     nees, within = np.concatenate([one.nees for one in found]), np.abs(error) / sigma
-    figures = (
-        {
-            "error along (m)": np.sqrt(np.mean(error[:, 0] ** 2)),
-            "said (m)": np.sqrt(np.mean(sigma[:, 0] ** 2)),
-            "error across (m)": np.sqrt(np.mean(error[:, 1] ** 2)),
-            "said across (m)": np.sqrt(np.mean(sigma[:, 1] ** 2)),
-            "NEES (2)": nees.mean(),
-            "1 sigma along (0.68)": np.mean(within[:, 0] < 1),
-            "1 sigma across (0.68)": np.mean(within[:, 1] < 1),
-            "2 sigma along (0.95)": np.mean(within[:, 0] < 2),
-            "2 sigma across (0.95)": np.mean(within[:, 1] < 2),
-        }
-        if len(nees)
-        else {}
-    )
+    figures = {
+        "error along (m)": _rms(error[:, 0]),
+        "said along (m)": _rms(sigma[:, 0]),
+        "error across (m)": _rms(error[:, 1]),
+        "said across (m)": _rms(sigma[:, 1]),
+        "NEES (2)": _mean(nees),
+        "1 sigma along (0.68)": _mean(within[:, 0] < 1),
+        "1 sigma across (0.68)": _mean(within[:, 1] < 1),
+        "2 sigma along (0.95)": _mean(within[:, 0] < 2),
+        "2 sigma across (0.95)": _mean(within[:, 1] < 2),
+    }
     return {
         "walks of": name,
         "over (m)": distance_m,
         "displacements": len(nees),
-        **{key: round(float(value), 2) for key, value in figures.items()},
+        **figures,
     }
+
+
+def _rms(values: F64) -> float | None:
+    return round(float(np.sqrt(np.mean(values**2))), 2) if len(values) else None
+
+
+def _mean(values: F64 | Bool) -> float | None:
+    """None where there is nothing: a small room has no displacement over sixty metres."""
+    return round(float(np.mean(values)), 2) if len(values) else None
 
 
 def _joined(*tables: Sequence[Row]) -> Iterator[Row]:
@@ -276,25 +295,21 @@ def _page(
 ) -> Page:
     panels = [
         Panel(
-            f"Floor {floor}: every {max(1, len(some) // SHOWN)}th walk",
+            f"Floor {floor}: {min(SHOWN, len(some))} of {len(some)} walks",
             walks_figure(_drawn(some)),
-            "Metres. Start and compass as in the table; lines join waypoints to where the walk was "
-            "reckoned to be at that time.",
+            "Taken at even steps through the list, in metres. Heading by compass; lines join "
+            "waypoints to where the walk was reckoned to be at that time.",
             wide=True,
         )
         for floor, some in floors.items()
     ]
-    shares = {
-        name: [s.end_share for s in _scored(some, COMPASS_KNOWN)] for name, some in floors.items()
-    }
-    shares |= {
-        name: [s.end_share for s in _scored(some, TRUE_LEG)] for name, some in worlds.items()
-    }
+    shares = {f"mall {name}": _scored(some, COMPASS_KNOWN) for name, some in floors.items()}
+    shares["simulated"] = _scored([walk for some in worlds.values() for walk in some], TRUE_LEG)
     curves = {
-        f"{name}" if name in worlds else f"mall {name}": Curve(
-            np.sort(100 * np.asarray(ends)), np.linspace(0, 100, len(ends))
+        name: Curve(
+            np.sort([100 * one.end_share for one in scored]), np.linspace(0, 100, len(scored))
         )
-        for name, ends in shares.items()
+        for name, scored in shares.items()
     }
     figure = curves_figure(curves, "end error (% of the path)", "walks below (%)")
     panels.append(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
@@ -73,9 +73,9 @@ def _heading_of(imu: Imu) -> F64:
     return np.interp(imu.t_s, odometry.t_s, np.unwrap(odometry.world_from_body[:, 2]))
 
 
-def simulated_walks(seeds: int) -> Iterator[tuple[str, int, list[Walk]]]:
-    """Walks of every development world by both motion sensors: its name, the rate, the walks."""
-    for name in WORLDS:
+def simulated_walks(worlds: Sequence[str], seeds: int) -> Iterator[tuple[str, int, list[Walk]]]:
+    """Walks of every world by both motion sensors: its name, the rate, the walks."""
+    for name in worlds:
         world = load_world(name)
         for grade in (BMI160, BROWSER):
             some = []
