@@ -31,6 +31,7 @@ BRIGHTEST = 4.0
 """Standard deviations; one very loud echo counts no more than this."""
 AROUND_BINS = 21
 """Loudness is measured against that of 0.65 m of path around."""
+TINY = float(np.finfo(np.float64).tiny)
 RESAMPLES = 200
 """Bootstrap over the windows: the scatter is known to 5 %."""
 
@@ -51,7 +52,12 @@ class AcousticOdometryParameters:
         0.6, "m/s", "slower windows are left out", low=0.05, high=3.0
     )
     least_windows: int = parameter(4, "", "fewer windows are refused", low=2, high=1000)
-    most_sigma: float = parameter(0.05, "", "a scatter above this is refused", low=0.001, high=1.0)
+    least_contrast: float = parameter(
+        0.2, "", "logarithm of the best sharpness over the usual that is wanted", low=0.0, high=10.0
+    )
+    most_scatter: float = parameter(
+        0.04, "", "windows that disagree more on the scale are refused", low=0.001, high=1.0
+    )
     model_sigma: float = parameter(
         0.01, "", "error of the speed of sound and of the model, relative", low=0.0, high=0.2
     )
@@ -86,17 +92,18 @@ def measure_scale(
 ) -> ScaleEstimate:
     """True over claimed distance of a walk, from its sound alone; UNKNOWN where it cannot tell.
 
-    Refused are walks of too few windows, pictures that are
-    sharpest at the end of the range, and windows that contradict each other. The standard error is
-    that of a bootstrap over windows, on top of `model_sigma`.
+    Refused are walks of too few windows, pictures that are no sharper at any scale or sharpest at
+    the end of the range, and windows that contradict each other. The standard error is that of a
+    bootstrap over windows, on top of `model_sigma`.
     """
     scales, sharpness = scale_evidence(echoes, odometry, chirp, parameters)
     if len(sharpness) < parameters.least_windows:
         return UNKNOWN
-    scale = _peak(scales, sharpness.mean(axis=0))
-    again = _bootstrapped(scales, sharpness)
-    scatter = float(np.std(again))
-    if not scales[1] < scale < scales[-2] or scatter > parameters.most_sigma:
+    overall = sharpness.mean(axis=0)
+    scale, scatter = _peak(scales, overall), float(np.std(_bootstrapped(scales, sharpness)))
+    inside = scales[0] < scale < scales[-1]
+    contrast = overall.max() - np.median(overall)
+    if not inside or contrast < parameters.least_contrast or scatter > parameters.most_scatter:
         return UNKNOWN
     return ScaleEstimate(scale, float(np.hypot(scatter, parameters.model_sigma * scale)))
 
@@ -129,7 +136,7 @@ def scale_evidence(
         focus(loudness(echoes.samples[rows], chirp), slopes @ moves_m.T).reshape(len(scales), -1)
         for rows, moves_m in _windows(echoes.t_s + parameters.ahead_s, odometry, parameters)
     ]
-    summed = [np.log(per_direction.sum(axis=1)) for per_direction in sharpness]
+    summed = [np.log(each.sum(axis=1) + TINY) for each in sharpness]
     return Evidence(scales, np.array(summed).reshape(-1, len(scales)))
 
 
