@@ -134,7 +134,7 @@ def scale_evidence(
     slopes = _slopes(scales, parameters)
     sharpness = [
         focus(loudness(echoes.samples[rows], chirp), slopes @ moves_m.T).reshape(len(scales), -1)
-        for rows, moves_m in _windows(echoes.t_s + parameters.ahead_s, odometry, parameters)
+        for rows, moves_m in windows(echoes.t_s + parameters.ahead_s, odometry, parameters)
     ]
     summed = [np.log(each.sum(axis=1) + TINY) for each in sharpness]
     return Evidence(scales, np.array(summed).reshape(-1, len(scales)))
@@ -166,7 +166,7 @@ def _slopes(scales: F64, parameters: AcousticOdometryParameters) -> F64:
     return np.asarray((bins_per_m * scales[:, None, None] * towards).reshape(-1, 2))
 
 
-def _windows(
+def windows(
     t_s: F64, odometry: Odometry, parameters: AcousticOdometryParameters
 ) -> Iterator[tuple[slice, F64]]:
     """Rows of the frames of each window that is walked, and its moves (n, 2) from the middle."""
