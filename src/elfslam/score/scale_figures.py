@@ -88,7 +88,7 @@ def pictures_figure(pictures: Mapping[str, Picture]) -> go.Figure:
     for col, each in enumerate(pictures.values(), 1):
         heat = go.Heatmap(
             x=np.degrees(each.direction_rad).round(1), y=each.distance_m.round(3),
-            z=each.strength.T.round(2), zmin=0.0, zmax=most, colorscale=FOCUS_SCALE,
+            z=each.strength.T.round(2), zmin=0.0, zmax=0.85 * most, colorscale=FOCUS_SCALE,
             showscale=False, hoverinfo="skip", zsmooth="best",
         )  # fmt: skip
         figure.add_trace(heat, row=1, col=col)
