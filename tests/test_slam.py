@@ -39,6 +39,7 @@ from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 
 PARAMETERS = Parameters()
+AFTER_ECHOES = ["features", "similarity", "closures", "graph", "map"]
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +111,7 @@ def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> Non
 def test_an_encoder_without_learning_runs_on_the_same_line(recording: Recording) -> None:
     announced: list[str] = []
     made = map_by_echoes(recording, SpectralEncoder(), PARAMETERS, announce=announced.append)
-    stages = ["motion", "echoes", "features", "similarity", "closures", "graph", "map"]
+    stages = ["motion", "echoes", "step length", *AFTER_ECHOES]
     assert announced == stages
     assert list(made.seconds) == stages
     assert all(0 < seconds < 60 for seconds in made.seconds.values())

@@ -13,6 +13,7 @@ import numpy as np
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
+    ECHO_RATE_HZ,
     AnySimilarity,
     Closures,
     Echoes,
@@ -23,6 +24,12 @@ from elfslam.base.values import (
     Odometry,
     Recording,
     Trajectory,
+)
+from elfslam.line.acoustic_odometry import (
+    AcousticOdometryParameters,
+    measure_scale,
+    rescaled,
+    with_prior,
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures
@@ -43,6 +50,9 @@ class Parameters:
     chirp: ChirpParameters = field(default_factory=ChirpParameters)
     echo: EchoParameters = field(default_factory=EchoParameters)
     motion: MotionParameters = field(default_factory=MotionParameters)
+    acoustic_odometry: AcousticOdometryParameters = field(
+        default_factory=AcousticOdometryParameters
+    )
     closure: ClosureParameters = field(default_factory=ClosureParameters)
     curation: CurationParameters = field(default_factory=CurationParameters)
     graph: GraphParameters = field(default_factory=GraphParameters)
@@ -107,6 +117,8 @@ def map_by_echoes(
         nodes = walk_nodes(recording, parameters)
     with stage("echoes"):
         echoes = hear(recording, parameters)
+    with stage("step length"):
+        nodes = with_heard_steps(nodes, echoes, parameters)
     with stage("features"):
         used = adapt(encoder, echoes)
         features = extract_features(echoes, used)
@@ -236,6 +248,18 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
     motion = recording.imu or recording.odometry
     duration_s = None if motion is None else float(motion.t_s[-1])
     return cut_echoes(recording.audio, chirp, parameters.echo, duration_s)
+
+
+def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
+    """The walk with its steps as long as the echoes say, weighed against what is known of them.
+
+    As it was where nothing about the steps is uncertain, or the sound cannot tell.
+    """
+    if not nodes.scale_sigma:
+        return nodes
+    chirp = make_chirp(parameters.chirp, ECHO_RATE_HZ)
+    heard = measure_scale(echoes, nodes, chirp, parameters.acoustic_odometry)
+    return rescaled(nodes, with_prior(heard, nodes.scale_sigma))
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from elfslam.base.errors import InputError
 from elfslam.data.folders import new_file
 from elfslam.line.feature import Encoder
 from elfslam.score.page import save_page
+from elfslam.studies.acoustic_odometry import measure_acoustic_odometry
 from elfslam.studies.amounts import measure_amounts
 from elfslam.studies.calibration import measure_calibration
 from elfslam.studies.dead_reckoning import measure_dead_reckoning
@@ -29,6 +30,7 @@ from elfslam.studies.spots import measure_spots
 from elfslam.studies.trace import measure_trace
 
 STUDIES: Mapping[str, Study | LongStudy] = {
+    "acoustic-odometry": LongStudy(measure_acoustic_odometry),
     "amounts": LongStudy(measure_amounts),
     "calibration": measure_calibration,
     "dead-reckoning": measure_dead_reckoning,
