@@ -34,6 +34,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
         np.zeros((3, ECHO_SAMPLES)), np.zeros((3, ECHO_SAMPLES)), [0, 0, 1], np.zeros((3, 2))
     ),
     "Features": lambda: values.Features(T_S, UNIT, "stub"),
+    "MeanSimilarity": lambda: values.MeanSimilarity(np.zeros((3, 2)), "stub"),
     "Similarity": lambda: values.Similarity(np.zeros((3, 3)), "stub"),
     "Closures": lambda: values.Closures([0], [2], [0.5], np.zeros((1, 3)), np.eye(3)[None, :, :]),
     "PoseGraph": lambda: values.PoseGraph(

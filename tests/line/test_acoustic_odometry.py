@@ -177,11 +177,7 @@ def test_a_rescaled_walk_is_that_of_longer_steps() -> None:
     recording, _ = simulate(load_world("studio"), 100, rounds=1, sound=False)
     assert recording.imu is not None
     plain, start = MotionParameters(), (3.0, -2.0, 0.5)
-    longer = replace(
-        plain, step_length_m=1.07 * plain.step_length_m,
-        length_per_root_bounce=1.07 * plain.length_per_root_bounce,
-        shortest_step_m=1.07 * plain.shortest_step_m, longest_step_m=1.07 * plain.longest_step_m,
-    )  # fmt: skip
+    longer = replace(plain, step_scale=1.07)
     wanted = dead_reckon(recording.imu, longer, start)
     made = rescaled(dead_reckon(recording.imu, plain, start), ScaleEstimate(1.07, 0.01))
     assert made.world_from_body == pytest.approx(wanted.world_from_body, abs=1e-9)
