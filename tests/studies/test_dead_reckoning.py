@@ -83,6 +83,14 @@ def test_the_study_needs_no_real_walks() -> None:
     assert "NEES" in str(finding.page.panels[-1].body)
 
 
+def test_true_directions_and_length_leave_less_than_either(walks: list[Walk]) -> None:
+    rows = list(study._source_rows({"A": walks}))
+    left = {str(row["truth in place of"]): float(str(row["end error (%)"])) for row in rows}
+    scored = study._scored(walks, study.COMPASS_KNOWN)
+    assert left["nothing"] == round(100 * float(np.median([one.end_share for one in scored])), 2)
+    assert left["directions of legs, whole length"] < left["the direction of every leg"]
+
+
 def test_walks_are_drawn_from_their_true_start(walks: list[Walk]) -> None:
     for drawn in study._drawn(walks):
         np.testing.assert_allclose(drawn.true_m[0], drawn.reckoned_m[0], atol=1e-9)

@@ -26,6 +26,7 @@ from elfslam.score.curves import Curve, curves_figure
 from elfslam.score.errors import end_error_share, path_length_m, position_errors
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.walk_figures import DrawnWalk, walks_figure
+from elfslam.studies.error_sources import end_errors
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.reckoned_walks import (
     WORLDS,
@@ -96,7 +97,9 @@ def measure_dead_reckoning(
         for name, some in groups.items()
         for row in _consistency_rows(name, some, WAYPOINT_SIGMA_M if name in floors else 0.0)
     ]
-    return Finding([*_joined(rows, consistency)], _page(rows, consistency, floors, simulated))
+    sources = list(_source_rows(floors))
+    page = _page(rows, sources, consistency, floors, simulated)
+    return Finding([*_joined(rows, sources, consistency)], page)
 
 
 def _real_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
@@ -211,11 +214,34 @@ def _ends(
 ) -> Iterator[float]:
     """End error of every walk as a share of its true path, its start and heading given."""
     for odometry, walk, heading_rad in zip(reckoned, walks, headings_rad, strict=True):
-        matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
-        moved = compose(np.array([0.0, 0.0, heading_rad]), matched.estimate)[:, :2]
-        true = matched.truth[:, :2]
-        error_m = np.linalg.norm((moved[-1] - moved[0]) - (true[-1] - true[0]))
-        yield float(error_m / path_length_m(true))
+        yield end_errors(*_headed(odometry, walk, heading_rad))["nothing"]
+
+
+def _headed(odometry: Odometry, walk: Walk, heading_rad: float) -> tuple[F64, F64]:
+    """A walk (n, 2) with this heading at its first footstep, and where it truly was."""
+    matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
+    moved = compose(np.array([0.0, 0.0, heading_rad]), matched.estimate)
+    return moved[:, :2], matched.truth[:, :2]
+
+
+def _source_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
+    """Median end errors by compass, with one thing after the other replaced by the truth."""
+    for floor, walks in floors.items():
+        reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
+        starts = _starts_rad(walks, COMPASS_KNOWN)
+        headings = starts + _floor_turn_rad(reckoned, walks, starts)
+        found = [
+            end_errors(*_headed(odometry, walk, heading_rad))
+            for odometry, walk, heading_rad in zip(reckoned, walks, headings, strict=True)
+        ]
+        for name in found[0]:
+            share = float(np.median([one[name] for one in found]))
+            yield {
+                "walks of": f"mall {floor}",
+                "truth in place of": name,
+                "walks": len(found),
+                "end error (%)": round(100 * share, 2),
+            }
 
 
 def _calibrated(walks: Sequence[Walk]) -> list[Scored]:
@@ -289,6 +315,7 @@ def _joined(*tables: Sequence[Row]) -> Iterator[Row]:
 
 def _page(
     rows: Sequence[Row],
+    sources: Sequence[Row],
     consistency: Sequence[Row],
     floors: Mapping[str, Sequence[Walk]],
     worlds: Mapping[str, Sequence[Walk]],
@@ -316,6 +343,7 @@ def _page(
         Panel("End errors", figure, "Mall by compass, simulated by true start.", wide=True)
     )
     panels.append(Panel("All ways", rows_table(rows), wide=True))
+    panels.append(Panel("Where the error comes from", rows_table(sources), SOURCES, wide=True))
     panels.append(
         Panel("Is the uncertainty right?", rows_table(consistency), CONSISTENCY, wide=True)
     )
@@ -324,6 +352,7 @@ def _page(
     )
 
 
+SOURCES = "Median end error by compass, the phone known, with one thing replaced by the truth."
 CONSISTENCY = (
     "Displacements from where the walk truly was, heading the way of the ten metres "
     "before; NEES is 2 in the mean where sigmas are right."

@@ -36,11 +36,13 @@ FOCUS_NOTE = (
     "direction and distance would give. Walls are spots, bright where the steps have the true "
     "length and smeared where they do not."
 )
-SHARPNESS_NOTE = "Each line is a walk, its best is 1. All are sharpest where the scale is true."
+SHARPNESS_NOTE = (
+    "Each line is a walk, its best is 1. They are sharpest about where the scale is true."
+)
 CHANGES_NOTE = (
     "How alike frames 0.3 s apart are when one is put back. No path changes by more than the move, "
     "there and back, so likeness falls off at the dotted lines, blurred by the 7 cm that the band "
-    "resolves. Where it falls depends on the room: this alone is off by 10 to 20 % in another one."
+    "resolves. Where it falls depends on the room, so that this alone does not measure steps."
 )
 
 
