@@ -39,13 +39,13 @@ class WifiParameters:
 
     variant: str = parameter("tuned", "", "tuned, or the paper's Euclidean distance")
     floor_dbm: float = parameter(
-        -95.0, "dBm", "what an access point counts that was not heard", low=-120.0, high=-50.0
+        -93.0, "dBm", "what an access point counts that was not heard", low=-120.0, high=-50.0
     )
     window_s: float = parameter(
-        2.5, "s", "sightings count half this far from the footstep (tuned)", low=0.1, high=60.0
+        3.0, "s", "sightings count half this far from the footstep (tuned)", low=0.1, high=60.0
     )
     power: float = parameter(
-        1.5, "", "exponent by which strong access points weigh more (tuned)", low=0.1, high=10.0
+        2.0, "", "exponent by which strong access points weigh more (tuned)", low=0.1, high=10.0
     )
     distance_scale_db: float = parameter(
         20.0, "dB", "distance where the score falls to 1/e (paper)", low=0.1, high=1000.0

@@ -19,6 +19,8 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.magnetic_walks import measure_magnetic_walks
+from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
@@ -35,6 +37,8 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "magnetic-walks": measure_magnetic_walks,
+    "mall-floor": measure_mall_floor,
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
