@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,7 +33,10 @@ def thinned(walk: Odometry) -> Odometry:
     """The walk at those nodes; variances of the moves between add up."""
     rows = thinned_rows(walk)
     summed = np.vstack([np.zeros(3), np.cumsum(walk.step_sigma**2, axis=0)])[rows]
-    return Odometry(walk.t_s[rows], walk.world_from_body[rows], np.sqrt(np.diff(summed, axis=0)))
+    sigma = np.sqrt(np.diff(summed, axis=0))
+    return replace(
+        walk, t_s=walk.t_s[rows], world_from_body=walk.world_from_body[rows], step_sigma=sigma
+    )
 
 
 def joint_graph(

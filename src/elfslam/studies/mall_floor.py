@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -53,7 +54,11 @@ class FloorWalk:
 
 
 def measure_mall_floor(
-    data: Path | None, announce: Announce, *, most_walks: int | None = None
+    data: Path | None,
+    announce: Announce,
+    *,
+    floors: Sequence[str] = tuple(FLOORS),
+    most_walks: int | None = None,
 ) -> Finding:
     """A row per floor and method: errors at the waypoints of walks that are solved together.
 
@@ -62,7 +67,7 @@ def measure_mall_floor(
     """
     rows: list[Row] = []
     panels: list[Panel] = []
-    for floor, use in FLOORS.items():
+    for floor in floors:
         announce(f"reading {floor}", None)
         walks = floor_walks(_archive(data, floor), most_walks)
         poses: dict[str, list[F64]] = {}
@@ -72,7 +77,7 @@ def measure_mall_floor(
             errors = [
                 waypoint_errors(walk, each) for walk, each in zip(walks, poses[method], strict=True)
             ]
-            rows.append(_row(floor, use, method, errors[1::2], found))
+            rows.append(_row(floor, FLOORS[floor], method, errors[1::2], found))
         panels += _panels(floor, walks, poses)
     table = Panel("Errors", rows_table(rows), ROWS_NOTE, wide=True)
     return Finding(rows, Page("A floor from everybody's walks", NOTE, [table, *panels]))
@@ -82,10 +87,11 @@ def floor_walks(archive: Path, most: int | None) -> list[FloorWalk]:
     """The walks of a floor with two waypoints or more, from their starts.
 
     The heading is that of the rotation vector, over the whole walk, turned by one angle a floor:
-    the median over every second walk of how its first leg lies against the waypoints.
+    the mean over every second walk of how its first leg lies against the waypoints.
     """
-    walks = [walk for path in walks_in(archive) if len((walk := read_walk(path)).truth.t_s) > 1]
-    placed = [_placed(walk.recording, walk.truth, 0.0) for walk in walks[:most]]
+    walks = [read_walk(path) for path in islice(walks_in(archive), most)]
+    known = [walk for walk in walks if len(walk.truth.t_s) > 1]
+    placed = [_placed(walk.recording, walk.truth, 0.0) for walk in known]
     turns = [_first_leg_turn(walk) for walk in placed[::2]]
     turn = float(np.angle(np.exp(1j * np.array(turns)).mean()))
     return [_placed(walk.recording, walk.truth, turn) for walk in placed]
@@ -133,7 +139,7 @@ def _placed(recording: Recording, truth: Truth, turn_rad: float) -> FloorWalk:
     heading_rad = float(np.angle(np.exp(1j * ahead).mean())) + turn_rad
     start = np.array([*truth.world_from_body[0, :2], heading_rad])
     moved = compose(start, nodes.world_from_body)
-    return FloorWalk(recording, truth, Odometry(nodes.t_s, moved, nodes.step_sigma))
+    return FloorWalk(recording, truth, replace(nodes, world_from_body=moved))
 
 
 def _yaw_rad(orientation: Orientation, at_s: F64) -> F64:
