@@ -33,7 +33,7 @@ class NeighbourParameters:
     )
     wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", low=0.0)
     field_scale: float = parameter(
-        0.5, "", "warping cost where the weight by field falls to 1/e", low=0.01
+        1.0, "", "warping cost where the weight by field falls to 1/e", low=0.01
     )
     field_unit_ut: float = parameter(8.0, "uT", "difference of the field that costs 1", low=0.01)
     half_window_m: float = parameter(8.0, "m", "field compared before and after", low=0.1)

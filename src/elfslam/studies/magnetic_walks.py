@@ -12,7 +12,6 @@ from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Odometry, Orientation, Recording, Truth
 from elfslam.baselines.alignment import AlignmentParameters, align_closures
 from elfslam.baselines.magnetic import (
@@ -172,7 +171,7 @@ def _panel(name: str, mapped: list[Mapped]) -> Panel:
     """The walk whose map has the median error."""
     order = np.argsort([_rmse(m.nodes_t_s, m.poses, m.truth) for m in mapped])
     shown = mapped[order[len(order) // 2]]
-    true = interpolate_poses(shown.truth.t_s, shown.truth.world_from_body, shown.nodes_t_s)
+    true = shown.truth.world_from_body
     drifted = _laid_on(shown.odometry.t_s, shown.odometry.world_from_body, shown.truth)
     walks = [
         *walk_traces(drifted, "drifted", DEAD_RECKONING, width=1.5, opacity=0.7),
