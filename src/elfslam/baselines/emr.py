@@ -19,7 +19,7 @@ from elfslam.baselines.warping import warping_costs
 from elfslam.line.closure import ClosureParameters
 
 EMR_CLOSURES = ClosureParameters(
-    threshold=0.5, along_sigma_m=0.6, across_sigma_m=0.6, heading_sigma_rad=0.4
+    threshold=0.4, along_sigma_m=0.6, across_sigma_m=0.6, heading_sigma_rad=0.4
 )
 
 
@@ -28,7 +28,7 @@ class EmrParameters:
     """How stretches of hum are cut and compared."""
 
     half_window: int = parameter(
-        4, "footsteps", "compared before and after each footstep", low=0, high=64
+        8, "footsteps", "compared before and after each footstep", low=0, high=64
     )
     warp: int = parameter(
         1, "footsteps", "how far the warping may shift a footstep", low=0, high=64

@@ -9,7 +9,7 @@ never used.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import ndimage
@@ -33,10 +33,9 @@ TURNED_ROUND = {1: np.array([1.0]), 3: np.array([-1.0, -1.0, 1.0])}
 LOOKS_AHEAD = np.array([0.0, 1.0, -1.0])
 """A phone axis that is never vertical, be the phone held flat or upright."""
 MAGNETIC_CLOSURES = ClosureParameters(
-    threshold=0.5, along_sigma_m=1.0, across_sigma_m=1.0, heading_sigma_rad=0.4
+    threshold=0.65, along_sigma_m=0.5, across_sigma_m=0.5, heading_sigma_rad=0.35
 )
-"""Closures along a line share most of their field and so their error: together they are worth a
-few, and each alone is trusted less than it is exact."""
+"""Chosen on the simulated development worlds, levelled by gravity."""
 
 
 @dataclass(frozen=True)
@@ -118,7 +117,7 @@ def field_sequences(
 
 @dataclass(frozen=True, eq=False)
 class FieldProfile(Value):
-    """The normalised field (s, c) at distances walked (s), and how far each node (n) lies."""
+    """The field (s, c) at distances walked (s), and the distance walked to each node (n)."""
 
     along_m: F64 = array("s", increasing=True)
     field: F64 = array("s", "c")
@@ -136,11 +135,30 @@ def field_profile(
     nodes: Odometry,
     parameters: MagneticParameters,
 ) -> FieldProfile:
-    """The field along a walk. Raises InputError where the magnetometer does not cover it."""
-    field = levelled_field(magnetometer, orientation)
-    walked_m = _walked_m(nodes)
-    along_m, sampled = _by_distance(magnetometer.t_s, field, nodes.t_s, walked_m, parameters)
-    return FieldProfile(along_m, _normalised(sampled, parameters), walked_m)
+    """The normalised field along a walk. Raises InputError where the magnetometer is off."""
+    seen = field_by_distance(magnetometer, orientation, nodes, parameters.spacing_m)
+    return replace(seen, field=_normalised(seen.field, parameters))
+
+
+def field_by_distance(
+    magnetometer: Magnetometer, orientation: Orientation | None, nodes: Odometry, spacing_m: float
+) -> FieldProfile:
+    """The levelled field along a walk, microtesla, its mean in cells of equal length.
+
+    Raises InputError where the magnetometer does not cover the walk.
+    """
+    inside = _covering(magnetometer.t_s, nodes.t_s)
+    field = levelled_field(magnetometer, orientation)[inside]
+    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
+    walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    at_m = np.interp(magnetometer.t_s[inside], nodes.t_s, walked_m)
+    cell = np.round(at_m / spacing_m).astype(int)
+    counts = np.bincount(cell)
+    seen = np.flatnonzero(counts)
+    sums = np.column_stack([np.bincount(cell, weights=column) for column in field.T])
+    return FieldProfile(
+        np.asarray(seen * spacing_m), np.asarray(sums[seen] / counts[seen, None]), walked_m
+    )
 
 
 def levelled_field(magnetometer: Magnetometer, orientation: Orientation | None) -> F64:
@@ -176,11 +194,6 @@ def turned_round(windows: F64) -> F64:
     return np.asarray(windows[:, ::-1] * TURNED_ROUND[windows.shape[2]])
 
 
-def _walked_m(nodes: Odometry) -> F64:
-    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(steps_m)])
-
-
 def _covering(t_s: F64, nodes_t_s: F64) -> Bool:
     inside: Bool = (t_s >= nodes_t_s[0]) & (t_s <= nodes_t_s[-1])
     if inside.sum() < 2:
@@ -189,19 +202,6 @@ def _covering(t_s: F64, nodes_t_s: F64) -> Bool:
             f"{nodes_t_s[-1]:.1f} s of the walk, wanted at least 2; record it while walking"
         )
     return inside
-
-
-def _by_distance(
-    t_s: F64, field: F64, nodes_t_s: F64, walked_m: F64, parameters: MagneticParameters
-) -> tuple[F64, F64]:
-    """Distances (m) at which the field was seen, and its mean (m, c) in the cell around each."""
-    inside = _covering(t_s, nodes_t_s)
-    at_m = np.interp(t_s[inside], nodes_t_s, walked_m)
-    cell = np.round(at_m / parameters.spacing_m).astype(int)
-    counts = np.bincount(cell)
-    seen = np.flatnonzero(counts)
-    sums = np.column_stack([np.bincount(cell, weights=column) for column in field[inside].T])
-    return np.asarray(seen * parameters.spacing_m), sums[seen] / counts[seen, None]
 
 
 def _by_time(magnetometer: Magnetometer, nodes: Odometry, parameters: MagneticParameters) -> F64:

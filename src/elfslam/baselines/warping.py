@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 
 
 def warping_costs(windows: F64, others: F64, band: int) -> F64:
@@ -14,17 +14,24 @@ def warping_costs(windows: F64, others: F64, band: int) -> F64:
     Dynamic time warping with Euclidean cost and a Sakoe-Chiba band: samples that are matched lie
     at most `band` apart.
     """
-    return np.asarray(
-        _warping_costs(np.ascontiguousarray(windows), np.ascontiguousarray(others), band)
+    return warping_costs_where(
+        np.ones((len(windows), len(others)), dtype=np.bool_), windows, others, band
     )
 
 
+def warping_costs_where(wanted: Bool, windows: F64, others: F64, band: int) -> F64:
+    """The same costs (n, m) where they are wanted (n, m), infinite elsewhere."""
+    sequences = np.ascontiguousarray(windows), np.ascontiguousarray(others)
+    return np.asarray(_warping_costs(wanted, *sequences, band))
+
+
 @njit(cache=True)  # type: ignore[untyped-decorator]
-def _warping_costs(windows: F64, others: F64, band: int) -> F64:
-    costs = np.empty((len(windows), len(others)))
+def _warping_costs(wanted: Bool, windows: F64, others: F64, band: int) -> F64:
+    costs = np.full((len(windows), len(others)), np.inf)
     for i in range(len(windows)):
         for j in range(len(others)):
-            costs[i, j] = _warping_cost(windows[i], others[j], band)
+            if wanted[i, j]:
+                costs[i, j] = _warping_cost(windows[i], others[j], band)
     return costs
 
 

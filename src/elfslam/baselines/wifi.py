@@ -27,7 +27,7 @@ SAME_SIGHTING_S = 0.05
 FLOOR_WEIGHT = 0.2
 """What an access point that was not heard weighs, beside a sighting at the very moment."""
 WIFI_CLOSURES = ClosureParameters(
-    threshold=0.6, along_sigma_m=2.0, across_sigma_m=2.0, heading_sigma_rad=1.0
+    threshold=0.93, along_sigma_m=4.0, across_sigma_m=4.0, heading_sigma_rad=2.0
 )
 """Wi-Fi knows the place to metres. The heading of a closure is that of its line alone: which way
 the walker passes is told, how exactly is not."""
@@ -39,13 +39,13 @@ class WifiParameters:
 
     variant: str = parameter("tuned", "", "tuned, or the paper's Euclidean distance")
     floor_dbm: float = parameter(
-        -95.0, "dBm", "what an access point counts that was not heard", low=-120.0, high=-50.0
+        -93.0, "dBm", "what an access point counts that was not heard", low=-120.0, high=-50.0
     )
     window_s: float = parameter(
-        2.5, "s", "sightings count half this far from the footstep (tuned)", low=0.1, high=60.0
+        3.0, "s", "sightings count half this far from the footstep (tuned)", low=0.1, high=60.0
     )
     power: float = parameter(
-        1.5, "", "exponent by which strong access points weigh more (tuned)", low=0.1, high=10.0
+        2.0, "", "exponent by which strong access points weigh more (tuned)", low=0.1, high=10.0
     )
     distance_scale_db: float = parameter(
         20.0, "dB", "distance where the score falls to 1/e (paper)", low=0.1, high=1000.0

@@ -57,7 +57,9 @@ class Drift:
     scale_sigma: float = parameter(0.03, "1", "standard deviation of the constant scale error")
 
 
-def read_magnetic(path: Path, generator: np.random.Generator) -> tuple[Recording, Truth]:
+def read_magnetic(
+    path: Path, generator: np.random.Generator, drift: Drift | None = None
+) -> tuple[Recording, Truth]:
     """The walk in a .mat file as a recording with drifted odometry, and its truth.
 
     The odometry has the 10 Hz of the file and starts at the true pose. The same generator state
@@ -68,7 +70,7 @@ def read_magnetic(path: Path, generator: np.random.Generator) -> tuple[Recording
     t_s, field_t_s = data["t"][:, 0] - first, data["tm"][:, 0] - first
     world_from_camera = data["quat"][:, [1, 2, 3, 0]]
     poses = _true_poses(data["dPos"], world_from_camera)
-    odometry = _drifted(t_s, poses, Drift(), generator)
+    odometry = _drifted(t_s, poses, drift or Drift(), generator)
     yaw_error = wrap_angle(odometry.world_from_body[:, 2] - poses[:, 2])
     world_from_phone = _multiply(_multiply(_yaw(yaw_error), world_from_camera), CAMERA_FROM_DEVICE)
     recording = Recording(

@@ -20,6 +20,8 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.magnetic_walks import measure_magnetic_walks
+from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
@@ -38,6 +40,8 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "magnetic-walks": measure_magnetic_walks,
+    "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
