@@ -14,6 +14,7 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
     ECHO_RATE_HZ,
+    NO_CLOSURES,
     AnySimilarity,
     Closures,
     Echoes,
@@ -32,12 +33,12 @@ from elfslam.line.acoustic_odometry import (
     with_prior,
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.closure import ClosureParameters, find_closures
+from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
-from elfslam.line.graph import GraphParameters, build_graph, optimise
+from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
 from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
@@ -175,12 +176,28 @@ def _close_loops(
 ) -> tuple[Closures, Trajectory]:
     """What resembles closes loops, and the loops straighten the walk."""
     with stage("closures"):
-        closures = joined(
-            [closures_of(each, nodes, known, parameters.curation) for each, known in similarities]
-        )
+        closures = closures_by(nodes, similarities, parameters)
     with stage("graph"):
         trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
     return closures, trajectory
+
+
+def closures_by(
+    nodes: Odometry,
+    similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
+    parameters: Parameters,
+) -> Closures:
+    """The closures of one sense after the other.
+
+    What a later one says must fit the walk as the earlier ones straighten it.
+    """
+    closures = NO_CLOSURES
+    for similarity, known in similarities:
+        found = closures_of(similarity, nodes, known, parameters.curation)
+        fit = agreeing(build_graph(nodes, closures), found, parameters.graph)
+        weighed = sharing_errors(found.chosen(fit), known.shared_footsteps)
+        closures = joined([closures, weighed])
+    return closures
 
 
 def closures_of(

@@ -9,7 +9,7 @@ metres and heading in radians counter-clockwise from x. A pose is (x, y, heading
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import IntEnum
 
 import numpy as np
@@ -217,6 +217,19 @@ class Closures(Value):
     score: F64 = array("k")
     i_from_j: F64 = array("k", 3)
     covariance: F64 = array("k", 3, 3)
+
+    def chosen(self, rows: Bool) -> Closures:
+        """Those of some rows."""
+        return Closures(*(getattr(self, each.name)[rows] for each in fields(self)))
+
+
+NO_CLOSURES = Closures(
+    np.empty(0, dtype=np.int64),
+    np.empty(0, dtype=np.int64),
+    np.empty(0),
+    np.empty((0, 3)),
+    np.empty((0, 3, 3)),
+)
 
 
 @dataclass(frozen=True, eq=False)

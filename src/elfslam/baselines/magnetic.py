@@ -33,7 +33,11 @@ TURNED_ROUND = {1: np.array([1.0]), 3: np.array([-1.0, -1.0, 1.0])}
 LOOKS_AHEAD = np.array([0.0, 1.0, -1.0])
 """A phone axis that is never vertical, be the phone held flat or upright."""
 MAGNETIC_CLOSURES = ClosureParameters(
-    threshold=0.65, along_sigma_m=0.5, across_sigma_m=0.5, heading_sigma_rad=0.35
+    threshold=0.65,
+    along_sigma_m=0.5,
+    across_sigma_m=0.5,
+    heading_sigma_rad=0.35,
+    shared_footsteps=2,
 )
 """Chosen on the simulated development worlds, levelled by gravity."""
 

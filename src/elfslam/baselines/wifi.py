@@ -27,7 +27,11 @@ SAME_SIGHTING_S = 0.05
 FLOOR_WEIGHT = 0.2
 """What an access point that was not heard weighs, beside a sighting at the very moment."""
 WIFI_CLOSURES = ClosureParameters(
-    threshold=0.93, along_sigma_m=4.0, across_sigma_m=4.0, heading_sigma_rad=2.0
+    threshold=0.93,
+    along_sigma_m=4.0,
+    across_sigma_m=4.0,
+    heading_sigma_rad=2.0,
+    shared_footsteps=20,
 )
 """Wi-Fi knows the place to metres. The heading of a closure is that of its line alone: which way
 the walker passes is told, how exactly is not."""

@@ -8,10 +8,11 @@ the walker at two places at once only the clearly better one stays. The graph ha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
+from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 from elfslam.base.arrays import F32, F64, I64, Bool
@@ -51,13 +52,16 @@ class ClosureParameters:
         0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
     )
     along_sigma_m: float = parameter(
-        0.25, "m", "error of a closure along the walk", low=0.01, high=100.0
+        0.20, "m", "error of a closure along the walk", low=0.01, high=100.0
     )
     across_sigma_m: float = parameter(
-        0.35, "m", "error of a closure across the walk", low=0.01, high=100.0
+        0.28, "m", "error of a closure across the walk", low=0.01, high=100.0
     )
     heading_sigma_rad: float = parameter(
-        0.35, "rad", "error of a closure's heading", low=0.01, high=3.14
+        0.28, "rad", "error of a closure's heading", low=0.01, high=3.14
+    )
+    shared_footsteps: int = parameter(
+        0, "footsteps", "closures this near each other share one error", low=0, high=1_000
     )
 
 
@@ -88,9 +92,20 @@ def find_closures(
     found = candidates(similarity, parameters)
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))
-    sigma = _sigma(parameters)
-    covariance = np.tile(np.diag(np.square(sigma)), (len(found.i), 1, 1))
+    covariance = np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
     return Closures(found.i, found.j, found.score, _i_from_j(found, nodes), covariance)
+
+
+def sharing_errors(closures: Closures, reach: int) -> Closures:
+    """The closures with wider sigmas where they lie within `reach` footsteps of others.
+
+    What errs alike says no more together than one alone: each of n such weighs an nth.
+    """
+    if not len(closures.i):
+        return closures
+    tree = cKDTree(np.column_stack([closures.i, closures.j]))
+    alike = tree.query_ball_point(tree.data, reach, p=np.inf, return_length=True)
+    return replace(closures, covariance=alike[:, None, None] * closures.covariance)
 
 
 def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Candidates:

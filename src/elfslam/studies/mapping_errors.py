@@ -4,16 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from elfslam.base.values import AnySimilarity, Closures, Odometry, Recording, Trajectory, Truth
+from elfslam.base.values import (
+    NO_CLOSURES,
+    AnySimilarity,
+    Closures,
+    Echoes,
+    Features,
+    Odometry,
+    Recording,
+    Trajectory,
+    Truth,
+)
 from elfslam.learn.settings import ScratchParameters
-from elfslam.line.closure import find_closures
+from elfslam.line.closure import ClosureParameters
 from elfslam.line.curation import curated_closures
-from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
@@ -21,7 +31,7 @@ from elfslam.score.closure_score import score_closures
 from elfslam.score.coverage import trajectory_coverage
 from elfslam.score.errors import Alignment, path_length_m, position_errors, summarise
 from elfslam.senses import Modality, Settings, sense_of
-from elfslam.slam import hear, joined, walk_nodes
+from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.mapping_table import mapping_page, mapping_rows
 from elfslam.studies.repeats import Numbers, finished
@@ -36,10 +46,11 @@ COURSE = "concourse"
 OFF, OFF_SIGMA = 0.1, 0.1
 """Steps are assumed this much too long (even seeds) or too short, and known no better."""
 CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
-RIVALS = (Modality.WIFI, Modality.MAGNETIC, Modality.EMR)
+ELF, ALONE = "ELF", "ELF without pre-training"
+ALONE_THRESHOLD = 0.15
+"""An encoder that has heard one walk alone finds nothing as alike as the shipped one does."""
+RIVALS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
-NOBODY = np.empty(0, dtype=np.int64)
-NO_CLOSURES = Closures(NOBODY, NOBODY, np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
 
 
 @dataclass(frozen=True)
@@ -79,11 +90,11 @@ def _measured(walk: Walk, scratch: ScratchParameters) -> Numbers:
     )
     x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
     recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
-    encoders = _encoders(recording, walk.seed, scratch)
+    echoes = hear(recording, Settings())
+    features = _features(echoes, walk.seed, scratch)
     numbers: Numbers = {}
     for walker, known in walkers(walk.seed).items():
-        nodes = walk_nodes(recording, known)
-        for method, closures in _closures(recording, nodes, encoders, known):
+        for method, nodes, closures in _closures(recording, echoes, features, known):
             trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
             found = {**_errors(trajectory, truth), **_evidence(closures, trajectory, truth)}
             numbers |= {f"{walker}|{method}|{name}": value for name, value in found.items()}
@@ -101,42 +112,52 @@ def walkers(seed: int) -> Mapping[str, Settings]:
     return {CALIBRATED: replace(usual, motion=known), UNCALIBRATED: replace(usual, motion=off)}
 
 
-def _encoders(recording: Recording, seed: int, scratch: ScratchParameters) -> dict[str, Encoder]:
+def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str, Features]:
+    """By the shipped encoder, and by one that has heard this walk alone."""
     from elfslam.learn.from_scratch import learn_from_scratch
 
-    alone = learn_from_scratch(hear(recording, Settings()), scratch, seed=seed)
-    return {"ELF": _shipped(), "ELF without pre-training": alone}
-
-
-@cache
-def _shipped() -> Encoder:
-    return load_encoder("compact")
+    alone = learn_from_scratch(echoes, scratch, seed=seed)
+    encoders = {ELF: load_encoder("compact"), ALONE: alone}
+    return {name: extract_features(echoes, encoder) for name, encoder in encoders.items()}
 
 
 def _closures(
-    recording: Recording, nodes: Odometry, encoders: Mapping[str, Encoder], known: Settings
-) -> Iterator[tuple[str, Closures]]:
-    """Closures by method, first none, at last those of all senses together."""
-    heard = hear(recording, known)
-    elf = {
-        name: echo_sequence_similarity(extract_features(heard, encoder), nodes)
-        for name, encoder in encoders.items()
-    }
-    found = {
-        name: find_closures(similarity, nodes, known.closure) for name, similarity in elf.items()
-    }
-    found["ELF, paper's curation"] = _curated(elf["ELF"], nodes, known, known.closure.threshold)
+    recording: Recording, echoes: Echoes, features: Mapping[str, Features], known: Settings
+) -> Iterator[tuple[str, Odometry, Closures]]:
+    """What is walked and closed by method, first nothing, at last by all senses together.
+
+    Who hears echoes also knows by them how long the steps were.
+    """
+    walked = walk_nodes(recording, known)
+    yield "dead reckoning", walked, NO_CLOSURES
+    heard = with_heard_steps(walked, echoes, known)
+    yield "dead reckoning, heard steps", heard, NO_CLOSURES
+    elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
+    strictness = {ELF: known.closure, ALONE: replace(known.closure, threshold=ALONE_THRESHOLD)}
+    for name, alike in elf.items():
+        yield name, heard, closures_by(heard, [(alike, strictness[name])], known)
+    curated = _curated(elf[ELF], heard, known, known.closure.threshold)
+    yield f"{ELF}, paper's curation", heard, curated
     for item in RIVALS:
-        sense = sense_of(item, known)
-        similarity = sense.similarity_of(recording, nodes)
-        found[item.value] = find_closures(similarity, nodes, sense.closure)
+        yield (
+            item.value,
+            walked,
+            closures_by(walked, [_sensed(item, recording, walked, known)], known),
+        )
     for item, paper in _as_in_the_paper(known).items():
-        sense = sense_of(item, paper)
-        similarity = sense.similarity_of(recording, nodes)
-        found[f"{item}, paper's"] = _curated(similarity, nodes, paper, sense.closure.threshold)
-    yield "dead reckoning", NO_CLOSURES
-    yield from found.items()
-    yield "all together", joined([found["ELF"], *(found[item.value] for item in RIVALS)])
+        similarity, closure = _sensed(item, recording, walked, paper)
+        closures = _curated(similarity, walked, paper, closure.threshold)
+        yield f"{item}, paper's", walked, closures
+    others = [_sensed(item, recording, heard, known) for item in RIVALS]
+    together = closures_by(heard, [(elf[ELF], known.closure), *others], known)
+    yield "all together", heard, together
+
+
+def _sensed(
+    item: Modality, recording: Recording, nodes: Odometry, known: Settings
+) -> tuple[AnySimilarity, ClosureParameters]:
+    sense = sense_of(item, known)
+    return sense.similarity_of(recording, nodes), sense.closure
 
 
 def _curated(

@@ -26,15 +26,23 @@ def build_graph(nodes: Odometry, closures: Closures) -> PoseGraph:
     count = len(poses) - 1
     steps = np.column_stack([np.arange(count), np.arange(1, count + 1)])
     step_information = np.stack([np.diag(1 / sigma**2) for sigma in nodes.step_sigma])
-    closure_information = np.linalg.inv(closures.covariance).reshape(-1, 3, 3)
+    closing = closure_edges(poses, closures)
     return PoseGraph(
         initial=poses,
-        edges=np.vstack([steps, np.column_stack([closures.i, closures.j])]),
-        measurements=np.vstack([between(poses[:-1], poses[1:]), closures.i_from_j]),
-        information=np.concatenate([step_information, closure_information]),
+        edges=np.vstack([steps, closing.edges]),
+        measurements=np.vstack([between(poses[:-1], poses[1:]), closing.measurements]),
+        information=np.concatenate([step_information, closing.information]),
         is_closure=np.arange(count + len(closures.i)) >= count,
         scale_sigma=nodes.scale_sigma,
     )
+
+
+def closure_edges(poses: F64, closures: Closures) -> PoseGraph:
+    """The closures alone, as edges between poses (n, 3)."""
+    information = np.asarray(np.linalg.inv(closures.covariance)).reshape(-1, 3, 3)
+    edges = np.column_stack([closures.i, closures.j])
+    every = np.ones(len(edges), dtype=bool)
+    return PoseGraph(poses, edges, closures.i_from_j, information, every)
 
 
 def edges_of(graph: PoseGraph, chosen: I64 | Bool) -> PoseGraph:

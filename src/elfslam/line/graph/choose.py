@@ -15,9 +15,9 @@ import numpy as np
 from scipy.stats import chi2
 
 from elfslam.base.arrays import F64, I64, Bool
-from elfslam.base.values import PoseGraph
+from elfslam.base.values import Closures, PoseGraph
 from elfslam.line.graph.blocks import pattern_of
-from elfslam.line.graph.build import believing, covariance_of_edges, edges_of
+from elfslam.line.graph.build import believing, closure_edges, covariance_of_edges, edges_of
 from elfslam.line.graph.linear import (
     Equations,
     chi_square,
@@ -70,6 +70,20 @@ def choose_closures(graph: PoseGraph, parameters: GraphParameters) -> tuple[F64,
         kept |= np.isin(runs.run, waiting[taken])
         waiting = waiting[~taken]
     return _revised(graph, closures, kept, poses, limit, parameters)
+
+
+def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -> Bool:
+    """Which further closures (k) fit the graph as its own closures leave it; all without any.
+
+    Raises InputError where the steps of the graph are no chain.
+    """
+    if not graph.is_closure.any():
+        return np.ones(len(further.i), dtype=bool)
+    poses, kept = choose_closures(graph, parameters)
+    asked = closure_edges(graph.initial, further)
+    poses, equations = _settled(graph, kept, poses, asked.edges, parameters)
+    limit = float(chi2.ppf(parameters.agreeing_probability, 3))
+    return np.asarray(fit_of(asked, poses, equations).squared <= limit)
 
 
 def _revised(

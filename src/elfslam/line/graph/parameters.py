@@ -15,6 +15,9 @@ class GraphParameters:
     inlier_probability: float = parameter(
         0.99, "", "closures with a residual beyond this quantile are outliers", low=0.5, high=0.9999
     )
+    agreeing_probability: float = parameter(
+        0.9, "", "closures of a further sense beyond this quantile are left out", low=0.1, high=1.0
+    )
     run_reach: int = parameter(
         10, "footsteps", "closures this near each other may belong to one run", low=1, high=1_000
     )
