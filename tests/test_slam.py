@@ -24,6 +24,7 @@ from elfslam.base.values import (
     Similarity,
     Truth,
 )
+from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
 from elfslam.slam import (
     Parameters,
@@ -328,3 +329,34 @@ def test_a_calibrated_map_is_the_same_map_and_hears_others_as_its_own_phone(
     plain = slam.locate(other, run.floor_map, encoder, PARAMETERS)
     assert not np.array_equal(fixes.score, plain.score), "the tablet is heard as the map's phone"
     assert np.nanmean(fixes.score) > np.nanmean(plain.score)
+
+
+def test_a_later_sense_may_not_contradict_an_earlier_one() -> None:
+    turn_rad = 2 * np.pi / 20 * np.arange(81)
+    circle = np.column_stack([4 * np.sin(turn_rad), 4 - 4 * np.cos(turn_rad), turn_rad])
+    nodes = Odometry(0.5 * np.arange(81), circle, np.full((80, 3), 0.2))
+    sharp, shifted = ridges(80, 20), ridges(80, 17)
+    known = ClosureParameters()
+    alone = slam.closures_by(nodes, [(shifted, known)], PARAMETERS)
+    together = slam.closures_by(nodes, [(sharp, known), (shifted, known)], PARAMETERS)
+    first = slam.closures_by(nodes, [(sharp, known)], PARAMETERS)
+    assert len(alone.i) > 20
+    assert len(together.i) < len(first.i) + 0.2 * len(alone.i)
+    npt.assert_array_equal(together.i[: len(first.i)], first.i)
+
+
+def test_closures_weigh_as_their_sense_shares_its_errors() -> None:
+    nodes = Odometry(0.5 * np.arange(41), np.zeros((41, 3)), np.full((40, 3), 0.2))
+    apart = dataclasses.replace(ClosureParameters(), shared_footsteps=0)
+    shared = dataclasses.replace(apart, shared_footsteps=40)
+    one, all_one = (
+        slam.closures_by(nodes, [(ridges(40, 20), known)], PARAMETERS) for known in (apart, shared)
+    )
+    npt.assert_allclose(all_one.covariance, len(one.i) * one.covariance)
+
+
+def ridges(count: int, lap: int) -> Similarity:
+    """Stretches alike where they are a multiple of `lap` apart."""
+    away = np.abs(np.arange(count)[:, None] - np.arange(count)) % lap
+    scores = np.exp(-((np.minimum(away, lap - away) / 1.5) ** 2))
+    return Similarity(scores.astype(np.float32), "planted")

@@ -11,9 +11,16 @@ import pytest
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import between, chain, wrap_angle
-from elfslam.base.values import Closures, MeanSimilarity, Odometry, Similarity
+from elfslam.base.values import NO_CLOSURES, Closures, MeanSimilarity, Odometry, Similarity
 from elfslam.line import closure
-from elfslam.line.closure import AGAIN, BACK, ClosureParameters, find_closures, sequence_mean
+from elfslam.line.closure import (
+    AGAIN,
+    BACK,
+    ClosureParameters,
+    find_closures,
+    sequence_mean,
+    sharing_errors,
+)
 
 PARAMETERS = ClosureParameters()
 STEP_M = 0.7
@@ -212,3 +219,20 @@ def test_no_likeness_or_a_single_footstep_closes_nothing() -> None:
     assert (len(found.i), found.covariance.shape) == (0, (0, 3, 3))
     blank = MeanSimilarity(np.zeros((2 * LAP, 1)), "blank")
     assert len(find_closures(blank, square_walk(2), PARAMETERS).i) == 0
+
+
+def test_closures_that_lie_together_weigh_as_one() -> None:
+    i, j = np.array([10, 12, 14, 40]), np.array([60, 61, 62, 90])
+    alone = Closures(
+        i, j, np.ones(4), np.zeros((4, 3)), np.tile(np.diag([1.0, 2.0, 3.0]), (4, 1, 1))
+    )
+    together = sharing_errors(alone, 4)
+    npt.assert_allclose(together.covariance[:3], 3 * alone.covariance[:3])
+    npt.assert_array_equal(together.covariance[3], alone.covariance[3])
+    npt.assert_allclose(
+        np.linalg.inv(together.covariance[:3]).sum(axis=0), np.diag([1, 1 / 2, 1 / 3])
+    )
+    npt.assert_array_equal(sharing_errors(alone, 1).covariance, alone.covariance)
+    far = dataclasses.replace(alone, j=np.array([60, 80, 100, 120]))
+    npt.assert_array_equal(sharing_errors(far, 4).covariance, alone.covariance)
+    assert len(sharing_errors(NO_CLOSURES, 4).i) == 0

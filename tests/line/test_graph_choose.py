@@ -11,8 +11,15 @@ import pytest
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, chain, compose
-from elfslam.base.values import Closures, Odometry, PoseGraph
-from elfslam.line.graph import GraphParameters, Verdict, build_graph, judge, optimise
+from elfslam.base.values import NO_CLOSURES, Closures, Odometry, PoseGraph
+from elfslam.line.graph import (
+    GraphParameters,
+    Verdict,
+    agreeing,
+    build_graph,
+    judge,
+    optimise,
+)
 from elfslam.line.graph.blocks import pattern_of
 from elfslam.line.graph.build import believing, edges_of
 from elfslam.line.graph.choose import bent, choose_closures
@@ -160,3 +167,29 @@ def test_steps_that_are_no_chain_are_refused(truth: F64, nodes: Odometry) -> Non
     broken = dataclasses.replace(graph, is_closure=np.arange(len(graph.edges)) >= 3 * LAP - 1)
     with pytest.raises(InputError, match="239 steps do not lead through its 241 poses one by one"):
         optimise(broken, nodes.t_s, PARAMETERS)
+
+
+def measured(i: I64, j: I64, i_from_j: F64, sigma: F64 = CLOSURE_SIGMA) -> Closures:
+    return Closures(i, j, np.ones(len(i)), i_from_j, np.tile(np.diag(sigma**2), (len(i), 1, 1)))
+
+
+def test_what_a_further_sense_says_must_fit_the_walk_that_is_straight(
+    truth: F64, nodes: Odometry
+) -> None:
+    i = np.arange(0, LAP, 4)
+    straight = build_graph(nodes, measured(i, i + LAP, revisits(truth, i, i + LAP)))
+    i = np.arange(2, LAP, 8)
+    right = revisits(truth, i, i + LAP)
+    wrong = compose(right, np.array([1.5, 0.0, 0.0]))
+    before = build_graph(nodes, NO_CLOSURES)
+    assert agreeing(straight, measured(i, i + LAP, right), PARAMETERS).mean() > 0.7
+    assert not agreeing(straight, measured(i, i + LAP, wrong), PARAMETERS).any()
+    assert agreeing(before, measured(i, i + LAP, wrong), PARAMETERS).all()
+
+
+def test_a_sense_of_metres_need_not_fit_to_centimetres(truth: F64, nodes: Odometry) -> None:
+    i = np.arange(0, LAP, 4)
+    straight = build_graph(nodes, measured(i, i + LAP, revisits(truth, i, i + LAP)))
+    off = compose(between(truth[i], truth[i + LAP]), np.array([1.5, 0.0, 0.0]))
+    coarse = measured(i, i + LAP, off, np.array([3.0, 3.0, 1.0]))
+    assert agreeing(straight, coarse, PARAMETERS).all()

@@ -113,16 +113,22 @@ def check_curation(parameters: CurationParameters) -> None:
 
 def curate(scores: F32, parameters: CurationParameters) -> Curated:
     """Candidates that lie on a line in their slice and whose mirror image does too; i < j."""
+    on_lines = pairs_on_lines(scores, parameters)
+    pairs = {(int(i), int(j)) for i, j in on_lines[:, :2]}
+    mirrored = np.array([(int(j), int(i)) in pairs for i, j in on_lines[:, :2]], dtype=bool)
+    earlier = on_lines[:, 0] < on_lines[:, 1]
+    kept = on_lines[mirrored & earlier] if len(on_lines) else on_lines
+    return Curated(kept[:, 0].astype(int), kept[:, 1].astype(int), kept[:, 2], kept[:, 3])
+
+
+def pairs_on_lines(scores: F32, parameters: CurationParameters) -> F64:
+    """Rows (i, j, j on the line, slope) of the candidates on a line in their slice."""
     candidates = candidate_pairs(scores, parameters)
     slices = [
         _lines_in_slice(candidates[candidates[:, 0] // parameters.slice_footsteps == k], parameters)
         for k in range(-(-len(scores) // parameters.slice_footsteps))
     ]
-    kept = np.vstack([np.zeros((0, 4)), *slices])
-    pairs = {(int(i), int(j)) for i, j in kept[:, :2]}
-    mirrored = np.array([(int(j), int(i)) in pairs for i, j in kept[:, :2]], dtype=bool)
-    kept = kept[mirrored & (kept[:, 0] < kept[:, 1])] if len(kept) else kept
-    return Curated(kept[:, 0].astype(int), kept[:, 1].astype(int), kept[:, 2], kept[:, 3])
+    return np.vstack([np.zeros((0, 4)), *slices])
 
 
 def candidate_pairs(scores: F32, parameters: CurationParameters) -> I64:

@@ -14,6 +14,7 @@ from elfslam.score.page import save_page
 from elfslam.studies.acoustic_odometry import measure_acoustic_odometry
 from elfslam.studies.amounts import measure_amounts
 from elfslam.studies.calibration import measure_calibration
+from elfslam.studies.closure_steps import measure_closure_steps
 from elfslam.studies.dead_reckoning import measure_dead_reckoning
 from elfslam.studies.distinctness import measure_distinctness
 from elfslam.studies.elf import measure_elf
@@ -35,6 +36,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "acoustic-odometry": LongStudy(measure_acoustic_odometry),
     "amounts": LongStudy(measure_amounts),
     "calibration": measure_calibration,
+    "closures": LongStudy(measure_closure_steps),
     "dead-reckoning": measure_dead_reckoning,
     "distinctness": measure_distinctness,
     "elf": measure_elf,
