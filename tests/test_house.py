@@ -22,6 +22,7 @@ FLOORS = {
     "score": 3,
     "senses": 3.25,
     "mapping": 3.5,
+    "exporting": 3.5,
     "console": 3.5,
     "studies": 4,
     "serve": 4,

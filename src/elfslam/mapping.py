@@ -18,6 +18,7 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
+from elfslam.line.graph import build_graph, judge
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.senses import Modality, Settings, sense_of
@@ -143,8 +144,17 @@ def _mapped(
         "parameters": as_dict(job.parameters),
         **({"finetuning": tuned[-1].reason} if tuned else {}),
         **({"calibrated": True} if job.calibrate else {}),
+        **_verdict(run, job.parameters),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
+
+
+def _verdict(run: slam.Run, known: Settings) -> dict[str, Any]:
+    """How many closures the trajectory bears out, where there are any."""
+    if not len(run.closures.i):
+        return {}
+    graph = build_graph(run.odometry, run.closures)
+    return {"closures": str(judge(graph, run.trajectory, known.graph))}
 
 
 def finetune_into(

@@ -9,7 +9,7 @@ import typer
 
 from elfslam.base.errors import ParameterError
 from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.maps import locate_command, map_command
+from elfslam.cli.maps import export_command, locate_command, map_command
 from elfslam.cli.scores import score, show, study
 from elfslam.cli.walks import demo, import_command, simulate_command
 from elfslam.console import DONE, INTERRUPTED, exit_code_of
@@ -29,6 +29,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "map": map_command,
     "locate": locate_command,
     "score": score,
+    "export": export_command,
     "show": show,
     "study": study,
     "parameters": parameters,

@@ -32,7 +32,7 @@ ROUNDS = 4
 SINGLE = "single pairs"
 PAPER, SEQUENCE = "paper's curation", "sequences"
 MEASURES = ("pairs", "precision", "recall", "map (m)", "map, all believed (m)")
-UNIT_SIGMA = np.array([0.2, 0.28, 0.28])
+PAIR_SIGMA = np.array([0.2, 0.28, 0.28])
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def measure_closure_steps(
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
         for world in worlds
         for found in [[n for t, n in zip(tasks, numbers, strict=True) if t.world == world]]
-        for strategy, step in dict.fromkeys(tuple(key.split("|")[:2]) for key in found[0])
+        for strategy, step in _in_order(found[0])
     ]
     return Finding(rows, _page(rows))
 
@@ -143,8 +143,14 @@ def _best_pairs(similarity: AnySimilarity, known: Parameters) -> Closures:
 def _pairs(i: I64, j: I64) -> Closures:
     """Pairs as closures that say: the same place, walked the same way."""
     count = len(i)
-    covariance = np.tile(np.diag(UNIT_SIGMA**2), (count, 1, 1))
+    covariance = np.tile(np.diag(PAIR_SIGMA**2), (count, 1, 1))
     return Closures(i, j, np.ones(count), np.zeros((count, 3)), covariance)
+
+
+def _in_order(numbers: Numbers) -> list[tuple[str, str]]:
+    """Strategies and their steps, strategy by strategy."""
+    named = dict.fromkeys((key.split("|")[0], key.split("|")[1]) for key in numbers)
+    return sorted(named, key=lambda pair: (SINGLE, PAPER, SEQUENCE).index(pair[0]))
 
 
 def _row(walks: Sequence[Numbers], strategy: str, step: str) -> Row:
