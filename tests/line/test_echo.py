@@ -15,6 +15,7 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
+from elfslam.line import echo
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes, to_echo_rate
 
@@ -508,3 +509,14 @@ def test_sound_that_ends_before_its_only_echo_is_refused() -> None:
     samples = stream([0.19], 0.21)
     with pytest.raises(InputError, match=r"it ends before the first echo does; record longer"):
         cut_echoes(audio_of(samples), chirp_at(), patient)
+
+
+def test_a_long_stream_is_filtered_block_by_block_as_if_at_once(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    samples = np.random.default_rng(5).normal(size=20_000).astype(np.float32)
+    chirp = chirp_at()
+    whole = echo.matched_envelope(samples, chirp)
+    monkeypatch.setattr(echo, "FILTERED_AT_ONCE", 777)
+    blocks = echo.matched_envelope(samples, chirp)
+    npt.assert_allclose(blocks, whole, atol=1e-5 * float(whole.max()))

@@ -25,6 +25,8 @@ from elfslam.base.values import (
 )
 
 RESAMPLED_RATE_HZ = 48_000
+FILTERED_AT_ONCE = 1 << 20
+"""Samples: what the matched filter needs of memory does not grow with the walk."""
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,12 @@ def matched_envelope(samples: F32, chirp: Chirp) -> F32:
         template = signal.resample(template, round(len(template) * ECHO_RATE_HZ / chirp.rate_hz))
     analytic = signal.hilbert(template) / np.sum(template**2)
     kernel = np.conj(analytic[::-1]).astype(np.complex64)
-    filtered = signal.oaconvolve(samples, kernel, mode="full")[len(kernel) - 1 :]
-    return np.asarray(np.abs(filtered), dtype=np.float32)
+    envelope = np.empty(len(samples), dtype=np.float32)
+    for first in range(0, len(samples), FILTERED_AT_ONCE):
+        block = samples[first : first + FILTERED_AT_ONCE + len(kernel) - 1]
+        filtered = signal.oaconvolve(block, kernel, mode="full")[len(kernel) - 1 :]
+        envelope[first : first + FILTERED_AT_ONCE] = np.abs(filtered[:FILTERED_AT_ONCE])
+    return envelope
 
 
 def find_arrivals(envelope: F32, period: int, parameters: EchoParameters) -> Arrivals:
@@ -378,12 +384,12 @@ def _silences(t_s: F64, period_s: float) -> list[tuple[int, float]]:
 
 def _snr_db(samples: F32, starts: I64) -> F64:
     """Echo level over the quiet tail of the same frame, high-passed to the upper band."""
-    sharpened = np.diff(samples, n=2, append=samples[-2:]).astype(np.float64)
     tail = 441
     levels = []
     for start in starts:
-        echo = sharpened[start : start + ECHO_SAMPLES]
-        rest = sharpened[start + ECHO_SAMPLES : start + ECHO_SAMPLES + 2 * tail][-tail:]
+        frame = samples[start : start + ECHO_SAMPLES + 2 * tail + 2]
+        sharpened = np.diff(frame, n=2).astype(np.float64)
+        echo, rest = sharpened[:ECHO_SAMPLES], sharpened[ECHO_SAMPLES:][-tail:]
         levels.append((np.mean(echo**2), np.mean(rest**2) if len(rest) else np.mean(echo**2)))
     power = np.array(levels) + 1e-20
     return np.asarray(10 * np.log10(power[:, 0] / power[:, 1]))
