@@ -39,6 +39,10 @@ class Placement(Value):
     scale: float = 1.0
 
 
+AS_DECLARED = Placement(np.zeros(3))
+"""A map whose start was declared lies in the world already."""
+
+
 @dataclass(frozen=True, eq=False)
 class Matched(Value):
     """Estimate and truth at the same times."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Trajectory, Truth
-from elfslam.score.alignment import Alignment, match, place, placement
+from elfslam.score.alignment import Alignment, Placement, match, place, placement
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,15 @@ class Coverage:
     nees: float
 
 
-def trajectory_coverage(trajectory: Trajectory, truth: Truth) -> Coverage:
-    """Against a dense truth, anchored at the start, which the covariance takes for certain."""
+def trajectory_coverage(
+    trajectory: Trajectory, truth: Truth, where: Placement | None = None
+) -> Coverage:
+    """Against a dense truth, the map lying `where` it does in the world.
+
+    By default anchored at its first pose, which the covariance takes for certain.
+    """
     matched = match(trajectory.t_s, trajectory.world_from_body, truth)
-    where = placement(matched, Alignment.ANCHORED)
+    where = where or placement(matched, Alignment.ANCHORED)
     error_m = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]
     covariance = _turned(_at(trajectory, matched.t_s), float(where.world_from_map[2]))
     sigma_m = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))

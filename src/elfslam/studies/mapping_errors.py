@@ -27,9 +27,10 @@ from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.score.alignment import AS_DECLARED, Alignment, match, place, placement
 from elfslam.score.closure_score import score_closures
 from elfslam.score.coverage import trajectory_coverage
-from elfslam.score.errors import Alignment, path_length_m, position_errors, summarise
+from elfslam.score.errors import path_length_m, summarise
 from elfslam.senses import Modality, Settings, sense_of
 from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
@@ -175,13 +176,18 @@ def _as_in_the_paper(known: Settings) -> Mapping[Modality, Settings]:
 
 def _errors(trajectory: Trajectory, truth: Truth) -> Numbers:
     numbers: Numbers = {}
-    for alignment in Alignment:
-        errors = position_errors(trajectory.t_s, trajectory.world_from_body, truth, alignment)
-        summary = summarise(errors)
+    matched = match(trajectory.t_s, trajectory.world_from_body, truth)
+    for name, where in {
+        "declared start": AS_DECLARED,
+        "aligned": placement(matched, Alignment.ALIGNED),
+        "aligned with scale": placement(matched, Alignment.ALIGNED_WITH_SCALE),
+    }.items():
+        moved = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]
+        summary = summarise(np.linalg.norm(moved, axis=1))
         numbers |= {
-            f"{alignment.value}|median": summary.median_m,
-            f"{alignment.value}|mean": summary.mean_m,
-            f"{alignment.value}|Q3": summary.q3_m,
+            f"{name}|median": summary.median_m,
+            f"{name}|mean": summary.mean_m,
+            f"{name}|Q3": summary.q3_m,
         }
     return numbers
 
@@ -191,7 +197,7 @@ def _evidence(closures: Closures, trajectory: Trajectory, truth: Truth) -> Numbe
     kept = trajectory.closure_weights > 0.5
     score = score_closures(closures, trajectory.t_s, truth)
     known = np.isfinite(score.distance_m)
-    covered = trajectory_coverage(trajectory, truth)
+    covered = trajectory_coverage(trajectory, truth, AS_DECLARED)
     return {
         "closures|found": float(known.sum()),
         "closures|right": float(score.right[known].sum()),

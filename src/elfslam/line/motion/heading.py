@@ -6,8 +6,12 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Imu
+from elfslam.line.motion.footsteps import vertical_bounce
 from elfslam.line.motion.level import Level, averaged, evenly_sampled, level, rate_of, still_bias
 from elfslam.line.motion.parameters import MotionParameters
+
+SETTING_OFF_S, REST_S = 0.6, 1.0
+"""Before the first footfall a foot is lifted; before that, the phone is at rest."""
 
 
 def walking_heading(imu: Imu, parameters: MotionParameters) -> F64:
@@ -22,6 +26,24 @@ def walking_heading(imu: Imu, parameters: MotionParameters) -> F64:
 def smooth_heading(levelled: Level, parameters: MotionParameters) -> F64:
     """Heading (n), rad, averaged over a stride, which takes the sway of the body out."""
     return averaged(phone_turn(levelled), parameters.heading_window_s, levelled.rate_hz)
+
+
+def turned_since_rest(
+    levelled: Level, footstep_s: float, parameters: MotionParameters
+) -> float | None:
+    """How far (rad) the walker has turned by the first footstep since the phone was at rest.
+
+    None where it was carried before already.
+    """
+    away_s = footstep_s - levelled.t_s
+    before = (away_s > SETTING_OFF_S) & (away_s < SETTING_OFF_S + REST_S)
+    bounce = vertical_bounce(levelled, parameters)[before]
+    if before.sum() < REST_S * levelled.rate_hz - 1:
+        return None
+    if np.abs(bounce).max() > parameters.least_bounce_mps2:
+        return None
+    heading_rad = np.interp(footstep_s, levelled.t_s, smooth_heading(levelled, parameters))
+    return float(heading_rad - phone_turn(levelled)[before].mean())
 
 
 def phone_turn(levelled: Level) -> F64:

@@ -8,19 +8,24 @@ import numpy as np
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import chain
+from elfslam.base.geometry import chain, compose
 from elfslam.base.values import Imu, Odometry
 from elfslam.line.motion.footsteps import footfalls
-from elfslam.line.motion.heading import smooth_heading
+from elfslam.line.motion.heading import smooth_heading, turned_since_rest
 from elfslam.line.motion.lengths import lengths_between
 from elfslam.line.motion.level import check_imu, level
 from elfslam.line.motion.parameters import MotionParameters, check_motion
+
+ORIGIN = (0.0, 0.0, 0.0)
 
 
 def dead_reckon(
     imu: Imu, parameters: MotionParameters, start_pose: tuple[float, float, float] | None = None
 ) -> Odometry:
-    """One node per footstep, the first at `start_pose` or the origin, with the sigma of each move.
+    """One node per footstep, with the sigma of each move.
+
+    `start_pose` (or the origin) is where the walker stood before the first footstep, and faced;
+    where the phone never rested before it, the first footstep is there.
 
     Raises InputError where the recording is too short, too slow, interrupted, or holds too few
     footsteps, ParameterError where two parameters contradict each other.
@@ -40,7 +45,8 @@ def dead_reckon(
     halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
     halfway = np.interp(halfway_s, levelled.t_s, heading_rad)
     moves = _moves(lengths_m, at_footsteps, halfway)
-    poses = chain(np.asarray(start_pose or (0.0, 0.0, 0.0)), moves)
+    turned_rad = turned_since_rest(levelled, float(footsteps_t_s[0]), parameters)
+    poses = chain(_first_pose(start_pose or ORIGIN, turned_rad, float(lengths_m[0])), moves)
     return Odometry(
         footsteps_t_s,
         poses,
@@ -80,8 +86,20 @@ def _moves(lengths_m: F64, heading_rad: F64, halfway_rad: F64) -> F64:
     )
 
 
+def _first_pose(
+    start_pose: tuple[float, float, float], turned_rad: float | None, length_m: float
+) -> F64:
+    """Pose (3) of the first footstep: half a step from where the walker stood."""
+    start = np.asarray(start_pose)
+    if turned_rad is None:
+        return start
+    ahead = length_m / 2 * np.array([np.cos(turned_rad / 2), np.sin(turned_rad / 2)])
+    return compose(start, np.array([*ahead, turned_rad]))
+
+
 def _step_sigma(lengths_m: F64, parameters: MotionParameters) -> F64:
     heading_rad = np.full(len(lengths_m), parameters.heading_sigma_rad)
+    heading_rad[0] = np.hypot(heading_rad[0], parameters.setting_off_sigma_rad)
     return np.column_stack(
         [parameters.forward_sigma * lengths_m, parameters.lateral_sigma * lengths_m, heading_rad]
     )
