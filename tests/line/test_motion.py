@@ -187,9 +187,32 @@ def test_the_start_pose_moves_the_walk_rigidly():
     imu, start = square(10), (3.0, -2.0, 1.0)
     here = dead_reckon(imu, PARAMETERS).world_from_body
     there = dead_reckon(imu, PARAMETERS, start).world_from_body
-    assert there[0] == pytest.approx(np.array(start), abs=1e-9)
-    moved = compose(compose(np.array(start), np.array([0, 0, -here[0, 2]])), here)
-    assert there[:, :2] == pytest.approx(moved[:, :2], abs=1e-9)
+    assert there == pytest.approx(compose(np.array(start), here), abs=1e-9)
+
+
+def test_the_first_footstep_is_half_a_step_from_where_the_walker_stood():
+    start = (3.0, -2.0, np.pi / 2)
+    first, second = dead_reckon(walk(20), PARAMETERS, start).world_from_body[:2]
+    step_m = np.linalg.norm(second[:2] - first[:2])
+    assert first[1] == pytest.approx(-2.0 + step_m / 2, abs=0.05)
+    assert first[0] == pytest.approx(3.0, abs=0.05)
+    assert first[2] == pytest.approx(np.pi / 2, abs=0.1)
+
+
+def test_a_turn_while_setting_off_is_a_turn_of_the_whole_walk():
+    straight, aside = walk(20), walk(20, turns=[(-0.5, 1.0)])
+    ends = [dead_reckon(imu, PARAMETERS).world_from_body[-1] for imu in (straight, aside)]
+    assert wrap_angle(ends[1][2] - ends[0][2]) == pytest.approx(1.0, abs=0.02)
+    angles = [np.arctan2(end[1], end[0]) for end in ends]
+    assert angles[1] - angles[0] == pytest.approx(1.0, abs=0.1)
+
+
+def test_a_recording_that_begins_in_mid_walk_begins_at_the_start_pose():
+    imu = walk(40)
+    walking = imu.t_s > REST_S + 2.0
+    cut = Imu(imu.t_s[walking], imu.accel_mps2[walking], imu.gyro_radps[walking])
+    first = dead_reckon(cut, PARAMETERS, (3.0, -2.0, 1.0)).world_from_body[0]
+    assert first == pytest.approx([3.0, -2.0, 1.0], abs=1e-9)
 
 
 def test_rest_reveals_the_gyroscope_bias():
@@ -206,7 +229,9 @@ def test_uncertainty_is_given_for_every_step_and_follows_its_parameters():
     lengths_m = np.linalg.norm(np.diff(odometry.world_from_body[:, :2], axis=0), axis=1)
     assert odometry.step_sigma[:, 0] == pytest.approx(PARAMETERS.forward_sigma * lengths_m)
     assert odometry.step_sigma[:, 1] == pytest.approx(PARAMETERS.lateral_sigma * lengths_m)
-    assert odometry.step_sigma[:, 2] == pytest.approx(PARAMETERS.heading_sigma_rad)
+    assert odometry.step_sigma[1:, 2] == pytest.approx(PARAMETERS.heading_sigma_rad)
+    setting_off = np.hypot(PARAMETERS.heading_sigma_rad, PARAMETERS.setting_off_sigma_rad)
+    assert odometry.step_sigma[0, 2] == pytest.approx(setting_off)
     assert odometry.heading_drift_sigma_radps == PARAMETERS.heading_drift_sigma_radps
 
 

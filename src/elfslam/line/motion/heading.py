@@ -11,7 +11,7 @@ from elfslam.line.motion.level import Level, averaged, evenly_sampled, level, ra
 from elfslam.line.motion.parameters import MotionParameters
 
 SETTING_OFF_S, REST_S = 0.6, 1.0
-"""Before the first footfall a foot is lifted; before that, the phone is at rest."""
+"""Before the first footfall a foot is lifted; before that, a phone may be at rest."""
 
 
 def walking_heading(imu: Imu, parameters: MotionParameters) -> F64:
@@ -31,19 +31,18 @@ def smooth_heading(levelled: Level, parameters: MotionParameters) -> F64:
 def turned_since_rest(
     levelled: Level, footstep_s: float, parameters: MotionParameters
 ) -> float | None:
-    """How far (rad) the walker has turned by the first footstep since the phone was at rest.
+    """How far (rad) the walker has turned by the first footstep since the recording began.
 
-    None where it was carried before already.
+    None where the phone was not at rest for a second before.
     """
-    away_s = footstep_s - levelled.t_s
-    before = (away_s > SETTING_OFF_S) & (away_s < SETTING_OFF_S + REST_S)
-    bounce = vertical_bounce(levelled, parameters)[before]
-    if before.sum() < REST_S * levelled.rate_hz - 1:
+    rest = levelled.t_s < footstep_s - SETTING_OFF_S
+    if rest.sum() < REST_S * levelled.rate_hz:
         return None
-    if np.abs(bounce).max() > parameters.least_bounce_mps2:
+    if np.abs(vertical_bounce(levelled, parameters)[rest]).max() > parameters.least_bounce_mps2:
         return None
+    facing_rad = phone_turn(levelled)[: round(REST_S * levelled.rate_hz)].mean()
     heading_rad = np.interp(footstep_s, levelled.t_s, smooth_heading(levelled, parameters))
-    return float(heading_rad - phone_turn(levelled)[before].mean())
+    return float(heading_rad - facing_rad)
 
 
 def phone_turn(levelled: Level) -> F64:

@@ -24,8 +24,8 @@ def dead_reckon(
 ) -> Odometry:
     """One node per footstep, with the sigma of each move.
 
-    `start_pose` (or the origin) is where the walker stood before the first footstep, and faced;
-    where the phone never rested before it, the first footstep is there.
+    `start_pose` (or the origin) is where the walker stood, and faced, as the recording began;
+    where the phone did not rest then, the first footstep is there.
 
     Raises InputError where the recording is too short, too slow, interrupted, or holds too few
     footsteps, ParameterError where two parameters contradict each other.
