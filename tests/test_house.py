@@ -15,6 +15,7 @@ FLOORS = {
     "base": 0,
     "line": 1,
     "slam": 2,
+    "merging": 2.5,
     "world": 3,
     "learn": 3,
     "baselines": 3,

@@ -94,9 +94,8 @@ def find_closures(
     found = candidates(similarity, parameters)
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))
-    sigma = _sigma(parameters)
-    covariance = np.tile(np.diag(np.square(sigma)), (len(found.i), 1, 1))
-    return Closures(found.i, found.j, found.score, _i_from_j(found, nodes), covariance)
+    i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
+    return Closures(found.i, found.j, found.score, i_from_j, covariance)
 
 
 def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Candidates:
@@ -114,9 +113,21 @@ def candidates_between(one: F32, other: F32, parameters: ClosureParameters) -> C
     return _all_ridges(rows, len(one), len(other), parameters)
 
 
-def _all_ridges(
-    rows: Rows, count: int, columns: int, parameters: ClosureParameters
-) -> Candidates:
+def closures_between(one: F32, other: F32, poses: F64, parameters: ClosureParameters) -> Closures:
+    """Places of two walks that sound alike: i of the one and j of the other, in any order.
+
+    `one` (n, d) and `other` (m, d) are what is heard from each footstep to the next, `poses`
+    (m, 3) the middles of the other's stretches; the relative poses lead from middle to middle.
+    """
+    found = candidates_between(one, other, parameters)
+    steps_m = np.linalg.norm(np.diff(poses[:, :2], axis=0, append=poses[-1:, :2]), axis=1)
+    ahead_m = (found.j - found.line_j) * found.direction * steps_m[found.j]
+    turn_rad = np.where(found.direction == BACK, np.pi, 0.0)
+    i_from_j = np.column_stack([ahead_m, np.zeros(len(ahead_m)), turn_rad])
+    return Closures(found.i, found.j, found.score, i_from_j, _covariances(found, parameters))
+
+
+def _all_ridges(rows: Rows, count: int, columns: int, parameters: ClosureParameters) -> Candidates:
     """Ridges anywhere in a matrix (count, columns), block of rows by block."""
     block = _block_rows(columns)
     parts = [
@@ -220,6 +231,11 @@ def _i_from_j(found: Candidates, nodes: Odometry) -> F64:
     ahead = (found.j - found.line_j) * found.direction + back
     forward_m = ahead * steps_m[np.minimum(found.j, len(steps_m) - 1)]
     return np.column_stack([forward_m, np.zeros(len(back)), np.where(back, np.pi, 0.0)])
+
+
+def _covariances(found: Candidates, parameters: ClosureParameters) -> F64:
+    """Covariances (k, 3, 3) of the relative poses."""
+    return np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
 
 
 def _sigma(parameters: ClosureParameters) -> F64:
