@@ -23,6 +23,7 @@ FLOORS = {
     "score": 3,
     "senses": 3.25,
     "mapping": 3.5,
+    "joining": 3.75,
     "console": 3.5,
     "studies": 4,
     "serve": 4,

@@ -27,6 +27,7 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_facts
+from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
     MapJob,
@@ -37,6 +38,7 @@ from elfslam.mapping import (
     parse_start,
     recordings_in,
 )
+from elfslam.merging import MergeParameters
 from elfslam.senses import Settings, parse_modalities
 
 
@@ -115,3 +117,28 @@ def locate_command(
     )
     if counts["OK"] == 0:
         raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
+
+
+def merge_command(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="[MAP] RUN...", help="Oldest first, or a map and runs."),
+    ],
+    out: Annotated[Path, typer.Argument(help="The map folder.")],
+    known_starts: Annotated[
+        bool, typer.Option("--known-starts", help="All were mapped with --start in one frame.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an older map.")] = False,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Merge runs into one floor map, or add runs to a map that was merged before."""
+    known = load(MergeParameters(), parameter_file, setting or [])
+    with progress_bar() as announce:
+        made = merge_into(out, runs, known, announce, known_starts=known_starts, overwrite=force)
+    if made.pairs:
+        print_rows(made.pairs, title="How they met", as_json=as_json)
+    for name, why in made.refused.items():
+        say(f"not merged: {name}: {why}")
+    say(f"{len(made.floor_map.sources)} walks in one map; look at {out / 'report.html'}")

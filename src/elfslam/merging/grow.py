@@ -45,10 +45,14 @@ class Joined:
 
 @dataclass(frozen=True, eq=False)
 class Merged:
-    """The maps that came of some walks, the one of most walks first, and who stayed out and why."""
+    """The maps that came of some walks, the one of most walks first, and who stayed out and why.
+
+    `pairs` says by names how each pair came out.
+    """
 
     maps: tuple[Joined, ...]
     refused: dict[str, str]
+    pairs: dict[tuple[str, str], Alignment]
 
 
 def merge(
@@ -81,7 +85,8 @@ def merge(
         for k, walk in enumerate(walks)
         if walk.name not in inside
     }
-    return Merged(maps, refused)
+    pairs = {(walks[a].name, walks[b].name): each for (a, b), each in found.pairs.items()}
+    return Merged(maps, refused, pairs)
 
 
 def add_walk(

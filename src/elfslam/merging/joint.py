@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from elfslam.base.arrays import F64, Bool
+from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph, Trajectory
 from elfslam.line.graph import GraphParameters, build_graph, optimise
@@ -19,7 +19,7 @@ from elfslam.merging.sides import Walk, middles
 class Edges:
     """Edges (e) with their nodes, measurements and information."""
 
-    nodes: F64
+    nodes: I64
     measured: F64
     information: F64
 
@@ -103,7 +103,7 @@ def _own_edges(walk: Walk, first: int) -> Edges:
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
 
-def _start_edges(walks: Sequence[Walk], ends: F64, parameters: MergeParameters) -> Edges:
+def _start_edges(walks: Sequence[Walk], ends: I64, parameters: MergeParameters) -> Edges:
     """Where each walk said that it began, seen from the first's start."""
     starts = np.array([walk.odometry.world_from_body[0] for walk in walks])
     known = parameters.merging
@@ -117,7 +117,7 @@ def _link_edges(
     links: Closures,
     pair: tuple[int, int],
     poses: Sequence[F64],
-    ends: F64,
+    ends: I64,
     parameters: MergeParameters,
 ) -> Edges:
     """The links between two walks that their poses bear out, from footstep to footstep."""

@@ -43,7 +43,7 @@ class MergingParameters:
     changed_below: float = parameter(
         0.6,
         "",
-        "resemblance, relative to the rest of the walk, that is a change",
+        "resemblance, relative to other places, that is a change",
         low=0.0,
         high=2.0,
     )
