@@ -122,7 +122,7 @@ def _grown(
 
 
 def _walks(paths: Sequence[Path], announce: Announce) -> list[Walk]:
-    """The runs, each by the name of its folder, and of the one above where several have the same."""
+    """The runs, each by the name of its folder, with the one above where several have the same."""
     known = [path.absolute() for path in paths]
     same = Counter(path.name for path in known)
     names = [

@@ -34,7 +34,7 @@ def write_merged_report(
     pairs: Sequence[Mapping[str, object]],
     refused: Mapping[str, str],
 ) -> None:
-    """Write the page of a merged map: its walks, its quality by square metre, how pairs came out."""
+    """Write the page of a merged map: its walks, its quality by square metre, how they met."""
     known = quality.error_m[np.isfinite(quality.error_m)]
     tiles = {
         "walks": str(len(np.unique(floor_map.walk))),
