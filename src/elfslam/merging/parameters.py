@@ -41,9 +41,9 @@ class MergingParameters:
         2, "", "times that a newer walk must find a place changed", low=1, high=100
     )
     changed_below: float = parameter(
-        0.6,
+        0.65,
         "",
-        "resemblance, relative to other places, that is a change",
+        "likeness to the map, relative to other places, that is a change",
         low=0.0,
         high=2.0,
     )

@@ -12,8 +12,10 @@ from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import FloorMap, Payload
 from elfslam.merging.parameters import MergeParameters
 
-NEIGHBOURS = 64
-"""Most spots that one is compared with."""
+PASS_SPOTS = 50
+"""Spots this far apart along a walk (some seconds) belong to different passes of a place."""
+BLOCK_PAIRS = 100_000
+"""Pairs of spots that are compared at a time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,27 +34,16 @@ def renewed(floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters) -
     weight = np.array(floor_map.weight)
     weight[seen.rows] *= np.where(changed, known.fade_changed, known.fade)
     marked = np.array(floor_map.changed)
-    marked[seen.rows] = changed
+    marked[seen.rows] |= changed
     kept = weight >= known.forget_below
     return stacked(chosen_spots(replace(floor_map, weight=weight, changed=marked), kept), newer)
 
 
 def seen_again(floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters) -> Seen:
-    """Spots that the newer walk passes in the same direction, with their best resemblance to it."""
-    known = parameters.alignment
-    count = min(NEIGHBOURS, len(newer.xy_m))
-    tree = cKDTree(newer.xy_m)
-    _, near = tree.query(
-        floor_map.xy_m, k=[*range(1, count + 1)], distance_upper_bound=known.near_m
-    )
-    inside = near < len(newer.xy_m)
-    near = np.where(inside, near, 0)
-    turn_rad = np.abs(wrap_angle(newer.heading_rad[near] - floor_map.heading_rad[:, None]))
-    inside &= turn_rad < known.turn_rad
-    rows = np.flatnonzero(inside.any(axis=1))
-    old, new = _elf(floor_map)[rows], _elf(newer)[near[rows]]
-    alike = np.where(inside[rows], np.einsum("kd,knd->kn", old, new), -np.inf)
-    return Seen(rows, alike.max(axis=1, initial=-np.inf).astype(np.float64))
+    """Spots that the newer walk passes in the same direction, with their mean likeness to it."""
+    alike = _likeness(floor_map, newer, parameters, own=False)
+    rows = np.flatnonzero(np.isfinite(alike))
+    return Seen(rows, alike[rows])
 
 
 def changed_rows(
@@ -60,18 +51,49 @@ def changed_rows(
 ) -> Bool:
     """Which seen spots (k) lie where the newer walk does not know the place again.
 
-    Judged by the square metre, relative to how the walk resembles the rest of the map: a place
-    must have been passed several times and be much less alike than others are.
+    Judged by the square metre, against how alike the map's own passes are there, and relative to
+    the rest of the walk: another phone is less alike everywhere.
     """
     known = parameters.merging
-    if len(seen.rows) == 0:
-        return np.zeros(0, dtype=bool)
+    own = _likeness(floor_map, floor_map, parameters, own=True)[seen.rows]
+    judged = np.isfinite(own)
+    if not judged.any():
+        return np.zeros(len(seen.rows), dtype=bool)
     cell, passes = _cells(floor_map.xy_m[seen.rows], newer)
-    count = np.bincount(cell)
-    mean = np.bincount(cell, seen.resemblance) / np.maximum(count, 1)
-    usual = float(np.median(mean[count > 0]))
-    unlike = (mean < known.changed_below * usual) & (passes >= known.passes)
-    return np.asarray(unlike[cell])
+    found, wanted = (
+        np.bincount(cell[judged], values[judged], minlength=len(passes))
+        for values in (seen.resemblance, own)
+    )
+    kept = found / np.where(wanted > 0, wanted, np.nan)
+    unlike = kept < known.changed_below * np.nanmedian(kept)
+    return np.asarray((unlike & (passes >= known.passes))[cell])
+
+
+def _likeness(
+    floor_map: FloorMap, newer: FloorMap, parameters: MergeParameters, *, own: bool
+) -> F64:
+    """How alike each spot (m) and those of the other map near it are, on average; NaN without any.
+
+    Of its `own` map, those of the same pass do not count.
+    """
+    known = parameters.alignment
+    old, new = _elf(floor_map), _elf(newer)
+    total, count = np.zeros(len(old)), np.zeros(len(old), dtype=np.int64)
+    pairs = cKDTree(floor_map.xy_m).sparse_distance_matrix(
+        cKDTree(newer.xy_m), known.near_m, output_type="coo_matrix"
+    )
+    i, j = pairs.row, pairs.col
+    turn_rad = np.abs(wrap_angle(newer.heading_rad[j] - floor_map.heading_rad[i]))
+    near = turn_rad < known.turn_rad
+    if own:
+        other_walk = floor_map.walk[i] != floor_map.walk[j]
+        near &= other_walk | (np.abs(floor_map.order[i] - floor_map.order[j]) >= PASS_SPOTS)
+    i, j = i[near], j[near]
+    for first in range(0, len(i), BLOCK_PAIRS):
+        some = slice(first, first + BLOCK_PAIRS)
+        np.add.at(total, i[some], np.einsum("kd,kd->k", old[i[some]], new[j[some]]))
+    np.add.at(count, i, 1)
+    return np.where(count > 0, total / np.maximum(count, 1), np.nan)
 
 
 def stacked(first: FloorMap, second: FloorMap) -> FloorMap:

@@ -17,22 +17,24 @@ HEIGHT_PX = 400
 
 def walks_tiles(quality: MapQuality) -> go.Figure:
     """How many walks know each square."""
-    return _tiles(quality, quality.walks.astype(np.float64), "walks", GOOD_MANY, ".0f")
+    return _tiles(
+        quality, quality.walks.astype(np.float64), "walks", GOOD_MANY, least=1, digits=".0f"
+    )
 
 
 def sigma_tiles(quality: MapQuality) -> go.Figure:
     """How uncertain the positions of the spots in each square are, one sigma per axis."""
-    return _tiles(quality, quality.sigma_m, "m", GOOD_FEW, ".2f")
+    return _tiles(quality, quality.sigma_m, "m", GOOD_FEW, least=0.5)
 
 
 def error_tiles(quality: MapQuality) -> go.Figure:
     """How far off the other walks find the spots of each square; empty where no other was."""
-    return _tiles(quality, np.minimum(quality.error_m, 2.0), "m", GOOD_FEW, ".2f")
+    return _tiles(quality, np.minimum(quality.error_m, 2.0), "m", GOOD_FEW, least=0.5)
 
 
 def weight_tiles(quality: MapQuality) -> go.Figure:
     """How much what is known of each square still counts; a cross where it has changed."""
-    figure = _tiles(quality, quality.weight, "weight", GOOD_MANY, ".2f")
+    figure = _tiles(quality, quality.weight, "weight", GOOD_MANY, least=1)
     changed = quality.xy_m[quality.changed]
     marker = {"symbol": "x-thin", "size": 11, "line": {"width": 2.5, "color": WRONG}}
     crosses = go.Scatter(
@@ -44,16 +46,22 @@ def weight_tiles(quality: MapQuality) -> go.Figure:
 
 
 def _tiles(
-    quality: MapQuality, values: F64, unit: str, scale: list[list[object]], digits: str
+    quality: MapQuality,
+    values: F64,
+    unit: str,
+    scale: list[list[object]],
+    *,
+    least: float,
+    digits: str = ".2f",
 ) -> go.Figure:
-    """Values (c) of the squares, the others left open."""
+    """Values (c) of the squares, the others left open; the scale goes to `least` or further."""
     columns, x = np.unique(quality.xy_m[:, 0], return_inverse=True)
     rows, y = np.unique(quality.xy_m[:, 1], return_inverse=True)
     grid = np.full((len(rows), len(columns)), np.nan)
     grid[y, x] = values
     heat = go.Heatmap(
         x=columns, y=rows, z=grid.round(3), colorscale=scale, xgap=TILE_GAP_PX, ygap=TILE_GAP_PX,
-        zmin=0, colorbar={"thickness": 10, "outlinewidth": 0, "title": {"text": unit}},
+        zmin=0, zmax=float(np.nan_to_num(values).max(initial=least)), colorbar={"thickness": 10, "outlinewidth": 0, "title": {"text": unit}},
         hoverongaps=False,
         hovertemplate=f"%{{x:.1f}}, %{{y:.1f}}: %{{z:{digits}}} {unit}<extra></extra>",
     )  # fmt: skip
