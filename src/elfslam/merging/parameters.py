@@ -43,7 +43,7 @@ class MergingParameters:
     changed_below: float = parameter(
         0.65,
         "",
-        "likeness to the map, relative to other places, that is a change",
+        "likeness to the map, against other places, that is a change",
         low=0.0,
         high=2.0,
     )

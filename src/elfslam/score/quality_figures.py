@@ -17,9 +17,8 @@ HEIGHT_PX = 400
 
 def walks_tiles(quality: MapQuality) -> go.Figure:
     """How many walks know each square."""
-    return _tiles(
-        quality, quality.walks.astype(np.float64), "walks", GOOD_MANY, least=1, digits=".0f"
-    )
+    walks = quality.walks.astype(np.float64)
+    return _tiles(quality, walks, "walks", GOOD_MANY, least=1, digits=".0f")
 
 
 def sigma_tiles(quality: MapQuality) -> go.Figure:
@@ -59,11 +58,12 @@ def _tiles(
     rows, y = np.unique(quality.xy_m[:, 1], return_inverse=True)
     grid = np.full((len(rows), len(columns)), np.nan)
     grid[y, x] = values
+    most = float(np.nan_to_num(values).max(initial=least))
+    look = {"thickness": 10, "outlinewidth": 0, "title": {"text": unit}}
+    hover = f"%{{x:.1f}}, %{{y:.1f}}: %{{z:{digits}}} {unit}<extra></extra>"
     heat = go.Heatmap(
         x=columns, y=rows, z=grid.round(3), colorscale=scale, xgap=TILE_GAP_PX, ygap=TILE_GAP_PX,
-        zmin=0, zmax=float(np.nan_to_num(values).max(initial=least)), colorbar={"thickness": 10, "outlinewidth": 0, "title": {"text": unit}},
-        hoverongaps=False,
-        hovertemplate=f"%{{x:.1f}}, %{{y:.1f}}: %{{z:{digits}}} {unit}<extra></extra>",
+        zmin=0, zmax=most, colorbar=look, hoverongaps=False, hovertemplate=hover,
     )  # fmt: skip
     figure = styled(go.Figure(heat), height_px=HEIGHT_PX)
     figure.update_xaxes(title_text="x (m)", showgrid=False, constrain="domain")

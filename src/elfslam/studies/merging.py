@@ -73,19 +73,16 @@ def measure_merging(
     """Outcomes of random pairs of walks, and maps of 1 to 8 walks; `data` is not needed."""
     wanted = {**HUNDRED, **BESIDES} if pairs is None else pairs
     generator = np.random.default_rng(0)
-    drawn = [
-        _drawn(kind, worlds, seeds, generator)
-        for kind, count in wanted.items()
-        for _ in range(count)
-    ]
+    kinds = [kind for kind, count in wanted.items() for _ in range(count)]
+    drawn = [_drawn(kind, worlds, seeds, generator) for kind in kinds]
     grown = [Growth(world, tuple(seeds[:count]), seeds[-1]) for world in worlds for count in walks]
-    tasks = [*dict.fromkeys(drawn), *grown]
+    tasks: list[Pair | Growth] = [*dict.fromkeys(drawn), *grown]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
     found = dict(zip(tasks, numbers, strict=True))
     outcomes = {
         kind: _counted([found[pair] for pair in drawn if pair.kind == kind]) for kind in wanted
     }
-    growth = [
+    growth: list[Row] = [
         {"world": each.world, "walks": len(each.walks), **_rounded(found[each])} for each in grown
     ]
     rows: list[Row] = [{"pairs": kind, **counts} for kind, counts in outcomes.items()]
@@ -134,9 +131,8 @@ def _pair(pair: Pair) -> Numbers:
 def _growth(growth: Growth) -> Numbers:
     """Errors of a map of some walks and of a stranger in it, its size, and the last walk's cost."""
     known = MergeParameters()
-    walks, truths = zip(
-        *(strolled(Stroll(growth.world, seed)) for seed in growth.walks), strict=True
-    )
+    strolls = [strolled(Stroll(growth.world, seed)) for seed in growth.walks]
+    walks, truths = zip(*strolls, strict=True)
     if len(walks) == 1:
         trajectories, inside = [walks[0].trajectory], list(truths)
         floor_map = map_of(walks[0], walks[0].trajectory, known)
@@ -179,14 +175,18 @@ def _rounded(numbers: Numbers) -> Row:
     }
 
 
+def _overlapping(outcomes: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
+    """The outcomes of all pairs that share ground in the same direction."""
+    return {
+        name: sum(outcomes.get(kind, {}).get(name, 0) for kind in OVERLAPPING) for name in OUTCOMES
+    }
+
+
 def _together(
     outcomes: Mapping[str, Mapping[str, int]], rows: Sequence[Row], growth: Sequence[Row]
 ) -> list[Row]:
     """Both tables as one, each row with all columns; the overlapping pairs summed up."""
-    total = {
-        name: sum(outcomes.get(kind, {}).get(name, 0) for kind in OVERLAPPING) for name in OUTCOMES
-    }
-    every = [*rows, {"pairs": "all that overlap", **total}, *growth]
+    every = [*rows, {"pairs": "all that overlap", **_overlapping(outcomes)}, *growth]
     names = list(dict.fromkeys(name for row in every for name in row))
     return [{name: row.get(name) for name in names} for row in every]
 
@@ -194,9 +194,7 @@ def _together(
 def _page(
     outcomes: Mapping[str, Mapping[str, int]], rows: Sequence[Row], growth: Sequence[Row]
 ) -> Page:
-    total = {
-        name: sum(outcomes.get(kind, {}).get(name, 0) for kind in OVERLAPPING) for name in OUTCOMES
-    }
+    total = _overlapping(outcomes)
     overlapping = max(sum(total.values()), 1)
     wrong = sum(counts["wrong"] for counts in outcomes.values())
     panels = [
