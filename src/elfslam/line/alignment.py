@@ -129,7 +129,7 @@ def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Al
         each
         for each in ranked[1:]
         if each.evidence >= parameters.rival_share * best.evidence
-        and _apart_m(each, best, meeting) > distinct_m
+        and _apart_m(each.placement, best.placement, meeting) > distinct_m
     ]
     leads = [_lead(best, rival, meeting) for rival in rivals]
     lead = min(leads, default=np.inf)
@@ -140,7 +140,8 @@ def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Al
         refusal = f"resembles no more than {resemblance:.0%} of the usual"
     elif lead < parameters.least_lead:
         rival = rivals[int(np.argmin(leads))]
-        refusal = f"a placement {_apart_m(rival, best, meeting):.1f} m off fits nearly as well"
+        apart_m = _apart_m(rival.placement, best.placement, meeting)
+        refusal = f"a placement {apart_m:.1f} m off fits nearly as well"
     return Alignment(best.placement, places, resemblance, lead, best.evidence, refusal)
 
 
@@ -186,12 +187,12 @@ def _ranked(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> 
     few = np.unique(np.linspace(0, len(votes) - 1, parameters.placements).astype(int))
     starts = votes[few] if len(votes) else votes
     placed, weight = _gathered(starts, seen, other, links.score[strongest], parameters)
-    kept: list[Judged] = []
-    for k in np.argsort(-weight, kind="stable"):
-        new = _judged(placed[k], meeting, usual, parameters)
+    kept: list[F64] = []
+    for new in placed[np.argsort(-weight, kind="stable")]:
         if all(_apart_m(new, each, meeting) > parameters.rival_m / 2 for each in kept):
             kept.append(new)
-    return sorted(kept, key=lambda each: -each.evidence)
+    judged = [_judged(each, meeting, usual, parameters) for each in kept]
+    return sorted(judged, key=lambda each: -each.evidence)
 
 
 def _judged(
@@ -235,9 +236,9 @@ def _points(poses: F64) -> C128:
     return np.stack([at, at + AHEAD_M * np.exp(1j * poses[:, 2])])
 
 
-def _apart_m(one: Judged, other: Judged, meeting: Meeting) -> float:
+def _apart_m(one: F64, other: F64, meeting: Meeting) -> float:
     """How far apart two placements put the walk, on average."""
-    moved = compose(one.placement, meeting.other) - compose(other.placement, meeting.other)
+    moved = compose(one, meeting.other) - compose(other, meeting.other)
     return float(np.linalg.norm(moved[:, :2], axis=1).mean())
 
 

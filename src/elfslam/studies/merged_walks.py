@@ -9,7 +9,6 @@ from functools import cache
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Trajectory, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.merging import Walk, walk_of
@@ -59,6 +58,22 @@ def frame_errors_m(trajectories: Sequence[Trajectory], truths: Sequence[Truth]) 
         np.linalg.norm(_missed(world_from_map, walk, truth), axis=1)
         for walk, truth in zip(trajectories, truths, strict=True)
     ]
+
+
+def one_after_another(
+    trajectories: Sequence[Trajectory], truths: Sequence[Truth]
+) -> tuple[Trajectory, Truth]:
+    """Walks of one frame as one long walk, and its truth: to be aligned and judged as a whole."""
+    pairs = list(zip(trajectories, truths, strict=True))
+    lasts_s = [max(walk.t_s[-1], truth.t_s[-1]) + 1.0 for walk, truth in pairs]
+    begins_s = np.cumsum([0.0, *lasts_s])
+    t_s = [walk.t_s + begin for walk, begin in zip(trajectories, begins_s, strict=False)]
+    true_s = [truth.t_s + begin for truth, begin in zip(truths, begins_s, strict=False)]
+    poses = np.vstack([walk.world_from_body for walk in trajectories])
+    covariance = np.concatenate([walk.covariance for walk in trajectories])
+    known = np.vstack([truth.world_from_body for truth in truths])
+    walked = Trajectory(np.concatenate(t_s), poses, covariance, np.empty(0), "OK")
+    return walked, Truth(np.concatenate(true_s), known)
 
 
 def _missed(world_from_map: F64, walk: Trajectory, truth: Truth) -> F64:
