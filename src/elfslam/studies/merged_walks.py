@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Trajectory, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.merging import Walk, walk_of
