@@ -75,6 +75,7 @@ def test_walks_are_merged_into_a_map_and_one_more_is_added(
     grown = read_map(second)
     assert grown.sources == ("one", "two", "three")
     npt.assert_array_equal(grown.xy_m[grown.walk < 2], made.xy_m)
+    assert elfslam("show", second, tmp_path / "map.html")[0] == 0
     assert sorted(file.stem for file in (second / "trajectories").iterdir()) == ["three"]
 
 

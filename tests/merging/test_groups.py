@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
+import pytest
 
 from elfslam.base.geometry import between, compose, inverse
-from elfslam.merging import MergeParameters
+from elfslam.base.values import Closures
+from elfslam.line.alignment import Alignment
+from elfslam.merging import MergeParameters, groups
 from elfslam.merging.groups import grouped, turned_round
-from elfslam.merging.sides import links_between, side_of
+from elfslam.merging.sides import Side, links_between, side_of
 
 KNOWN = MergeParameters()
 STARTS = np.array([[0.0, 0.0, 0.0], [5.0, -3.0, 2.0], [-20.0, 7.0, -1.0]])
@@ -59,3 +63,22 @@ def test_a_loner_joins_the_group_that_knows_both_ends_of_its_way(
     assert found.pairs[1, 2].refusal
     assert [sorted(group.frames) for group in found.groups] == [[0, 1, 2]]
     npt.assert_allclose(found.groups[0].seen_from(0, 2), 0, atol=0.3)
+
+
+def test_a_pair_that_contradicts_better_ones_is_told(
+    walker: Callable, here: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The weakest of three pairs is put 5 m beside where the others have it."""
+    sides = [side_of(walker(here, str(k), seed=k), KNOWN) for k in range(3)]
+    honest = groups.pair_alignment
+
+    def spoilt(one: Side, other: Side, links: Closures, parameters: MergeParameters) -> Alignment:
+        found = honest(one, other, links, parameters)
+        if (one, other) != (sides[0], sides[2]):
+            return found
+        return replace(found, one_from_other=found.one_from_other + [5, 0, 0], evidence=1.0)
+
+    monkeypatch.setattr(groups, "pair_alignment", spoilt)
+    found = grouped(sides, KNOWN, ignore)
+    assert found.pairs[0, 2].refusal == "contradicts better pairs by 5.0 m"
+    npt.assert_allclose(found.groups[0].seen_from(0, 2), 0, atol=0.15)

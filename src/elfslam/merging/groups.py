@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
@@ -59,6 +59,11 @@ def grouped(
         if len(groups[k].frames) == 1:
             _take_in(groups, k, sides, links, parameters)
     distinct = {id(group): group for group in groups.values()}.values()
+    for a, b in accepted:
+        off_m = _off_m(groups[a], a, b, pairs[a, b], sides[b])
+        if off_m > parameters.alignment.rival_m + 2 * np.hypot(sides[a].sigma_m, sides[b].sigma_m):
+            refusal = f"contradicts better pairs by {off_m:.1f} m"
+            pairs[a, b] = replace(pairs[a, b], refusal=refusal)
     return Grouped(sorted(distinct, key=lambda group: -len(group.frames)), links, pairs)
 
 
@@ -73,6 +78,14 @@ def pair_alignment(
 def turned_round(links: Closures) -> Closures:
     """The same links seen from the other walk."""
     return Closures(links.j, links.i, links.score, inverse(links.i_from_j), links.covariance)
+
+
+def _off_m(group: Group, a: int, b: int, pair: Alignment, side: Side) -> float:
+    """How far a pair puts walk b from where its group has it, on average."""
+    one, other = (
+        compose(frame, side.poses) for frame in (pair.one_from_other, group.seen_from(a, b))
+    )
+    return float(np.linalg.norm((one - other)[:, :2], axis=1).mean())
 
 
 def _unite(groups: dict[int, Group], a: int, b: int, a_from_b: F64) -> None:

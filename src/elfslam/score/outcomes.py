@@ -19,8 +19,7 @@ def outcomes_figure(counts: Mapping[str, Mapping[str, int]], x_title: str) -> go
         go.Bar(
             y=labels, x=[counts[label].get(name, 0) for label in labels], name=name,
             orientation="h", marker={"color": color, "line": {"width": 0}}, opacity=0.85,
-            text=[counts[label].get(name, 0) or "" for label in labels], textposition="inside",
-            insidetextanchor="middle", textfont={"color": "white"}, hoverinfo="skip",
+            hovertemplate="%{y}: %{x} " + name + "<extra></extra>",
         )
         for name, color in COLORS.items()
     ]  # fmt: skip

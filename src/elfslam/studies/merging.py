@@ -204,7 +204,7 @@ def _page(
         Panel("How pairs came out", outcomes_figure(outcomes, "pairs"), PAIRS_NOTE, wide=True),
         *(_growth_panel(growth, name) for name in ("map error (m)", "one-shot error (m)")),
         *(_growth_panel(growth, name) for name in ("answered", "one more walk (s)")),
-        Panel("Pairs", rows_table(rows)),
+        Panel("Pairs", rows_table(rows), wide=True),
         Panel("Maps of several walks", rows_table(growth), GROWTH_NOTE, wide=True),
     ]
     tiles = {
