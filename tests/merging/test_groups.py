@@ -76,7 +76,7 @@ def test_a_pair_that_contradicts_better_ones_is_told(
         found = honest(one, other, links, parameters)
         if (one, other) != (sides[0], sides[2]):
             return found
-        return replace(found, one_from_other=found.one_from_other + [5, 0, 0], evidence=1.0)
+        return replace(found, one_from_other=np.add(found.one_from_other, [5, 0, 0]), evidence=1.0)
 
     monkeypatch.setattr(groups, "pair_alignment", spoilt)
     found = grouped(sides, KNOWN, ignore)
