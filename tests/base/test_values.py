@@ -108,6 +108,7 @@ def test_nan_is_refused_but_where_it_means_unknown(name: str, field: str) -> Non
             ("PoseGraph", "edges"),
             ("PoseGraph", "is_closure"),
             ("FloorMap", "walk"),
+            ("FloorMap", "changed"),
             ("FloorMap", "order"),
             ("Fixes", "status"),
         }
@@ -150,3 +151,11 @@ def test_a_recording_holds_no_truth_and_nothing_by_default() -> None:
     assert "truth" not in names
     bare = values.Recording("walk", "phone")
     assert all(getattr(bare, name) is None for name in names[2:])
+
+
+def test_a_map_of_which_nobody_says_its_age_is_new() -> None:
+    made = dataclasses.replace(MAKERS["FloorMap"](), weight=None, changed=None)
+    assert (made.weight == 1.0).all()
+    assert not made.changed.any()
+    with pytest.raises(InputError, match=r"FloorMap\.weight: wanted shape"):
+        dataclasses.replace(made, weight=np.ones(len(made.weight) + 1))

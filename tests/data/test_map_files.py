@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,18 @@ def test_round_trip(tmp_path: Path, run: Run) -> None:
         for payload, wanted in zip(read.payloads, run.floor_map.payloads, strict=True):
             assert (payload.kind, payload.encoder) == (wanted.kind, wanted.encoder)
             np.testing.assert_array_equal(payload.vectors, wanted.vectors)
+
+
+def test_the_age_of_spots_is_kept_and_older_files_have_none(tmp_path: Path, run: Run) -> None:
+    aged = replace(run.floor_map, weight=[1, 0.5, 1, 1, 0.2], changed=[0, 1, 0, 0, 1])
+    write_map(aged, tmp_path / "map.npz")
+    read = read_map(tmp_path)
+    np.testing.assert_array_equal(read.weight, aged.weight)
+    np.testing.assert_array_equal(read.changed, aged.changed)
+    with np.load(tmp_path / "map.npz") as stored:
+        older = {name: stored[name] for name in stored.files if name not in ("weight", "changed")}
+    np.savez(tmp_path / "map.npz", **older)
+    assert (read_map(tmp_path).weight == 1).all()
 
 
 @pytest.mark.parametrize("kept", [0, 10, 300, -30])

@@ -273,7 +273,11 @@ class Payload(Value):
 
 @dataclass(frozen=True, eq=False)
 class FloorMap(Value):
-    """Spots with positions, and one payload per modality."""
+    """Spots with positions, and one payload per modality.
+
+    `weight` says how much what is known of a spot still counts (1 where nobody says), `changed`
+    whether its surroundings have changed since.
+    """
 
     xy_m: F64 = array("m", 2)
     heading_rad: F64 = array("m")
@@ -283,8 +287,13 @@ class FloorMap(Value):
     payloads: tuple[Payload, ...]
     parameters_digest: str
     sources: tuple[str, ...]
+    weight: F64 = array("m", optional=True)
+    changed: Bool = array("m", dtype=np.bool_, optional=True)
 
     def __post_init__(self) -> None:
+        for name, usual in (("weight", np.ones), ("changed", np.zeros)):
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, usual(len(self.xy_m)))
         super().__post_init__()
         for payload in self.payloads:
             if len(payload.vectors) != len(self.xy_m):

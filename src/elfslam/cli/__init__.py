@@ -9,7 +9,7 @@ import typer
 
 from elfslam.base.errors import ParameterError
 from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.maps import export_command, locate_command, map_command
+from elfslam.cli.maps import export_command, locate_command, map_command, merge_command
 from elfslam.cli.scores import score, show, study
 from elfslam.cli.walks import demo, import_command, simulate_command
 from elfslam.console import DONE, INTERRUPTED, exit_code_of
@@ -27,6 +27,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "simulate": simulate_command,
     "import": import_command,
     "map": map_command,
+    "merge": merge_command,
     "locate": locate_command,
     "score": score,
     "export": export_command,

@@ -28,6 +28,7 @@ from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_facts
 from elfslam.exporting import Format, export
+from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
     MapJob,
@@ -38,6 +39,7 @@ from elfslam.mapping import (
     parse_start,
     recordings_in,
 )
+from elfslam.merging import MergeParameters
 from elfslam.senses import Settings, parse_modalities
 
 
@@ -128,3 +130,28 @@ def export_command(
         raise ParameterError(f"--to: wanted {', '.join(Format)}, got {to!r}; choose one")
     export(source, out, Format(to))
     say(f"wrote {out}")
+
+
+def merge_command(
+    runs: Annotated[
+        list[Path],
+        typer.Argument(metavar="[MAP] RUN...", help="Oldest first, or a map and runs."),
+    ],
+    out: Annotated[Path, typer.Argument(help="The map folder.")],
+    known_starts: Annotated[
+        bool, typer.Option("--known-starts", help="All were mapped with --start in one frame.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", help="Replace an older map.")] = False,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+    as_json: AsJson = False,
+) -> None:
+    """Merge runs into one floor map, or add runs to a map that was merged before."""
+    known = load(MergeParameters(), parameter_file, setting or [])
+    with progress_bar() as announce:
+        made = merge_into(out, runs, known, announce, known_starts=known_starts, overwrite=force)
+    if made.pairs:
+        print_rows(made.pairs, title="How they met", as_json=as_json)
+    for name, why in made.refused.items():
+        say(f"not merged: {name}: {why}")
+    say(f"{len(made.floor_map.sources)} walks in one map; look at {out / 'report.html'}")

@@ -13,12 +13,14 @@ from elfslam.data.npz import read_npz, write_npz
 
 MAP = "map.npz"
 SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
+AGEING = ("weight", "changed")
+"""What maps of one walk may lack."""
 LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
 
 
 def write_map(floor_map: FloorMap, file: Path) -> None:
     """The map as an .npz file, an older one there replaced. Raises StoreError."""
-    arrays = {name: getattr(floor_map, name) for name in SPOTS}
+    arrays = {name: getattr(floor_map, name) for name in (*SPOTS, *AGEING)}
     arrays["parameters_digest"] = floor_map.parameters_digest
     arrays["sources"] = np.array(floor_map.sources, dtype=str)
     arrays["payload_kinds"] = np.array([each.kind for each in floor_map.payloads], dtype=str)
@@ -36,7 +38,7 @@ def read_map(path: Path) -> FloorMap:
     kinds, encoders = arrays["payload_kinds"].tolist(), arrays["payload_encoders"].tolist()
     try:
         return FloorMap(
-            **{name: arrays[name] for name in SPOTS},
+            **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
             payloads=tuple(
                 Payload(kind, encoder, arrays[f"payload_{k}"])
                 for k, (kind, encoder) in enumerate(zip(kinds, encoders, strict=True))

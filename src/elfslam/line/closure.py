@@ -8,6 +8,7 @@ the walker at two places at once only the clearly better one stays. The graph ha
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -22,6 +23,8 @@ from elfslam.base.values import AnySimilarity, Closures, Odometry
 
 AGAIN, BACK = 1, -1
 """Ways of walking a stretch a second time."""
+Rows = Callable[[int, int], F32]
+"""The similarities of some footsteps, from one to another without the last, to all others."""
 DEGREES_OF_FREEDOM = 3
 
 
@@ -67,7 +70,10 @@ class ClosureParameters:
 
 @dataclass(frozen=True)
 class Candidates:
-    """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked."""
+    """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked.
+
+    Between two walks i is a footstep of the one and j of the other, in any order.
+    """
 
     i: I64
     j: I64
@@ -92,8 +98,8 @@ def find_closures(
     found = candidates(similarity, parameters)
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))
-    covariance = np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
-    return Closures(found.i, found.j, found.score, _i_from_j(found, nodes), covariance)
+    i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
+    return Closures(found.i, found.j, found.score, i_from_j, covariance)
 
 
 def sharing_errors(closures: Closures, reach: int) -> Closures:
@@ -110,15 +116,43 @@ def sharing_errors(closures: Closures, reach: int) -> Closures:
 
 def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Candidates:
     """Ridges of the averaged similarity, for stretches walked again and walked back."""
+    found = _all_ridges(similarity.rows, similarity.count, similarity.count, parameters)
+    return found.chosen(found.j - found.i >= parameters.near_footsteps)
+
+
+def candidates_between(one: F32, other: F32, parameters: ClosureParameters) -> Candidates:
+    """The same between two walks, by the mean features (n, d) and (m, d) of their footsteps."""
+
+    def rows(first: int, last: int) -> F32:
+        return np.asarray(one[first:last] @ other.T)
+
+    return _all_ridges(rows, len(one), len(other), parameters)
+
+
+def closures_between(one: F32, other: F32, poses: F64, parameters: ClosureParameters) -> Closures:
+    """Places of two walks that sound alike: i of the one and j of the other, in any order.
+
+    `one` (n, d) and `other` (m, d) are what is heard from each footstep to the next, `poses`
+    (m, 3) the middles of the other's stretches; the relative poses lead from middle to middle.
+    """
+    found = candidates_between(one, other, parameters)
+    steps_m = np.linalg.norm(np.diff(poses[:, :2], axis=0, append=poses[-1:, :2]), axis=1)
+    ahead_m = (found.j - found.line_j) * found.direction * steps_m[found.j]
+    turn_rad = np.where(found.direction == BACK, np.pi, 0.0)
+    i_from_j = np.column_stack([ahead_m, np.zeros(len(ahead_m)), turn_rad])
+    return Closures(found.i, found.j, found.score, i_from_j, _covariances(found, parameters))
+
+
+def _all_ridges(rows: Rows, count: int, columns: int, parameters: ClosureParameters) -> Candidates:
+    """Ridges anywhere in a matrix (count, columns), block of rows by block."""
+    block = _block_rows(columns)
     parts = [
-        _ridges(similarity, first, direction, parameters)
-        for first in range(0, similarity.count, _block_rows(similarity.count))
+        _ridges(rows, first, min(first + block, count), count, direction, parameters)
+        for first in range(0, count, block)
         for direction in (AGAIN, BACK)
     ]
-    columns = [item.name for item in fields(Candidates)]
-    return Candidates(
-        *(np.concatenate([getattr(part, name) for part in parts]) for name in columns)
-    )
+    names = [item.name for item in fields(Candidates)]
+    return Candidates(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
@@ -159,20 +193,18 @@ def _contradict(
 
 
 def _ridges(
-    similarity: AnySimilarity, first: int, direction: int, parameters: ClosureParameters
+    rows: Rows, first: int, last: int, count: int, direction: int, parameters: ClosureParameters
 ) -> Candidates:
     """The candidates whose earlier footstep lies in one block of rows."""
-    last = min(first + _block_rows(similarity.count), similarity.count)
     margin = parameters.half_sequence + parameters.ridge_footsteps
-    top, bottom = max(first - margin, 0), min(last + margin, similarity.count)
-    scores = similarity.rows(top, bottom)
+    top, bottom = max(first - margin, 0), min(last + margin, count)
+    scores = rows(top, bottom)
     mean = sequence_mean(scores, parameters.half_sequence, direction)
     reach = 2 * parameters.ridge_footsteps + 1
     ridge = mean >= np.minimum(maximum_filter1d(mean, reach, 0), maximum_filter1d(mean, reach, 1))
     inside = slice(first - top, last - top)
     i, j = np.nonzero(ridge[inside] & (mean[inside] >= parameters.threshold))
-    far = j - (i + first) >= parameters.near_footsteps
-    i, j = i[far] + first - top, j[far]
+    i = i + first - top
     peak = sequence_mean(scores, parameters.half_peak, direction)
     score, line_j = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
     return Candidates(i + top, j, score, line_j, np.full(len(i), direction))
@@ -199,6 +231,8 @@ def _offset(mean: F32, i: I64, j: I64) -> F64:
 
     Zero in the first and last column, which have a neighbour on one side only.
     """
+    if mean.shape[1] < 3:
+        return np.zeros(len(i))
     inside = np.clip(j, 1, mean.shape[1] - 2)
     left, at, right = (mean[i, inside + k].astype(np.float64) for k in (-1, 0, 1))
     curvature = np.minimum(2 * (left - 2 * at + right), -1e-3)
@@ -213,6 +247,11 @@ def _i_from_j(found: Candidates, nodes: Odometry) -> F64:
     ahead = (found.j - found.line_j) * found.direction + back
     forward_m = ahead * steps_m[np.minimum(found.j, len(steps_m) - 1)]
     return np.column_stack([forward_m, np.zeros(len(back)), np.where(back, np.pi, 0.0)])
+
+
+def _covariances(found: Candidates, parameters: ClosureParameters) -> F64:
+    """Covariances (k, 3, 3) of the relative poses."""
+    return np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
 
 
 def _sigma(parameters: ClosureParameters) -> F64:

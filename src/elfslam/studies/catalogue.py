@@ -24,6 +24,7 @@ from elfslam.studies.finetuning import measure_finetuning
 from elfslam.studies.magnetic_walks import measure_magnetic_walks
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
+from elfslam.studies.merging import measure_merging
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
@@ -45,6 +46,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "magnetic-walks": measure_magnetic_walks,
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
+    "merging": LongStudy(measure_merging),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,

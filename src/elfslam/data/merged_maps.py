@@ -1,0 +1,64 @@
+"""Maps of many walks on disk: a folder that `elfslam locate` and `elfslam merge` read."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.values import FloorMap, Trajectory
+from elfslam.data.folders import new_folder
+from elfslam.data.map_files import MAP, write_map
+from elfslam.data.runs import ENCODER
+from elfslam.data.tum import write_tum
+from elfslam.line.quality import MapQuality
+
+MERGED = "merge.json"
+QUALITY = "quality.csv"
+TRAJECTORIES = "trajectories"
+QUALITY_COLUMNS = (
+    "x_m", "y_m", "walks", "spots", "weight", "sigma_m", "error_m", "changed"
+)  # fmt: skip
+
+
+def is_merged(path: Path) -> bool:
+    """Whether a folder holds a map of many walks."""
+    return (path / MERGED).is_file()
+
+
+def write_merged(
+    folder: Path,
+    floor_map: FloorMap,
+    quality: MapQuality,
+    trajectories: Mapping[str, Trajectory],
+    *,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+    replace: bool = False,
+) -> None:
+    """The map as a folder: map.npz, quality.csv, trajectories, and what the facts say.
+
+    Raises StoreError where a folder with content is there; with `replace` an older map gives way.
+    """
+    with new_folder(folder, replaces=MERGED if replace else None) as partial:
+        write_map(floor_map, partial / MAP)
+        write_quality(quality, partial / QUALITY)
+        (partial / TRAJECTORIES).mkdir()
+        for name, walk in trajectories.items():
+            file = partial / TRAJECTORIES / f"{name.replace('/', '-')}.tum"
+            write_tum(file, walk.t_s, walk.world_from_body)
+        text = json.dumps(dict(facts), indent=2, ensure_ascii=False, default=str)
+        (partial / MERGED).write_text(text + "\n", encoding="utf-8")
+        if encoder is not None:
+            (partial / ENCODER).write_bytes(encoder)
+
+
+def write_quality(quality: MapQuality, file: Path) -> None:
+    """A row per square metre that holds spots; an error that nobody knows stays empty."""
+    counts = [quality.walks, quality.spots]
+    metres = [quality.weight, quality.sigma_m, quality.error_m, quality.changed]
+    table = np.column_stack([quality.xy_m, *counts, *metres])
+    rows = [",".join("" if np.isnan(value) else f"{value:.6g}" for value in row) for row in table]
+    file.write_text("\n".join([",".join(QUALITY_COLUMNS), *rows]) + "\n", encoding="utf-8")

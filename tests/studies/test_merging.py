@@ -1,0 +1,70 @@
+"""The study of merging, small: pairs are drawn as they are called, and counted as they came out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.score.page import save_page
+from elfslam.studies.finding import Finding
+from elfslam.studies.merged_walks import FIRST, MOVED, SECOND, WHOLE, Stroll, strolled
+from elfslam.studies.merging import (
+    APART,
+    CHANGED,
+    OPPOSITE,
+    OTHER,
+    PARTLY,
+    SAME,
+    _drawn,
+    measure_merging,
+)
+
+
+@pytest.fixture(scope="module")
+def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
+    return measure_merging(
+        None,
+        lambda what, share: None,
+        tmp_path_factory.mktemp("kept") / "merging.partial",
+        worlds=("studio", "lounge"),
+        seeds=(130, 131, 132),
+        pairs={SAME: 1, OTHER: 1},
+        walks=(2,),
+    )
+
+
+def test_pairs_are_counted_by_kind(finding: Finding) -> None:
+    by_kind = {row["pairs"]: row for row in finding.rows if row["pairs"]}
+    assert set(by_kind) == {SAME, OTHER, "all that overlap"}
+    assert by_kind[OTHER]["refused"] == 1
+    assert by_kind[SAME]["wrong"] == 0
+    assert by_kind["all that overlap"]["right"] == by_kind[SAME]["right"]
+
+
+def test_maps_of_two_walks_are_measured_and_drawn(finding: Finding, tmp_path: Path) -> None:
+    rows = [row for row in finding.rows if row["world"]]
+    assert [row["world"] for row in rows] == ["studio", "lounge"]
+    assert all(float(str(row["map error (m)"])) < 0.5 for row in rows if row["merged"] == 2)
+    assert finding.page is not None
+    save_page(tmp_path / "merging.html", finding.page)
+
+
+@pytest.mark.parametrize("kind", [SAME, PARTLY, OTHER, APART, OPPOSITE, CHANGED])
+def test_a_pair_is_what_it_is_called(kind: str) -> None:
+    generator = np.random.default_rng(3)
+    for _ in range(20):
+        pair = _drawn(kind, ("a", "b", "c"), (0, 1, 2), generator)
+        assert (pair.one.world != pair.other.world) == (kind == OTHER)
+        assert pair.one.seed != pair.other.seed
+        parts = {PARTLY: (WHOLE, FIRST), APART: (FIRST, SECOND)}.get(kind, (WHOLE, WHOLE))
+        assert (pair.one.part, pair.other.part) == parts
+        assert pair.other.reverse == (kind == OPPOSITE)
+        assert pair.other.state == (MOVED if kind == CHANGED else "")
+
+
+def test_two_parts_of_a_route_share_no_ground() -> None:
+    truths = [strolled(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
+    one, other = (truth.world_from_body[::25, :2] for truth in truths)
+    assert np.linalg.norm(one[:, None] - other[None], axis=2).min() > 0.8
