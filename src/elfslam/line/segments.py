@@ -19,6 +19,8 @@ from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 
 JUMP_M = 1.5
 """Consecutive spots of a mapped walk never lie further apart."""
+SPACING_M = 0.1
+"""Between the places where stretches of the map may begin and end."""
 
 
 @dataclass(frozen=True)
@@ -58,15 +60,17 @@ class SegmentParameters:
 
 
 @dataclass(frozen=True, eq=False)
-class Stretches(Value):
-    """Stretches (s) of a map: the spots (s, n) nearest to n places along each, and the places.
+class Paths(Value):
+    """The mapped walks at places (g) a fixed way apart, each along it and back.
 
-    `heading_rad` is that of a phone carried along it, at its end.
+    `first` is the first place of the same path, `spot` the nearest spot of the map, `heading_rad`
+    that of a phone carried along.
     """
 
-    spot: I64 = array("s", "n", dtype=np.int64)
-    xy_m: F64 = array("s", "n", 2)
-    heading_rad: F64 = array("s")
+    xy_m: F64 = array("g", 2)
+    heading_rad: F64 = array("g")
+    spot: I64 = array("g", dtype=np.int64)
+    first: I64 = array("g", dtype=np.int64)
 
 
 def locate_by_segments(
@@ -82,31 +86,41 @@ def locate_by_segments(
     poses = nodes.world_from_body
     middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
     middle_s = (nodes.t_s[1:] + nodes.t_s[:-1]) / 2
+    paths = paths_of(floor_map)
     rows = [
-        _fix(middle_m[last - length : last], scores[last - length : last], floor_map, parameters)
-        for last in range(length, len(middle_m) + 1)
+        _fix(middle_m[each], scores[each], paths, floor_map, parameters)
+        for each in (slice(last - length, last) for last in range(length, len(middle_m) + 1))
     ]
     if not rows:
-        nothing = np.empty(0)
-        return Fixes(nothing, np.empty((0, 2)), nothing, np.empty((0, 2, 2)), nothing, nothing)
+        none = np.empty(0)
+        covariance = np.empty((0, 2, 2))
+        return Fixes(none, np.empty((0, 2)), none, covariance, none, none.astype(np.int64))
     columns = (np.array(column) for column in zip(*rows, strict=True))
     return Fixes(middle_s[length - 1 :], *columns)
 
 
-def stretches_of(floor_map: FloorMap, walked_m: F64) -> Stretches:
-    """All stretches of a map with places at distances walked (n, from 0), along it and back."""
-    parts = [
-        _along(floor_map, rows[::way], walked_m, way)
-        for rows in _chains(floor_map)
-        for way in (1, -1)
-    ]
-    spot, xy_m, heading_rad = (np.concatenate(column) for column in zip(*parts, strict=True))
-    return Stretches(spot, xy_m, heading_rad)
+def paths_of(floor_map: FloorMap) -> Paths:
+    """The walks of a map as paths; walks of one spot give none."""
+    first, parts = 0, []
+    for rows in _chains(floor_map):
+        for way in (1, -1):
+            part = _path(floor_map, rows[::way], way)
+            parts.append((*part, np.full(len(part[0]), first)))
+            first += len(part[0])
+    return Paths(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def shape_errors(stretches: Stretches, curve_m: F64) -> F64:
-    """Root mean square distance (s) of each stretch from a curve (n, 2), laid on it rigidly."""
-    theirs = _centred(stretches.xy_m)
+def stretches_of(paths: Paths, walked_m: F64) -> I64:
+    """Places (s, n) at distances walked (n, from 0) of every stretch of the paths."""
+    ahead = np.round(walked_m / SPACING_M).astype(np.int64)
+    end = np.arange(len(paths.first))
+    end = end[end - ahead[-1] >= paths.first]
+    return np.asarray(end[:, None] - ahead[-1] + ahead)
+
+
+def shape_errors(stretches_m: F64, curve_m: F64) -> F64:
+    """Root mean square distance (s) of stretches (s, n, 2) from a curve (n, 2), rigidly laid on."""
+    theirs = _centred(stretches_m)
     ours = _centred(curve_m[None])[0]
     overlap = np.abs(theirs @ ours.conj())
     square = (np.abs(theirs) ** 2).sum(axis=1) + (np.abs(ours) ** 2).sum() - 2 * overlap
@@ -127,39 +141,38 @@ def _chains(floor_map: FloorMap) -> list[I64]:
     return np.split(order, np.flatnonzero(cut) + 1)
 
 
-Part = tuple[I64, F64, F64]
-
-
-def _along(floor_map: FloorMap, rows: I64, walked_m: F64, way: int) -> Part:
-    """Stretches of one chain that end at each of its spots that is far enough along."""
+def _path(floor_map: FloorMap, rows: I64, way: int) -> tuple[F64, F64, I64]:
+    """Positions, headings and nearest spots along one chain, evenly spaced."""
     xy_m = floor_map.xy_m[rows]
     at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy_m, axis=0), axis=1))])
-    end_m = at_m[at_m >= walked_m[-1]]
-    places_m = end_m[:, None] - walked_m[-1] + walked_m
+    places_m = np.arange(0.0, at_m[-1] + 1e-9, SPACING_M)
     along = np.interp(places_m, at_m, np.arange(len(rows), dtype=np.float64))
-    xy = np.stack([np.interp(places_m, at_m, column) for column in xy_m.T], axis=-1)
     spot = rows[np.round(along).astype(np.int64)]
+    placed = np.column_stack([np.interp(places_m, at_m, column) for column in xy_m.T])
     turned = 0.0 if way == 1 else np.pi
-    return spot, xy, wrap_angle(floor_map.heading_rad[spot[:, -1]] + turned)
+    return placed, wrap_angle(floor_map.heading_rad[spot] + turned), spot
 
 
 Fix = tuple[F64, float, F64, float, int]
 NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
 
 
-def _fix(curve_m: F64, scores: F32, floor_map: FloorMap, parameters: SegmentParameters) -> Fix:
+def _fix(
+    curve_m: F64, scores: F32, paths: Paths, floor_map: FloorMap, parameters: SegmentParameters
+) -> Fix:
     heard = ~np.isnan(scores[:, 0])
     if heard.sum() < max(1, parameters.fewest_heard * len(heard)):
         return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
-    found = _candidates(curve_m, floor_map, parameters)
-    if not len(found.spot):
+    found = _candidates(curve_m, paths, parameters)
+    if not len(found):
         return *NOWHERE, np.nan, int(FixStatus.UNKNOWN_PLACE)
-    alike = scores[np.flatnonzero(heard), found.spot[:, heard]].mean(axis=1)
+    alike = scores[np.flatnonzero(heard), paths.spot[found[:, heard]]].mean(axis=1)
     best = int(np.argmax(alike))
     if alike[best] < parameters.unknown_below:
         return *NOWHERE, float(alike[best]), int(FixStatus.UNKNOWN_PLACE)
     belief = np.exp((alike - alike[best]).astype(np.float64) / parameters.temperature)
-    end_m = found.xy_m[:, -1]
+    end = found[:, -1]
+    end_m = paths.xy_m[end]
     near: Bool = np.linalg.norm(end_m - end_m[best], axis=1) <= parameters.near_m
     clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
     used = near if clear else np.ones_like(near)
@@ -167,22 +180,21 @@ def _fix(curve_m: F64, scores: F32, floor_map: FloorMap, parameters: SegmentPara
     xy = share @ end_m[used]
     offset = end_m[used] - xy
     covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
-    covariance += floor_map.covariance_m2[found.spot[best, -1]]
+    covariance += floor_map.covariance_m2[paths.spot[end[best]]]
     covariance += parameters.sigma_floor_m**2 * np.eye(2)
-    heading = float(np.angle(share @ np.exp(1j * found.heading_rad[used])))
+    heading = float(np.angle(share @ np.exp(1j * paths.heading_rad[end[used]])))
     status = FixStatus.OK if clear else FixStatus.AMBIGUOUS
     return xy, heading, covariance, float(alike[best]), int(status)
 
 
-def _candidates(curve_m: F64, floor_map: FloorMap, parameters: SegmentParameters) -> Stretches:
-    """Stretches that have the shape of the curve, for each length of step that is tried."""
+def _candidates(curve_m: F64, paths: Paths, parameters: SegmentParameters) -> I64:
+    """Stretches (s, n) that have the shape of the curve, for each length of step tried."""
     steps_m = np.linalg.norm(np.diff(curve_m, axis=0), axis=1)
     walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
     reach = parameters.scale_reach if parameters.scales > 1 else 0.0
     parts = []
     for scale in np.linspace(1 - reach, 1 + reach, parameters.scales):
-        found = stretches_of(floor_map, scale * walked_m)
-        off_m = shape_errors(found, scale * curve_m)
-        fits = off_m <= parameters.most_shape_sigmas * parameters.shape_sigma_m
-        parts.append((found.spot[fits], found.xy_m[fits], found.heading_rad[fits]))
-    return Stretches(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+        found = stretches_of(paths, scale * walked_m)
+        off_m = shape_errors(paths.xy_m[found], scale * curve_m)
+        parts.append(found[off_m <= parameters.most_shape_sigmas * parameters.shape_sigma_m])
+    return np.concatenate(parts)

@@ -50,10 +50,14 @@ class TrackParameters:
         0.5, "", "share of the reckoned sigma that a single step really errs by", low=0.0, high=10.0
     )
     memory: float = parameter(
-        0.7, "", "weight of the past in the likeness that tells an unknown place", low=0.0, high=0.99
+        0.7,
+        "",
+        "weight of the past in the likeness that tells an unknown place",
+        low=0.0,
+        high=0.99,
     )
     unknown_below: float = parameter(
-        0.7, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.75, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     near_m: float = parameter(
         1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0
