@@ -28,11 +28,8 @@ class SegmentParameters:
     """How short walks are compared with stretches of a map, and when no fix is given."""
 
     footsteps: int = parameter(8, "footsteps", "length of the short walk", low=2, high=100)
-    shape_sigma_m: float = parameter(
-        0.3, "m", "how far a stretch may lie off the reckoned shape (rms)", low=0.01, high=10.0
-    )
-    most_shape_sigmas: float = parameter(
-        3.0, "", "stretches further off are no candidates", low=0.5, high=100.0
+    most_off_m: float = parameter(
+        0.5, "m", "stretches further off the reckoned shape (rms) are none", low=0.01, high=100.0
     )
     scales: int = parameter(5, "", "lengths of step that are tried", low=1, high=50)
     scale_reach: float = parameter(
@@ -196,5 +193,5 @@ def _candidates(curve_m: F64, paths: Paths, parameters: SegmentParameters) -> I6
     for scale in np.linspace(1 - reach, 1 + reach, parameters.scales):
         found = stretches_of(paths, scale * walked_m)
         off_m = shape_errors(paths.xy_m[found], scale * curve_m)
-        parts.append(found[off_m <= parameters.most_shape_sigmas * parameters.shape_sigma_m])
+        parts.append(found[off_m <= parameters.most_off_m])
     return np.concatenate(parts)
