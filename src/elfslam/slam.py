@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, fields
+from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
+from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
@@ -39,9 +41,17 @@ from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
-from elfslam.line.locate import LocateParameters, locate_one_shot
+from elfslam.line.locate import (
+    LocateParameters,
+    elf_payload,
+    likeness,
+    locate_one_shot,
+    means_between,
+)
 from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
+from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.line.track import Tracker, TrackParameters
 
 
 @dataclass(frozen=True)
@@ -59,6 +69,16 @@ class Parameters:
     graph: GraphParameters = field(default_factory=GraphParameters)
     floormap: FloorMapParameters = field(default_factory=FloorMapParameters)
     locate: LocateParameters = field(default_factory=LocateParameters)
+    segments: SegmentParameters = field(default_factory=SegmentParameters)
+    track: TrackParameters = field(default_factory=TrackParameters)
+
+
+class Mode(StrEnum):
+    """How a phone is located: from sound alone, or with its footsteps too."""
+
+    ONE_SHOT = "one-shot"
+    TRAJECTORY = "trajectory"
+    TRACK = "track"
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,15 +251,50 @@ def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:
 
 
 def locate(
-    recording: Recording, floor_map: FloorMap, encoder: Encoder, parameters: Parameters
+    recording: Recording,
+    floor_map: FloorMap,
+    encoder: Encoder,
+    parameters: Parameters,
+    *,
+    mode: Mode = Mode.ONE_SHOT,
+    seed: int = 0,
 ) -> Fixes:
     """Where the phone was at every moment of a recording, as far as the map can tell.
 
     Where the map says what its own phone made of the chirp, this one is heard as if it were that.
+    The `seed` is the tracker's.
     """
     echoes = hear(recording, parameters)
     features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
-    return locate_one_shot(features, floor_map, parameters.locate)
+    if mode is Mode.ONE_SHOT:
+        return locate_one_shot(features, floor_map, parameters.locate)
+    nodes = walk_nodes(recording, parameters)
+    scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
+    return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed)
+
+
+def footstep_likeness(
+    features: Features, nodes: Odometry, floor_map: FloorMap, parameters: LocateParameters
+) -> F32:
+    """How alike each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
+    payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
+    return likeness(means_between(features, nodes.t_s, parameters.fewest_echoes), payload)
+
+
+def locate_walk(
+    nodes: Odometry,
+    scores: F32,
+    floor_map: FloorMap,
+    parameters: Parameters,
+    *,
+    mode: Mode,
+    seed: int = 0,
+) -> Fixes:
+    """Fixes from footsteps and from scores (n-1, m) of any kind, by trajectory or by tracking."""
+    if mode is Mode.TRAJECTORY:
+        return locate_by_segments(nodes, scores, floor_map, parameters.segments)
+    generator = np.random.default_rng(seed)
+    return Tracker(floor_map, parameters.track, generator).follow(nodes, scores)
 
 
 def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:

@@ -11,7 +11,7 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Features, FixStatus, FloorMap, Payload
-from elfslam.line.locate import LocateParameters, locate_one_shot
+from elfslam.line.locate import LocateParameters, fixes_of, locate_one_shot
 
 PARAMETERS = LocateParameters()
 SPOTS = 50
@@ -63,12 +63,32 @@ def test_planted_places_are_found() -> None:
     assert (fixes.score > 0.8).all()
 
 
-def test_the_score_is_the_ess_with_the_best_spot() -> None:
+def test_the_score_is_the_cosine_of_the_mean_echo_with_the_best_spot() -> None:
     vectors = place_vectors()
     given = heard_at(vectors, [12], noise=0.2)
     fixes = locate_one_shot(given, made_map(vectors), PARAMETERS)
-    cosines = given.vectors @ vectors[12]
-    npt.assert_allclose(fixes.score, [cosines.mean()], atol=1e-6)
+    mean = given.vectors.mean(axis=0)
+    npt.assert_allclose(fixes.score, [mean @ vectors[12] / np.linalg.norm(mean)], atol=1e-6)
+
+
+def test_a_spot_whose_echoes_disagree_is_found_all_the_same() -> None:
+    vectors = place_vectors()
+    steady = made_map(vectors)
+    shaken = vectors.copy()
+    shaken[20] *= 0.5
+    heard = heard_at(unit(vectors[[20]] + 0.6 * vectors[[35]]), [0])
+    fixes = locate_one_shot(heard, made_map(shaken), PARAMETERS)
+    npt.assert_allclose(fixes.xy_m[0], steady.xy_m[20], atol=0.1)
+
+
+def test_scores_of_any_kind_make_fixes() -> None:
+    floor_map = made_map(place_vectors())
+    scores = np.full((3, SPOTS), 0.1, dtype=np.float32)
+    scores[0, 7], scores[2] = 0.9, np.nan
+    fixes = fixes_of(np.array([1.0, 2.0, 3.0]), scores, floor_map, PARAMETERS)
+    assert fixes.status.tolist() == [FixStatus.OK, FixStatus.UNKNOWN_PLACE, FixStatus.NO_ECHO]
+    npt.assert_allclose(fixes.xy_m[0], floor_map.xy_m[7], atol=1e-6)
+    assert np.isnan(fixes.score[2])
 
 
 def test_between_two_spots_the_fix_lies_between_them() -> None:

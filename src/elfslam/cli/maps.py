@@ -99,18 +99,22 @@ def locate_command(
     floor_map: Annotated[Path, typer.Argument(metavar="MAP", help="A run folder.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
     encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
+    mode: Annotated[
+        slam.Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
+    ] = slam.Mode.ONE_SHOT,
+    seed: Annotated[int, typer.Option(help="Of the tracker's draws.")] = 0,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
     as_json: AsJson = False,
 ) -> None:
-    """Locate a recording in a map, one fix per 0.6 s of sound."""
+    """Locate a recording in a map: where it was, how surely, and where that cannot be said."""
     parameters = load(Settings(), parameter_file, setting or [])
     known = read_map(floor_map)
     used = load_encoder(encoder) if encoder else encoder_of(floor_map, known)
     with progress_bar() as announce:
         announce("locating", None)
         heard = read_recording(recording, parameters.chirp)
-        fixes = slam.locate(heard, known, used, parameters)
+        fixes = slam.locate(heard, known, used, parameters, mode=mode, seed=seed)
     write_fixes(fixes, out)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
     print_rows(

@@ -1,4 +1,8 @@
-"""One-shot localization: a few echoes against a map, with an honest status."""
+"""One-shot localization: a few echoes against a map, with an honest status.
+
+A place is known again by the direction of the mean of its features, not by its length: the ESS,
+which has the length in it, prefers spots whose own echoes agree with each other.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +26,16 @@ class LocateParameters:
     window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
     fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
     unknown_below: float = parameter(
-        0.5, "", "best ESS below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.78, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
-    temperature: float = parameter(0.05, "", "how fast belief falls with ESS", low=1e-3, high=10.0)
+    temperature: float = parameter(
+        0.015, "", "how fast belief falls with likeness", low=1e-4, high=10.0
+    )
     near_m: float = parameter(
         1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0
     )
     ambiguous_below: float = parameter(
-        0.75, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
+        0.6, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
     )
     sigma_floor_m: float = parameter(
         0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
@@ -39,36 +45,62 @@ class LocateParameters:
 def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
     """A fix for every window of sound (consecutive, not overlapping).
 
-    Belief over the spots falls exponentially with their ESS; the fix is its mean near the best
-    spot and the covariance its spread there, plus the spot's own. Raises InputError where the map
-    was made with another encoder, ParameterError where no window can hold enough echoes.
+    Raises InputError where the map was made with another encoder, ParameterError where no window
+    can hold enough echoes.
     """
     if (parameters.fewest_echoes - 1) * SHORTEST_PERIOD_S > parameters.window_s:
         raise ParameterError(
             f"locate.fewest_echoes: wanted no more than {parameters.window_s:g} s (window_s) hold, "
             f"got {parameters.fewest_echoes}; set both"
         )
-    payload = elf_payload(floor_map, features.encoder)
-    if len(payload.vectors) == 0 or payload.vectors.shape[1] != features.vectors.shape[1]:
-        raise InputError(
-            f"map: its ELFs have shape {payload.vectors.shape}, wanted some of "
-            f"{features.vectors.shape[1]} numbers each; make the map again"
-        )
+    payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     start_s, end_s = features.t_s[[0, -1]]
     count = int((end_s - start_s) / parameters.window_s) + 1
     edges = start_s + parameters.window_s * np.arange(count + 1)
-    window = np.searchsorted(edges, features.t_s, side="right") - 1
-    rows = [
-        _fix(features.vectors[window == k], floor_map, payload, parameters) for k in range(count)
-    ]
+    means = means_between(features, edges, parameters.fewest_echoes)
+    middle_s = (edges[:-1] + edges[1:]) / 2
+    return fixes_of(middle_s, likeness(means, payload), floor_map, parameters)
+
+
+def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
+    """Fixes at times (n) from how alike each spot is then: scores (n, m), rows of NaN for silence.
+
+    Belief over the spots falls exponentially with their likeness; the fix is its mean near the
+    best spot and the covariance its spread there, plus the spot's own. Scores of any kind serve.
+    """
+    rows = [_fix(row, floor_map, parameters) for row in scores]
     xy, heading, covariance, score, status = (
         np.array(column) for column in zip(*rows, strict=True)
     )
-    return Fixes((edges[:-1] + edges[1:]) / 2, xy, heading, covariance, score, status)
+    return Fixes(t_s, xy, heading, covariance, score, status)
 
 
-def elf_payload(floor_map: FloorMap, encoder: str) -> Payload:
-    """The ELFs of a map, if they were made by the same encoder."""
+def means_between(features: Features, edges_s: F64, fewest: int) -> F32:
+    """Mean features (n-1, d) between consecutive times (n); NaN where echoes are fewer."""
+    stretch = np.searchsorted(edges_s, features.t_s, side="right") - 1
+    inside = (stretch >= 0) & (stretch < len(edges_s) - 1)
+    sums = np.zeros((len(edges_s) - 1, features.vectors.shape[1]))
+    np.add.at(sums, stretch[inside], features.vectors[inside])
+    counts = np.bincount(stretch[inside], minlength=len(sums))
+    means = sums / np.where(counts >= fewest, counts, np.nan)[:, None]
+    return np.asarray(means, np.float32)
+
+
+def likeness(means: F32, payload: Payload) -> F32:
+    """Cosines (n, m) of mean features (n, d) with those of a map's spots; rows of NaN stay so."""
+    return np.asarray(_directions(means) @ _directions(payload.vectors).T)
+
+
+def _directions(vectors: F32) -> F32:
+    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.maximum(lengths, 1e-9), np.float32)
+
+
+def elf_payload(floor_map: FloorMap, encoder: str, size: int) -> Payload:
+    """The ELFs of a map, if they were made by the same encoder and have as many numbers.
+
+    Raises InputError.
+    """
     payload = next((item for item in floor_map.payloads if item.kind == "elf"), None)
     if payload is None:
         raise InputError("map: it holds no echoes; map the place with --by elf first")
@@ -77,6 +109,11 @@ def elf_payload(floor_map: FloorMap, encoder: str) -> Payload:
             f"map: made with encoder {payload.encoder}, got echoes encoded by {encoder}; "
             "use the encoder.onnx that lies beside the map"
         )
+    if len(payload.vectors) == 0 or payload.vectors.shape[1] != size:
+        raise InputError(
+            f"map: its ELFs have shape {payload.vectors.shape}, wanted some of "
+            f"{size} numbers each; make the map again"
+        )
     return payload
 
 
@@ -84,11 +121,10 @@ Fix = tuple[F64, float, F64, float, int]
 NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
 
 
-def _fix(vectors: F32, floor_map: FloorMap, payload: Payload, parameters: LocateParameters) -> Fix:
-    if len(vectors) < parameters.fewest_echoes:
-        return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
-    scores = payload.vectors @ vectors.mean(axis=0)
+def _fix(scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fix:
     best = int(np.argmax(scores))
+    if np.isnan(scores[best]):
+        return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
     if scores[best] < parameters.unknown_below:
         return *NOWHERE, float(scores[best]), int(FixStatus.UNKNOWN_PLACE)
     belief = np.exp((scores - scores[best]).astype(np.float64) / parameters.temperature)

@@ -21,6 +21,7 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.localization import measure_localization
 from elfslam.studies.magnetic_walks import measure_magnetic_walks
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
@@ -28,6 +29,7 @@ from elfslam.studies.merging import measure_merging
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
+from elfslam.studies.sensitivity import measure_sensitivity
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
 from elfslam.studies.spots import measure_spots
@@ -43,6 +45,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "localization": LongStudy(measure_localization),
     "magnetic-walks": measure_magnetic_walks,
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
@@ -50,6 +53,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
+    "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,
     "speed": measure_speed,
     "spots": LongStudy(measure_spots),

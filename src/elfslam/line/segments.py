@@ -1,0 +1,197 @@
+"""Trajectory localization: the shape of the last footsteps picks out stretches of a map.
+
+Dead reckoning knows the shape of a short walk, not where it lies. Every stretch of a mapped walk
+that has this shape, walked either way and with steps somewhat longer or shorter, is a candidate;
+of these the one that sounds most like what was heard is where the phone is (paper, section 5.5:
+curve matching proposes, the largest mean similarity wins).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
+from elfslam.base.geometry import wrap_angle
+from elfslam.base.parameters import parameter
+from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
+
+JUMP_M = 1.5
+"""Consecutive spots of a mapped walk never lie further apart."""
+SPACING_M = 0.1
+"""Between the places where stretches of the map may begin and end."""
+
+
+@dataclass(frozen=True)
+class SegmentParameters:
+    """How short walks are compared with stretches of a map, and when no fix is given."""
+
+    footsteps: int = parameter(8, "footsteps", "length of the short walk", low=2, high=100)
+    most_off_m: float = parameter(
+        0.5, "m", "stretches further off the reckoned shape (rms) are none", low=0.01, high=100.0
+    )
+    scales: int = parameter(5, "", "lengths of step that are tried", low=1, high=50)
+    scale_reach: float = parameter(
+        0.15, "", "steps may be this much longer or shorter than reckoned", low=0.0, high=0.9
+    )
+    unknown_below: float = parameter(
+        0.75, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
+        high=1.0,
+    )  # fmt: skip
+    temperature: float = parameter(
+        0.015, "", "how fast belief falls with mean likeness", low=1e-4, high=10.0
+    )
+    near_m: float = parameter(
+        1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100
+    )
+    ambiguous_below: float = parameter(
+        0.6, "", "less belief near the best stretch is AMBIGUOUS", low=0.0, high=1.0
+    )
+    fewest_heard: float = parameter(
+        0.5, "", "share of the footsteps that must have echoes, else NO_ECHO", low=0.0, high=1.0
+    )
+    sigma_floor_m: float = parameter(
+        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Paths(Value):
+    """The mapped walks at places (g) a fixed way apart, each along it and back.
+
+    `first` is the first place of the same path, `spot` the nearest spot of the map, `heading_rad`
+    that of a phone carried along.
+    """
+
+    xy_m: F64 = array("g", 2)
+    heading_rad: F64 = array("g")
+    spot: I64 = array("g", dtype=np.int64)
+    first: I64 = array("g", dtype=np.int64)
+
+
+def locate_by_segments(
+    nodes: Odometry, scores: F32, floor_map: FloorMap, parameters: SegmentParameters
+) -> Fixes:
+    """A fix for every footstep that has enough of them before it.
+
+    `scores` (n-1, m) say how alike each spot of the map is to each stretch between the n nodes,
+    rows of NaN where nothing was heard. Times are the middles of the last stretch used. None at
+    all (0 fixes) where the walk has too few footsteps.
+    """
+    length = parameters.footsteps
+    poses = nodes.world_from_body
+    middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
+    middle_s = (nodes.t_s[1:] + nodes.t_s[:-1]) / 2
+    paths = paths_of(floor_map)
+    rows = [
+        _fix(middle_m[each], scores[each], paths, floor_map, parameters)
+        for each in (slice(last - length, last) for last in range(length, len(middle_m) + 1))
+    ]
+    if not rows:
+        none = np.empty(0)
+        covariance = np.empty((0, 2, 2))
+        return Fixes(none, np.empty((0, 2)), none, covariance, none, none.astype(np.int64))
+    columns = (np.array(column) for column in zip(*rows, strict=True))
+    return Fixes(middle_s[length - 1 :], *columns)
+
+
+def paths_of(floor_map: FloorMap) -> Paths:
+    """The walks of a map as paths; walks of one spot give none."""
+    first, parts = 0, []
+    for rows in _chains(floor_map):
+        for way in (1, -1):
+            part = _path(floor_map, rows[::way], way)
+            parts.append((*part, np.full(len(part[0]), first)))
+            first += len(part[0])
+    return Paths(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def stretches_of(paths: Paths, walked_m: F64) -> I64:
+    """Places (s, n) at distances walked (n, from 0) of every stretch of the paths."""
+    ahead = np.round(walked_m / SPACING_M).astype(np.int64)
+    end = np.arange(len(paths.first))
+    end = end[end - ahead[-1] >= paths.first]
+    return np.asarray(end[:, None] - ahead[-1] + ahead)
+
+
+def shape_errors(stretches_m: F64, curve_m: F64) -> F64:
+    """Root mean square distance (s) of stretches (s, n, 2) from a curve (n, 2), rigidly laid on."""
+    theirs = _centred(stretches_m)
+    ours = _centred(curve_m[None])[0]
+    overlap = np.abs(theirs @ ours.conj())
+    square = (np.abs(theirs) ** 2).sum(axis=1) + (np.abs(ours) ** 2).sum() - 2 * overlap
+    return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(ours)))
+
+
+def _centred(xy_m: F64) -> F64:
+    """Curves (s, n, 2) as complex numbers (s, n) about their middle."""
+    curves = xy_m[..., 0] + 1j * xy_m[..., 1]
+    return np.asarray(curves - curves.mean(axis=1, keepdims=True))
+
+
+def _chains(floor_map: FloorMap) -> list[I64]:
+    """The spots of each mapped walk in order, cut where two neighbours lie too far apart."""
+    order = np.lexsort((floor_map.order, floor_map.walk))
+    apart_m = np.linalg.norm(np.diff(floor_map.xy_m[order], axis=0), axis=1)
+    cut = (np.diff(floor_map.walk[order]) != 0) | (apart_m > JUMP_M)
+    return np.split(order, np.flatnonzero(cut) + 1)
+
+
+def _path(floor_map: FloorMap, rows: I64, way: int) -> tuple[F64, F64, I64]:
+    """Positions, headings and nearest spots along one chain, evenly spaced."""
+    xy_m = floor_map.xy_m[rows]
+    at_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(xy_m, axis=0), axis=1))])
+    places_m = np.arange(0.0, at_m[-1] + 1e-9, SPACING_M)
+    along = np.interp(places_m, at_m, np.arange(len(rows), dtype=np.float64))
+    spot = rows[np.round(along).astype(np.int64)]
+    placed = np.column_stack([np.interp(places_m, at_m, column) for column in xy_m.T])
+    turned = 0.0 if way == 1 else np.pi
+    return placed, wrap_angle(floor_map.heading_rad[spot] + turned), spot
+
+
+Fix = tuple[F64, float, F64, float, int]
+NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
+
+
+def _fix(
+    curve_m: F64, scores: F32, paths: Paths, floor_map: FloorMap, parameters: SegmentParameters
+) -> Fix:
+    heard = ~np.isnan(scores[:, 0])
+    if heard.sum() < max(1, parameters.fewest_heard * len(heard)):
+        return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
+    found = _candidates(curve_m, paths, parameters)
+    if not len(found):
+        return *NOWHERE, np.nan, int(FixStatus.UNKNOWN_PLACE)
+    alike = scores[np.flatnonzero(heard), paths.spot[found[:, heard]]].mean(axis=1)
+    best = int(np.argmax(alike))
+    if alike[best] < parameters.unknown_below:
+        return *NOWHERE, float(alike[best]), int(FixStatus.UNKNOWN_PLACE)
+    belief = np.exp((alike - alike[best]).astype(np.float64) / parameters.temperature)
+    end = found[:, -1]
+    end_m = paths.xy_m[end]
+    near: Bool = np.linalg.norm(end_m - end_m[best], axis=1) <= parameters.near_m
+    clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
+    used = near if clear else np.ones_like(near)
+    share = belief[used] / belief[used].sum()
+    xy = share @ end_m[used]
+    offset = end_m[used] - xy
+    covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
+    covariance += floor_map.covariance_m2[paths.spot[end[best]]]
+    covariance += parameters.sigma_floor_m**2 * np.eye(2)
+    heading = float(np.angle(share @ np.exp(1j * paths.heading_rad[end[used]])))
+    status = FixStatus.OK if clear else FixStatus.AMBIGUOUS
+    return xy, heading, covariance, float(alike[best]), int(status)
+
+
+def _candidates(curve_m: F64, paths: Paths, parameters: SegmentParameters) -> I64:
+    """Stretches (s, n) that have the shape of the curve, for each length of step tried."""
+    steps_m = np.linalg.norm(np.diff(curve_m, axis=0), axis=1)
+    walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    reach = parameters.scale_reach if parameters.scales > 1 else 0.0
+    parts = []
+    for scale in np.linspace(1 - reach, 1 + reach, parameters.scales):
+        found = stretches_of(paths, scale * walked_m)
+        off_m = shape_errors(paths.xy_m[found], scale * curve_m)
+        parts.append(found[off_m <= parameters.most_off_m])
+    return np.concatenate(parts)

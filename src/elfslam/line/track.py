@@ -1,0 +1,243 @@
+"""A live tracker: many guesses of where the walker is, moved by footsteps and weighed by echoes.
+
+A particle filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8.3, with particles
+drawn from the measurement as in Mixture-MCL). Each guess has its own heading and its own length of
+step, so neither has to be known. At every footstep a few guesses are drawn anew from what the
+echoes alone say: so it starts anywhere, and a wrong fix is not for ever.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from elfslam.base.arrays import F32, F64, I64, Value, array
+from elfslam.base.geometry import between, compose, wrap_angle
+from elfslam.base.parameters import parameter
+from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
+
+
+@dataclass(frozen=True)
+class TrackParameters:
+    """How guesses move, are weighed and renewed, and what a fix is worth."""
+
+    particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
+    temperature: float = parameter(
+        0.03, "", "how fast belief falls with likeness, footstep by footstep", low=1e-4, high=10.0
+    )
+    reach_m: float = parameter(
+        0.3, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
+    )
+    heading_reach_rad: float = parameter(
+        0.4, "rad", "how far the phone may be turned against the spot (sigma)", low=0.01, high=100.0
+    )
+    neighbours: int = parameter(4, "", "nearest spots that explain a guess", low=1, high=100)
+    unexplained: float = parameter(
+        0.6, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
+    )
+    renewed: float = parameter(
+        0.04, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
+    )
+    scale_sigma: float = parameter(
+        0.08, "", "how much longer or shorter steps may be than reckoned", low=0.0, high=1.0
+    )
+    turn_sigma_rad: float = parameter(
+        0.03, "rad", "heading error of a footstep, on top of the reckoned", low=0.0, high=3.14
+    )
+    length_noise: float = parameter(
+        0.5, "", "share of the reckoned sigma that a single step really errs by", low=0.0, high=10.0
+    )
+    memory: float = parameter(
+        0.7,
+        "",
+        "weight of the past in the likeness that tells an unknown place",
+        low=0.0,
+        high=0.99,
+    )
+    unknown_below: float = parameter(
+        0.75, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+    )
+    near_m: float = parameter(
+        1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0
+    )
+    ambiguous_below: float = parameter(
+        0.7, "", "less belief near the best place is AMBIGUOUS", low=0.0, high=1.0
+    )
+    sigma_floor_m: float = parameter(
+        0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud(Value):
+    """Guesses (p): pose, how much longer the steps are than reckoned, and weight (sum 1)."""
+
+    poses: F64 = array("p", 3)
+    scale: F64 = array("p")
+    weight: F64 = array("p")
+
+
+Fix = tuple[F64, float, F64, float, int]
+NOWHERE = (np.full(2, np.nan), np.nan, np.full((2, 2), np.nan))
+
+
+class Tracker:
+    """Follows one walker through a map; the generator alone decides the draws."""
+
+    def __init__(
+        self, floor_map: FloorMap, parameters: TrackParameters, generator: np.random.Generator
+    ) -> None:
+        self._map, self._parameters, self._generator = floor_map, parameters, generator
+        self._tree = cKDTree(self._coordinates(floor_map.xy_m, floor_map.heading_rad))
+        self._cloud: Cloud | None = None
+        self._likeness = np.nan
+
+    def follow(self, nodes: Odometry, scores: F32) -> Fixes:
+        """A fix at each of the n footsteps but the first.
+
+        `scores` (n-1, m) say how alike each spot is to each stretch between footsteps, rows of NaN
+        where nothing was heard. What follows later goes on from here.
+        """
+        moves = between(nodes.world_from_body[:-1], nodes.world_from_body[1:])
+        rows = [self.step(*each) for each in zip(moves, nodes.step_sigma, scores, strict=True)]
+        return Fixes(nodes.t_s[1:], *(np.array(column) for column in zip(*rows, strict=True)))
+
+    def step(self, move: F64, sigma: F64, scores: F32) -> Fix:
+        """Position, heading, covariance, likeness and status after one footstep.
+
+        `move` (3) as reckoned, in the body frame; `sigma` (3) as in `Odometry`; `scores` (m).
+        """
+        heard = not np.isnan(scores[0])
+        if self._cloud is None:
+            if not heard:
+                return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
+            count = self._parameters.particles
+            self._cloud = self._drawn(scores, move, count)
+            middle = compose(self._cloud.poses, -_half(move))
+        else:
+            before = self._cloud.poses
+            self._cloud = self._moved(self._cloud, move, sigma)
+            middle = _halfway(before, self._cloud.poses)
+        if heard:
+            self._cloud = self._weighed(self._cloud, middle, scores)
+        fix = self._fix(self._cloud, scores, heard=heard)
+        if heard:
+            self._cloud = self._renewed(self._cloud, scores, move)
+        return fix
+
+    def _coordinates(self, xy_m: F64, heading_rad: F64) -> F64:
+        """Where distance is counted in sigmas of position and heading."""
+        known = self._parameters
+        direction = np.column_stack([np.cos(heading_rad), np.sin(heading_rad)])
+        return np.hstack([xy_m / known.reach_m, direction / known.heading_reach_rad])
+
+    def _moved(self, cloud: Cloud, move: F64, sigma: F64) -> Cloud:
+        known, count = self._parameters, len(cloud.weight)
+        noise = self._generator.normal(size=(count, 3)) * sigma * known.length_noise
+        noise[:, 2] = self._generator.normal(size=count) * np.hypot(sigma[2], known.turn_sigma_rad)
+        moves = move + noise
+        moves[:, :2] += move[:2] * (cloud.scale[:, None] - 1)
+        return Cloud(compose(cloud.poses, moves), cloud.scale, cloud.weight)
+
+    def _weighed(self, cloud: Cloud, middle: F64, scores: F32) -> Cloud:
+        """Weights times likelihood: the best of the spots around, as near as it is."""
+        known = self._parameters
+        count = min(known.neighbours, len(scores))
+        where = self._coordinates(middle[:, :2], middle[:, 2])
+        far, spot = self._tree.query(where, k=range(1, count + 1))
+        explained = scores[spot] / known.temperature - far**2 / 2
+        log_likelihood = np.maximum(explained.max(axis=1), known.unexplained / known.temperature)
+        weight = cloud.weight * np.exp(log_likelihood - log_likelihood.max())
+        return Cloud(cloud.poses, cloud.scale, weight / weight.sum())
+
+    def _drawn(self, scores: F32, move: F64, count: int) -> Cloud:
+        """Guesses from the echoes alone, after the step in whose middle they were heard."""
+        known, generator = self._parameters, self._generator
+        belief = np.exp((scores - scores.max()).astype(np.float64) / known.temperature)
+        shares = np.cumsum(belief)
+        spot = np.searchsorted(shares, shares[-1] * _strata(count, generator))
+        spot = np.minimum(spot, len(scores) - 1)
+        xy_m = self._map.xy_m[spot] + known.reach_m * generator.normal(size=(count, 2))
+        heading = self._map.heading_rad[spot]
+        heading = heading + known.heading_reach_rad * generator.normal(size=count)
+        poses = compose(np.column_stack([xy_m, heading]), _half(move))
+        scale = 1 + known.scale_sigma * generator.normal(size=count)
+        return Cloud(poses, scale, np.full(count, 1 / count))
+
+    def _renewed(self, cloud: Cloud, scores: F32, move: F64) -> Cloud:
+        """As many guesses, where they weigh, and some drawn from the echoes alone.
+
+        Neighbours lie side by side in the draw, so that each of several places keeps its share.
+        """
+        count = self._parameters.particles
+        fresh = round(self._parameters.renewed * count)
+        order = np.lexsort(_cells(cloud.poses[:, :2], self._parameters.near_m).T)
+        shares = np.cumsum(cloud.weight[order])
+        drawn = np.searchsorted(shares, shares[-1] * _strata(count - fresh, self._generator))
+        kept = order[np.minimum(drawn, count - 1)]
+        new = self._drawn(scores, move, fresh)
+        poses = np.vstack([cloud.poses[kept], new.poses])
+        scale = np.concatenate([cloud.scale[kept], new.scale])
+        return Cloud(poses, scale, np.full(count, 1 / count))
+
+    def _fix(self, cloud: Cloud, scores: F32, *, heard: bool) -> Fix:
+        known = self._parameters
+        best_m = densest(cloud, known.near_m)
+        near = np.linalg.norm(cloud.poses[:, :2] - best_m, axis=1) <= known.near_m
+        status = FixStatus.OK
+        if cloud.weight[near].sum() < known.ambiguous_below:
+            status = FixStatus.AMBIGUOUS
+        share = cloud.weight[near] / cloud.weight[near].sum()
+        xy = share @ cloud.poses[near, :2]
+        heading = float(np.angle(share @ np.exp(1j * cloud.poses[near, 2])))
+        around = np.linalg.norm(self._map.xy_m - xy, axis=1)
+        if heard:
+            self._remember(float(scores[around <= known.near_m].max(initial=-1.0)))
+        if self._likeness < known.unknown_below:
+            return *NOWHERE, self._likeness, int(FixStatus.UNKNOWN_PLACE)
+        if not heard:
+            status = FixStatus.NO_ECHO
+        offset = cloud.poses[near, :2] - xy
+        covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
+        covariance += self._map.covariance_m2[int(np.argmin(around))]
+        covariance += known.sigma_floor_m**2 * np.eye(2)
+        return xy, heading, covariance, self._likeness, int(status)
+
+    def _remember(self, likeness: float) -> None:
+        past = likeness if np.isnan(self._likeness) else self._likeness
+        self._likeness = self._parameters.memory * past + (1 - self._parameters.memory) * likeness
+
+
+def densest(cloud: Cloud, near_m: float) -> F64:
+    """The place (2) with the most weight around it: the heaviest cell, moved to its middle."""
+    xy_m = cloud.poses[:, :2]
+    _, member = np.unique(_cells(xy_m, near_m), axis=0, return_inverse=True)
+    heaviest = np.argmax(np.bincount(member.ravel(), cloud.weight))
+    inside = member.ravel() == heaviest
+    for _ in range(2):
+        weight = cloud.weight[inside]
+        centre = weight @ xy_m[inside] / weight.sum()
+        inside = np.linalg.norm(xy_m - centre, axis=1) <= near_m
+    return np.asarray(centre)
+
+
+def _cells(xy_m: F64, size_m: float) -> I64:
+    return np.floor(xy_m / size_m).astype(np.int64)
+
+
+def _strata(count: int, generator: np.random.Generator) -> F64:
+    """Even shares (count) of [0, 1), all shifted by one draw."""
+    return np.asarray((np.arange(count) + generator.uniform()) / max(count, 1))
+
+
+def _half(move: F64) -> F64:
+    return np.asarray(move / 2)
+
+
+def _halfway(before: F64, after: F64) -> F64:
+    """Poses (p, 3) in the middle of a step."""
+    turn = wrap_angle(after[:, 2] - before[:, 2])
+    xy_m = (before[:, :2] + after[:, :2]) / 2
+    return np.column_stack([xy_m, before[:, 2] + turn / 2])

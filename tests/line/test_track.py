@@ -1,0 +1,177 @@
+"""The tracker starts anywhere, recovers, and says when it does not know."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.geometry import compose
+from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
+from elfslam.line.track import Cloud, Tracker, TrackParameters, densest
+
+PARAMETERS = TrackParameters()
+STEP_M = 0.7
+OFF = np.array([4.0, -3.0, 2.0])
+"""Dead reckoning starts anywhere, and heads anywhere."""
+
+
+def corridor(length_m: float, spacing_m: float) -> F64:
+    """Poses along a corridor with a corner halfway."""
+    places_m = np.arange(0.0, length_m, spacing_m)
+    half = length_m / 2
+    xy_m = np.column_stack([np.minimum(places_m, half), np.maximum(places_m - half, 0.0)])
+    return np.column_stack([xy_m, np.where(places_m < half, 0.0, np.pi / 2)])
+
+
+def made_map(poses: F64) -> FloorMap:
+    count = len(poses)
+    return FloorMap(
+        poses[:, :2], poses[:, 2], np.zeros(count), np.arange(count),
+        np.tile(0.01 * np.eye(2), (count, 1, 1)), (), "digest", ("walk",),
+    )  # fmt: skip
+
+
+def walked(poses: F64, scale: float = 1.0) -> Odometry:
+    reckoned = compose(OFF, poses * np.array([scale, scale, 1.0]))
+    sigma = np.tile([0.15, 0.1, 0.01], (len(poses) - 1, 1))
+    return Odometry(0.5 * np.arange(len(poses)), reckoned, sigma)
+
+
+def heard(poses: F64, floor_map: FloorMap) -> F32:
+    middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
+    away_m = np.linalg.norm(middle_m[:, None] - floor_map.xy_m[None], axis=2)
+    return np.asarray(0.95 * np.exp(-(away_m**2) / 2), np.float32)
+
+
+def tracker(floor_map: FloorMap, seed: int = 0) -> Tracker:
+    return Tracker(floor_map, PARAMETERS, np.random.default_rng(seed))
+
+
+def errors_m(fixes: Fixes, poses: F64) -> F64:
+    return np.asarray(np.linalg.norm(fixes.xy_m - poses[1:, :2], axis=1))
+
+
+FLOOR = made_map(corridor(24.0, 0.14))
+POSES = corridor(24.0, STEP_M)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.93, 1.07])
+def test_it_starts_anywhere_whatever_the_heading_and_the_length_of_steps(scale: float) -> None:
+    fixes = tracker(FLOOR).follow(walked(POSES, scale), heard(POSES, FLOOR))
+    npt.assert_array_equal(fixes.status, FixStatus.OK)
+    assert errors_m(fixes, POSES).max() < 0.5
+    assert np.median(errors_m(fixes, POSES)) < 0.2
+    turned = fixes.heading_rad[5:] - POSES[6:, 2]
+    assert np.median(np.abs(turned)) < 0.15
+    npt.assert_allclose(fixes.t_s, 0.5 * np.arange(1, len(POSES)))
+
+
+def test_sigma_is_about_the_error() -> None:
+    generator, squares = np.random.default_rng(5), []
+    for seed in range(4):
+        scores = heard(POSES + 0.1 * generator.normal(size=POSES.shape), FLOOR)
+        fixes = tracker(FLOOR, seed).follow(walked(POSES), scores)
+        error_m = fixes.xy_m - POSES[1:, :2]
+        solved = np.linalg.solve(fixes.covariance_m2, error_m[:, :, None])[:, :, 0]
+        squares.append((error_m * solved).sum(axis=1))
+    assert 0.05 < np.mean(squares) < 3.0
+
+
+def test_the_same_generator_gives_the_same_fixes_and_chunks_give_the_whole() -> None:
+    nodes, scores = walked(POSES), heard(POSES, FLOOR)
+    whole = tracker(FLOOR).follow(nodes, scores)
+    live = tracker(FLOOR)
+    parts = [
+        live.follow(
+            Odometry(nodes.t_s[a : b + 1], nodes.world_from_body[a : b + 1], nodes.step_sigma[a:b]),
+            scores[a:b],
+        )
+        for a, b in ((0, 1), (1, 9), (9, len(scores)))
+    ]
+    for field in ("t_s", "xy_m", "covariance_m2", "score", "status"):
+        joined = np.concatenate([getattr(part, field) for part in parts])
+        npt.assert_array_equal(joined, getattr(whole, field))
+    other = tracker(FLOOR, seed=1).follow(nodes, scores)
+    assert not np.array_equal(other.xy_m, whole.xy_m)
+
+
+def test_a_kidnapped_phone_is_found_again() -> None:
+    """The second half of the walk goes on 8 m back; dead reckoning knows nothing of it."""
+    here = np.vstack([POSES[:15], POSES[3:15]])
+    scores = np.vstack([heard(POSES[:15], FLOOR), heard(POSES[2:15], FLOOR)[:12]])
+    nodes = walked(POSES[: len(here)])
+    fixes = tracker(FLOOR).follow(nodes, scores[: len(here) - 1])
+    assert errors_m(fixes, here)[:13].max() < 0.5
+    assert errors_m(fixes, here)[-4:].max() < 0.5
+    npt.assert_array_equal(fixes.status[-4:], FixStatus.OK)
+
+
+def test_a_freak_echo_from_elsewhere_does_not_move_it() -> None:
+    scores = heard(POSES, FLOOR)
+    scores[20] = np.maximum(heard(POSES[2:4], FLOOR)[0], 0.4)
+    fixes = tracker(FLOOR).follow(walked(POSES), scores)
+    settled = errors_m(fixes, POSES)
+    assert settled[20] < 0.7
+    assert settled[21:].max() < 0.5
+
+
+def test_two_equal_corridors_are_ambiguous_until_something_differs() -> None:
+    apart = np.array([0.0, 30.0, 0.0])
+    both = made_map(np.vstack([corridor(24.0, 0.14), corridor(24.0, 0.14) + apart]))
+    count = len(FLOOR.xy_m)
+    scores = np.hstack([heard(POSES, FLOOR), heard(POSES, FLOOR)])
+    scores[24:, :count] *= 0.6
+    fixes = tracker(both).follow(walked(POSES), scores)
+    npt.assert_array_equal(fixes.status[:24], FixStatus.AMBIGUOUS)
+    npt.assert_array_equal(fixes.status[27:], FixStatus.OK)
+    assert errors_m(fixes, POSES + apart)[27:].max() < 0.5
+
+
+def test_another_place_is_unknown_and_the_way_back_is_found() -> None:
+    scores = heard(POSES, FLOOR)
+    scores[10:22] = 0.4 + 0.1 * np.random.default_rng(0).uniform(size=scores[10:22].shape)
+    fixes = tracker(FLOOR).follow(walked(POSES), scores.astype(np.float32))
+    npt.assert_array_equal(fixes.status[:10], FixStatus.OK)
+    npt.assert_array_equal(fixes.status[14:22], FixStatus.UNKNOWN_PLACE)
+    assert np.isnan(fixes.xy_m[14:22]).all()
+    npt.assert_array_equal(fixes.status[-5:], FixStatus.OK)
+    assert errors_m(fixes, POSES)[-5:].max() < 0.5
+    lost = tracker(FLOOR).follow(walked(POSES), np.full_like(scores, 0.3))
+    assert set(lost.status) == {FixStatus.UNKNOWN_PLACE}
+
+
+def test_silence_goes_on_by_dead_reckoning_and_is_less_sure() -> None:
+    scores = heard(POSES, FLOOR)
+    scores[20:26] = np.nan
+    fixes = tracker(FLOOR).follow(walked(POSES), scores)
+    npt.assert_array_equal(fixes.status[20:26], FixStatus.NO_ECHO)
+    assert errors_m(fixes, POSES)[20:26].max() < 1.0
+    spread = np.trace(fixes.covariance_m2, axis1=1, axis2=2)
+    assert spread[25] > 1.5 * spread[19]
+    silent = tracker(FLOOR).follow(walked(POSES), np.full_like(scores, np.nan))
+    assert set(silent.status) == {FixStatus.NO_ECHO}
+    assert np.isnan(silent.xy_m).all()
+
+
+def test_the_densest_place_is_that_of_most_weight_not_of_most_guesses() -> None:
+    generator = np.random.default_rng(0)
+    xy_m = np.vstack([generator.normal(0, 0.1, (90, 2)), generator.normal(5.5, 0.1, (10, 2))])
+    weight = np.concatenate([np.full(90, 0.004), np.full(10, 0.064)])
+    cloud = Cloud(np.column_stack([xy_m, np.zeros(100)]), np.ones(100), weight)
+    npt.assert_allclose(densest(cloud, 1.0), 5.5, atol=0.1)
+
+
+def test_a_footstep_is_quick_in_a_map_of_4000_spots() -> None:
+    large = made_map(corridor(560.0, 0.14))
+    scores = heard(POSES, large)
+    live = tracker(large)
+    live.follow(walked(POSES[:4]), scores[:3])
+    moves = np.tile([STEP_M, 0.0, 0.0], (len(scores), 1))
+    start_s = time.process_time()
+    for move, row in zip(moves, scores, strict=True):
+        live.step(move, np.array([0.15, 0.1, 0.01]), row)
+    assert (time.process_time() - start_s) / len(scores) < 0.05
