@@ -109,7 +109,7 @@ def measure_floor(task: Spots, folder: Path, announce: Announce) -> Numbers:
             places_m, samples = queries[kind]
             for together in (1, TOGETHER):
                 found = fixes_m(encoder.embed(samples), together, vectors, xy_m)
-                numbers |= _errors(f"{name}|{kind}|{together}", found, places_m)
+                numbers |= errors(f"{name}|{kind}|{together}", found, places_m)
     numbers |= _likeness("before", before) | _likeness("after", after)
     if task.supervised_traces:
         numbers |= _supervised(task, floor, queries, announce)
@@ -235,11 +235,11 @@ def _supervised(
         first = samples[::TOGETHER]
         for together, part in ((1, first), (TOGETHER, samples)):
             named = named_spots(network, part, together=together)
-            numbers |= _errors(f"supervised|{kind}|{together}", floor.spots_m[named], places_m)
+            numbers |= errors(f"supervised|{kind}|{together}", floor.spots_m[named], places_m)
     return numbers
 
 
-def _errors(name: str, found_m: F64, truth_m: F64) -> Numbers:
+def errors(name: str, found_m: F64, truth_m: F64) -> Numbers:
     """Mean, median, Q3, share beyond 1 m, and the quantiles at SHARES."""
     error_m = np.linalg.norm(found_m - truth_m, axis=1)
     quantiles = np.quantile(error_m, SHARES)
