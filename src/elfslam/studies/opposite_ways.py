@@ -27,7 +27,8 @@ STRANGER, ASKER = 500, 1000
 """Added to the seed for who walks the other way round, and for who is located."""
 HALF_BATCH = 128
 STEPS = 300
-WALKED = "there and back"
+PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
+"""Where the echoes of a map are said to come from: what is left is the map's error, or is not."""
 
 
 @dataclass(frozen=True)
@@ -36,32 +37,37 @@ class Ways:
 
     world: str = "living_room"
     seed: int = 0
-    rounds: int = 2
+    rounds: int = 4
     steps: int = STEPS
 
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """The echoes of a walk, and the poses (n, 3) that its map gives them."""
+    """The echoes of a walk, the poses (n, 3) that its map gives them, and the true ones."""
 
     echoes: Echoes
     poses: F64
+    truth: F64
 
 
 def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
     """Errors (m) of fixes of 0.6 s the other way round, in each map."""
     shipped = load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
-    there = mapped(task, task.seed, reverse=False)
-    back = mapped(task, task.seed + STRANGER, reverse=True)
-    both = [there, back]
-    learnt = _learnt(task, both, shipped, folder, announce)
+    walks = [
+        mapped(task, task.seed, reverse=False),
+        mapped(task, task.seed + STRANGER, reverse=True),
+    ]
     places_m, samples = _asked(task)
     numbers: Numbers = {}
-    for name, xy_m, vectors, encoder in _maps(there, back, both, shipped, learnt):
-        found = fixes_m(encoder.embed(samples), TOGETHER, vectors, xy_m)
-        numbers |= errors(f"{name}|{WALKED}|{TOGETHER}", found, places_m)
-    return numbers
+    for placed in PLACED:
+        both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
+        learnt = _learnt(task, both, shipped, folder / placed, announce)
+        for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
+            found = fixes_m(encoder.embed(samples), TOGETHER, vectors, xy_m)
+            numbers |= errors(f"{name}|{placed}|{TOGETHER}", found, places_m)
+    off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
+    return {**numbers, "map error (m)": float(np.median(np.concatenate(off_m)))}
 
 
 def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
@@ -76,8 +82,10 @@ def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
     t_s, heard = run.trajectory.t_s, run.echoes
     inside = (heard.t_s >= t_s[0]) & (heard.t_s <= t_s[-1])
     kept = {name: getattr(heard, name)[inside] for name in ("t_s", "samples", "snr_db")}
-    poses = interpolate_poses(t_s, run.trajectory.world_from_body, heard.t_s[inside])
-    return Mapped(replace(heard, **kept), poses)
+    at_s = heard.t_s[inside]
+    poses = interpolate_poses(t_s, run.trajectory.world_from_body, at_s)
+    true = interpolate_poses(truth.t_s, truth.world_from_body, at_s)
+    return Mapped(replace(heard, **kept), poses, true)
 
 
 def _learnt(
@@ -93,13 +101,14 @@ def _learnt(
         return _spot_echoes(walks, rows)
 
     spots_m = floor_spots(np.vstack([walk.poses[:, :2] for walk in walks]), SPACING_M)
+    folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / f"{task.world}-ways-{task.seed}.checkpoint"
     found = learn_floor(
         shipped, spots_m, batch, FloorLevelParameters(steps=task.steps), seed=task.seed,
         checkpoint=checkpoint,
         report=lambda at: announce(f"{task.world}, walk {task.seed}", at.step / task.steps),
     )  # fmt: skip
-    checkpoint.unlink(missing_ok=True)
+    checkpoint.unlink()
     return found.encoder
 
 
@@ -134,11 +143,11 @@ def _walking(truth: Truth, t_s: F64) -> I64:
 Map = tuple[str, F64, F32, Encoder]
 
 
-def _maps(
-    there: Mapped, back: Mapped, both: Sequence[Mapped], shipped: Encoder, learnt: Encoder
-) -> Iterator[Map]:
+def _maps(both: Sequence[Mapped], shipped: Encoder, learnt: Encoder) -> Iterator[Map]:
     """Name, spots, their ELFs and encoder of each map."""
     from elfslam.learn.floor_level import floor_elfs, floor_spots
+
+    there, back = both
 
     for name, walks, encoder in (
         ("same direction", [back], shipped),
