@@ -26,7 +26,11 @@ def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) 
     Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
     output `elf` (n, 128). Same network and card, same bytes.
     """
-    content = encoder_content(network, card)
+    write_encoder(path, encoder_content(network, card))
+
+
+def write_encoder(path: Path, content: bytes) -> None:
+    """Write the content of an encoder file to `path`, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     partial = path.with_suffix(".partial")
     partial.write_bytes(content)

@@ -6,7 +6,7 @@ It needs labelled echoes of every spot, which is what the ELF does without.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -76,34 +76,58 @@ def train_fingerprint(
     Raises InputError for traces that are too few or have no spot each.
     """
     _check(samples, spot, parameters)
+    steps = parameters.epochs * (len(samples) // parameters.batch)
+    batches = (
+        (samples[rows], spot[rows])
+        for rows in _all_batches(np.random.default_rng(seed), len(samples), parameters)
+    )
+    spots = int(spot.max()) + 1
+    return train_on_batches(batches, spots, steps, parameters, seed=seed, stem=stem, report=report)
+
+
+def train_on_batches(
+    batches: Iterable[tuple[F32, I64]],
+    spots: int,
+    steps: int,
+    parameters: FingerprintParameters,
+    *,
+    seed: int,
+    stem: Stem = "imagenet",
+    report: Callable[[float], None] = lambda share: None,
+) -> SpotClassifier:
+    """A classifier of so many spots, trained on `steps` batches that are heard once and dropped.
+
+    Each batch is traces (n, 2352) and their spots (n). Of the parameters, `epochs` and `batch` say
+    nothing here. `report` hears the share done.
+    """
     torch.set_num_threads(parameters.threads)
     with _DRAWING:
         torch.manual_seed(seed)
-        network = SpotClassifier(int(spot.max()) + 1, stem)
-    steps = parameters.epochs * (len(samples) // parameters.batch)
+        network = SpotClassifier(spots, stem)
     optimizer = torch.optim.AdamW(network.parameters(), weight_decay=parameters.weight_decay)
     schedule = torch.optim.lr_scheduler.OneCycleLR(optimizer, parameters.learning_rate, steps)
-    generator, step = np.random.default_rng(seed), 0
     network.train()
-    for _ in range(parameters.epochs):
-        for rows in _batches(generator, len(samples), parameters.batch):
-            scores = network(torch.from_numpy(samples[rows]))
-            loss = functional.cross_entropy(scores, torch.from_numpy(spot[rows]))
-            optimizer.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            optimizer.step()
-            schedule.step()
-            step += 1
-            report(step / steps)
+    for step, (samples, spot) in enumerate(batches):
+        scores = network(torch.from_numpy(samples))
+        loss = functional.cross_entropy(scores, torch.from_numpy(spot))
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        optimizer.step()
+        schedule.step()
+        report((step + 1) / steps)
     return network.eval()
 
 
-def named_spots(network: SpotClassifier, samples: F32) -> I64:
-    """The spot (n) that the classifier names for each of the traces (n, 2352)."""
+def named_spots(network: SpotClassifier, samples: F32, *, together: int = 1) -> I64:
+    """The spot (n / together) that the classifier names for the traces (n, 2352).
+
+    Of `together` traces in a row, which must divide n, the scores are added.
+    """
     parts = np.array_split(samples, range(ROWS_AT_ONCE, len(samples), ROWS_AT_ONCE))
     with torch.no_grad():
-        named = [network(torch.from_numpy(part)).argmax(dim=1).numpy() for part in parts]
-    return np.concatenate(named)
+        scores = torch.cat([network(torch.from_numpy(part)).log_softmax(dim=1) for part in parts])
+    rows = scores.reshape(-1, together, scores.shape[1]).sum(dim=1)
+    return np.asarray(rows.argmax(dim=1).numpy())
 
 
 def score_fingerprint(named: I64, spot: I64, spots_m: F64) -> FingerprintScore:
@@ -112,10 +136,14 @@ def score_fingerprint(named: I64, spot: I64, spots_m: F64) -> FingerprintScore:
     return FingerprintScore(float(np.mean(named == spot)), float(error_m.mean()))
 
 
-def _batches(generator: np.random.Generator, count: int, batch: int) -> list[I64]:
-    """Rows in random order, in whole batches."""
-    order = generator.permutation(count)
-    return [order[k : k + batch] for k in range(0, count - batch + 1, batch)]
+def _all_batches(
+    generator: np.random.Generator, count: int, parameters: FingerprintParameters
+) -> Iterator[I64]:
+    """Rows in random order, in whole batches, epoch by epoch."""
+    batch = parameters.batch
+    for _ in range(parameters.epochs):
+        order = generator.permutation(count)
+        yield from (order[k : k + batch] for k in range(0, count - batch + 1, batch))
 
 
 def _check(samples: F32, spot: I64, parameters: FingerprintParameters) -> None:

@@ -48,6 +48,17 @@ def margin_loss(
     return functional.relu(high - positive).square().mean() + worst.mean()
 
 
+def spot_contrast(logits: Tensor, square_m2: Tensor, near_m: float) -> Tensor:
+    """Cross entropy of the spots that echoes resemble against those that they were heard near.
+
+    `logits` (n, m) are similarities over the temperature, `square_m2` (n, m) squared distances.
+    Wanted is a Gaussian about where the echo was heard, in shares that sum to 1: positions
+    between spots, which training may never hear, come to lie between them.
+    """
+    wanted = functional.softmax(-square_m2 / (2 * near_m**2), dim=1)
+    return -(wanted * functional.log_softmax(logits, dim=1)).sum(dim=1).mean()
+
+
 def _blocked(ignored: Tensor, rows: Tensor) -> Tensor:
     """Which of the similarities (2M, 2M) are neither of a pair nor of a negative."""
     count = len(ignored)

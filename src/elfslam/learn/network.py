@@ -80,9 +80,13 @@ class CompactEncoder(nn.Module):
         )
 
     def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
+        return functional.normalize(self.head(self.inner(samples, device_log_spectrum)), dim=1)
+
+    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
+        """What the head is given, flat: (n, 6 * width * 12)."""
         image = normalised_log(self.spectrogram(samples), device_log_spectrum)
-        inner = self.body(image[:, None])
-        return functional.normalize(self.head(inner.flatten(1)), dim=1)
+        features: Tensor = self.body(image[:, None])
+        return features.flatten(1)
 
 
 def normalised_log(magnitude: Tensor, device_log_spectrum: Tensor) -> Tensor:

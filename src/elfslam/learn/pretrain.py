@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.resnet import ResNetEncoder
+from elfslam.learn.resumable import prefetched, resumed, save, warm_cosine
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
@@ -70,11 +68,13 @@ def pretrain(
         network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
     )
     run = f"seed {seed}, {ARITHMETIC[device.type]}, {parameters}"
-    losses = _resume(checkpoint, run, network, optimizer)
+    losses = resumed(checkpoint, run, network, optimizer)
     network.train()
-    for step, batch in _prefetched(pairs_of, len(losses), parameters.steps):
+    for step, batch in prefetched(pairs_of, len(losses), parameters.steps):
         for group in optimizer.param_groups:
-            group["lr"] = parameters.learning_rate * _schedule(step, parameters)
+            group["lr"] = parameters.learning_rate * warm_cosine(
+                step, parameters.warmup_steps, parameters.steps
+            )
         loss = pair_loss(network, batch, parameters)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
@@ -82,7 +82,7 @@ def pretrain(
         losses.append(float(loss.item()))
         report(Progress(step + 1, losses[-1]))
         if (step + 1) % parameters.checkpoint_steps == 0:
-            _save(checkpoint, run, losses, network, optimizer)
+            save(checkpoint, run, losses, network, optimizer)
     return Pretrained(network.cpu().eval(), np.array(losses), ARITHMETIC[device.type])
 
 
@@ -130,60 +130,3 @@ def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParamete
         hardest=parameters.hardest,
     )  # fmt: skip
     return contrast + parameters.margin_weight * margin
-
-
-def _schedule(step: int, parameters: PretrainParameters) -> float:
-    warm = min((step + 1) / parameters.warmup_steps, 1.0)
-    return warm * (0.5 + 0.5 * math.cos(math.pi * step / parameters.steps))
-
-
-def _prefetched(
-    pairs_of: PairsOf, first: int, last: int, ahead: int = 3
-) -> Iterator[tuple[int, EchoPairs]]:
-    """Batches in order, simulated on another core while the network learns."""
-    with ThreadPoolExecutor(1) as pool:
-        waiting: list[tuple[int, Future[EchoPairs]]] = []
-        for step in range(first, last):
-            waiting.append((step, pool.submit(pairs_of, step)))
-            if len(waiting) > ahead:
-                ready, future = waiting.pop(0)
-                yield ready, future.result()
-        for ready, future in waiting:
-            yield ready, future.result()
-
-
-def _save(
-    checkpoint: Path,
-    run: str,
-    losses: list[float],
-    network: nn.Module,
-    optimizer: torch.optim.Optimizer,
-) -> None:
-    parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
-    state = {"run": run, "losses": losses, **parts}
-    partial = checkpoint.with_suffix(".partial")
-    torch.save(state, partial)
-    partial.replace(checkpoint)
-
-
-def _resume(
-    checkpoint: Path, run: str, network: nn.Module, optimizer: torch.optim.Optimizer
-) -> list[float]:
-    """The losses so far; none without a checkpoint. Raises StoreError for one of another run."""
-    if not checkpoint.exists():
-        return []
-    try:
-        state: dict[str, Any] = torch.load(checkpoint, weights_only=True, map_location="cpu")
-        if state["run"] != run:
-            raise StoreError(
-                f"{checkpoint}: of another seed, parameters or arithmetic; delete it to start over"
-            )
-        network.load_state_dict(state["network"])
-        optimizer.load_state_dict(state["optimizer"])
-        return [float(loss) for loss in state["losses"]]
-    except StoreError:
-        raise
-    except Exception as cause:  # torch raises many types for a damaged or foreign file
-        raise StoreError(
-            f"{checkpoint}: not a checkpoint of this network; delete it to start over"
-        ) from cause

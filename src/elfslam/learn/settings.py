@@ -84,3 +84,25 @@ class ScratchParameters:
     near_s: float = parameter(2.0, "s", "echoes this close in time are no negatives", low=0.2)
     gap_s: float = parameter(0.15, "s", "consecutive echoes are no farther apart", low=0.05)
     threads: int = parameter(2, "", "threads of the network; rounding depends on them", low=1)
+
+
+@dataclass(frozen=True)
+class FloorLevelParameters:
+    """How one encoder learns a whole floor, so that a spot sounds alike in any orientation."""
+
+    steps: int = parameter(6250, "", "batches to train on", low=1)
+    part: str = parameter("whole", "", "what of the network is trained: whole, or head")
+    near_m: float = parameter(
+        0.1, "m", "how fast echoes cease to be of one spot, one standard deviation", low=0.01
+    )
+    temperature: float = parameter(0.05, "", "temperature of the contrast", low=0.01)
+    learning_rate: float = parameter(2e-3, "", "peak learning rate (AdamW, cosine decay)", low=1e-6)
+    spot_rate: float = parameter(1e-2, "", "the same for the ELFs of the spots", low=1e-6)
+    opening_batches: int = parameter(
+        60, "", "heard before, for the first guess of the spots' ELFs", low=0
+    )
+    warmup_steps: int = parameter(30, "", "steps until the peak", low=1)
+    checkpoint_steps: int = parameter(100, "", "steps between checkpoints", low=1)
+    threads: int = parameter(
+        1, "", "threads of the network beside those of the stream; rounding depends on them", low=1
+    )

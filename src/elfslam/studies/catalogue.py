@@ -33,6 +33,7 @@ from elfslam.studies.sensitivity import measure_sensitivity
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
 from elfslam.studies.spots import measure_spots
+from elfslam.studies.superimposition import measure_superimposition
 from elfslam.studies.trace import measure_trace
 
 STUDIES: Mapping[str, Study | LongStudy] = {
@@ -57,6 +58,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "sensors": compare_sensors,
     "speed": measure_speed,
     "spots": LongStudy(measure_spots),
+    "superimposition": LongStudy(measure_superimposition),
     "trace": measure_trace,
 }
 

@@ -1,0 +1,244 @@
+"""Superimposition: one encoder for a floor, to which a spot sounds alike in any orientation.
+
+Floor-level contrastive learning (paper, section on map superimposition): echoes of one spot are
+positives whichever way the phone pointed and whoever walked there, echoes of other spots negatives.
+Each echo is held against the floor-level ELF of every spot of the floor, which is learnt with the
+encoder: a spot that sounds alike is rarely in the same batch, but always among all spots.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
+from torch import Tensor, nn
+
+from elfslam import __version__
+from elfslam.base.arrays import F32, F64, I64, Value, array
+from elfslam.base.card import Card, Finetuning, training_facts
+from elfslam.base.errors import ParameterError
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Payload
+from elfslam.learn.export import encoder_content, network_of
+from elfslam.learn.loss import spot_contrast
+from elfslam.learn.network import CompactEncoder
+from elfslam.learn.pretrain import Progress
+from elfslam.learn.resumable import prefetched, resumed, save, warm_cosine
+from elfslam.learn.settings import FloorLevelParameters
+from elfslam.line.feature import BINS, Encoder, OnnxEncoder
+
+PARTS = ("whole", "head")
+SECTORS = 8
+"""Of headings, averaged one by one before a spot's ELF: how often each was walked drops out."""
+
+
+@dataclass(frozen=True, eq=False)
+class SpotEchoes(Value):
+    """Echo traces of a floor, and the pose at which each was heard, in the frame of the floor."""
+
+    samples: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
+    xy_m: F64 = array("n", 2)
+    heading_rad: F64 = array("n")
+
+
+EchoesOf = Callable[[int], SpotEchoes]
+"""The batch of a step: the same step always gives the same batch, so that a run can resume."""
+
+
+@dataclass(frozen=True, eq=False)
+class FloorLevel:
+    """The encoder of a floor, and the loss of every step (steps)."""
+
+    encoder: OnnxEncoder
+    losses: F64
+
+
+class FloorNetwork(nn.Module):
+    """An encoder, and the floor-level ELF of every spot (m, 128) that is learnt with it."""
+
+    def __init__(self, encoder: CompactEncoder, spots: F32) -> None:
+        super().__init__()
+        self.encoder = encoder
+        self.spots = nn.Parameter(torch.tensor(spots))
+
+    def forward(self, samples: Tensor, part: str) -> Tensor:
+        """Cosines (n, m) of echoes (n, 2352) with all spots; no gradients outside `part`."""
+        if part == "whole":
+            rows = self.encoder(samples, torch.zeros(BINS))
+        else:
+            with torch.no_grad():
+                inner = self.encoder.inner(samples, torch.zeros(BINS))
+            rows = nn.functional.normalize(self.encoder.head(inner), dim=1)
+        cosines: Tensor = rows @ nn.functional.normalize(self.spots, dim=1).T
+        return cosines
+
+
+def learn_floor(
+    encoder: OnnxEncoder,
+    spots_m: F64,
+    echoes_of: EchoesOf,
+    parameters: FloorLevelParameters,
+    *,
+    seed: int,
+    checkpoint: Path,
+    report: Callable[[Progress], None] = lambda progress: None,
+) -> FloorLevel:
+    """`encoder` after the batches `echoes_of(0)`, `echoes_of(1)`, ... of one floor.
+
+    A batch is heard once and dropped, so that there may be any number of echoes; `spots_m` (m, 2)
+    are the spots of the floor. The first batches are heard once more, for the first guess of what
+    its spots sound like. Goes on from `checkpoint` if there is one (and
+    removes nothing). The statistics of the batch norms stay, so that rows keep apart. Same seed,
+    batches and threads, same bytes. Raises InputError for an encoder of another kind,
+    ParameterError for an unknown part, StoreError for a checkpoint of another run.
+    """
+    if parameters.part not in PARTS:
+        raise ParameterError(
+            f"floor level: part {parameters.part!r}, wanted {' or '.join(PARTS)}; set another"
+        )
+    torch.set_num_threads(parameters.threads)
+    network = _first(encoder, spots_m, echoes_of, parameters, seed, known=checkpoint.exists())
+    optimizer = _optimizer(network, parameters)
+    run = f"seed {seed}, from {encoder.identity}, {len(spots_m)} spots, {parameters}"
+    losses, heard = resumed(checkpoint, run, network, optimizer), 0
+    for step, batch in prefetched(echoes_of, len(losses), parameters.steps):
+        share = warm_cosine(step, parameters.warmup_steps, parameters.steps)
+        for group in optimizer.param_groups:
+            group["lr"] = group["peak"] * share
+        losses.append(_learn(network, optimizer, spots_m, batch, parameters))
+        heard = len(batch.samples)
+        report(Progress(step + 1, losses[-1]))
+        if (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps:
+            save(checkpoint, run, losses, network, optimizer)
+    card = _card(encoder, heard * len(losses), losses, parameters, seed)
+    content = encoder_content(network.encoder, card)
+    return FloorLevel(OnnxEncoder(content, "floor level"), np.array(losses))
+
+
+def batch_loss(
+    network: FloorNetwork, spots_m: F64, batch: SpotEchoes, parameters: FloorLevelParameters
+) -> Tensor:
+    """What a batch costs, see `spot_contrast`."""
+    cosines = network(torch.tensor(batch.samples), parameters.part)
+    square_m2 = torch.tensor(cdist(batch.xy_m, spots_m, "sqeuclidean"), dtype=torch.float32)
+    return spot_contrast(cosines / parameters.temperature, square_m2, parameters.near_m)
+
+
+def floor_elfs(encoder: Encoder, spots_m: F64, echoes: Iterable[SpotEchoes]) -> F32:
+    """The floor-level ELF (m, d) of each spot (m, 2): the mean over headings of what is nearest.
+
+    Echoes come in batches and are dropped. Each of eight sectors of heading is averaged by itself,
+    then those that were heard; a spot that nobody heard has zeros. The mean is not normalised: a
+    spot whose orientations still differ is the less sure.
+    """
+    tree, cells = KDTree(spots_m), len(spots_m) * SECTORS
+    sums, counts = np.zeros((cells, ELF_SIZE)), np.zeros(cells)
+    for batch in echoes:
+        cell = tree.query(batch.xy_m)[1] * SECTORS + _sector(batch.heading_rad)
+        vectors = encoder.embed(batch.samples)
+        np.add.at(sums, cell, vectors)
+        counts += np.bincount(cell, minlength=cells)
+    means = (sums / np.maximum(counts, 1)[:, None]).reshape(len(spots_m), SECTORS, -1)
+    heard = np.maximum((counts.reshape(-1, SECTORS) > 0).sum(axis=1), 1)
+    return np.asarray(means.sum(axis=1) / heard[:, None], dtype=np.float32)
+
+
+def floor_spots(xy_m: F64, spacing_m: float) -> F64:
+    """The spots (m, 2) of a floor: the middle of what was heard in each square that was entered."""
+    squares = np.floor(xy_m / spacing_m).astype(np.int64)
+    _, square = np.unique(squares, axis=0, return_inverse=True)
+    square = square.reshape(-1)
+    count = np.bincount(square)
+    middle = [np.bincount(square, weights=column) / count for column in xy_m.T]
+    return np.column_stack(middle)
+
+
+def superimposed_map(
+    spots_m: F64, vectors: F32, encoder: Encoder, *, spacing_m: float, sources: tuple[str, ...]
+) -> FloorMap:
+    """One spot for all orientations as a floor map; its headings say nothing and are zero."""
+    count = len(spots_m)
+    return FloorMap(
+        xy_m=spots_m,
+        heading_rad=np.zeros(count),
+        walk=np.zeros(count, dtype=np.int64),
+        order=np.arange(count),
+        covariance_m2=np.tile(np.eye(2) * spacing_m**2 / 12, (count, 1, 1)),
+        payloads=(Payload("elf", encoder.identity, vectors),),
+        parameters_digest="",
+        sources=sources,
+    )
+
+
+def _first(
+    encoder: OnnxEncoder,
+    spots_m: F64,
+    echoes_of: EchoesOf,
+    parameters: FloorLevelParameters,
+    seed: int,
+    *,
+    known: bool,
+) -> FloorNetwork:
+    """Where the training starts: what `encoder` makes of the spots, where a batch heard them.
+
+    Of a training that goes on, all is `known` and nothing is heard.
+    """
+    batches = range(0 if known else min(parameters.opening_batches, parameters.steps))
+    spots = floor_elfs(encoder, spots_m, (echoes_of(step) for step in batches))
+    guess = np.random.default_rng(seed).normal(0, ELF_SIZE**-0.5, spots.shape)
+    unheard = ~spots.any(axis=1)
+    spots[unheard] = guess[unheard]
+    return FloorNetwork(network_of(encoder.content).eval(), spots)
+
+
+def _optimizer(network: FloorNetwork, parameters: FloorLevelParameters) -> torch.optim.Optimizer:
+    """Of the weights and of the spots; each has a peak rate of its own."""
+    learning = network.encoder if parameters.part == "whole" else network.encoder.head
+    groups = [
+        {"params": list(learning.parameters()), "peak": parameters.learning_rate},
+        {"params": [network.spots], "peak": parameters.spot_rate},
+    ]
+    return torch.optim.AdamW(groups, weight_decay=0.0)
+
+
+def _learn(
+    network: FloorNetwork,
+    optimizer: torch.optim.Optimizer,
+    spots_m: F64,
+    batch: SpotEchoes,
+    parameters: FloorLevelParameters,
+) -> float:
+    loss = batch_loss(network, spots_m, batch, parameters)
+    optimizer.zero_grad()
+    loss.backward()  # type: ignore[no-untyped-call]
+    optimizer.step()
+    return float(loss.item())
+
+
+def _sector(heading_rad: F64) -> I64:
+    """Which of the sectors a heading lies in; the four quarters are in the middle of theirs."""
+    return np.rint(heading_rad / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS
+
+
+def _card(
+    encoder: OnnxEncoder,
+    echoes: int,
+    losses: list[float],
+    parameters: FloorLevelParameters,
+    seed: int,
+) -> Card:
+    """The card of `encoder` with this training added."""
+    parent = encoder.card or Card("ELF encoder: of one floor, from one whose file has no card.")
+    made = Finetuning(
+        parent=encoder.identity,
+        software=f"elfslam {__version__}",
+        seed=seed,
+        echoes=echoes,
+        outcome=f"floor level, loss {losses[0]:.2f} -> {losses[-1]:.2f}",
+        **training_facts(parameters),
+    )
+    return replace(parent, finetunings=(*parent.finetunings, made))

@@ -1,0 +1,75 @@
+"""Long trainings: batches made ahead, a learning rate that falls, and checkpoints to go on from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+from typing import Any, TypeVar
+
+import torch
+from torch import nn
+
+from elfslam.base.errors import StoreError
+
+Batch = TypeVar("Batch")
+
+
+def warm_cosine(step: int, warmup_steps: int, steps: int) -> float:
+    """Share of the peak learning rate at a step: a linear rise, and half a cosine down to 0."""
+    warm = min((step + 1) / warmup_steps, 1.0)
+    return warm * (0.5 + 0.5 * math.cos(math.pi * step / steps))
+
+
+def prefetched(
+    batch_of: Callable[[int], Batch], first: int, last: int, ahead: int = 3
+) -> Iterator[tuple[int, Batch]]:
+    """Steps and their batches in order, made on another core while the network learns."""
+    with ThreadPoolExecutor(1) as pool:
+        waiting: list[tuple[int, Future[Batch]]] = []
+        for step in range(first, last):
+            waiting.append((step, pool.submit(batch_of, step)))
+            if len(waiting) > ahead:
+                ready, future = waiting.pop(0)
+                yield ready, future.result()
+        for ready, future in waiting:
+            yield ready, future.result()
+
+
+def save(
+    checkpoint: Path,
+    run: str,
+    losses: list[float],
+    network: nn.Module,
+    optimizer: torch.optim.Optimizer,
+) -> None:
+    """Write how far the training `run` has come, whole or not at all."""
+    parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
+    state = {"run": run, "losses": losses, **parts}
+    partial = checkpoint.with_suffix(".partial")
+    torch.save(state, partial)
+    partial.replace(checkpoint)
+
+
+def resumed(
+    checkpoint: Path, run: str, network: nn.Module, optimizer: torch.optim.Optimizer
+) -> list[float]:
+    """The losses so far; none without a checkpoint. Raises StoreError for one of another run."""
+    if not checkpoint.exists():
+        return []
+    try:
+        state: dict[str, Any] = torch.load(checkpoint, weights_only=True, map_location="cpu")
+        if state["run"] != run:
+            raise StoreError(
+                f"{checkpoint}: of another seed, parameters or arithmetic; delete it to start over"
+            )
+        network.load_state_dict(state["network"])
+        optimizer.load_state_dict(state["optimizer"])
+        return [float(loss) for loss in state["losses"]]
+    except StoreError:
+        raise
+    except Exception as cause:  # torch raises many types for a damaged or foreign file
+        raise StoreError(
+            f"{checkpoint}: not a checkpoint of this network; delete it to start over"
+        ) from cause

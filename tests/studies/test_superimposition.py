@@ -1,0 +1,111 @@
+"""Superimposition in miniature: a few spots and short walks, hardly learnt."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.studies.finding import Finding
+from elfslam.studies.floor_spots import (
+    DIRECTIONS_RAD,
+    TOGETHER,
+    Spots,
+    errors,
+    fixes_m,
+    floor_of,
+    heard,
+)
+from elfslam.studies.opposite_ways import PLACED, Ways, mapped
+from elfslam.studies.superimposition import measure_superimposition
+
+FEW = Spots(spots=9, traces=16, supervised_traces=8, queries=6)
+SHORT = Ways(world="studio", seed=100, rounds=1, steps=1)
+
+
+def silent(what: str, share: float | None) -> None:
+    """Hears nothing."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("superimposition")
+
+
+@pytest.fixture(scope="module")
+def finding(folder: Path) -> Finding:
+    return measure_superimposition(None, silent, folder / "kept", floors=[FEW], ways=[SHORT])
+
+
+def test_every_map_is_asked_everything(finding: Finding) -> None:
+    asked = {(row["map"], row["asked"], row["echoes"]) for row in finding.rows}
+    assert ("superimposed", "in between", "6") in asked
+    assert ("supervised", "off the grid", "1") in asked
+    assert ("one direction", "different direction", "6") in asked
+    assert {("opposite direction", placed, "6") for placed in PLACED} <= asked
+    assert all(row["mean (m)"] >= 0 for row in finding.rows)  # type: ignore[operator]
+
+
+def test_the_page_shows_spot_a_before_and_after(finding: Finding) -> None:
+    assert finding.page is not None
+    strips = [panel for panel in finding.page.panels if panel.title.startswith("Spot A")]
+    assert len(strips) == 1
+    assert len(strips[0].body.data) == 2  # type: ignore[union-attr]
+
+
+def test_what_was_learnt_is_kept_and_gives_the_same_again(folder: Path, finding: Finding) -> None:
+    file = folder / "superimposition" / "hall-9-16-0.onnx"
+    content = file.read_bytes()
+    kept = json.loads((folder / "kept").read_text())
+    assert set(kept) == {repr(SHORT), repr(FEW)}
+    again = measure_superimposition(None, silent, folder / "other", floors=[FEW], ways=[])
+    assert file.read_bytes() == content
+    first = [row for row in finding.rows if "spots" in str(row["place"])]
+    assert again.rows == first
+
+
+def test_spots_are_neighbours_on_the_grid() -> None:
+    spots_m = floor_of(FEW).spots_m
+    apart_m = np.linalg.norm(spots_m[:, None] - spots_m, axis=2)[np.triu_indices(9, 1)]
+    assert apart_m.min() == pytest.approx(0.1)
+    assert apart_m.max() < 0.5
+    assert len(floor_of(Spots()).spots_m) == 4000
+
+
+def test_traces_of_one_direction_resemble_each_other_more_than_those_of_others() -> None:
+    floor, generator = floor_of(FEW), np.random.default_rng(0)
+    place_m = np.repeat(floor.spots_m[:1], 8, axis=0)
+    rows = heard(floor, place_m, np.repeat(DIRECTIONS_RAD[[0, 2]], 4), generator)
+    assert rows.shape == (8, 2352)
+    level = np.abs(np.fft.rfft(rows, axis=1))[:, 800:1100]
+    level /= np.linalg.norm(level, axis=1, keepdims=True)
+    alike = level @ level.T
+    assert alike[:4, :4].mean() > alike[:4, 4:].mean()
+
+
+def test_a_fix_lies_between_the_spots_that_sound_alike() -> None:
+    spots_m = np.array([[0.0, 0.0], [0.2, 0.0], [9.0, 0.0]])
+    spots = np.array([[1.0, 0.0], [1.0, 0.0], [0.0, 1.0]], dtype=np.float32)
+    vectors = np.repeat(np.array([[1.0, 0.0], [0.0, 1.0]], dtype=np.float32), TOGETHER, axis=0)
+    np.testing.assert_allclose(fixes_m(vectors, TOGETHER, spots, spots_m), [[0.1, 0], [9, 0]])
+    vectors[1:TOGETHER] = [0.0, 3.0]
+    alone, all_six = (fixes_m(vectors, k, spots, spots_m)[0] for k in (1, TOGETHER))
+    np.testing.assert_allclose([alone, all_six], [[0.1, 0], [9, 0]])
+
+
+def test_errors_have_a_share_of_gross_ones() -> None:
+    found = errors("x", np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2)))
+    assert (found["x|mean"], found["x|over 1 m"]) == (2.5, 0.5)
+    assert found["x|q0"] < found["x|q48"]
+
+
+def test_maps_of_both_ways_lie_in_one_frame() -> None:
+    there, back = (mapped(SHORT, 100, reverse=way) for way in (False, True))
+    for walk in (there, back):
+        off_m = np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1)
+        assert np.median(off_m) < 0.6
+    ahead = np.unwrap(there.poses[:, 2])[-1] - there.poses[0, 2]
+    behind = np.unwrap(back.poses[:, 2])[-1] - back.poses[0, 2]
+    assert ahead * behind < 0, "the one turns left, the other right"
