@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from pathlib import Path
 
 import gtsam
@@ -9,15 +11,21 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.errors import InputError, StoreError
+from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.data.g2o import read_g2o
+from elfslam.data.geographic import Origin, from_lon_lat
+from elfslam.data.imdf import Place, read_imdf
+from elfslam.data.imdf_rules import faults_of
+from elfslam.data.map_files import MAP, read_map
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import ENCODER, FACTS, read_facts, read_run
 from elfslam.data.tum import read_tum
-from elfslam.exporting import Format, export
+from elfslam.exporting import Format, Told, export, map_of
 from elfslam.mapping import MapJob, map_into
 from elfslam.senses import Modality, Settings
 from elfslam.world.simulate import load_world, simulate
+
+PLACE = Place("Studio", "museum", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +61,56 @@ def test_the_trajectory_comes_back_from_tum(run: Path, tmp_path: Path) -> None:
 def test_the_encoder_is_the_one_beside_the_map(run: Path, tmp_path: Path) -> None:
     export(run, tmp_path / "used.onnx", Format.ONNX)
     assert (tmp_path / "used.onnx").read_bytes() == (run / ENCODER).read_bytes()
+
+
+def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
+    told = Told(Origin(47.0, 8.0), PLACE)
+    spots = read_map(run)
+    for to in (Format.GEOJSON, Format.PARQUET, Format.IMDF):
+        export(run, tmp_path / "of_run", to, told)
+        export(run / MAP, tmp_path / "of_map", to, told)
+        if to != Format.IMDF:
+            assert (tmp_path / "of_run").read_bytes() == (tmp_path / "of_map").read_bytes()
+    assert faults_of(read_imdf(tmp_path / "of_map")) == []
+    export(run / MAP, tmp_path / "map.tum", Format.TUM)
+    numbers, poses = read_tum(tmp_path / "map.tum")
+    npt.assert_allclose(numbers, np.arange(len(spots.xy_m)))
+    npt.assert_allclose(poses[:, :2], spots.xy_m, atol=1e-8)
+    export(run, tmp_path / "floor.yaml", Format.ROS, Told(pixel_m=0.1))
+    assert "resolution: 0.1" in (tmp_path / "floor.yaml").read_text()
+
+
+def test_what_nobody_can_guess_is_asked_for(run: Path, tmp_path: Path) -> None:
+    for to in (Format.GEOJSON, Format.IMDF):
+        with pytest.raises(ParameterError, match="--origin"):
+            export(run, tmp_path / "out", to, Told(place=PLACE))
+    with pytest.raises(ParameterError, match="--place"):
+        export(run, tmp_path / "out", Format.IMDF, Told(Origin(47.0, 8.0)))
+    with pytest.raises(ParameterError, match="--resolution"):
+        export(run, tmp_path / "floor.yaml", Format.ROS, Told(pixel_m=0.0))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_run_without_a_map_gives_a_spot_per_footstep(run: Path, tmp_path: Path) -> None:
+    shutil.copytree(run, tmp_path / "run")
+    (tmp_path / "run" / MAP).unlink()
+    trajectory = read_run(run).trajectory
+    spots = map_of(tmp_path / "run")
+    npt.assert_allclose(spots.xy_m, trajectory.world_from_body[:, :2])
+    npt.assert_allclose(spots.covariance_m2, trajectory.covariance[:, :2, :2])
+
+
+def test_coverage_beside_a_map_becomes_squares(run: Path, tmp_path: Path) -> None:
+    shutil.copyfile(run / MAP, tmp_path / MAP)
+    text = "x_m,y_m,walks,spots,sigma_m\n0.25,0.25,2,9,0.1\n0.75,0.25,1,3,0.2\n"
+    (tmp_path / "quality.csv").write_text(text)
+    export(tmp_path, tmp_path / "m.geojson", Format.GEOJSON, Told(Origin(47.0, 8.0)))
+    features = json.loads((tmp_path / "m.geojson").read_text())["features"]
+    cells = [each for each in features if each["properties"]["kind"] == "coverage"]
+    assert [each["properties"]["walks"] for each in cells] == [2, 1]
+    corners = from_lon_lat(Origin(47.0, 8.0), np.array(cells[0]["geometry"]["coordinates"][0]))
+    npt.assert_allclose(np.ptp(corners, axis=0), 0.5, atol=1e-3)
+    npt.assert_allclose(corners[:-1].mean(axis=0), 0.25, atol=1e-3)
 
 
 def test_what_is_no_run_is_refused_and_nothing_written(run: Path, tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import typer
 
 from elfslam.base.errors import ParameterError
 from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.maps import export_command, locate_command, map_command, merge_command
+from elfslam.cli.exports import export_command
+from elfslam.cli.maps import locate_command, map_command, merge_command
 from elfslam.cli.scores import score, show, study
 from elfslam.cli.walks import demo, import_command, simulate_command
 from elfslam.console import DONE, INTERRUPTED, exit_code_of

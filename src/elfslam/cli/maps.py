@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from elfslam import slam
-from elfslam.base.errors import NoAnswerError, ParameterError
+from elfslam.base.errors import NoAnswerError
 from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
 from elfslam.cli.options import (
@@ -27,7 +27,6 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_facts
-from elfslam.exporting import Format, export
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
@@ -122,18 +121,6 @@ def locate_command(
     )
     if counts["OK"] == 0:
         raise NoAnswerError(f"{recording}: nowhere in {floor_map}; is it the same place?")
-
-
-def export_command(
-    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be exported.")],
-    out: Annotated[Path, typer.Argument(help="The file to be written.")],
-    to: Annotated[str, typer.Option(help=", ".join(Format))],
-) -> None:
-    """Write a run in the format of other programs."""
-    if to not in list(Format):
-        raise ParameterError(f"--to: wanted {', '.join(Format)}, got {to!r}; choose one")
-    export(source, out, Format(to))
-    say(f"wrote {out}")
 
 
 def merge_command(

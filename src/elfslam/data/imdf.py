@@ -1,0 +1,238 @@
+"""Maps as IMDF 1.0.0 archives (OGC 20-094): where people walked, as a unit of a level.
+
+The walked ground is all that a map knows. What the standard wants to be told on top (name, kind
+and address of the venue, the level) comes from a TOML file; the extent of venue, footprint and
+level is the convex hull of the walked ground with a margin.
+"""
+
+from __future__ import annotations
+
+import json
+import tomllib
+import uuid
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, fields
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+import elfslam
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
+from elfslam.data.folders import new_file
+from elfslam.data.geographic import Origin
+from elfslam.data.geojson_files import feature, point_of, polygon_of
+from elfslam.data.imdf_rules import MANIFEST, PROPERTIES, VERSION, Archive, Json, faults_of
+
+CELL_M = 0.1
+REACH_M = 0.35
+"""Ground counts as walked this far from the middle of a person."""
+MARGIN_M = 0.5
+NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "imdf.elfslam")
+LONG_AGO = (1980, 1, 1, 0, 0, 0)
+"""The date of every file in the archive, so that equal maps give equal bytes."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """What an IMDF archive must say and no walk can tell."""
+
+    name: str
+    category: str
+    address: str
+    locality: str
+    country: str
+    level: str
+    ordinal: int
+    level_short_name: str | None = None
+    province: str | None = None
+    postal_code: str | None = None
+    language: str = "en"
+
+
+def read_place(file: Path) -> Place:
+    """The place that a TOML file describes, a line for each field. Raises InputError."""
+    try:
+        given = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
+        raise InputError(f"{file}: cannot be read as TOML ({cause}); correct it") from cause
+    known = {field.name: field for field in fields(Place)}
+    for name in given:
+        if name not in known:
+            raise InputError(f"{file}: {name} is unknown, wanted {', '.join(known)}; remove it")
+    for name, field in known.items():
+        wanted = int if name == "ordinal" else str
+        if name not in given and field.default is MISSING:
+            raise InputError(
+                f"{file}: {name} is missing and nobody can guess it; add a line for it"
+            )
+        if name in given and type(given[name]) is not wanted:
+            raise InputError(
+                f"{file}: {name} is {given[name]!r}, wanted a {wanted.__name__}; correct it"
+            )
+    return Place(**given)
+
+
+def write_imdf(
+    file: Path, lines_m: Sequence[F64], place: Place, origin: Origin, created: datetime
+) -> None:
+    """The archive of a map whose walks are lines (each n, 2), checked before it is written.
+
+    Raises InputError where what the place says breaks a rule of the standard.
+    """
+    archive = imdf_archive(lines_m, place, origin, created)
+    faults = faults_of(archive)
+    if faults:
+        raise InputError(f"{file}: would be no valid IMDF: {faults[0]}; correct the --place file")
+    with new_file(file) as partial, zipfile.ZipFile(partial, "w") as packed:
+        for name, content in archive.items():
+            entry = zipfile.ZipInfo(_file_name(name), LONG_AGO)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            packed.writestr(entry, json.dumps(content, indent=1, ensure_ascii=False) + "\n")
+
+
+def read_imdf(file: Path) -> dict[str, Json]:
+    """What each file of an archive holds, by its name without the ending. Raises InputError."""
+    found = {}
+    try:
+        with zipfile.ZipFile(file) as packed:
+            for name in packed.namelist():
+                found[Path(name).stem] = json.loads(packed.read(name).decode("utf-8"))
+    except (OSError, zipfile.BadZipFile, zlib.error, ValueError) as cause:
+        raise InputError(f"{file}: is no whole IMDF archive ({cause}); copy it again") from cause
+    return found
+
+
+def imdf_archive(
+    lines_m: Sequence[F64], place: Place, origin: Origin, created: datetime
+) -> Archive:
+    """The manifest and a collection for each feature type."""
+    units = outlines(walked_grid(lines_m, REACH_M, CELL_M))
+    extent = (_hull(np.concatenate([unit[0] for unit in units]), MARGIN_M),)
+    middle = point_of(origin, extent[0].mean(axis=0))
+    features = {
+        "address": [_feature(place, "address", None, _address(place))],
+        "venue": [_feature(place, "venue", polygon_of(origin, extent), _venue(place, middle))],
+        "building": [_feature(place, "building", None, _building(place))],
+        "footprint": [_feature(place, "footprint", polygon_of(origin, extent), _footprint(place))],
+        "level": [_feature(place, "level", polygon_of(origin, extent), _level(place, middle))],
+        "unit": [
+            _feature(place, "unit", polygon_of(origin, unit), _unit(place, origin, unit), k)
+            for k, unit in enumerate(units)
+        ],
+    }
+    manifest = {
+        "version": VERSION,
+        "created": created.astimezone(UTC).isoformat(timespec="seconds"),
+        "generated_by": f"elfslam {elfslam.__version__}",
+        "language": place.language,
+        "extensions": None,
+    }
+    collections = {
+        kind: {"type": "FeatureCollection", "name": kind, "features": of_kind}
+        for kind, of_kind in features.items()
+    }
+    return {MANIFEST: manifest, **collections}
+
+
+def _file_name(name: str) -> str:
+    return f"{name}.json" if name == MANIFEST else f"{name}.geojson"
+
+
+def _id(place: Place, kind: str, count: int = 0) -> str:
+    """The same for the same place, every time."""
+    level = (place.level, str(place.ordinal)) if kind in ("level", "unit") else ()
+    return str(uuid.uuid5(NAMESPACE, json.dumps([place.name, place.address, kind, count, *level])))
+
+
+def _feature(place: Place, kind: str, geometry: Json | None, told: Json, count: int = 0) -> Json:
+    identified = {"id": _id(place, kind, count), "feature_type": kind}
+    return {**identified, **feature(geometry, {**_nothing(kind), **told})}
+
+
+def _nothing(kind: str) -> Json:
+    """Every property of a kind, none of them told."""
+    return dict.fromkeys(PROPERTIES[kind])
+
+
+def _labels(place: Place, text: str) -> Json:
+    return {place.language: text}
+
+
+def _address(place: Place) -> Json:
+    names = ("address", "locality", "province", "country", "postal_code")
+    return {name: getattr(place, name) for name in names}
+
+
+def _venue(place: Place, middle: Json) -> Json:
+    return {
+        "category": place.category,
+        "name": _labels(place, place.name),
+        "display_point": middle,
+        "address_id": _id(place, "address"),
+    }
+
+
+def _building(place: Place) -> Json:
+    return {"category": "unspecified", "address_id": _id(place, "address")}
+
+
+def _footprint(place: Place) -> Json:
+    return {"category": "ground", "building_ids": [_id(place, "building")]}
+
+
+def _level(place: Place, middle: Json) -> Json:
+    return {
+        "category": "unspecified",
+        "outdoor": False,
+        "ordinal": place.ordinal,
+        "name": _labels(place, place.level),
+        "short_name": _labels(place, place.level_short_name or place.level),
+        "display_point": middle,
+        "building_ids": [_id(place, "building")],
+    }
+
+
+def _unit(place: Place, origin: Origin, unit: Polygon) -> Json:
+    return {
+        "category": "walkway",
+        "level_id": _id(place, "level"),
+        "display_point": point_of(origin, _inner_point(unit)),
+    }
+
+
+def _inner_point(polygon: Polygon) -> F64:
+    """The point well within a polygon that lies nearest its middle."""
+    low, high = polygon[0].min(axis=0), polygon[0].max(axis=0)
+    across = [np.arange(a + CELL_M / 2, b, CELL_M) for a, b in zip(low, high, strict=True)]
+    points = np.stack(np.meshgrid(*across), axis=-1).reshape(-1, 2)
+    inside = points[in_polygon(polygon, points)]
+    corners = np.concatenate(polygon)
+    room_m = [np.linalg.norm(corners - point, axis=1).min() for point in inside]
+    roomy = inside[np.array(room_m) >= min(REACH_M / 2, max(room_m))]
+    return np.asarray(roomy[np.argmin(np.linalg.norm(roomy - polygon[0].mean(axis=0), axis=1))])
+
+
+def _hull(points: F64, margin_m: float) -> F64:
+    """The convex hull of points and a margin about them, counter-clockwise."""
+    turns = np.arange(8) * np.pi / 4
+    around = margin_m * np.column_stack([np.cos(turns), np.sin(turns)])
+    spread = np.unique((points[:, None, :] + around).reshape(-1, 2), axis=0)
+    return np.array([*_half_hull(spread), *_half_hull(spread[::-1])])
+
+
+def _half_hull(points: F64) -> list[F64]:
+    """The right-hand side of the hull of sorted points, without the last one (monotone chain)."""
+    chain: list[F64] = []
+    for point in points:
+        while len(chain) > 1:
+            along, to = chain[-1] - chain[-2], point - chain[-2]
+            if along[0] * to[1] - along[1] * to[0] > 1e-12:
+                break
+            chain.pop()
+        chain.append(point)
+    return chain[:-1]
