@@ -27,7 +27,9 @@ def error_m(finding: Finding, method: str) -> float:
 
 def test_every_method_has_a_row_for_each_walker(finding: Finding) -> None:
     methods = [row["method"] for row in finding.rows if row["walker"] == CALIBRATED]
-    assert methods == [row["method"] for row in finding.rows if row["walker"] == UNCALIBRATED]
+    off = [row["method"] for row in finding.rows if row["walker"] == UNCALIBRATED]
+    assert [method for method in methods if "paper's" not in str(method)] == off
+    assert {"ELF, paper's curation", "wifi, paper's", "magnetic, paper's"} <= set(methods)
     assert {"dead reckoning", "ELF", "wifi", "magnetic", "emr", "all together"} <= set(methods)
 
 
