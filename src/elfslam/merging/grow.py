@@ -76,9 +76,8 @@ def merge(
     else:
         found = grouped(sides, parameters, lambda share: announce("comparing walks", share))
     announce("joining walks", None)
-    sure = 0.0 if known_starts else parameters.alignment.least_resemblance
     kept = [
-        _borne_out(group, walks, sides, found, parameters, sure)
+        _borne_out(group, walks, sides, found, parameters, known_starts=known_starts)
         for group in found.groups
         if len(group.frames) > 1
     ]
@@ -152,18 +151,20 @@ def _borne_out(
     sides: Sequence[Side],
     found: Grouped,
     parameters: MergeParameters,
-    sure: float,
+    *,
+    known_starts: bool,
 ) -> tuple[Joined | None, dict[str, str]]:
     """The walks of a group as one map, without those that their own graph does not bear out.
 
-    Bent onto the others, each must still resemble them by `sure` of the usual; the worst leaves,
-    with the reason, until all do.
+    Bent onto the others, each must still resemble them as much as to be believed; the worst
+    leaves, with the reason, until all do. With known starts nothing needs evidence.
     """
     frames, refused = dict(group.frames), dict[str, str]()
+    least = 0.0 if known_starts else parameters.alignment.least_resemblance
     while len(frames) > 1:
         members = sorted(frames)
         inside = [walks[k] for k in members]
-        trajectories = _bent(Group(frames), walks, found, parameters, known_starts=sure == 0.0)
+        trajectories = _bent(Group(frames), walks, found, parameters, known_starts=known_starts)
         bent = [
             replace(sides[k], poses=middles(walk.world_from_body))
             for k, walk in zip(members, trajectories, strict=True)
@@ -172,11 +173,10 @@ def _borne_out(
             likeness_to(bent[:k] + bent[k + 1 :], bent[k], parameters) for k in range(len(bent))
         ]
         worst = int(np.argmin(alike))
-        if alike[worst] >= sure:
+        if alike[worst] >= least:
             names = tuple(walk.name for walk in inside)
-            return Joined(
-                names, tuple(trajectories), _map(inside, trajectories, parameters)
-            ), refused
+            floor_map = _map(inside, trajectories, parameters)
+            return Joined(names, tuple(trajectories), floor_map), refused
         refused[inside[worst].name] = f"bent onto the others it {_too_little(alike[worst])}"
         del frames[members[worst]]
     reason = next(iter(refused.values()))
