@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,8 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, inverse
 from elfslam.base.values import Features, Payload
-from elfslam.merging import MergeParameters, add_walk, merge
+from elfslam.merging import MergeParameters, add_walk, grow, merge
+from elfslam.merging.sides import Side, likeness_to, side_of
 
 KNOWN = MergeParameters()
 START = np.array([5.0, -3.0, 2.0])
@@ -86,3 +87,40 @@ def test_a_phone_that_is_known_stays_known(walker: Callable, here: Callable) -> 
     floor_map = merge(walks, KNOWN).maps[0].floor_map
     (kept,) = [item for item in floor_map.payloads if item.kind == "phone"]
     npt.assert_array_equal(kept.vectors, np.tile(np.arange(12.0), (len(floor_map.xy_m), 1)))
+
+
+def test_a_walk_that_the_graph_does_not_bear_out_leaves(
+    walker: Callable, here: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The third of three walks resembles the others too little once it is bent onto them."""
+    walks = [walker(here, str(k), seed=k) for k in range(3)]
+    third = side_of(walks[2], KNOWN)
+
+    def judged(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+        return 0.5 if np.array_equal(other.means, third.means) else 0.9
+
+    floor_map = merge(walks[:2], KNOWN).maps[0].floor_map
+    monkeypatch.setattr(grow, "likeness_to", judged)
+    made = merge(walks, KNOWN)
+    assert [each.names for each in made.maps] == [("0", "1")]
+    reason = "bent onto the others it resembles them no more than 50% of the usual"
+    assert made.refused == {"2": reason}
+    pair = merge(walks[1:], KNOWN)
+    assert pair.maps == ()
+    assert set(pair.refused) == {"1", "2"}
+    same, found, _ = add_walk(floor_map, walks[2], KNOWN)
+    assert same is floor_map
+    assert "no more than 50% of the usual" in found.refusal
+
+
+def test_likeness_is_that_of_the_common_ground(
+    walker: Callable, here: Callable, elsewhere: Callable
+) -> None:
+    one, other, away = (
+        side_of(walker(heard, "w", seed=k), KNOWN)
+        for k, heard in enumerate((here, here, elsewhere))
+    )
+    assert likeness_to([one], other, KNOWN) > 0.9
+    assert likeness_to([one], away, KNOWN) < 0.6
+    far = replace(other, poses=np.add(other.poses, [100, 0, 0]))
+    assert likeness_to([one], far, KNOWN) == 0.0

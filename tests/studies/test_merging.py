@@ -7,9 +7,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elfslam.base.values import Trajectory, Truth
+from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import save_page
 from elfslam.studies.finding import Finding
-from elfslam.studies.merged_walks import FIRST, MOVED, SECOND, WHOLE, Stroll, strolled
+from elfslam.studies.merged_walks import (
+    FIRST,
+    MOVED,
+    SECOND,
+    WHOLE,
+    Stroll,
+    one_after_another,
+    strolled,
+    truly_apart_m,
+)
 from elfslam.studies.merging import (
     APART,
     CHANGED,
@@ -68,3 +79,18 @@ def test_two_parts_of_a_route_share_no_ground() -> None:
     truths = [strolled(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
     one, other = (truth.world_from_body[::25, :2] for truth in truths)
     assert np.linalg.norm(one[:, None] - other[None], axis=2).min() > 0.8
+
+
+def test_walks_are_compared_where_their_map_has_them_together() -> None:
+    """The second walk truly began 3 m to the left, and its end lies with nothing of the first."""
+    t_s = np.arange(20.0)
+    poses = np.column_stack([t_s, np.zeros((20, 2))])
+    none = (np.zeros((20, 3, 3)), np.empty(0), "OK")
+    one, other = Trajectory(t_s, poses, *none), Trajectory(t_s, np.add(poses, [5, 0, 0]), *none)
+    truths = [Truth(t_s, poses), Truth(t_s, np.add(poses, [5, 3, 0]))]
+    apart_m = truly_apart_m([one, other], truths)
+    assert len(apart_m) == 15
+    np.testing.assert_allclose(apart_m, 3.0)
+    walked, true = one_after_another([one, other], truths)
+    errors_m = position_errors(walked.t_s, walked.world_from_body, true, Alignment.ALIGNED)
+    assert 0.5 < np.median(errors_m) < 1.6

@@ -19,8 +19,10 @@ from elfslam.merging.parameters import MergeParameters
 from elfslam.merging.sides import (
     Side,
     Walk,
+    likeness_to,
     links_between,
     meeting_of,
+    middles,
     side_of,
     sides_of,
     usual_of,
@@ -74,14 +76,16 @@ def merge(
     else:
         found = grouped(sides, parameters, lambda share: announce("comparing walks", share))
     announce("joining walks", None)
-    maps = tuple(
-        _joined(group, walks, found, parameters, known_starts=known_starts)
+    kept = [
+        _borne_out(group, walks, sides, found, parameters, known_starts=known_starts)
         for group in found.groups
         if len(group.frames) > 1
-    )
+    ]
+    maps = tuple(joined for joined, _ in kept if joined is not None)
     inside = {name for each in maps for name in each.names}
+    dropped = {name: why for _, some in kept for name, why in some.items()}
     refused = {
-        walk.name: _why_not(k, walks, found)
+        walk.name: dropped.get(walk.name) or _why_not(k, walks, found)
         for k, walk in enumerate(walks)
         if walk.name not in inside
     }
@@ -104,6 +108,10 @@ def add_walk(
     if found.refusal:
         return floor_map, found, walk.trajectory
     trajectory = against_map(walk, found.one_from_other, meeting.one, meeting.links, parameters)
+    alike = likeness_to(ones, replace(other, poses=middles(trajectory.world_from_body)), parameters)
+    if alike < parameters.alignment.least_resemblance:
+        refusal = f"bent onto it it {_too_little(alike)}"
+        return floor_map, replace(found, refusal=refusal), walk.trajectory
     covariance = trajectory.covariance.copy()
     covariance[:, :2, :2] += np.mean([one.sigma_m for one in ones]) ** 2 * np.eye(2)
     trajectory = replace(trajectory, covariance=covariance)
@@ -137,17 +145,58 @@ def map_of(walk: Walk, trajectory: Trajectory, parameters: MergeParameters) -> F
     )
 
 
-def _joined(
+def _borne_out(
+    group: Group,
+    walks: Sequence[Walk],
+    sides: Sequence[Side],
+    found: Grouped,
+    parameters: MergeParameters,
+    *,
+    known_starts: bool,
+) -> tuple[Joined | None, dict[str, str]]:
+    """The walks of a group as one map, without those that their own graph does not bear out.
+
+    Bent onto the others, each must still resemble them as much as to be believed; the worst
+    leaves, with the reason, until all do. With known starts nothing needs evidence.
+    """
+    frames, refused = dict(group.frames), dict[str, str]()
+    least = 0.0 if known_starts else parameters.alignment.least_resemblance
+    while len(frames) > 1:
+        members = sorted(frames)
+        inside = [walks[k] for k in members]
+        trajectories = _bent(Group(frames), walks, found, parameters, known_starts=known_starts)
+        bent = [
+            replace(sides[k], poses=middles(walk.world_from_body))
+            for k, walk in zip(members, trajectories, strict=True)
+        ]
+        alike = [
+            likeness_to(bent[:k] + bent[k + 1 :], bent[k], parameters) for k in range(len(bent))
+        ]
+        worst = int(np.argmin(alike))
+        if alike[worst] >= least:
+            names = tuple(walk.name for walk in inside)
+            floor_map = _map(inside, trajectories, parameters)
+            return Joined(names, tuple(trajectories), floor_map), refused
+        refused[inside[worst].name] = f"bent onto the others it {_too_little(alike[worst])}"
+        del frames[members[worst]]
+    reason = next(iter(refused.values()))
+    return None, {**refused, **{walks[k].name: reason for k in frames}}
+
+
+def _too_little(resemblance: float) -> str:
+    return f"resembles them no more than {resemblance:.0%} of the usual"
+
+
+def _bent(
     group: Group,
     walks: Sequence[Walk],
     found: Grouped,
     parameters: MergeParameters,
     *,
     known_starts: bool,
-) -> Joined:
-    """The walks of a group in the frame of the oldest, and their map, one after the other."""
+) -> list[Trajectory]:
+    """The walks of a group in the frame of the oldest, by one graph."""
     members = sorted(group.frames)
-    inside = [walks[k] for k in members]
     place = {k: at for at, k in enumerate(members)}
     links = {
         (place[a], place[b]): each
@@ -155,12 +204,19 @@ def _joined(
         if a in place and b in place
     }
     frames: list[F64] = [group.seen_from(members[0], k) for k in members]
-    trajectories = joined_walks(inside, frames, links, parameters, known_starts=known_starts)
-    made = [map_of(*pair, parameters) for pair in zip(inside, trajectories, strict=True)]
+    inside = [walks[k] for k in members]
+    return joined_walks(inside, frames, links, parameters, known_starts=known_starts)
+
+
+def _map(
+    walks: Sequence[Walk], trajectories: Sequence[Trajectory], parameters: MergeParameters
+) -> FloorMap:
+    """The map of some walks, one after the other."""
+    made = [map_of(*pair, parameters) for pair in zip(walks, trajectories, strict=True)]
     floor_map = made[0]
     for newer in made[1:]:
         floor_map = renewed(floor_map, newer, parameters)
-    return Joined(tuple(walk.name for walk in inside), tuple(trajectories), floor_map)
+    return floor_map
 
 
 def _in_one_frame(sides: Sequence[Side], parameters: MergeParameters) -> Grouped:

@@ -21,7 +21,7 @@ from elfslam.base.values import (
     Payload,
     Trajectory,
 )
-from elfslam.line.alignment import Meeting, usual_resemblance
+from elfslam.line.alignment import Meeting, resemblances, usual_resemblance
 from elfslam.line.closure import AGAIN, closures_between, sequence_mean
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.merging.parameters import MergeParameters
@@ -107,6 +107,18 @@ def meeting_of(
         links=joined(counted),
         sigma_m=float(np.hypot(np.mean([one.sigma_m for one in ones]), other.sigma_m)),
     )
+
+
+def likeness_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+    """How much a walk resembles others of its frame on common ground, relative to the usual.
+
+    Zero without common ground.
+    """
+    poses = np.vstack([one.poses for one in ones])
+    scores = np.vstack([short_scores(one.means, other.means, parameters) for one in ones])
+    found = resemblances(poses, other.poses, scores, parameters.alignment)
+    known = found[np.isfinite(found)]
+    return float(known.mean()) / usual_of([*ones, other]) if len(known) else 0.0
 
 
 def links_between(one: Side, other: Side, parameters: MergeParameters) -> Closures:

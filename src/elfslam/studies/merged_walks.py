@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import compose, interpolate_poses
+from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Trajectory, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.merging import Walk, walk_of
-from elfslam.score.errors import alignment_of
 from elfslam.senses import Settings
 from elfslam.slam import map_by_echoes
 from elfslam.world.circumstances import Circumstances
@@ -24,6 +24,8 @@ from elfslam.world.world_file import World
 CORNER_SIGMA_M = 0.15
 """How far the corners of one walker's route lie from another's."""
 TRIES = 1000
+TOGETHER_M = 0.6
+"""Footsteps of two walks this close in a map lie together there."""
 WHOLE, FIRST, SECOND = "whole", "first part", "second part"
 MOVED = "moved"
 
@@ -52,13 +54,21 @@ def strolled(stroll: Stroll) -> tuple[Walk, Truth]:
     return replace(walk_of(run), name=repr(stroll)), truth
 
 
-def frame_errors_m(trajectories: Sequence[Trajectory], truths: Sequence[Truth]) -> list[F64]:
-    """Errors (n) of the footsteps of each walk, where the first is aligned with its truth."""
-    world_from_map = alignment_of(trajectories[0], truths[0])
-    return [
-        np.linalg.norm(_missed(world_from_map, walk, truth), axis=1)
-        for walk, truth in zip(trajectories, truths, strict=True)
-    ]
+def truly_apart_m(trajectories: Sequence[Trajectory], truths: Sequence[Truth]) -> F64:
+    """How far apart two walks truly are (k) at footsteps that lie together in their common map.
+
+    That is what a merger claims; how bent the map is as a whole says more of the walks.
+    """
+    (one, other), (one_true, other_true) = (
+        [walk.world_from_body[:, :2] for walk in trajectories],
+        [
+            interpolate_poses(truth.t_s, truth.world_from_body, walk.t_s)[:, :2]
+            for walk, truth in zip(trajectories, truths, strict=True)
+        ],
+    )
+    away_m, near = cKDTree(one).query(other, distance_upper_bound=TOGETHER_M)
+    known = np.isfinite(away_m)
+    return np.asarray(np.linalg.norm(one_true[near[known]] - other_true[known], axis=1))
 
 
 def one_after_another(
@@ -75,11 +85,6 @@ def one_after_another(
     known = np.vstack([truth.world_from_body for truth in truths])
     walked = Trajectory(np.concatenate(t_s), poses, covariance, np.empty(0), "OK")
     return walked, Truth(np.concatenate(true_s), known)
-
-
-def _missed(world_from_map: F64, walk: Trajectory, truth: Truth) -> F64:
-    there = compose(world_from_map, walk.world_from_body)
-    return (there - interpolate_poses(truth.t_s, truth.world_from_body, walk.t_s))[:, :2]
 
 
 def _routed(stroll: Stroll) -> World:
