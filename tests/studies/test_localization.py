@@ -64,5 +64,7 @@ def test_the_page_has_a_figure_for_each_mode(finding: Finding, tmp_path: Path) -
     assert finding.page is not None
     save_page(tmp_path / "page.html", finding.page)
     titles = [panel.title for panel in finding.page.panels]
-    assert titles[:3] == [f"Located by {mode}" for mode in ("one-shot", "trajectory", "track")]
+    assert titles == ["From 0.6 s of sound", "From footsteps and sound", "Median / mean / Q3"]
+    names = {name for trace in finding.page.panels[1].body.data for name in trace.y}  # type: ignore[union-attr]
+    assert {"ELF", "ELF, tracker", "wifi"} <= names
     assert np.isfinite(median_m(finding, "ELF", "track"))

@@ -68,7 +68,7 @@ def test_the_page_draws_amounts_as_curves_and_names_as_dots(tmp_path: Path) -> N
     page = sensitivity_page(rows)
     save_page(tmp_path / "page.html", page)
     assert [panel.title.split(",")[0] for panel in page.panels] == [
-        "People walking about", "Another phone", "Every amount",
+        "People walking about", "Answered", "Another phone", "Every amount",
     ]  # fmt: skip
     names = [trace.name for trace in page.panels[0].body.data]  # type: ignore[union-attr]
     assert "the paper, one-shot" in names
