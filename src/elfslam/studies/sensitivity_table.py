@@ -30,7 +30,7 @@ PAPER_M: Mapping[str, Mapping[str, float]] = {
 }
 """Medians that the paper gives for one-shot fixes in its living room."""
 NAMED = ("sound", "phone", "phone, calibrated")
-MODES = {"one-shot": "from 0.6 s", "trajectory": "from 8 footsteps", "track": "tracker"}
+MODES = {"one-shot": "one-shot", "trajectory": "from 8 footsteps", "track": "tracker"}
 NOTE = "Mean over walks of the median error of the answered queries, with its 95 % interval."
 
 
