@@ -163,6 +163,17 @@ def test_a_second_walk_is_located_in_the_map(
     assert ok["median_m"] < 0.6
 
 
+@pytest.mark.parametrize("mode", ["trajectory", "track"])
+def test_footsteps_help_to_locate(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam, mode: str
+) -> None:
+    fixes = tmp_path / "fixes.csv"
+    assert elfslam("locate", walk, mapped, fixes, "--mode", mode, "--seed", 3)[0] == 0
+    rows = fixes.read_text().splitlines()
+    assert rows[0] == "t_s,x_m,y_m,heading_rad,sigma_m,status"
+    assert sum(row.endswith(",OK") for row in rows) > 0.9 * (len(rows) - 1)
+
+
 def test_another_building_is_an_unknown_place(
     mapped: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:

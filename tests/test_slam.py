@@ -214,6 +214,20 @@ def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
     assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.5 * lost_m
 
 
+@pytest.mark.parametrize("mode", [slam.Mode.TRAJECTORY, slam.Mode.TRACK])
+def test_with_footsteps_another_walk_is_located_better(
+    run: Run, encoder: Encoder, mode: slam.Mode
+) -> None:
+    assert run.floor_map is not None
+    recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    good = (fixes.status == FixStatus.OK) & (fixes.t_s <= truth.t_s[-1])
+    assert good.mean() > 0.8
+    assert shape_error_m(fixes.xy_m[good], true_xy_m(truth, fixes.t_s[good])) < 0.4
+    again = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    npt.assert_array_equal(again.xy_m, fixes.xy_m)
+
+
 def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> None:
     assert run.floor_map is not None
     with pytest.raises(InputError, match="got echoes encoded by spectral-1"):

@@ -11,7 +11,12 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Features, FixStatus, FloorMap, Payload
-from elfslam.line.locate import LocateParameters, fixes_of, locate_one_shot
+from elfslam.line.locate import (
+    LocateParameters,
+    elf_payload,
+    fixes_of,
+    locate_one_shot,
+)
 
 PARAMETERS = LocateParameters()
 SPOTS = 50
@@ -209,3 +214,10 @@ def test_a_map_without_echoes_is_refused() -> None:
     deaf = dataclasses.replace(made_map(place_vectors()), payloads=())
     with pytest.raises(InputError, match="map: it holds no echoes; map the place with --by elf"):
         locate_one_shot(heard_at(place_vectors(), [1]), deaf, PARAMETERS)
+
+
+def test_a_map_of_other_features_is_refused() -> None:
+    vectors = place_vectors()
+    floor_map = made_map(vectors)
+    with pytest.raises(InputError, match=r"its ELFs have shape .50, 64., wanted some of 128"):
+        elf_payload(floor_map, "stub", 128)

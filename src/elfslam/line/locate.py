@@ -29,7 +29,7 @@ class LocateParameters:
         0.78, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     temperature: float = parameter(
-        0.015, "", "how fast belief falls with likeness", low=1e-4, high=10.0
+        0.01, "", "how fast belief falls with likeness", low=1e-4, high=10.0
     )
     near_m: float = parameter(
         1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0

@@ -25,7 +25,7 @@ class TrackParameters:
 
     particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
     temperature: float = parameter(
-        0.03, "", "how fast belief falls with likeness, footstep by footstep", low=1e-4, high=10.0
+        0.06, "", "how fast belief falls with likeness, footstep by footstep", low=1e-4, high=10.0
     )
     reach_m: float = parameter(
         0.3, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
@@ -38,7 +38,7 @@ class TrackParameters:
         0.6, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
     )
     renewed: float = parameter(
-        0.04, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
+        0.02, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
     )
     scale_sigma: float = parameter(
         0.08, "", "how much longer or shorter steps may be than reckoned", low=0.0, high=1.0
@@ -57,7 +57,7 @@ class TrackParameters:
         high=0.99,
     )
     unknown_below: float = parameter(
-        0.75, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.68, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     near_m: float = parameter(
         1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0

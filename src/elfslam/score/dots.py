@@ -33,9 +33,10 @@ def dots_figure(panels: Mapping[str, Sequence[Dot]], x_title: str, reference: st
         for part in _drawn(list(dots), reference, in_legend=column == 1):
             figure.add_trace(part, row=1, col=column)
     most = max(len(dots) for dots in panels.values())
-    styled(figure, height_px=130 + ROW_PX * most)
+    styled(figure, height_px=155 + ROW_PX * most)
     figure.update_xaxes(title_text=x_title, rangemode="tozero")
     figure.update_yaxes(autorange="reversed")
+    figure.update_layout(margin_t=36)
     figure.update_layout(legend={"x": 1, "xanchor": "right", "y": -0.35, "yanchor": "top"})
     return figure
 

@@ -22,6 +22,7 @@ from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
 from elfslam.studies.localization import measure_localization
+from elfslam.studies.localization_cost import measure_localization_cost
 from elfslam.studies.magnetic_walks import measure_magnetic_walks
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
@@ -47,6 +48,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
     "localization": LongStudy(measure_localization),
+    "localization-cost": measure_localization_cost,
     "magnetic-walks": measure_magnetic_walks,
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),

@@ -35,6 +35,7 @@ PAPER_M: Mapping[tuple[str, str], Mapping[str, tuple[float, float, float]]] = {
     },
 }  # fmt: skip
 """Median, mean and third quartile, m, of localization in three real places."""
+TITLES = {"one-shot": "From 0.6 s of sound", "trajectory": "From footsteps and sound"}
 STATISTICS = ("median", "mean", "Q3")
 NOTE = (
     "Mean over walks of the median error of the answered queries along each, with its 95 % "
@@ -97,15 +98,15 @@ def mean_interval(values: Sequence[float]) -> tuple[float | None, float | None]:
 
 
 def localization_page(rows: Sequence[Row]) -> Page:
-    """The median errors as dots, a panel of figures for each mode, and the table."""
+    """The median errors as dots, from sound alone and with footsteps, and the table."""
     figures = [
         Panel(
-            f"Located by {mode}",
+            TITLES[mode],
             dots_figure(_dots(rows, mode), "median error (m)", "the paper's places"),
             NOTE,
             wide=True,
         )
-        for mode in dict.fromkeys(str(row["mode"]) for row in rows)
+        for mode in ("one-shot", "trajectory")
     ]
     shown = [{name: row[name] for name in SHORT} for row in rows]
     panels = [*figures, Panel("Median / mean / Q3", rows_table(shown), wide=True)]
@@ -119,7 +120,9 @@ SHORT = (
 
 
 def _dots(rows: Sequence[Row], mode: str) -> dict[str, list[Dot]]:
-    chosen = [row for row in rows if row["mode"] == mode and row["error (m)"] is not None]
+    """By world; the tracker stands among the trajectories."""
+    shown = {"one-shot": ("one-shot",), "trajectory": ("trajectory", "track")}[mode]
+    chosen = [row for row in rows if row["mode"] in shown and row["error (m)"] is not None]
     worlds = dict.fromkeys(str(row["world"]) for row in chosen)
     return {world: [_dot(row) for row in chosen if row["world"] == world] for world in worlds}
 
@@ -129,4 +132,5 @@ def _dot(row: Row) -> Dot:
     value = float(str(row["error (m)"]).split(" / ")[0])
     paper = row["paper (m)"]
     reference = None if paper is None else float(str(paper).split(" / ")[0])
-    return Dot(str(row["method"]), value, low, high, reference)
+    name = "ELF, tracker" if row["mode"] == "track" else str(row["method"])
+    return Dot(name, value, low, high, reference)

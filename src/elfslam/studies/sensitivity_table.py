@@ -29,10 +29,9 @@ PAPER_M: Mapping[str, Mapping[str, float]] = {
     "volume": {"1": 0.10, "0.2": 0.18},
 }
 """Medians that the paper gives for one-shot fixes in its living room."""
-NOTE = (
-    "Mean over walks of the median error of answered queries, with its 95 % interval; the share of "
-    "queries answered stands in the table."
-)
+NAMED = ("sound", "phone", "phone, calibrated")
+MODES = {"one-shot": "one-shot", "trajectory": "from 8 footsteps", "track": "tracker"}
+NOTE = "Mean over walks of the median error of the answered queries, with its 95 % interval."
 
 
 def sensitivity_rows(by_world: Mapping[str, Sequence[Numbers]]) -> list[Row]:
@@ -64,44 +63,58 @@ def _row(walks: Sequence[Numbers], key: str) -> Row:
 
 
 def sensitivity_page(rows: Sequence[Row]) -> Page:
-    """A panel per change: curves where it has an amount, dots where it has a name."""
-    panels = []
+    """Error and answers side by side for what has an amount, dots for what has a name."""
+    curves, dots = [], []
     for world in dict.fromkeys(str(row["world"]) for row in rows):
-        here = [row for row in rows if row["world"] == world and row["median (m)"] is not None]
+        here = [row for row in rows if row["world"] == world]
         for change in dict.fromkeys(str(row["change"]) for row in here):
             chosen = [row for row in here if row["change"] == change]
-            panels.append(_panel(f"{TITLES[change][0]}, {world}", change, chosen))
+            title = f"{TITLES[change][0]}, {world}"
+            if change in NAMED:
+                dots.append(_named(title, chosen))
+            else:
+                curves += [_errors(title, change, world, chosen), _answers(change, chosen)]
     table = Panel("Every amount", rows_table(list(rows)), wide=True)
     subtitle = "a simulated stranger in a map of an ordinary day"
-    return Page("Sensitivity of localization", subtitle, [*panels, table])
+    return Page("Sensitivity of localization", subtitle, [*curves, *dots, table])
 
 
-def _panel(title: str, change: str, rows: Sequence[Row]) -> Panel:
-    x_title = TITLES[change][1]
-    if change in ("sound", "phone", "phone, calibrated"):
-        names = {"one-shot": "from 0.6 s", "trajectory": "8 footsteps", "track": "tracker"}
-        dots = {
-            names[mode]: [_dot(row) for row in rows if row["mode"] == mode]
-            for mode in dict.fromkeys(str(row["mode"]) for row in rows)
-        }
-        return Panel(title, dots_figure(dots, "median error (m)", "the paper"), NOTE, wide=True)
-    curves = {
-        mode: _curve([row for row in rows if row["mode"] == mode])
-        for mode in dict.fromkeys(str(row["mode"]) for row in rows)
-    }
-    if change in PAPER_M and "living_room" in title:
+def _named(title: str, rows: Sequence[Row]) -> Panel:
+    known = [row for row in rows if row["median (m)"] is not None]
+    dots = {MODES[mode]: [_dot(row) for row in some] for mode, some in _by_mode(known).items()}
+    return Panel(title, dots_figure(dots, "median error (m)", "the paper"), NOTE, wide=True)
+
+
+def _errors(title: str, change: str, world: str, rows: Sequence[Row]) -> Panel:
+    known = [row for row in rows if row["median (m)"] is not None]
+    names = ("median (m)", "median from", "median to")
+    curves = {MODES[mode]: _curve(some, *names) for mode, some in _by_mode(known).items()}
+    if change in PAPER_M and world == "living_room":
         theirs = PAPER_M[change]
         at = np.array([float(amount) for amount in theirs])
         curves["the paper, one-shot"] = Curve(at, np.array(list(theirs.values())))
-    return Panel(title, curves_figure(curves, x_title, "median error (m)"), NOTE)
+    figure = curves_figure(curves, TITLES[change][1], "median error (m)")
+    figure.update_yaxes(rangemode="tozero")
+    return Panel(title, figure, NOTE)
 
 
-def _curve(rows: Sequence[Row]) -> Curve:
-    names = ("amount", "median (m)", "median from", "median to")
-    columns = [np.array([float(str(row[name])) for row in rows]) for name in names]
+def _answers(change: str, rows: Sequence[Row]) -> Panel:
+    curves = {MODES[mode]: _curve(some, "answered") for mode, some in _by_mode(rows).items()}
+    figure = curves_figure(curves, TITLES[change][1], "share of queries answered")
+    figure.update_yaxes(range=[0.0, 1.05])
+    return Panel("Answered", figure, "The others are refused as ambiguous or as an unknown place.")
+
+
+def _by_mode(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    modes = dict.fromkeys(str(row["mode"]) for row in rows)
+    return {mode: [row for row in rows if row["mode"] == mode] for mode in modes}
+
+
+def _curve(rows: Sequence[Row], *names: str) -> Curve:
+    """The columns called `names` (value, and perhaps from and to) over the amount."""
+    columns = [np.array([float(str(row[name])) for row in rows]) for name in ("amount", *names)]
     order = np.argsort(columns[0])
-    x, y, low, high = (column[order] for column in columns)
-    return Curve(x, y, low, high)
+    return Curve(*(column[order] for column in columns))
 
 
 def _dot(row: Row) -> Dot:
