@@ -36,6 +36,7 @@ from elfslam.studies.speed import measure_speed
 from elfslam.studies.spots import measure_spots
 from elfslam.studies.superimposition import measure_superimposition
 from elfslam.studies.trace import measure_trace
+from elfslam.studies.unknown_phone import measure_unknown_phone
 
 STUDIES: Mapping[str, Study | LongStudy] = {
     "acoustic-odometry": LongStudy(measure_acoustic_odometry),
@@ -62,6 +63,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "spots": LongStudy(measure_spots),
     "superimposition": LongStudy(measure_superimposition),
     "trace": measure_trace,
+    "unknown-phone": LongStudy(measure_unknown_phone),
 }
 
 

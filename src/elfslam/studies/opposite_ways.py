@@ -125,15 +125,15 @@ def _asked(task: Ways) -> tuple[F64, F32]:
     """Where (n, 2) the third person was, who walks back too, and six echoes (6 n, 2352) each."""
     recording, truth = simulate(load_world(task.world), task.seed + ASKER, rounds=1, reverse=True)
     echoes = hear(recording, walkers(task.seed)[CALIBRATED])
-    walking = _walking(truth, echoes.t_s)
-    count = len(walking) // TOGETHER
-    rows = walking[: count * TOGETHER]
+    moving = walking(truth, echoes.t_s)
+    count = len(moving) // TOGETHER
+    rows = moving[: count * TOGETHER]
     middle_s = echoes.t_s[rows].reshape(count, TOGETHER).mean(axis=1)
     poses = interpolate_poses(truth.t_s, truth.world_from_body, middle_s)
     return poses[:, :2], echoes.samples[rows]
 
 
-def _walking(truth: Truth, t_s: F64) -> I64:
+def walking(truth: Truth, t_s: F64) -> I64:
     """Echoes between the first and the last movement."""
     from_start_m = np.linalg.norm(np.diff(truth.world_from_body[:, :2], axis=0), axis=1)
     moving_s = truth.t_s[1:][from_start_m > 0.25 * from_start_m.max()]

@@ -1,0 +1,33 @@
+"""Unknown phones in miniature."""
+
+from __future__ import annotations
+
+import pytest
+
+from elfslam.studies.finding import Finding
+from elfslam.studies.unknown_phone import measure_unknown_phone
+
+
+@pytest.fixture(scope="module")
+def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
+    kept = tmp_path_factory.mktemp("phones") / "kept"
+    return measure_unknown_phone(
+        None, lambda what, share: None, kept,
+        worlds=["studio"], seeds=[110], phones=["bottom-fired"], rounds=1, steps=10,
+    )  # fmt: skip
+
+
+def test_each_map_is_asked_with_each_remedy(finding: Finding) -> None:
+    asked = [(row["map"], row["phone is heard"]) for row in finding.rows]
+    remedies = ("as it is", "calibrated", "translated")
+    assert asked == [(name, done) for name in ("one way", "superimposed") for done in remedies]
+
+
+def test_two_orientations_help_a_phone_that_hears_backward(finding: Finding) -> None:
+    mean = {(row["map"], row["phone is heard"]): row["mean"] for row in finding.rows}
+    assert mean["superimposed", "translated"] < 0.7 * mean["one way", "as it is"]  # type: ignore[operator]
+
+
+def test_the_page_has_a_panel_for_the_world_and_the_table(finding: Finding) -> None:
+    assert finding.page is not None
+    assert [panel.title for panel in finding.page.panels] == ["In the studio", "In figures"]
