@@ -23,6 +23,7 @@ FLOORS = {
     "senses": 3.25,
     "mapping": 3.5,
     "exporting": 3.5,
+    "plans": 3.75,
     "console": 3.5,
     "studies": 4,
     "serve": 4,

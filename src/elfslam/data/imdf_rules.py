@@ -220,7 +220,7 @@ def _feature_faults(kind: str, feature: Json) -> Iterator[str]:
 
 def _is_uuid(value: Any) -> bool:
     try:
-        return str(uuid.UUID(value)) == value
+        return bool(str(uuid.UUID(value)) == value)
     except (ValueError, AttributeError, TypeError):
         return False
 
