@@ -54,7 +54,8 @@ def test_a_walk_along_a_corridor_is_placed_where_it_was() -> None:
 
 def test_the_scale_is_found_within_what_is_allowed() -> None:
     loose = replace(KNOWN, scale_sigma=0.05)
-    found = anchor([seen(CORRIDOR, 1.07)], PLAN, loose)
+    narrow = walked_grid([CORRIDOR], 0.5, 0.05)
+    found = anchor([seen(CORRIDOR, 1.07)], narrow, loose)
     assert found.status == OK
     assert found.scale == pytest.approx(1.07, abs=0.03)
     assert anchor([seen(CORRIDOR)], PLAN, replace(KNOWN, scale_sigma=0.0)).scale == 1.0

@@ -39,7 +39,7 @@ class AnchoringParameters:
 
     cell_m: float = parameter(0.1, "m", "finest step of the search", low=0.02, high=2.0)
     widest: int = parameter(
-        300, "", "squares across a plan; larger plans get larger squares", low=50, high=5000
+        150, "", "squares across a plan; larger plans get larger squares", low=20, high=5000
     )
     error_m: float = parameter(
         0.15, "m", "error of a mapped walk and of the plan, one sigma", low=0.01, high=5.0

@@ -21,6 +21,7 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.floor_plan import measure_floor_plan
 from elfslam.studies.magnetic_walks import measure_magnetic_walks
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
@@ -42,6 +43,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "floor-plan": LongStudy(measure_floor_plan),
     "magnetic-walks": measure_magnetic_walks,
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
