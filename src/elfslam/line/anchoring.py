@@ -123,7 +123,9 @@ def anchor(
     walk, weights = points - middle, _weights(points, known.patch_m)
     ground = standing(plan, known.keep_off_m)
     gaps, corner_m = _gaps(ground, cell_m, known.reach_m)
-    candidates = _candidates(walk, weights / (2 * known.error_m**2), gaps, corner_m, cell_m, known)
+    # A square of the search blurs by its own width.
+    variance_m2 = known.error_m**2 + cell_m**2 / 12
+    candidates = _candidates(walk, weights / (2 * variance_m2), gaps, corner_m, cell_m, known)
     if tag is not None:
         candidates = _tagged(candidates, tag.on_map_m - middle, tag.on_plan_m, known.tag_sigma_m)
     found = list(_modes(candidates, known))
