@@ -11,8 +11,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 import soundfile
+from PIL import Image
 
+from elfslam.base.grid import resampled
+from elfslam.base.values import FloorMap
 from elfslam.cli import main
+from elfslam.data.map_files import write_map
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.studies import catalogue
@@ -548,3 +552,51 @@ def test_every_real_mall_walk_is_dead_reckoned(
     assert {row["method"] for row in rows} == {"dead reckoning"}
     assert (rows[0]["measure"], rows[0]["walks"]) == ("end_error_percent", 215)
     assert rows[0]["median"] < 15.0
+
+
+@pytest.fixture
+def lap(tmp_path: Path) -> Path:
+    """The map of one lap of 6 x 4 m."""
+    corners = np.array([[0, 0], [6, 0], [6, 4], [0, 4], [0, 0]], dtype=np.float64)
+    xy_m = resampled(corners, 0.2)
+    count = len(xy_m)
+    spread = np.tile(0.01 * np.eye(2), (count, 1, 1))
+    order = np.arange(count)
+    lap = FloorMap(xy_m, np.zeros(count), np.zeros(count), order, spread, (), "", ("lap",))
+    write_map(lap, tmp_path / "lap.npz")
+    return tmp_path / "lap.npz"
+
+
+def test_what_an_export_must_be_told_is_asked_in_one_line(
+    lap: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    for told, words in (
+        ((), "--origin: a map does not know"),
+        (("--origin", "here"), "--origin 'here': wanted LAT,LON"),
+        (("--origin", "47,8", "--place", tmp_path / "no.toml"), "no.toml: cannot be read"),
+    ):
+        code, _, err = elfslam("export", lap, tmp_path / "out", "--to", "imdf", *told)
+        assert (code, err.count("\n")) == (2, 1)
+        assert words in err
+    told = ("--to", "geojson", "--origin", "47,8")
+    assert elfslam("export", lap, tmp_path / "m.geojson", *told)[0] == 0
+
+
+def test_a_run_is_placed_on_a_plan_or_not(lap: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    pixels = np.zeros((80, 100), dtype=np.uint8)
+    pixels[5:75, 5:95] = 255
+    image = tmp_path / "plan.png"
+    Image.fromarray(pixels).save(image)
+    quick = ("--set", "anchoring.cell_m=0.3")
+    code, _, err = elfslam("anchor", lap, image, tmp_path / "out")
+    assert (code, "width in metres" in err) == (2, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:3", tmp_path / "out", *quick)
+    assert (code, "off accessible ground" in err) == (1, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:60", tmp_path / "out", *quick)
+    assert (code, "in several ways" in err) == (1, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:60", tmp_path / "out", "--start", "door")
+    assert (code, "--start 'door'" in err) == (2, True)
+    assert not (tmp_path / "out").exists()
+    code, _, err = elfslam("anchor", lap, f"{image}:9.2", tmp_path / "out", "--start", "1.6,1.6")
+    assert (code, "probability" in err) == (0, True)
+    assert (tmp_path / "out" / "map.npz").is_file()

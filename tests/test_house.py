@@ -25,6 +25,7 @@ FLOORS = {
     "mapping": 3.5,
     "exporting": 3.5,
     "joining": 3.75,
+    "plans": 3.75,
     "console": 3.5,
     "studies": 4,
     "serve": 4,

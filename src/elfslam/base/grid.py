@@ -75,6 +75,21 @@ def walked_grid(lines_m: Sequence[F64], radius_m: float, cell_m: float) -> Floor
     return FloorGrid(free, low * cell_m, cell_m)
 
 
+def drawn_grid(ground: Sequence[Polygon], blocked: Sequence[Polygon], cell_m: float) -> FloorGrid:
+    """The squares whose middle lies on some polygon of the ground and on no blocked one."""
+    corners = np.concatenate([polygon[0] for polygon in ground])
+    low = np.floor(corners.min(axis=0) / cell_m) - 1
+    columns, rows = (np.ceil(corners.max(axis=0) / cell_m) + 1 - low).astype(int)
+    x, y = np.meshgrid(low[0] + 0.5 + np.arange(columns), low[1] + 0.5 + np.arange(rows))
+    middles = np.column_stack([x.ravel(), y.ravel()]) * cell_m
+    free = np.zeros(len(middles), dtype=np.bool_)
+    for polygon in ground:
+        free |= in_polygon(polygon, middles)
+    for polygon in blocked:
+        free &= ~in_polygon(polygon, middles)
+    return FloorGrid(free.reshape(rows, columns), low * cell_m, cell_m)
+
+
 def outlines(grid: FloorGrid) -> list[Polygon]:
     """The free ground as polygons, a polygon for each part that hangs together.
 

@@ -9,7 +9,7 @@ import typer
 
 from elfslam.base.errors import ParameterError
 from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.exports import export_command
+from elfslam.cli.exports import anchor_command, export_command
 from elfslam.cli.maps import locate_command, map_command, merge_command
 from elfslam.cli.scores import score, show, study
 from elfslam.cli.walks import demo, import_command, simulate_command
@@ -31,6 +31,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "merge": merge_command,
     "locate": locate_command,
     "score": score,
+    "anchor": anchor_command,
     "export": export_command,
     "show": show,
     "study": study,

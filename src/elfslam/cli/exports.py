@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
-from elfslam.base.errors import ParameterError
+from elfslam.base.arrays import F64
+from elfslam.base.errors import NoAnswerError, ParameterError
+from elfslam.base.parameters import load
+from elfslam.cli.options import ParameterFile, Setting
 from elfslam.console import say
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.exporting import Format, Told, export
+from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, AnchoringParameters, Placement
+from elfslam.plans import anchor_into, read_plan
+
+
+@dataclass(frozen=True)
+class AnchorSettings:
+    """The parameters of `elfslam anchor`."""
+
+    anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
 
 
 def export_command(
@@ -34,3 +48,61 @@ def export_command(
     )
     export(source, out, Format(to), told)
     say(f"wrote {out}")
+
+
+def anchor_command(
+    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be placed.")],
+    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson.")],
+    out: Annotated[Path, typer.Argument(help="The map folder, in the frame of the plan.")],
+    start: Annotated[str | None, typer.Option(help="X,Y of the first walk's start, m.")] = None,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Place a map on a floor plan: where its walks keep to accessible ground."""
+    known = load(AnchorSettings(), parameter_file, setting or []).anchoring
+    where = read_plan(plan)
+    placement = anchor_into(out, source, where, known, _start_m(start))
+    if placement.status == NOWHERE:
+        raise NoAnswerError(
+            f"{source}: {placement.off_share:.0%} of it is off accessible ground wherever it is "
+            f"placed on {plan}; is it that floor, and is the width right?"
+        )
+    if placement.status == AMBIGUOUS:
+        raise NoAnswerError(
+            f"{source}: fits {plan} in several ways, {_several(placement)}; say with --start "
+            "where the first walk began"
+        )
+    say(f"wrote {out}: {_told(placement)}")
+    if where.origin is not None:
+        lies = f"{where.origin.latitude_deg},{where.origin.longitude_deg}"
+        say(f"on the Earth: elfslam export {out} --origin {lies}")
+
+
+def _start_m(text: str | None) -> F64 | None:
+    if text is None:
+        return None
+    try:
+        start_m = np.array([float(cell) for cell in text.split(",")])
+    except ValueError:
+        start_m = np.empty(0)
+    if start_m.shape != (2,) or not np.isfinite(start_m).all():
+        raise ParameterError(f"--start {text!r}: wanted X,Y in metres on the plan, such as 3.5,1")
+    return start_m
+
+
+def _told(placement: Placement) -> str:
+    x, y, heading = placement.plan_from_map
+    sigma = np.sqrt(np.diag(placement.covariance))
+    return (
+        f"origin at {x:.2f}, {y:.2f} m, x axis at {np.rad2deg(heading):.1f} degrees, "
+        f"scale {placement.scale:.3f}; sigma {np.hypot(*sigma[:2]) / np.sqrt(2):.2f} m and "
+        f"{np.rad2deg(sigma[2]):.1f} degrees; probability {placement.shares[0]:.2f}"
+    )
+
+
+def _several(placement: Placement) -> str:
+    poses = np.vstack([placement.plan_from_map, placement.others])
+    return ", ".join(
+        f"{share:.0%} at {x:.1f},{y:.1f} m turned {np.rad2deg(heading):.0f} degrees"
+        for share, (x, y, heading) in zip(placement.shares[:4], poses[:4], strict=True)
+    )

@@ -9,6 +9,7 @@ import typer
 
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.console import say
+from elfslam.plans import drawn, is_plan_file, read_plan
 from elfslam.score.figures import FloorPlan
 from elfslam.studies.demo import floor_plan
 from elfslam.world.world_file import load_world
@@ -21,12 +22,17 @@ Seed = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 EncoderName = Annotated[str, typer.Option("--encoder", help="compact, spectral or an ONNX file.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an older run.")]
-Plan = Annotated[str | None, typer.Option("--floor-plan", help="World whose plan is drawn below.")]
+Plan = Annotated[
+    str | None,
+    typer.Option("--floor-plan", help="Drawn below: plan.png:WIDTH_M, plan.geojson or a world."),
+]
 
 
-def drawn_plan(world: str | None) -> FloorPlan | None:
-    """The plan of the world that is to be drawn below, if one is."""
-    return None if world is None else floor_plan(load_world(world).room)
+def drawn_plan(plan: str | None) -> FloorPlan | None:
+    """The plan that is to be drawn below, if one is: of a file, or of a world."""
+    if plan is not None and is_plan_file(plan):
+        return drawn(read_plan(plan).ground)
+    return None if plan is None else floor_plan(load_world(plan).room)
 
 
 def refuse_if_none(done: str, source: Path, refused: dict[str, str], count: int) -> None:

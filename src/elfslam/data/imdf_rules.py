@@ -31,6 +31,7 @@ CATEGORIES: Mapping[str, tuple[str, ...]] = {
     "level": ("arrivals", "departures", "parking", "transit", "unspecified"),
     "unit": ("room", "walkway", "unspecified"),
 }
+RESTRICTIONS = ("employeesonly", "restricted")
 POLYGONAL = ("venue", "footprint", "level", "unit")
 EDGE_DEG = 1e-9
 """Corners closer than this are the same."""
@@ -86,8 +87,8 @@ def _province(value: Any) -> bool:
     return isinstance(value, str) and bool(re.fullmatch(r"[A-Z]{2}-[A-Z0-9]{1,3}", value))
 
 
-def _null(value: Any) -> bool:
-    return value is None
+def _restriction(value: Any) -> bool:
+    return value in RESTRICTIONS
 
 
 def _reference(value: Any) -> bool:
@@ -112,10 +113,11 @@ PROPERTIES: Mapping[str, Mapping[str, Callable[[Any], bool]]] = {
         "country": _country,
         "postal_code": _or_null(_text),
         "postal_code_ext": _or_null(_text),
+        "postal_code_vanity": _or_null(_text),
     },
     "venue": {
         "category": _text,
-        "restriction": _or_null(_text),
+        "restriction": _or_null(_restriction),
         "name": _labels,
         "alt_name": OPTIONAL_LABELS,
         "hours": _or_null(_text),
@@ -126,7 +128,7 @@ PROPERTIES: Mapping[str, Mapping[str, Callable[[Any], bool]]] = {
     },
     "building": {
         "category": _text,
-        "restriction": _or_null(_text),
+        "restriction": _or_null(_restriction),
         "name": OPTIONAL_LABELS,
         "alt_name": OPTIONAL_LABELS,
         "display_point": _or_null(_point),
@@ -135,7 +137,7 @@ PROPERTIES: Mapping[str, Mapping[str, Callable[[Any], bool]]] = {
     "footprint": {"category": _text, "name": OPTIONAL_LABELS, "building_ids": _references},
     "level": {
         "category": _text,
-        "restriction": _or_null(_text),
+        "restriction": _or_null(_restriction),
         "outdoor": lambda value: isinstance(value, bool),
         "ordinal": _whole,
         "name": _labels,
@@ -146,7 +148,7 @@ PROPERTIES: Mapping[str, Mapping[str, Callable[[Any], bool]]] = {
     },
     "unit": {
         "category": _text,
-        "restriction": _or_null(_text),
+        "restriction": _or_null(_restriction),
         "accessibility": _or_null(_list),
         "name": OPTIONAL_LABELS,
         "alt_name": OPTIONAL_LABELS,

@@ -30,8 +30,6 @@ def write_ros_map(file: Path, grid: FloorGrid) -> None:
     image = file.with_suffix(".pgm")
     pixels = np.where(grid.free[::-1], FREE, UNKNOWN).astype(np.uint8)
     rows, columns = pixels.shape
-    with new_file(image) as partial:
-        partial.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())
     x, y = grid.corner_m.tolist()
     lines = [
         f'image: "{image.name}"',
@@ -43,3 +41,5 @@ def write_ros_map(file: Path, grid: FloorGrid) -> None:
     ]
     with new_file(file) as partial:
         partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        with new_file(image) as partial_image:
+            partial_image.write_bytes(f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes())

@@ -40,10 +40,11 @@ WEIGHT_STRENGTH = {REJECTED: 0.35, "doubted": 0.6, "trusted": 0.9}
 
 @dataclass(frozen=True, eq=False)
 class FloorPlan(Value):
-    """A room from above: outline (k, 2) and obstacles, each (k, 2), in metres."""
+    """A room from above: outline (k, 2), obstacles and further rooms, each (k, 2), in metres."""
 
     outline: F64 = array("k", 2)
     obstacles: tuple[F64, ...] = ()
+    rooms: tuple[F64, ...] = ()
 
 
 def styled(figure: go.Figure, *, height_px: int = 360) -> go.Figure:
@@ -102,7 +103,8 @@ def floor_traces(floor_plan: FloorPlan | None) -> list[go.Scatter]:
     if floor_plan is None:
         return []
     obstacles = [_area(ring, "rgba(127,127,127,0.25)", 1) for ring in floor_plan.obstacles]
-    return [_area(floor_plan.outline, "rgba(127,127,127,0.05)", 2), *obstacles]
+    rooms = (floor_plan.outline, *floor_plan.rooms)
+    return [*(_area(ring, "rgba(127,127,127,0.05)", 2) for ring in rooms), *obstacles]
 
 
 def walk_traces(
