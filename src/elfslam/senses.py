@@ -17,13 +17,16 @@ from elfslam.baselines.magnetic import (
 )
 from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters, wifi_similarity
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters
+from elfslam.line.alignment import AlignmentParameters
 from elfslam.line.closure import ClosureParameters
+from elfslam.line.quality import QualityParameters
+from elfslam.merging.parameters import MergingParameters
 from elfslam.slam import Parameters, Sense, no_similarity
 
 
 @dataclass(frozen=True)
 class Settings(Parameters):
-    """Every parameter there is: the line's, the rivals' and the training's."""
+    """Every parameter there is: the line's, the rivals', the merging's and the training's."""
 
     wifi: WifiParameters = field(default_factory=WifiParameters)
     wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)
@@ -31,6 +34,9 @@ class Settings(Parameters):
     magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)
     emr: EmrParameters = field(default_factory=EmrParameters)
     emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
+    alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
+    merging: MergingParameters = field(default_factory=MergingParameters)
+    quality: QualityParameters = field(default_factory=QualityParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
 
