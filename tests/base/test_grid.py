@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from elfslam.base.arrays import F64
 from elfslam.base.grid import (
     FloorGrid,
+    drawn_grid,
     in_polygon,
     outlines,
     resampled,
@@ -35,6 +36,14 @@ def test_the_walked_ground_is_that_within_the_radius_of_the_line() -> None:
     assert not grid.free[gap > 0.3].any()
     assert grid.holds(line).all()
     assert not grid.holds(np.array([[1.0, 2.0], [-50.0, 0.0], [0.0, 50.0]])).any()
+
+
+def test_drawn_ground_is_the_polygons_less_what_blocks_them() -> None:
+    square = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
+    hole, table = square[::-1] / 4 + 2, square / 4 + 0.5
+    grid = drawn_grid([(square, hole), (square + 4,)], [(table,)], 0.1)
+    asked = np.array([[0.2, 0.2], [5.0, 5.0], [2.5, 2.5], [1.0, 1.0], [5.0, 1.0], [-0.5, 1.0]])
+    npt.assert_array_equal(grid.holds(asked), [1, 1, 0, 0, 0, 0])
 
 
 def test_resampling_keeps_the_corners_and_the_spacing() -> None:
