@@ -42,6 +42,8 @@ from elfslam.world.simulate import load_world, simulate
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
 ROUNDS = 4
+CURATED_SEEDS = 3
+"""The paper's curation takes minutes for each walk of a mall: seeds below this get it."""
 COURSE = "concourse"
 """Where a walker is calibrated: a lap of known length."""
 OFF, OFF_SIGMA = 0.1, 0.1
@@ -96,7 +98,7 @@ def _measured(walk: Walk, scratch: ScratchParameters) -> Numbers:
     numbers: Numbers = {}
     for walker, known in walkers(walk.seed).items():
         methods = list(_closures(recording, echoes, features, known))
-        if walker == CALIBRATED:
+        if walker == CALIBRATED and walk.seed < CURATED_SEEDS:
             methods += _as_the_paper_closes(recording, echoes, features, known)
         for method, nodes, closures in methods:
             trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)

@@ -41,11 +41,18 @@ def mapping_rows(by_world: Mapping[str, Sequence[Numbers]]) -> list[Row]:
     return [
         {"world": world, "walker": walker, "method": method, **_row(walks, walker, method, world)}
         for world, walks in by_world.items()
-        for walker, method in dict.fromkeys(tuple(key.split("|")[:2]) for key in walks[0])
+        for walker, method in dict.fromkeys(tuple(key.split("|")[:2]) for key in _most(walks))
     ]
 
 
+def _most(walks: Sequence[Numbers]) -> Numbers:
+    """The walk that most methods were tried on."""
+    return max(walks, key=len)
+
+
 def _row(walks: Sequence[Numbers], walker: str, method: str, world: str) -> Row:
+    walks = [numbers for numbers in walks if f"{walker}|{method}|aligned|median" in numbers]
+
     def each(name: str) -> list[float]:
         return [numbers[f"{walker}|{method}|{name}"] for numbers in walks]
 
