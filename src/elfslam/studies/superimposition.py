@@ -34,7 +34,7 @@ SPOTS_NOTE = (
 )
 STRIPS_NOTE = (
     "A row for each of four directions at one spot, a column for each of the 128 numbers, the same "
-    "order in both. After superimposition the rows agree."
+    "order in both. After superimposition the rows agree better."
 )
 WAYS_NOTE = "Fixes from six echoes of a third person, all walks together."
 
@@ -125,7 +125,7 @@ def _page(
         panels.append(Panel("Both ways round", rows_table(_way_rows(walked)), wide=True))
     if rows:
         panels.append(Panel("Spots", rows_table(rows), wide=True))
-    subtitle = "Simulated phones; what was learnt never heard the places and headings asked"
+    subtitle = "Simulated phones; no trace that is asked was learnt from"
     return Page("One map for all orientations", subtitle, panels)
 
 
