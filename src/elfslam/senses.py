@@ -16,9 +16,10 @@ from elfslam.baselines.magnetic import (
     magnetic_similarity,
 )
 from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters, wifi_similarity
-from elfslam.learn.settings import FinetuneParameters, PretrainParameters
+from elfslam.learn.settings import FinetuneParameters, FloorLevelParameters, PretrainParameters
 from elfslam.line.alignment import AlignmentParameters
 from elfslam.line.closure import ClosureParameters
+from elfslam.line.phone import PhoneParameters
 from elfslam.line.quality import QualityParameters
 from elfslam.merging.parameters import MergingParameters
 from elfslam.slam import Parameters, Sense, no_similarity
@@ -39,6 +40,8 @@ class Settings(Parameters):
     quality: QualityParameters = field(default_factory=QualityParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
+    floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)
+    phone: PhoneParameters = field(default_factory=PhoneParameters)
 
 
 class Modality(StrEnum):
