@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, Trajectory, Truth
-from elfslam.score.alignment import match, placement
+from elfslam.score.alignment import AS_DECLARED, Placement, match, placement
 from elfslam.score.errors import (
     Alignment,
     alignment_of,
     end_error_share,
     fix_errors,
     path_length_m,
+    placed_errors,
     position_errors,
     summarise,
 )
@@ -201,3 +202,11 @@ def test_fixes_outside_the_truth_are_counted_but_not_scored(truth: Truth) -> Non
     summary = fix_errors(planted_fixes(xy_m, truth.t_s[-1] + 1 + np.arange(6.0)), truth, WHERE)
     assert summary.ok.count == 0
     assert summary.by_status["OK"] == 2
+
+
+def test_nothing_is_forgiven_where_the_start_was_declared(truth: Truth, moved: Moved) -> None:
+    poses = moved(truth, WHERE)
+    apart = np.linalg.norm(poses[:, :2] - truth.world_from_body[:, :2], axis=1)
+    np.testing.assert_allclose(placed_errors(truth.t_s, poses, truth, AS_DECLARED), apart)
+    back = placement(match(truth.t_s, poses, truth), Alignment.ALIGNED)
+    assert placed_errors(truth.t_s, poses, truth, Placement(back.world_from_map)).max() < 1e-9

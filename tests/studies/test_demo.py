@@ -9,6 +9,7 @@ import pytest
 
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import load_encoder
+from elfslam.score.truth import read_truth
 from elfslam.slam import Parameters
 from elfslam.studies.demo import floor_plan, run_demo
 from elfslam.world.world_file import load_world
@@ -31,7 +32,10 @@ def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     assert heard == [0.0, 1.0]
     names = {item.name for item in tmp_path.iterdir()}
     assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}
-    assert read_recording(tmp_path / "walk").start_pose is None
+    declared = read_recording(tmp_path / "walk").start_pose
+    truth = read_truth(tmp_path / "walk")
+    np.testing.assert_allclose(np.asarray(declared), truth.world_from_body[0], atol=1e-6)
+    assert ("SLAM", "declared start") in median
 
 
 def test_the_floor_plan_shows_every_piece_of_furniture() -> None:

@@ -12,6 +12,7 @@ from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.score.alignment import (
     Alignment,
+    Placement,
     alignment_of,
     is_sparse,
     match,
@@ -76,6 +77,13 @@ def walk_errors(t_s: F64, poses: F64, truth: Truth, alignment: Alignment) -> tup
 def position_errors(t_s: F64, poses: F64, truth: Truth, alignment: Alignment) -> F64:
     """Position errors (m) in metres after alignment; see `walk_errors` for their times."""
     return walk_errors(t_s, poses, truth, alignment)[1]
+
+
+def placed_errors(t_s: F64, poses: F64, truth: Truth, where: Placement) -> F64:
+    """Position errors (m) in metres of a map that lies there; see `walk_errors` for their times."""
+    matched = match(t_s, poses, truth)
+    apart = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]
+    return np.asarray(np.linalg.norm(apart, axis=1))
 
 
 def summarise(errors: F64) -> ErrorSummary:

@@ -27,10 +27,10 @@ from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.alignment import AS_DECLARED, Alignment, match, place, placement
+from elfslam.score.alignment import AS_DECLARED, Alignment, match, placement
 from elfslam.score.closure_score import score_closures
 from elfslam.score.coverage import trajectory_coverage
-from elfslam.score.errors import path_length_m, summarise
+from elfslam.score.errors import path_length_m, placed_errors, summarise
 from elfslam.senses import Modality, Settings, sense_of
 from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
@@ -196,8 +196,8 @@ def _errors(trajectory: Trajectory, truth: Truth) -> Numbers:
         "aligned": placement(matched, Alignment.ALIGNED),
         "aligned with scale": placement(matched, Alignment.ALIGNED_WITH_SCALE),
     }.items():
-        moved = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]
-        summary = summarise(np.linalg.norm(moved, axis=1))
+        poses = trajectory.world_from_body
+        summary = summarise(placed_errors(trajectory.t_s, poses, truth, where))
         numbers |= {
             f"{name}|median": summary.median_m,
             f"{name}|mean": summary.mean_m,
