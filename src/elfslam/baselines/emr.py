@@ -19,7 +19,12 @@ from elfslam.baselines.warping import warping_costs
 from elfslam.line.closure import ClosureParameters
 
 EMR_CLOSURES = ClosureParameters(
-    threshold=0.4, along_sigma_m=0.6, across_sigma_m=0.6, heading_sigma_rad=0.4, shared_footsteps=2
+    threshold=0.4,
+    back_margin=0.0,
+    along_sigma_m=0.6,
+    across_sigma_m=0.6,
+    heading_sigma_rad=0.4,
+    shared_footsteps=2,
 )
 
 

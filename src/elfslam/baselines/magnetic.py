@@ -34,6 +34,7 @@ LOOKS_AHEAD = np.array([0.0, 1.0, -1.0])
 """A phone axis that is never vertical, be the phone held flat or upright."""
 MAGNETIC_CLOSURES = ClosureParameters(
     threshold=0.65,
+    back_margin=0.0,
     along_sigma_m=0.5,
     across_sigma_m=0.5,
     heading_sigma_rad=0.35,

@@ -28,6 +28,7 @@ FLOOR_WEIGHT = 0.2
 """What an access point that was not heard weighs, beside a sighting at the very moment."""
 WIFI_CLOSURES = ClosureParameters(
     threshold=0.93,
+    back_margin=0.0,
     along_sigma_m=4.0,
     across_sigma_m=4.0,
     heading_sigma_rad=2.0,

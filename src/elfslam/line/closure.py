@@ -4,6 +4,9 @@ A single pair of footsteps says little. Similarity is averaged along the diagona
 walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
 reckoning rules out those it cannot have missed by so much, and of two candidates that would put
 the walker at two places at once only the clearly better one stays. The graph has the last word.
+
+Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
+ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
 """
 
 from __future__ import annotations
@@ -35,6 +38,9 @@ class ClosureParameters:
     strategy: str = parameter("sequence", "", "sequence, or curation as in the paper")
     threshold: float = parameter(
         0.4, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
+    )
+    back_margin: float = parameter(
+        0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0
     )
     near_footsteps: int = parameter(
         12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
@@ -203,7 +209,8 @@ def _ridges(
     reach = 2 * parameters.ridge_footsteps + 1
     ridge = mean >= np.minimum(maximum_filter1d(mean, reach, 0), maximum_filter1d(mean, reach, 1))
     inside = slice(first - top, last - top)
-    i, j = np.nonzero(ridge[inside] & (mean[inside] >= parameters.threshold))
+    least = parameters.threshold + (parameters.back_margin if direction == BACK else 0.0)
+    i, j = np.nonzero(ridge[inside] & (mean[inside] >= least))
     i = i + first - top
     peak = sequence_mean(scores, parameters.half_peak, direction)
     score, line_j = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
