@@ -23,7 +23,7 @@ def finding(monkeypatch: pytest.MonkeyPatch) -> Finding:
     monkeypatch.setattr(floor_plan, "mapped", as_walked)
     coarse = AnchoringParameters(cell_m=0.2)
     return measure_floor_plan(
-        None, lambda what, share: None, worlds=("studio", "lounge"), seeds=(100,), known=coarse
+        None, lambda what, share: None, worlds={"studio": 1, "lounge": 1}, known=coarse
     )
 
 

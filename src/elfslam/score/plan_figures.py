@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
@@ -34,9 +33,4 @@ def placed_figure(
             name = f"or here ({other_share:.0%})"
             traces += walk_traces(other, name, DEAD_RECKONING, opacity=0.6)
     traces += walk_traces(best, f"placed ({share:.0%})", SLAM, width=3)
-    figure = plan(traces, height_px=460)
-    low = np.min([floor_plan.outline.min(axis=0), best.min(axis=0)], axis=0) - 0.5
-    high = np.max([floor_plan.outline.max(axis=0), best.max(axis=0)], axis=0) + 0.5
-    figure.update_xaxes(range=[low[0], high[0]])
-    figure.update_yaxes(range=[low[1], high[1]])
-    return figure
+    return plan(traces, height_px=460)
