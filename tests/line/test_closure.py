@@ -23,6 +23,7 @@ from elfslam.line.closure import (
 )
 
 PARAMETERS = ClosureParameters()
+BOTH_WAYS = dataclasses.replace(PARAMETERS, back_margin=0.0)
 STEP_M = 0.7
 SIDE = 12
 LAP = 4 * SIDE
@@ -84,11 +85,25 @@ def test_a_second_round_closes_each_footstep_with_its_own() -> None:
 def test_walking_back_gives_half_a_turn_and_the_right_place() -> None:
     nodes = there_and_back(30)
     # Stretch k leads from k to k+1, so on the way back stretch 60 - k lies on it.
-    found = find_closures(alike(61, [(0, 25, 60, -1.0)]), nodes, PARAMETERS)
+    found = find_closures(alike(61, [(0, 25, 60, -1.0)]), nodes, BOTH_WAYS)
     assert pairs(found) >= {(k, 60 - k) for k in range(3, 22)}
     truth = between(nodes.world_from_body[found.i], nodes.world_from_body[found.j])
     npt.assert_allclose(found.i_from_j[:, :2], truth[:, :2], atol=0.2 * STEP_M)
     npt.assert_allclose(wrap_angle(found.i_from_j[:, 2] - truth[:, 2]), 0, atol=1e-9)
+
+
+def test_a_stretch_walked_back_must_be_more_alike() -> None:
+    back = alike(61, [(0, 25, 60, -1.0)])
+    found = find_closures(back, there_and_back(30), BOTH_WAYS)
+    lowest, highest = found.score.min(), found.score.max()
+    loose, strict = (
+        dataclasses.replace(PARAMETERS, back_margin=level - PARAMETERS.threshold)
+        for level in (lowest - 0.01, highest + 0.01)
+    )
+    assert pairs(find_closures(back, there_and_back(30), loose)) == pairs(found)
+    assert len(find_closures(back, there_and_back(30), strict).i) == 0
+    again = alike(2 * LAP, [(0, LAP - 1, LAP, 1.0)])
+    assert len(find_closures(again, square_walk(2), strict).i) > LAP / 2
 
 
 @pytest.mark.parametrize("ahead", [-0.4, 0.3])
