@@ -18,6 +18,7 @@ from elfslam.baselines.magnetic import (
 from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters, wifi_similarity
 from elfslam.learn.settings import FinetuneParameters, FloorLevelParameters, PretrainParameters
 from elfslam.line.alignment import AlignmentParameters
+from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.phone import PhoneParameters
 from elfslam.line.quality import QualityParameters
@@ -38,6 +39,7 @@ class Settings(Parameters):
     alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
     merging: MergingParameters = field(default_factory=MergingParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
+    anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
     floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -17,15 +16,9 @@ from elfslam.console import say
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.exporting import Format, Told, export
-from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, AnchoringParameters, Placement
+from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, Placement
 from elfslam.plans import anchor_into, read_plan
-
-
-@dataclass(frozen=True)
-class AnchorSettings:
-    """The parameters of `elfslam anchor`."""
-
-    anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
+from elfslam.senses import Settings
 
 
 def export_command(
@@ -59,7 +52,7 @@ def anchor_command(
     setting: Setting = None,
 ) -> None:
     """Place a map on a floor plan: where its walks keep to accessible ground."""
-    known = load(AnchorSettings(), parameter_file, setting or []).anchoring
+    known = load(Settings(), parameter_file, setting or []).anchoring
     where = read_plan(plan)
     placement = anchor_into(out, source, where, known, _start_m(start))
     if placement.status == NOWHERE:
