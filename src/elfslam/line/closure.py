@@ -102,6 +102,7 @@ def find_closures(
     """
     drift = Drift(nodes)
     found = candidates(similarity, parameters)
+    found = found.chosen(under_way(found, similarity.count, parameters))
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))
     i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
@@ -159,6 +160,16 @@ def _all_ridges(rows: Rows, count: int, columns: int, parameters: ClosureParamet
     ]
     names = [item.name for item in fields(Candidates)]
     return Candidates(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+
+
+def under_way(found: Candidates, count: int, parameters: ClosureParameters) -> Bool:
+    """Which candidates (k) have whole sequences on both sides.
+
+    Who sets off from a corner, or stops there, faces elsewhere than whoever walks past, and a
+    first footstep with a wrong heading turns the whole map.
+    """
+    half = parameters.half_sequence
+    return np.asarray((found.i >= half) & (found.j < count - half))
 
 
 def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
