@@ -102,9 +102,9 @@ def find_closures(
     """
     drift = Drift(nodes)
     found = candidates(similarity, parameters)
-    found = found.chosen(under_way(found, similarity.count, parameters))
     found = found.chosen(possible(found, drift, parameters))
     found = found.chosen(unrivalled(found, drift, parameters))
+    found = found.chosen(under_way(found, similarity.count, parameters))
     i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
     return Closures(found.i, found.j, found.score, i_from_j, covariance)
 
