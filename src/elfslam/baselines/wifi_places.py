@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from elfslam.base.arrays import F64, I64, Value, array
+from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
 from elfslam.baselines.wifi import Fingerprints, WifiParameters
@@ -24,11 +24,14 @@ class PlaceParameters:
 
 @dataclass(frozen=True, eq=False)
 class WifiPlaces(Value):
-    """Places (m) of a map and the power above the floor of each access point (c) there."""
+    """Places (m) of a map and the power above the floor of each access point (c) there.
+
+    One access point after the other, which is how they are added up.
+    """
 
     bssids: tuple[str, ...]
     xy_m: F64 = array("m", 2)
-    power: F64 = array("m", "c")
+    power: F64 = array("c", "m")
 
 
 def wifi_places(
@@ -41,7 +44,8 @@ def wifi_places(
     if not heard:
         raise InputError("Wi-Fi map: got no walk with scans, wanted one or more; add walks")
     names = tuple(sorted({name for each in heard for name in each.bssids}))
-    return WifiPlaces(names, np.vstack(xy_m), np.vstack([_powers(h, names, known) for h in heard]))
+    power = np.vstack([powers(each, names, known) for each in heard])
+    return WifiPlaces(names, np.vstack(xy_m), np.ascontiguousarray(power.T))
 
 
 def place_scores(heard: Fingerprints, places: WifiPlaces, known: WifiParameters) -> F64:
@@ -49,10 +53,10 @@ def place_scores(heard: Fingerprints, places: WifiPlaces, known: WifiParameters)
 
     What the map has never heard counts as different.
     """
-    here = _powers(heard, places.bssids, known)
-    everything = _powers(heard, heard.bssids, known).sum(axis=1)
+    here = powers(heard, places.bssids, known)
+    everything = powers(heard, heard.bssids, known).sum(axis=1)
     common = _in_common(here, places.power)
-    total = everything[:, None] + places.power.sum(axis=1) - common
+    total = everything[:, None] + places.power.sum(axis=0) - common
     return np.asarray(common / np.maximum(total, 1e-300))
 
 
@@ -69,7 +73,7 @@ def placed_by(scores: F64, xy_m: F64, parameters: PlaceParameters) -> F64:
     return np.asarray(np.einsum("nk,nkd->nd", share, xy_m[best]))
 
 
-def _powers(heard: Fingerprints, names: Sequence[str], known: WifiParameters) -> F64:
+def powers(heard: Fingerprints, names: Sequence[str], known: WifiParameters) -> F64:
     """Powers (n, c) of those access points, 0 where unheard."""
     column = {name: k for k, name in enumerate(names)}
     both = [k for k, name in enumerate(heard.bssids) if name in column]
@@ -81,10 +85,10 @@ def _powers(heard: Fingerprints, names: Sequence[str], known: WifiParameters) ->
 
 @njit(cache=True)  # type: ignore[untyped-decorator]
 def _in_common(here: F64, there: F64) -> F64:
-    common = np.zeros((len(here), len(there)))
-    for i in range(len(here)):
-        heard: I64 = np.nonzero(here[i])[0]
-        for j in range(len(there)):
-            for k in heard:
-                common[i, j] += min(here[i, k], there[j, k])
+    common = np.zeros((here.shape[0], there.shape[1]))
+    for i in range(here.shape[0]):
+        for k in range(here.shape[1]):
+            if here[i, k] > 0:
+                for j in range(there.shape[1]):
+                    common[i, j] += min(here[i, k], there[k, j])
     return common

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from elfslam.base.arrays import F64, Bool
+from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose, interpolate_poses
+from elfslam.base.geometry import compose
 from elfslam.base.values import Closures, Odometry, WifiScans
 from elfslam.baselines.neighbours import (
     UNKNOWN_HEADING_RAD,
@@ -17,7 +17,7 @@ from elfslam.baselines.neighbours import (
     field_weights,
     field_windows,
 )
-from elfslam.baselines.wifi import WifiParameters, fingerprints
+from elfslam.baselines.wifi import Fingerprints, WifiParameters, fingerprints
 from elfslam.baselines.wifi_places import (
     PlaceParameters,
     WifiPlaces,
@@ -32,6 +32,8 @@ ANYWHERE_M = 300.0
 """How exactly the start of a walk is known that may begin anywhere on the floor."""
 NEAR_M = 15.0
 """The field is compared with places this near to where Wi-Fi has the walk."""
+WORLD = -1
+"""As the node before the first, the world's origin of a graph of walks."""
 PLACES = PlaceParameters()
 
 
@@ -59,7 +61,8 @@ def floor_places(walks: Sequence[FloorWalk], poses: Sequence[F64]) -> FloorPlace
 
 def at_each_place(walk: FloorWalk, places: FloorPlaces, at_s: F64) -> F64:
     """Positions (k, 2) at times by the Wi-Fi heard around them alone, without dead reckoning."""
-    _, xy_m = _by_wifi(_scans(walk), walk.nodes, places)
+    scores = _scores(_scans(walk), walk.nodes, places, np.arange(len(walk.nodes.t_s) - 1))
+    xy_m = placed_by(scores, places.wifi.xy_m, PLACES)
     middle_s = (walk.nodes.t_s[1:] + walk.nodes.t_s[:-1]) / 2
     good = np.isfinite(xy_m[:, 0])
     if not good.any():
@@ -70,20 +73,19 @@ def at_each_place(walk: FloorWalk, places: FloorPlaces, at_s: F64) -> F64:
 
 def whole_walk(walk: FloorWalk, places: FloorPlaces) -> F64:
     """Poses (n, 3) of a walk that Wi-Fi draws to where it belongs, all of it known."""
-    _, xy_m = _by_wifi(_scans(walk), walk.nodes, places)
-    return drawn(walk.nodes, xy_m)
+    return drawn(walk.nodes, _pulls(_scans(walk), walk.nodes, places))
 
 
 def whole_walk_by_field(walk: FloorWalk, places: FloorPlaces) -> F64:
     """The same with the magnetic field telling which of the places near by are meant."""
-    scores, _ = _by_wifi(_scans(walk), walk.nodes, places)
-    poses = whole_walk(walk, places)
-    middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
-    apart_m = np.linalg.norm(middle_m[:, None] - places.wifi.xy_m[None], axis=2)
-    near = apart_m <= NEAR_M
-    field = _field_weights(_windows(walk), poses[:-1, 2], near, places)
+    poses, rows = whole_walk(walk, places), pulled_rows(walk.nodes)
+    scores = _scores(_scans(walk), walk.nodes, places, rows)
+    middle_m = (poses[rows + 1, :2] + poses[rows, :2]) / 2
+    near = np.linalg.norm(middle_m[:, None] - places.wifi.xy_m[None], axis=2) <= NEAR_M
+    field = _field_weights(_windows(walk)[rows], poses[rows, 2], near, places)
     weights = scores**PLACES.wifi_power * field
-    return drawn(walk.nodes, placed_by(weights, places.wifi.xy_m, replace(PLACES, wifi_power=1.0)))
+    xy_m = placed_by(weights, places.wifi.xy_m, replace(PLACES, wifi_power=1.0))
+    return drawn(walk.nodes, xy_m)
 
 
 def live(walk: FloorWalk, places: FloorPlaces, at_s: F64) -> F64:
@@ -95,18 +97,17 @@ def live(walk: FloorWalk, places: FloorPlaces, at_s: F64) -> F64:
 
 
 def drawn(nodes: Odometry, xy_m: F64) -> F64:
-    """Poses (n, 3) of a walk from anywhere, its stretches (n-1) drawn to these places (n-1, 2).
+    """Poses (n, 3) of a walk from anywhere, its `pulled_rows` drawn to places (k, 2).
 
     Its heading is known as that of walks with a known start is; rows of NaN draw nothing. All
     poses are NaN where nothing draws.
     """
-    rows = np.minimum(thinned_rows(nodes), len(xy_m) - 1)
-    pulled = np.flatnonzero(np.isfinite(xy_m[rows, 0]))
+    pulled = np.flatnonzero(np.isfinite(xy_m[:, 0]))
     if not len(pulled):
         return np.full_like(nodes.world_from_body, np.nan)
-    to_m = xy_m[rows[pulled]]
-    away_m = (to_m - nodes.world_from_body[rows[pulled], :2]).mean(axis=0)
-    placed = nodes.world_from_body + np.array([*away_m, 0.0])
+    to_m = xy_m[pulled]
+    at_m = nodes.world_from_body[pulled_rows(nodes)[pulled], :2]
+    placed = nodes.world_from_body + np.array([*(to_m - at_m).mean(axis=0), 0.0])
     variance = [NeighbourParameters().sigma_m ** 2] * 2 + [UNKNOWN_HEADING_RAD**2]
     closures = Closures(
         i=np.full(len(pulled), WORLD),
@@ -119,15 +120,23 @@ def drawn(nodes: Odometry, xy_m: F64) -> F64:
     return corrected([replace(nodes, world_from_body=placed)], closures, start)[0]
 
 
-WORLD = -1
-"""As the node before the first, the world's origin of a graph of walks."""
+def pulled_rows(nodes: Odometry) -> I64:
+    """The stretches of a walk that are drawn: where its thinned nodes are."""
+    return np.minimum(thinned_rows(nodes), len(nodes.t_s) - 2)
 
 
-def _by_wifi(wifi: WifiScans, nodes: Odometry, places: FloorPlaces) -> tuple[F64, F64]:
-    """Scores (n-1, m) of all places at each stretch, and where they draw it (n-1, 2)."""
+def _scores(wifi: WifiScans, nodes: Odometry, places: FloorPlaces, rows: I64) -> F64:
+    """Scores (k, m) of all places at some stretches."""
     known = WifiParameters()
-    scores = place_scores(fingerprints(wifi, nodes, known), places.wifi, known)
-    return scores, placed_by(scores, places.wifi.xy_m, PLACES)
+    heard = fingerprints(wifi, nodes, known)
+    some = Fingerprints(heard.bssids, heard.rssi_dbm[rows])
+    return place_scores(some, places.wifi, known)
+
+
+def _pulls(wifi: WifiScans, nodes: Odometry, places: FloorPlaces) -> F64:
+    """Where Wi-Fi draws the pulled stretches (k, 2)."""
+    scores = _scores(wifi, nodes, places, pulled_rows(nodes))
+    return placed_by(scores, places.wifi.xy_m, PLACES)
 
 
 def _by_then(walk: FloorWalk, places: FloorPlaces, until_s: float) -> F64:
@@ -139,8 +148,7 @@ def _by_then(walk: FloorWalk, places: FloorPlaces, until_s: float) -> F64:
         turn_rad = compass_turn(walk.recording.orientation, nodes) - late
         poses = compose(np.array([0.0, 0.0, turn_rad]), nodes.world_from_body)
         nodes = replace(nodes, world_from_body=poses)
-    _, xy_m = _by_wifi(wifi, nodes, places)
-    return drawn(nodes, xy_m)[-1, :2]
+    return drawn(nodes, _pulls(wifi, nodes, places))[-1, :2]
 
 
 def _until(wifi: WifiScans, nodes: Odometry, until_s: float) -> tuple[WifiScans, Odometry]:
@@ -186,8 +194,3 @@ def _scans(walk: FloorWalk) -> WifiScans:
     if walk.recording.wifi is None:
         raise InputError(f"{walk.recording.name}: has no Wi-Fi scan; leave it out")
     return walk.recording.wifi
-
-
-def at_times(nodes: Odometry, poses: F64, at_s: F64) -> F64:
-    """Positions (k, 2) of a solved walk at times."""
-    return interpolate_poses(nodes.t_s, poses, at_s)[:, :2]

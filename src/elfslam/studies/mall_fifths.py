@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path
@@ -11,6 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import WifiScans
 from elfslam.score.bootstrap import interval
 from elfslam.score.figures import SLAM
@@ -20,7 +21,6 @@ from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.held_out import (
     FloorPlaces,
     at_each_place,
-    at_times,
     floor_places,
     live,
     whole_walk,
@@ -121,17 +121,23 @@ def split_walks(
 
 
 def positions(
-    mapped: Sequence[FloorWalk], places: FloorPlaces, walk: FloorWalk
-) -> Iterator[tuple[str, F64]]:
-    """Where each method has a walk at its waypoints (k, 2), NaN where it gives no answer."""
-    at_s, nodes = walk.truth.t_s, walk.nodes
-    known = [(_scans(other), other.truth) for other in mapped]
-    for method, distance in ((SOERENSEN, "Soerensen"), (EUCLIDEAN, "Euclidean")):
-        yield method, labelled_neighbours((_scans(walk), walk.truth), known, distance)
-    yield ONE_PLACE, at_each_place(walk, places, at_s)
-    yield LIVE, live(walk, places, at_s)
-    yield TRAJECTORY, at_times(nodes, whole_walk(walk, places), at_s)
-    yield WITH_FIELD, at_times(nodes, whole_walk_by_field(walk, places), at_s)
+    mapped: Sequence[FloorWalk], places: FloorPlaces, held: Sequence[FloorWalk]
+) -> dict[str, list[F64]]:
+    """Where each method has each held-out walk at its waypoints (k, 2), NaN for no answer."""
+    known = [(_scans(walk), walk.truth) for walk in mapped]
+    asked = [(_scans(walk), walk.truth) for walk in held]
+    return {
+        SOERENSEN: list(labelled_neighbours(asked, known, "Soerensen")),
+        EUCLIDEAN: list(labelled_neighbours(asked, known, "Euclidean")),
+        ONE_PLACE: [at_each_place(walk, places, walk.truth.t_s) for walk in held],
+        LIVE: [live(walk, places, walk.truth.t_s) for walk in held],
+        TRAJECTORY: [_at_waypoints(walk, whole_walk(walk, places)) for walk in held],
+        WITH_FIELD: [_at_waypoints(walk, whole_walk_by_field(walk, places)) for walk in held],
+    }
+
+
+def _at_waypoints(walk: FloorWalk, poses: F64) -> F64:
+    return interpolate_poses(walk.nodes.t_s, poses, walk.truth.t_s)[:, :2]
 
 
 def fifths_row(floor: str, method: str, walks: Sequence[FloorWalk], found: Sequence[F64]) -> Row:
@@ -168,10 +174,11 @@ def _measured(split: Split, read: Callable[[str], list[FloorWalk]]) -> Numbers:
     mapped, held = split_walks(read(split.floor), split.which)
     poses, _ = solved(mapped, MAPPED_BY)
     places = floor_places(mapped, poses)
+    found = positions(mapped, places, list(held.values()))
     return {
         f"{method}|{number}|{k}|{axis}": float(value)
-        for number, walk in held.items()
-        for method, at in positions(mapped, places, walk)
+        for method, walks in found.items()
+        for number, at in zip(held, walks, strict=True)
         for k, point in enumerate(at)
         for axis, value in zip("xy", point, strict=True)
     }
