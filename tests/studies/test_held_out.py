@@ -20,7 +20,7 @@ from elfslam.studies.held_out import (
 )
 from elfslam.studies.labelled_neighbours import labelled_neighbours
 from elfslam.studies.mall_fifths import METHODS, SPLITS, fifths_row, positions, split_walks
-from elfslam.studies.mall_floor import FloorWalk
+from elfslam.studies.mall_floor import FloorWalk, floor_turn, turned
 
 STEP_M = 0.7
 SIGHTS_M = np.array([[x, y] for x in (0.0, 12.0, 24.0, 36.0) for y in (-6.0, 6.0)])
@@ -108,6 +108,13 @@ def test_labelled_scans_find_the_walk_that_is_the_same(distance):
     (at,) = labelled_neighbours(scans[1:2], scans, distance)
     true = scans[1][1].world_from_body[:, :2]
     assert np.median(np.linalg.norm(at - true, axis=1)) < 2.0
+
+
+def test_a_floor_is_turned_back_about_the_starts():
+    walks = [turned(walk_along(y_m), 0.5) for y_m in (-1.0, 1.0)]
+    assert floor_turn(walks) == pytest.approx(-0.5)
+    back = turned(walks[0], floor_turn(walks)).nodes.world_from_body
+    assert back == pytest.approx(walk_along(-1.0).nodes.world_from_body)
 
 
 def test_every_walk_is_held_out_once():
