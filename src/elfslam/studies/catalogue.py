@@ -25,6 +25,7 @@ from elfslam.studies.floor_plan import measure_floor_plan
 from elfslam.studies.localization import measure_localization
 from elfslam.studies.localization_cost import measure_localization_cost
 from elfslam.studies.magnetic_walks import measure_magnetic_walks
+from elfslam.studies.mall_fifths import measure_mall_fifths
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.merging import measure_merging
@@ -53,6 +54,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "localization": LongStudy(measure_localization),
     "localization-cost": measure_localization_cost,
     "magnetic-walks": measure_magnetic_walks,
+    "mall-fifths": LongStudy(measure_mall_fifths),
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),

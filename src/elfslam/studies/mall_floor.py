@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
+from elfslam.base.geometry import between, compose, interpolate_poses, wrap_angle
 from elfslam.base.values import Odometry, Orientation, Recording, Truth
 from elfslam.baselines.magnetic import LOOKS_AHEAD
 from elfslam.baselines.neighbours import (
@@ -69,7 +69,7 @@ def measure_mall_floor(
     panels: list[Panel] = []
     for floor in floors:
         announce(f"reading {floor}", None)
-        walks = floor_walks(_archive(data, floor), most_walks)
+        walks = floor_walks(archive_of(data, floor), most_walks)
         poses: dict[str, list[F64]] = {}
         for k, method in enumerate(METHODS):
             announce(f"{floor}: {method}", k / len(METHODS))
@@ -89,12 +89,36 @@ def floor_walks(archive: Path, most: int | None) -> list[FloorWalk]:
     The heading is that of the rotation vector, over the whole walk, turned by one angle a floor:
     the mean over every second walk of how its first leg lies against the waypoints.
     """
+    walks = unturned_walks(archive, most)
+    turn_rad = floor_turn(walks[::2])
+    return [turned(walk, turn_rad) for walk in walks]
+
+
+def unturned_walks(archive: Path, most: int | None) -> list[FloorWalk]:
+    """Those walks with the heading as the phone has it, that of the floor's drawing unknown."""
     walks = [read_walk(path) for path in islice(walks_in(archive), most)]
     known = [walk for walk in walks if len(walk.truth.t_s) > 1]
-    placed = [_placed(walk.recording, walk.truth, 0.0) for walk in known]
-    turns = [_first_leg_turn(walk) for walk in placed[::2]]
-    turn = float(np.angle(np.exp(1j * np.array(turns)).mean()))
-    return [_placed(walk.recording, walk.truth, turn) for walk in placed]
+    return [_placed(walk.recording, walk.truth) for walk in known]
+
+
+def floor_turn(walks: Sequence[FloorWalk]) -> float:
+    """The angle in radians by which these walks have to be turned for their first legs to fit."""
+    turns = [_first_leg_turn(walk) for walk in walks]
+    return float(np.angle(np.exp(1j * np.array(turns)).mean()))
+
+
+def turned(walk: FloorWalk, turn_rad: float) -> FloorWalk:
+    """The walk turned about its start."""
+    start = walk.nodes.world_from_body[0]
+    own = between(start, walk.nodes.world_from_body)
+    poses = compose(start + np.array([0.0, 0.0, turn_rad]), own)
+    return replace(walk, nodes=replace(walk.nodes, world_from_body=poses))
+
+
+def compass_turn(orientation: Orientation, nodes: Odometry) -> float:
+    """How far (radians) a walk has to be turned so that its mean heading is the phone's."""
+    ahead = _yaw_rad(orientation, nodes.t_s) - nodes.world_from_body[:, 2]
+    return float(np.angle(np.exp(1j * ahead).mean()))
 
 
 def solved(walks: Sequence[FloorWalk], method: str) -> tuple[list[F64], float]:
@@ -125,19 +149,18 @@ def waypoint_errors(walk: FloorWalk, poses: F64) -> F64:
     return np.asarray(np.linalg.norm(at[:, :2] - walk.truth.world_from_body[1:, :2], axis=1))
 
 
-def _archive(data: Path | None, floor: str) -> Path:
+def archive_of(data: Path | None, floor: str) -> Path:
+    """Where the walks of a floor lie. Raises InputError where there is no data at all."""
     if data is None:
         raise InputError("mall floor: wanted real walks; set ELFSLAM_DATA to the folder of them")
     return data / "mall_walks" / f"site1-{floor}.tar.xz"
 
 
-def _placed(recording: Recording, truth: Truth, turn_rad: float) -> FloorWalk:
+def _placed(recording: Recording, truth: Truth) -> FloorWalk:
     if recording.imu is None or recording.orientation is None:
         raise InputError(f"{recording.name}: has no inertial data or orientation; leave it out")
     nodes = dead_reckon(recording.imu, MotionParameters())
-    ahead = _yaw_rad(recording.orientation, nodes.t_s) - nodes.world_from_body[:, 2]
-    heading_rad = float(np.angle(np.exp(1j * ahead).mean())) + turn_rad
-    start = np.array([*truth.world_from_body[0, :2], heading_rad])
+    start = np.array([*truth.world_from_body[0, :2], compass_turn(recording.orientation, nodes)])
     moved = compose(start, nodes.world_from_body)
     return FloorWalk(recording, truth, replace(nodes, world_from_body=moved))
 
