@@ -46,7 +46,7 @@ TRAJECTORY, WITH_FIELD = "Wi-Fi, whole walk", "Wi-Fi and magnetic, whole walk"
 METHODS = (SOERENSEN, EUCLIDEAN, ONE_PLACE, LIVE, TRAJECTORY, WITH_FIELD)
 NOTE = (
     "Every fifth walk is located in the map that the others make. Mapped walks begin at a known "
-    "place, those to be located anywhere; no other position is used but by the labelled ones."
+    "place, those to be located anywhere. Labelled rivals know where every mapped scan was made."
 )
 ROWS_NOTE = (
     "Errors at all waypoints that got an answer, of every walk once; in brackets 95 %, over walks. "
@@ -54,8 +54,8 @@ ROWS_NOTE = (
     "heard around the waypoint. Live: what was known by then. Whole walk: all of it, afterwards."
 )
 MAP_NOTE = (
-    "Dots: waypoints. Red lines lead to where they are thought to be, on the walk as located "
-    "(between waypoints as they are joined). By: "
+    "Dots: waypoints. Red lines lead to where they are thought to be; these are joined to "
+    "walks. By: "
 )
 
 
