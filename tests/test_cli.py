@@ -344,7 +344,7 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
         (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or pyroomacoustics"),
         (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
-        (["study", "everything", "{tmp}/out"], "calibration, dead-reckoning"),
+        (["study", "everything", "{tmp}/out"], "calibration, closures, dead-reckoning"),
         (["study", "sensors", "{tmp}/out", "--data", "{walk}"], "mall_walks"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),

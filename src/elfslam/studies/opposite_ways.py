@@ -13,9 +13,10 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Echoes, Truth
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.slam import hear, map_by_echoes, walk_nodes
+from elfslam.slam import hear, map_by_echoes
 from elfslam.studies.finding import Announce
 from elfslam.studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
+from elfslam.studies.located import at_its_start
 from elfslam.studies.mapping_errors import CALIBRATED, walkers
 from elfslam.studies.repeats import Numbers
 from elfslam.world.simulate import load_world, simulate
@@ -71,12 +72,10 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
 
 
 def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
-    """A walk whose first footstep is known, mapped: what superimposition has of it."""
+    """A walk whose start is known, mapped: what superimposition has of it."""
     recording, truth = simulate(load_world(task.world), seed, rounds=task.rounds, reverse=reverse)
     known = walkers(seed)[CALIBRATED]
-    first_s = walk_nodes(recording, known).t_s[:1]
-    start = interpolate_poses(truth.t_s, truth.world_from_body, first_s)[0].tolist()
-    recording = replace(recording, start_pose=(start[0], start[1], start[2]))
+    recording = at_its_start(recording, truth)
     run = map_by_echoes(recording, load_encoder("compact"), known)
     assert run.echoes is not None
     t_s, heard = run.trajectory.t_s, run.echoes
