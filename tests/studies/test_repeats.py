@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
 from elfslam.base.errors import StoreError
-from elfslam.studies.repeats import Numbers, finished
+from elfslam.studies.repeats import Numbers, by_world, finished
 
 
 def silent(what: str, share: float | None) -> None:
@@ -70,3 +71,14 @@ def test_what_is_not_of_this_run_is_refused(tmp_path: Path, content: str, compla
     with pytest.raises(StoreError, match=complaint):
         finished(square, [1], silent, kept=kept, workers=1)
     assert kept.read_text() == content
+
+
+def test_numbers_are_gathered_by_world_in_the_order_of_their_tasks() -> None:
+    tasks = [Walk("studio", 1), Walk("lounge", 1), Walk("studio", 2)]
+    gathered = by_world(tasks, [{"a": 1.0}, {"a": 2.0}, {"a": 3.0}])
+    assert gathered == {"studio": [{"a": 1.0}, {"a": 3.0}], "lounge": [{"a": 2.0}]}
+
+
+class Walk(NamedTuple):
+    world: str
+    seed: int

@@ -39,7 +39,7 @@ from elfslam.studies.located import (
     stranger,
 )
 from elfslam.studies.mapping_errors import CALIBRATED, walkers
-from elfslam.studies.repeats import Numbers, finished
+from elfslam.studies.repeats import Numbers, by_world, finished
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 
@@ -77,11 +77,7 @@ def measure_localization(
     """Errors of every way to be located, and how many queries got an answer; no `data` needed."""
     tasks = [Pair(world, seed, mapping_rounds, rounds) for world in worlds for seed in seeds]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
-    by_world = {
-        world: [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
-        for world in worlds
-    }
-    rows = localization_rows(by_world)
+    rows = localization_rows(by_world(tasks, numbers))
     return Finding(rows, localization_page(rows))
 
 

@@ -35,7 +35,7 @@ from elfslam.senses import Modality, Settings, sense_of
 from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.mapping_table import mapping_page, mapping_rows
-from elfslam.studies.repeats import Numbers, finished
+from elfslam.studies.repeats import Numbers, by_world, finished
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 
@@ -79,11 +79,7 @@ def measure_mapping(
     tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     numbers = finished(measure, tasks, announce, kept=kept, workers=1)
-    by_world = {
-        world: [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
-        for world in worlds
-    }
-    rows = mapping_rows(by_world)
+    rows = mapping_rows(by_world(tasks, numbers))
     return Finding(rows, mapping_page(rows))
 
 

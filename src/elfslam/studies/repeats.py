@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file
@@ -14,6 +14,14 @@ from elfslam.studies.finding import Announce
 
 Task = TypeVar("Task")
 Numbers = dict[str, float]
+
+
+class Placed(Protocol):
+    """A task in a world."""
+
+    @property
+    def world(self) -> str:
+        """Its name."""
 
 
 def finished(
@@ -46,6 +54,14 @@ def finished(
     finally:
         pool.shutdown(cancel_futures=True)
     return [found[name] for name in names]
+
+
+def by_world(tasks: Sequence[Placed], numbers: Sequence[Numbers]) -> dict[str, list[Numbers]]:
+    """The numbers of each world's tasks, in the order of the tasks."""
+    found: dict[str, list[Numbers]] = {}
+    for task, each in zip(tasks, numbers, strict=True):
+        found.setdefault(task.world, []).append(each)
+    return found
 
 
 def _announce(announce: Announce, done: int, of: int) -> None:

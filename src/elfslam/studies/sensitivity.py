@@ -27,7 +27,7 @@ from elfslam.studies.located import (
     mapped_walk,
     stranger,
 )
-from elfslam.studies.repeats import Numbers, finished
+from elfslam.studies.repeats import Numbers, by_world, finished
 from elfslam.studies.sensitivity_table import sensitivity_page, sensitivity_rows
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import World, load_world
@@ -73,11 +73,7 @@ def measure_sensitivity(
         for seed in seeds
     ]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
-    by_world = {
-        world: [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
-        for world in places
-    }
-    rows = sensitivity_rows(by_world)
+    rows = sensitivity_rows(by_world(tasks, numbers))
     return Finding(rows, sensitivity_page(rows))
 
 
