@@ -1,0 +1,1 @@
+"""The web server, the phone page and the desk page."""

@@ -1,0 +1,184 @@
+"""What the server remembers: users, recordings, uploads, jobs and maps, in one SQL database.
+
+Files lie beside it, content-addressed (`blobs.py`); rows name them by their SHA-256.
+"""
+
+from __future__ import annotations
+
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy import JSON, DateTime, Engine, ForeignKey, create_engine, event
+from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+
+Sessions = sessionmaker[Session]
+
+
+class RecordingState(StrEnum):
+    """How far a recording has come."""
+
+    RECEIVING = "receiving"
+    READY = "ready"
+    REFUSED = "refused"
+
+
+class JobKind(StrEnum):
+    """What a job does."""
+
+    MAP = "map"
+    MERGE = "merge"
+    LOCATE = "locate"
+
+
+class JobState(StrEnum):
+    """How far a job has come."""
+
+    QUEUED = "queued"
+    RUNNING = "running"
+    DONE = "done"
+    FAILED = "failed"
+    CANCELLED = "cancelled"
+
+
+class Base(DeclarativeBase):
+    """Every table; times are UTC, ids are random and tell nothing."""
+
+    type_annotation_map = {dict[str, Any]: JSON, list[str]: JSON, datetime: DateTime(timezone=True)}  # noqa: RUF012
+
+
+def new_id() -> str:
+    """An id that nobody can guess."""
+    return uuid.uuid4().hex
+
+
+def now_utc() -> datetime:
+    """The time now."""
+    return datetime.now(UTC)
+
+
+class User(Base):
+    """Someone with a pairing token, of which only the SHA-256 is kept."""
+
+    __tablename__ = "users"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    name: Mapped[str]
+    token_sha256: Mapped[str] = mapped_column(unique=True, index=True)
+    is_owner: Mapped[bool] = mapped_column(default=False)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class Recording(Base):
+    """A walk, by whoever uploaded it. `refusal` says why it cannot be read."""
+
+    __tablename__ = "recordings"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    name: Mapped[str]
+    device: Mapped[str] = mapped_column(default="unknown")
+    state: Mapped[str] = mapped_column(default=RecordingState.RECEIVING)
+    refusal: Mapped[str | None] = mapped_column(default=None)
+    facts: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class RecordingFile(Base):
+    """One file of a recording's folder."""
+
+    __tablename__ = "recording_files"
+    recording_id: Mapped[str] = mapped_column(
+        ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True
+    )
+    name: Mapped[str] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(index=True)
+    size_bytes: Mapped[int]
+
+
+class Upload(Base):
+    """A file on its way. What has come lies on disk; its length is the offset."""
+
+    __tablename__ = "uploads"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    recording_id: Mapped[str] = mapped_column(
+        ForeignKey("recordings.id", ondelete="CASCADE"), index=True
+    )
+    file_name: Mapped[str]
+    length_bytes: Mapped[int | None] = mapped_column(default=None)
+    finished: Mapped[bool] = mapped_column(default=False)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class Job(Base):
+    """Work in the background: `given` is what it was asked, `gave` what came of it."""
+
+    __tablename__ = "jobs"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    kind: Mapped[str]
+    state: Mapped[str] = mapped_column(default=JobState.QUEUED, index=True)
+    given: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    gave: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    doing: Mapped[str] = mapped_column(default="")
+    share: Mapped[float | None] = mapped_column(default=None)
+    attempts: Mapped[int] = mapped_column(default=0)
+    problem: Mapped[str | None] = mapped_column(default=None)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+    started_utc: Mapped[datetime | None] = mapped_column(default=None)
+    finished_utc: Mapped[datetime | None] = mapped_column(default=None)
+
+
+class Map(Base):
+    """What a job made: the folder of a run, or of a floor map merged from runs."""
+
+    __tablename__ = "maps"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    name: Mapped[str]
+    kind: Mapped[str]
+    sources: Mapped[list[str]] = mapped_column(default=list)
+    facts: Mapped[dict[str, Any]] = mapped_column(default=dict)
+    floor_plan: Mapped[dict[str, Any] | None] = mapped_column(default=None)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class MapFile(Base):
+    """One file of a map's folder."""
+
+    __tablename__ = "map_files"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(index=True)
+    size_bytes: Mapped[int]
+
+
+def open_database(url: str) -> Engine:
+    """The database at an SQLAlchemy URL, its tables made where they are missing.
+
+    SQLite writes ahead and syncs every commit, so that what was acknowledged survives a kill.
+    """
+    engine = create_engine(url, pool_pre_ping=True)
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _as_careful_sqlite)
+    Base.metadata.create_all(engine)
+    return engine
+
+
+def _as_careful_sqlite(connection: Any, _record: object) -> None:
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+        connection.execute(f"PRAGMA {pragma}")
+
+
+@contextmanager
+def transaction(sessions: Sessions) -> Iterator[Session]:
+    """A session that is committed at the end, or rolled back whole."""
+    with sessions.begin() as session:
+        yield session
+
+
+def sessions_of(engine: Engine) -> Sessions:
+    """Makes sessions; what they loaded stays readable after the commit."""
+    return sessionmaker(engine, expire_on_commit=False)
