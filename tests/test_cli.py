@@ -16,7 +16,7 @@ from PIL import Image
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap
 from elfslam.cli import main
-from elfslam.data.map_files import write_map
+from elfslam.data.map_files import read_map, write_map
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.studies import catalogue
@@ -600,3 +600,27 @@ def test_a_run_is_placed_on_a_plan_or_not(lap: Path, tmp_path: Path, elfslam: El
     code, _, err = elfslam("anchor", lap, f"{image}:9.2", tmp_path / "out", "--start", "1.6,1.6")
     assert (code, "probability" in err) == (0, True)
     assert (tmp_path / "out" / "map.npz").is_file()
+
+
+def test_a_run_is_followed_through_a_plan_or_not(
+    mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    pixels = np.zeros((100, 100), dtype=np.uint8)
+    pixels[2:98, 2:98] = 255
+    image = tmp_path / "plan.png"
+    Image.fromarray(pixels).save(image)
+    plan, out = f"{image}:30", tmp_path / "out"
+    quick = ("--follow", "--set", "passages.particles=500")
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15")
+    assert (code, "say the heading" in err) == (2, True)
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "-40,40,0")
+    assert (code, "leaves the ground" in err) == (1, True)
+    assert not out.exists()
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15,0")
+    assert (code, "followed through the plan" in err) == (0, True)
+    there, before = read_map(out), read_map(mapped)
+    assert np.abs(there.xy_m - before.xy_m - 15).max() < 3
+    assert there.payloads[0].encoder == before.payloads[0].encoder
+    assert (out / "followed.tum").is_file()
+    code, _, err = elfslam("anchor", out, plan, tmp_path / "again", *quick)
+    assert (code, "only a walk with its footsteps" in err) == (2, True)

@@ -26,6 +26,7 @@ FLOORS = {
     "exporting": 3.5,
     "joining": 3.75,
     "plans": 3.75,
+    "following": 3.8,
     "console": 3.5,
     "studies": 4,
     "serve": 4,

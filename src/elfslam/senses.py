@@ -20,6 +20,7 @@ from elfslam.learn.settings import FinetuneParameters, FloorLevelParameters, Pre
 from elfslam.line.alignment import AlignmentParameters
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
+from elfslam.line.passages import PassageParameters
 from elfslam.line.phone import PhoneParameters
 from elfslam.line.quality import QualityParameters
 from elfslam.merging.parameters import MergingParameters
@@ -40,6 +41,7 @@ class Settings(Parameters):
     merging: MergingParameters = field(default_factory=MergingParameters)
     quality: QualityParameters = field(default_factory=QualityParameters)
     anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
+    passages: PassageParameters = field(default_factory=PassageParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
     floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)

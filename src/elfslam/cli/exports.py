@@ -16,9 +16,13 @@ from elfslam.console import say
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 from elfslam.exporting import Format, Told, export
+from elfslam.following import Start, follow_into
 from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, Placement
-from elfslam.plans import anchor_into, read_plan
+from elfslam.plans import Plan, anchor_into, read_plan
 from elfslam.senses import Settings
+
+TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
+"""How well people say where a walk begins and whereto, m, m, rad."""
 
 
 def export_command(
@@ -47,14 +51,24 @@ def anchor_command(
     source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be placed.")],
     plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson.")],
     out: Annotated[Path, typer.Argument(help="The map folder, in the frame of the plan.")],
-    start: Annotated[str | None, typer.Option(help="X,Y of the first walk's start, m.")] = None,
+    start: Annotated[
+        str | None, typer.Option(help="X,Y[,HEADING_RAD] of the first walk's start, m.")
+    ] = None,
+    follow: Annotated[
+        bool, typer.Option("--follow", help="Bend the walk through the plan's passages.")
+    ] = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
     """Place a map on a floor plan: where its walks keep to accessible ground."""
-    known = load(Settings(), parameter_file, setting or []).anchoring
-    where = read_plan(plan)
-    placement = anchor_into(out, source, where, known, _start_m(start))
+    settings = load(Settings(), parameter_file, setting or [])
+    where, told = read_plan(plan), _numbers(start)
+    if follow:
+        _follow(source, where, out, settings, told)
+        return
+    placement = anchor_into(
+        out, source, where, settings.anchoring, None if told is None else told[:2]
+    )
     if placement.status == NOWHERE:
         raise NoAnswerError(
             f"{source}: {placement.off_share:.0%} of it is off accessible ground wherever it is "
@@ -71,16 +85,33 @@ def anchor_command(
         say(f"on the Earth: elfslam export {out} --origin {lies}")
 
 
-def _start_m(text: str | None) -> F64 | None:
+def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 | None) -> None:
+    """Write the walk as the plan allows it, from the start that was told with its heading."""
+    start = None
+    if told is not None:
+        if len(told) < 3:
+            raise ParameterError(
+                "--follow: wanted --start X,Y,HEADING_RAD or none; say the heading"
+            )
+        start = Start(told, np.diag(np.square(TOLD_SIGMA)))
+    followed = follow_into(out, source, plan, (settings.anchoring, settings.passages), start)
+    variance = np.trace(followed.covariance[:, :2, :2], axis1=1, axis2=2).mean() / 2
+    say(f"wrote {out}: followed through the plan, sigma {np.sqrt(variance):.2f} m")
+
+
+def _numbers(text: str | None) -> F64 | None:
     if text is None:
         return None
     try:
-        start_m = np.array([float(cell) for cell in text.split(",")])
+        told = np.array([float(cell) for cell in text.split(",")])
     except ValueError:
-        start_m = np.empty(0)
-    if start_m.shape != (2,) or not np.isfinite(start_m).all():
-        raise ParameterError(f"--start {text!r}: wanted X,Y in metres on the plan, such as 3.5,1")
-    return start_m
+        told = np.empty(0)
+    if len(told) not in (2, 3) or not np.isfinite(told).all():
+        raise ParameterError(
+            f"--start {text!r}: wanted X,Y in metres on the plan, such as 3.5,1, and perhaps the "
+            "heading in radians"
+        )
+    return told
 
 
 def _told(placement: Placement) -> str:

@@ -34,3 +34,12 @@ def placed_figure(
             traces += walk_traces(other, name, DEAD_RECKONING, opacity=0.6)
     traces += walk_traces(best, f"placed ({share:.0%})", SLAM, width=3)
     return plan(traces, height_px=460)
+
+
+def followed_figure(floor_plan: FloorPlan, followed_m: F64, told_m: F64, truth_m: F64) -> go.Figure:
+    """A walk (n, 2) as the plan allows it, as it was told and reckoned, and where it was."""
+    traces = [*floor_traces(floor_plan)]
+    traces += walk_traces(truth_m, "truth", TRUTH, dash="dot", width=3)
+    traces += walk_traces(told_m, "as told", DEAD_RECKONING, opacity=0.6)
+    traces += walk_traces(followed_m, "followed", SLAM, width=3)
+    return plan(traces, height_px=460)

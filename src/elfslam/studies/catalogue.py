@@ -29,6 +29,7 @@ from elfslam.studies.mall_fifths import measure_mall_fifths
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.merging import measure_merging
+from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
@@ -58,6 +59,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
+    "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
