@@ -178,6 +178,18 @@ def test_footsteps_help_to_locate(
     assert sum(row.endswith(",OK") for row in rows) > 0.9 * (len(rows) - 1)
 
 
+def test_a_phone_is_learnt_from_a_walk_of_its_own(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    plain, told = tmp_path / "plain.csv", tmp_path / "told.csv"
+    assert elfslam("locate", walk, mapped, plain)[0] == 0
+    assert elfslam("locate", walk, mapped, told, "--phone-walk", walk)[0] == 0
+    assert plain.read_text() != told.read_text()
+    short = ("--set", "phone.fewest_windows=100000")
+    code, _, err = elfslam("locate", walk, mapped, told, "--phone-walk", walk, *short)
+    assert (code, "walk longer" in err) == (2, True)
+
+
 def test_another_building_is_an_unknown_place(
     mapped: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:

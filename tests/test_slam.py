@@ -214,6 +214,24 @@ def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
     assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.5 * lost_m
 
 
+def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
+    recording: Recording, run: Run, encoder: Encoder
+) -> None:
+    """An encoder whose vectors are mirrored stands for a phone: its translation mirrors back."""
+    assert run.floor_map is not None
+    size = run.floor_map.payloads[0].vectors.shape[1]
+    mirror = np.diag(np.where(np.arange(size) % 2, -1.0, 1.0)).astype(np.float32)
+    payload = run.floor_map.payloads[0]
+    mirrored = dataclasses.replace(payload, vectors=payload.vectors @ mirror)
+    other = dataclasses.replace(run.floor_map, payloads=(mirrored,))
+    plain = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    lost = slam.locate(recording, other, encoder, PARAMETERS)
+    found = slam.locate(recording, other, encoder, PARAMETERS, translation=mirror)
+    npt.assert_array_equal(found.status, plain.status)
+    npt.assert_allclose(found.xy_m, plain.xy_m, atol=1e-5)
+    assert (lost.status == FixStatus.OK).mean() < 0.2
+
+
 @pytest.mark.parametrize("mode", [slam.Mode.TRAJECTORY, slam.Mode.TRACK])
 def test_with_footsteps_another_walk_is_located_better(
     run: Run, encoder: Encoder, mode: slam.Mode

@@ -49,6 +49,7 @@ from elfslam.line.locate import (
     means_between,
 )
 from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
+from elfslam.line.phone import heard_as_map
 from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker, TrackParameters
@@ -258,19 +259,31 @@ def locate(
     *,
     mode: Mode = Mode.ONE_SHOT,
     seed: int = 0,
+    translation: F32 | None = None,
 ) -> Fixes:
     """Where the phone was at every moment of a recording, as far as the map can tell.
 
-    Where the map says what its own phone made of the chirp, this one is heard as if it were that.
-    The `seed` is the tracker's.
+    The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
     """
-    echoes = hear(recording, parameters)
-    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
+    features = heard_in(floor_map, recording, encoder, parameters)
+    if translation is not None:
+        features = heard_as_map(features, translation)
     if mode is Mode.ONE_SHOT:
         return locate_one_shot(features, floor_map, parameters.locate)
     nodes = walk_nodes(recording, parameters)
     scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed)
+
+
+def heard_in(
+    floor_map: FloorMap, recording: Recording, encoder: Encoder, parameters: Parameters
+) -> Features:
+    """The features of a recording that is to be compared with a map.
+
+    Where the map says what its own phone made of the chirp, this one is heard as if it were that.
+    """
+    echoes = hear(recording, parameters)
+    return extract_features(echoes, encoder_for(floor_map, encoder, echoes))
 
 
 def footstep_likeness(

@@ -29,6 +29,7 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import read_facts
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
+from elfslam.line.phone import learn_phone
 from elfslam.mapping import (
     MapJob,
     breaks,
@@ -102,6 +103,9 @@ def locate_command(
         slam.Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
     ] = slam.Mode.ONE_SHOT,
     seed: Annotated[int, typer.Option(help="Of the tracker's draws.")] = 0,
+    phone_walk: Annotated[
+        Path | None, typer.Option(help="A walk of this phone in the map, to learn how it hears.")
+    ] = None,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
     as_json: AsJson = False,
@@ -113,7 +117,14 @@ def locate_command(
     with progress_bar() as announce:
         announce("locating", None)
         heard = read_recording(recording, parameters.chirp)
-        fixes = slam.locate(heard, known, used, parameters, mode=mode, seed=seed)
+        translation = None
+        if phone_walk is not None:
+            walk = read_recording(phone_walk, parameters.chirp)
+            own = slam.heard_in(known, walk, used, parameters)
+            translation = learn_phone(own, known, parameters.phone)
+        fixes = slam.locate(
+            heard, known, used, parameters, mode=mode, seed=seed, translation=translation
+        )
     write_fixes(fixes, out)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
     print_rows(
