@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from elfslam.base.errors import ElfslamError
+from elfslam.base.values import FloorMap
+from elfslam.data.map_files import write_map
 from elfslam.studies.drawing import drawing_of
 
 
@@ -22,3 +25,14 @@ def test_what_cannot_be_read_is_refused_at_once(what: str, tmp_path: Path) -> No
     (tmp_path / "text.npz").write_text("no map")
     with pytest.raises(ElfslamError):
         drawing_of(str(tmp_path / what))
+
+
+@pytest.mark.parametrize("place", ["lap.npz", "anchored/map.npz"])
+def test_a_map_is_drawn_from_its_file_or_its_folder(place: str, tmp_path: Path) -> None:
+    corners = np.array([[0, 0], [6, 0], [6, 4], [0, 4.0]])
+    spread = np.tile(0.01 * np.eye(2), (4, 1, 1))
+    lap = FloorMap(corners, np.zeros(4), np.zeros(4), np.arange(4), spread, (), "", ("lap",))
+    write_map(lap, tmp_path / place)
+    drawn = tmp_path / place if place.startswith("lap") else tmp_path / "anchored"
+    drawing_of(str(drawn))(tmp_path / "out.html")
+    assert "lap" in (tmp_path / "out.html").read_text()

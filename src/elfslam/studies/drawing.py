@@ -6,8 +6,7 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import is_merged
+from elfslam.data.map_files import MAP, read_map
 from elfslam.data.runs import FACTS, read_facts, read_run
 from elfslam.score.report import write_map_page, write_report
 from elfslam.score.world_page import write_world_page
@@ -20,6 +19,6 @@ def drawing_of(what: str) -> Callable[[Path], None]:
     path = Path(what)
     if (path / FACTS).exists():
         return partial(write_report, run=read_run(path), facts=read_facts(path))
-    if path.suffix == ".npz" or is_merged(path):
+    if path.suffix == ".npz" or (path / MAP).exists():
         return partial(write_map_page, floor_map=read_map(path))
     return partial(write_world_page, world=world_plan(load_world(what)))
