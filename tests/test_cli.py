@@ -17,7 +17,9 @@ from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap
 from elfslam.cli import main
 from elfslam.data.map_files import read_map, write_map
+from elfslam.data.phyphox_experiment import phyphox_experiment
 from elfslam.data.recordings import read_recording
+from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.studies import catalogue
 
@@ -361,6 +363,10 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["import", "phyphox", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["import", "ronin", "{walk}", "{tmp}/out"], "acce.txt"),
+        (["import", "getsensordata", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["phyphox", "{tmp}/e.phyphox", "--set", "chirp.period_s=0.100001"], "chirp.period_s"),
     ],
 )
 def test_bad_arguments_are_refused_in_one_line(
@@ -382,6 +388,13 @@ def test_a_wrong_command_line_is_refused_in_one_line(
     assert (code, out) == (2, "")
     assert len(err.splitlines()) == 1
     assert "elfslam --help" in err
+
+
+def test_a_phyphox_experiment_is_written(tmp_path: Path, elfslam: Elfslam) -> None:
+    code, out, err = elfslam("phyphox", tmp_path / "e.phyphox", "--minutes", "3")
+    assert (code, out) == (0, "")
+    assert "3 minutes takes about 346 MB" in err
+    assert (tmp_path / "e.phyphox").read_bytes() == phyphox_experiment(ChirpParameters(), 3.0)
 
 
 def test_help_is_no_error(elfslam: Elfslam) -> None:

@@ -97,6 +97,40 @@ def test_ios_standardised_or_not(
     np.testing.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
 
 
+def test_uncalibrated_ios_acceleration_is_in_g_and_flipped(tmp_path: Path) -> None:
+    files = {name: IOS[name] for name in ("Metadata.csv", "Gyroscope.csv")}
+    files["AccelerometerUncalibrated.csv"] = table(-UP)
+    imu = read_sensorlogger(log(tmp_path, files)).imu
+    np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
+
+
+def test_rows_from_before_the_start_are_kept(tmp_path: Path) -> None:
+    early = T_S - 0.1
+    files = {
+        "TotalAcceleration.csv": table(9.80665 * UP, t_s=early),
+        "Gyroscope.csv": table(np.zeros(3), t_s=early),
+    }
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, early, atol=1e-4)
+
+
+def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
+    rows = "time,seconds_elapsed,ssid,bssid,frequency,level,capabilities\n" + "".join(
+        f'1,{t_s},{name},{bssid},2412,{level},"[WPA2]"\n'
+        for t_s, name, bssid, level in [
+            (0.5, '"a, ""b"""', "aa", -50),
+            (0.5, "home", "bb", -60),
+            (1.5, "", "aa", -55),
+        ]
+    )
+    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).wifi
+    assert wifi.bssids == ("aa", "bb")
+    np.testing.assert_array_equal(wifi.rssi_dbm, [[-50, -60], [-55, np.nan]])
+    for bad in (",x,", ",nan,", ",,"):
+        damaged = rows.replace(",-60,", bad)
+        with pytest.raises(InputError, match=r"WiFi\.csv: row 3 lacks a number"):
+            read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": damaged}))
+
+
 def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
     files = {**ANDROID, "TotalAcceleration.csv": table(UP)}
     imu = read_sensorlogger(log(tmp_path, files)).imu

@@ -19,7 +19,9 @@ from elfslam.cli.options import (
     say_refused,
 )
 from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
+from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
 from elfslam.data.recordings import write_recording
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
@@ -113,3 +115,18 @@ def import_command(
     summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
     print_rows([summary], title="Imported", as_json=as_json)
     say_refused("imported", refused)
+
+
+def phyphox_command(
+    out: Annotated[Path, typer.Argument(help="A file, such as elfslam.phyphox.")],
+    minutes: Annotated[float, typer.Option(min=0.1, max=30, help="Longest walk.")] = 2.0,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Write an experiment for the phyphox app that chirps and records, without our page."""
+    parameters = load(Settings(), parameter_file, setting or [])
+    made = phyphox_experiment(parameters.chirp, minutes)
+    with new_file(out) as partial:
+        partial.write_bytes(made)
+    megabytes = minutes * 60 * RATE_HZ * BYTES_PER_SAMPLE / 1e6
+    say(f"wrote {out}; a walk of {minutes:g} minutes takes about {megabytes:.0f} MB on Android")

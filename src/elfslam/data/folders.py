@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import lzma
 import os
 import secrets
 import shutil
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -12,6 +14,19 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from elfslam.base.errors import InputError, StoreError
+
+DAMAGED_ZIP = (
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    struct.error,
+    OSError,
+    EOFError,
+    RuntimeError,
+    ValueError,
+    LookupError,
+)
+"""What zipfile lets through of an archive that was cut off, overwritten or made up."""
 
 
 @contextmanager
@@ -52,7 +67,7 @@ def unpack_zip(path: Path, folder: Path) -> None:
     try:
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folder)
-    except (zipfile.BadZipFile, zlib.error, OSError, EOFError, RuntimeError) as cause:
+    except DAMAGED_ZIP as cause:
         raise InputError(f"{path}: is no whole .zip ({cause}); copy the file again") from cause
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -11,8 +11,11 @@ import numpy as np
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
+from elfslam.data.getsensordata import read_getsensordata
 from elfslam.data.magnetic import read_magnetic
 from elfslam.data.mall import read_walk, walks_in
+from elfslam.data.phyphox import read_phyphox
+from elfslam.data.ronin import read_ronin
 from elfslam.data.sensorlogger import read_sensorlogger
 
 
@@ -22,6 +25,17 @@ class LogFormat(StrEnum):
     MALL = "mall"
     MAGNETIC = "magnetic"
     SENSORLOGGER = "sensorlogger"
+    PHYPHOX = "phyphox"
+    GETSENSORDATA = "getsensordata"
+    RONIN = "ronin"
+
+
+ONE_RECORDING: Mapping[LogFormat, Callable[[Path], Recording]] = {
+    LogFormat.SENSORLOGGER: read_sensorlogger,
+    LogFormat.PHYPHOX: read_phyphox,
+    LogFormat.RONIN: read_ronin,
+}
+"""Readers of formats that hold one recording and no truth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,8 +73,11 @@ def read_logs(
     elif log_format is LogFormat.MAGNETIC:
         recording, truth = read_magnetic(path, generator)
         yield Imported(recording, truth, 0)
+    elif log_format is LogFormat.GETSENSORDATA:
+        log = read_getsensordata(path)
+        yield Imported(log.recording, log.truth if len(log.truth.t_s) else None, log.damaged_lines)
     else:
-        yield Imported(read_sensorlogger(path), None, 0)
+        yield Imported(ONE_RECORDING[log_format](path), None, 0)
 
 
 def takes_many(log_format: LogFormat) -> bool:

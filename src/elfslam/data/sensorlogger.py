@@ -1,23 +1,25 @@
 """Logs of the Sensor Logger app (Kelvin Choi): a .zip with one CSV per sensor.
 
 Conventions, from the app's own pages on units, coordinates and platforms: `seconds_elapsed`
-counts from the start, accelerations are in m/s2 (in g where uncalibrated on iOS), turn rates in
-rad/s, the field in microtesla. On iOS acceleration and gravity have the opposite sign unless
-"Standardise Units & Frames" was on, which Metadata.csv says in `standardisation`.
+counts from the start and may begin below zero, accelerations are in m/s2 (in g where
+uncalibrated on iOS), turn rates in rad/s, the field in microtesla. On iOS acceleration and
+gravity have the opposite sign unless "Standardise Units & Frames" was on, which Metadata.csv
+says in `standardisation`. Only Android writes an acceleration with gravity.
 """
 
 from __future__ import annotations
 
 import csv
+import math
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import rotation_from_quaternion
-from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
+from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording, WifiScans
 from elfslam.data.audio_files import read_audio
 from elfslam.data.folders import unpack_zip
 from elfslam.data.sensor_files import (
@@ -28,11 +30,10 @@ from elfslam.data.sensor_files import (
     QUATERNION,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.tables import check_size, in_order, read_lines, read_table
+from elfslam.data.streams import attitude_that_agrees, find_file, forward, in_mps2
+from elfslam.data.tables import check_size, read_lines, read_table
+from elfslam.data.wifi_table import scans_from_rows
 
-STANDARD_GRAVITY_MPS2 = 9.80665
-LARGEST_MEAN_IN_G = 3.0
-"""A mean acceleration below this is in g, one above it in m/s2."""
 LOWEST_RATE_HZ = 44_100
 """The app's lossy sound has less than this, and nothing in the chirp band."""
 SOUND_FILES = ("Microphone.wav", "Microphone.flac")
@@ -42,9 +43,6 @@ LARGEST = {
     "Orientation": (1.01, ""),
 }
 """What a sensor can read, with its unit; the rest are accelerations."""
-LARGEST_TILT_RAD = 0.5
-"""An attitude whose vertical is further from the measured one is not understood."""
-
 Table = tuple[F64, F64]
 
 
@@ -77,38 +75,35 @@ def _read_folder(folder: Path, name: str) -> Recording:
         imu=imu,
         orientation=_orientation(folder, imu),
         magnetometer=magnetometer and Magnetometer(*magnetometer),
+        wifi=_wifi(folder),
     )
 
 
-def _find(folder: Path, file_name: str) -> Path | None:
-    return next(iter(sorted(folder.rglob(file_name))), None)
-
-
 def _metadata(folder: Path) -> dict[str, str]:
-    file = _find(folder, "Metadata.csv")
+    file = find_file(folder, "Metadata.csv")
     row = next(csv.DictReader(read_lines(file)), None) if file else None
     return {key: str(value or "") for key, value in (row or {}).items()}
 
 
 def _sensor(folder: Path, name: str, columns: tuple[str, ...] = AXES) -> Table | None:
     """Times and values of a sensor; rows that repeat a time or are out of order are left out."""
-    file = _find(folder, f"{name}.csv")
+    file = find_file(folder, f"{name}.csv")
     if file is None:
         return None
     table = read_table(file, ["seconds_elapsed", *columns])
     check_size(file, table[:, 1:], *LARGEST.get(name, (LARGEST_ACCEL_MPS2, "m/s2")))
-    table = table[in_order(table[:, 0])]
-    kept = np.diff(table[:, 0], prepend=-np.inf) > 0
-    return table[kept, 0], table[kept, 1:]
+    return forward(table[:, 0], table[:, 1:])
 
 
 def _acceleration(folder: Path, facts: dict[str, str]) -> Table | None:
-    total = _sensor(folder, "TotalAcceleration") or _summed_acceleration(folder)
+    total = (
+        _sensor(folder, "TotalAcceleration")
+        or _summed_acceleration(folder)
+        or _sensor(folder, "AccelerometerUncalibrated")
+    )
     if total is None:
         return None
-    t_s, values = total
-    if np.linalg.norm(values, axis=1).mean() < LARGEST_MEAN_IN_G:
-        values = values * STANDARD_GRAVITY_MPS2
+    t_s, values = total[0], in_mps2(total[1])
     return t_s, -values if _is_flipped(values, facts) else values
 
 
@@ -135,26 +130,40 @@ def _is_flipped(values: F64, facts: dict[str, str]) -> bool:
 def _orientation(folder: Path, imu: Imu) -> Orientation | None:
     """Platforms and versions differ in which way the quaternion turns: gravity decides."""
     attitude = _sensor(folder, "Orientation", QUATERNION)
-    if attitude is None:
-        return None
-    t_s, quaternion = attitude
-    length = np.linalg.norm(quaternion, axis=1, keepdims=True)
-    quaternion = quaternion / np.where(length > 0, length, np.nan)
-    up = np.column_stack([np.interp(t_s, imu.t_s, axis) for axis in imu.accel_mps2.T])
-    candidates = (quaternion, quaternion * [-1, -1, -1, 1])
-    tilts = [_tilt_rad(candidate, up) for candidate in candidates]
-    if not min(tilts) < LARGEST_TILT_RAD:
-        return None
-    return Orientation(t_s, candidates[int(np.argmin(tilts))])
+    return attitude and attitude_that_agrees(attitude[0], [attitude[1]], imu)
 
 
-def _tilt_rad(world_from_phone: F64, up: F64) -> float:
-    """Angle between the vertical and the mean measured acceleration turned into the world."""
-    turned = np.einsum("nij,nj->ni", rotation_from_quaternion(world_from_phone), up).mean(axis=0)
-    return float(np.arccos(np.clip(turned[2] / np.linalg.norm(turned), -1, 1)))
+def _wifi(folder: Path) -> WifiScans | None:
+    """Rows `seconds_elapsed, bssid, level`; a network's name may hold anything, commas too."""
+    file = find_file(folder, "WiFi.csv")
+    if file is None:
+        return None
+    seen: list[tuple[float, str, float]] = []
+    for number, row in enumerate(csv.DictReader(read_lines(file)), start=2):
+        cells = _seen(row)
+        if cells is None:
+            raise InputError(
+                f"{file}: row {number} lacks a number in seconds_elapsed or level, or a bssid; "
+                "repair that row or delete the file"
+            )
+        seen.append(cells)
+    if not seen:
+        return None
+    t_s, bssids, rssi_dbm = zip(*seen, strict=True)
+    return scans_from_rows(t_s, bssids, rssi_dbm, [math.nan] * len(seen))
+
+
+def _seen(row: Mapping[str, str | None]) -> tuple[float, str, float] | None:
+    """When, which network and how strong; None where a cell is missing or no number."""
+    bssid = row.get("bssid")
+    try:
+        t_s, level_dbm = float(row["seconds_elapsed"] or ""), float(row["level"] or "")
+    except (ValueError, KeyError):
+        return None
+    return (t_s, bssid, level_dbm) if bssid and math.isfinite(t_s + level_dbm) else None
 
 
 def _sound(folder: Path) -> Audio | None:
-    file = next(filter(None, (_find(folder, name) for name in SOUND_FILES)), None)
+    file = next(filter(None, (find_file(folder, name) for name in SOUND_FILES)), None)
     audio = read_audio(file) if file else None
     return audio if audio and audio.rate_hz >= LOWEST_RATE_HZ else None

@@ -16,18 +16,20 @@ TIME_FORMAT = "%.6f"
 NUMBER_FORMAT = "%.9g"
 
 
-def read_lines(file: Path) -> list[str]:
-    """The lines of a text file, without blank ones at its end.
-
-    Raises InputError where the file is missing, unreadable or empty.
-    """
+def read_text(file: Path) -> str:
+    """The text of a file. Raises InputError where it is missing, unreadable or empty."""
     try:
         text = file.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as cause:
         raise InputError(f"{file}: cannot be read as text ({cause}); check the file") from cause
     if not text.strip():
         raise InputError(f"{file}: is empty; delete it if there is nothing to say")
-    return text.rstrip().splitlines()
+    return text
+
+
+def read_lines(file: Path) -> list[str]:
+    """The lines of a text file, without blank ones at its end. Raises InputError as `read_text`."""
+    return read_text(file).rstrip().splitlines()
 
 
 def read_header(file: Path) -> tuple[str, ...]:
