@@ -1,0 +1,111 @@
+/** What two seconds of chirps tell about a phone, as numbers; verdicts.js says them in words. */
+
+import { complexZeros, fourierOf } from "./fourier.js";
+import { earliest, makeMatchedFilter, median, strongest } from "./matched_filter.js";
+import { RULES } from "./arrivals.js";
+
+const SPECTRUM = 1024;
+const SUBBAND_HZ = 1000;
+const CLIPPED = 0.98;
+
+/**
+ * @typedef {{lowHz: number, levelDb: number, snrDb: number}} Subband
+ * @typedef {{
+ *   peak: number, contrast: number, heard: number, frames: number, jitterS: number, latencyS: number,
+ *   clippedShare: number, silentShare: number, subbands: Subband[],
+ * }} Measured peak: amplitude of the direct sound; contrast: over the median envelope; jitterS: of the
+ *   direct arrival, median deviation; latencyS: from playing to hearing, less whole periods.
+ */
+
+/**
+ * @param {Float32Array} samples what was heard
+ * @param {number} rateHz
+ * @param {Float32Array} chirp
+ * @param {{first: number, period: number, count: number}} played samples: when the chirps were due
+ * @param {number[]} bandHz
+ * @returns {Measured}
+ */
+export function measure(samples, rateHz, chirp, played, bandHz) {
+  const envelope = wholeEnvelope(samples, chirp);
+  const floor = median(envelope.subarray(0, played.first));
+  const early = Math.round(RULES.earlyS * rateHz);
+  const frames = Array.from({ length: played.count }, (_, c) => {
+    const start = played.first + c * played.period;
+    const peak = strongest(envelope, start, start + played.period);
+    const direct = earliest(envelope, peak, early, RULES.earlyShare);
+    return { delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, played) };
+  }).filter((frame) => Number.isFinite(frame.peak));
+  const heard = frames.filter((frame) => frame.peak >= RULES.contrast * Math.max(frame.floor, 1e-9));
+  const delay = median(heard.map((frame) => frame.delay));
+  return {
+    peak: median(frames.map((frame) => frame.peak)),
+    contrast: median(frames.map((frame) => frame.peak / Math.max(frame.floor, floor, 1e-9))),
+    heard: heard.length,
+    frames: played.count,
+    jitterS: median(heard.map((frame) => Math.abs(frame.delay - delay))) / rateHz,
+    latencyS: delay / rateHz,
+    clippedShare: shareOf(samples, (value) => Math.abs(value) >= CLIPPED),
+    silentShare: shareOf(samples, (value) => value === 0),
+    subbands: subbandsOf(samples, rateHz, played, delay, bandHz),
+  };
+}
+
+function frameFloor(envelope, start, { period }) {
+  return median(envelope.subarray(start, start + period));
+}
+
+function wholeEnvelope(samples, chirp) {
+  return makeMatchedFilter(chirp, samples.length)(samples);
+}
+
+function shareOf(samples, test) {
+  let count = 0;
+  for (const value of samples) count += test(value) ? 1 : 0;
+  return count / samples.length;
+}
+
+/** Power by frequency while the chirp is heard, over that while nothing was played. */
+function subbandsOf(samples, rateHz, played, delay, [lowHz, highHz]) {
+  const lag = Number.isFinite(delay) ? delay : 0;
+  const starts = Array.from({ length: played.count }, (_, c) => played.first + c * played.period + lag);
+  const quiet = Array.from(
+    { length: Math.max(Math.floor(played.first / SPECTRUM) - 1, 0) },
+    (_, k) => k * SPECTRUM,
+  );
+  const loud = meanPower(samples, starts);
+  const noise = meanPower(samples, quiet);
+  const count = Math.round((highHz - lowHz) / SUBBAND_HZ);
+  return Array.from({ length: count }, (_, k) => {
+    const edgeHz = lowHz + k * SUBBAND_HZ;
+    const signal = bandPower(loud, edgeHz, rateHz);
+    return {
+      lowHz: edgeHz,
+      levelDb: decibels(signal),
+      snrDb: decibels(signal / Math.max(bandPower(noise, edgeHz, rateHz), 1e-20)),
+    };
+  });
+}
+
+function meanPower(samples, starts) {
+  const { forward } = fourierOf(SPECTRUM);
+  const power = new Float64Array(SPECTRUM / 2);
+  const whole = starts.filter((start) => start >= 0 && start + SPECTRUM <= samples.length);
+  for (const start of whole) {
+    const x = complexZeros(SPECTRUM);
+    for (let n = 0; n < SPECTRUM; n += 1) {
+      x.re[n] = samples[start + n] * Math.sin((Math.PI * (n + 0.5)) / SPECTRUM) ** 2;
+    }
+    forward(x);
+    for (let k = 0; k < power.length; k += 1) power[k] += x.re[k] ** 2 + x.im[k] ** 2;
+  }
+  return power.map((value) => value / Math.max(whole.length, 1) / (SPECTRUM / 2) ** 2);
+}
+
+function bandPower(power, edgeHz, rateHz) {
+  const bin = (hz) => Math.round((hz * SPECTRUM) / rateHz);
+  return power.subarray(bin(edgeHz), bin(edgeHz + SUBBAND_HZ)).reduce((sum, value) => sum + value, 0);
+}
+
+function decibels(ratio) {
+  return 10 * Math.log10(Math.max(ratio, 1e-20));
+}
