@@ -18,41 +18,58 @@ export async function openDatabaseShelf() {
   };
 }
 
+/** No piece is longer: what a read or a cut has to look at. */
+const LONGEST_PIECE = 1 << 16;
+
 function keptAs(store, walk, name, size) {
+  const within = (start) => IDBKeyRange.bound([walk, name, start], [walk, name, []]);
+  const put = (bytes, start) => settled(store("readwrite").put(bytes.slice(), [walk, name, start]));
   const kept = {
     size,
     append: async (bytes) => {
-      if (bytes.length === 0) return;
-      await settled(store("readwrite").put(bytes.slice(), [walk, name, kept.size]));
-      kept.size += bytes.length;
+      for (let at = 0; at < bytes.length; at += LONGEST_PIECE) {
+        const piece = bytes.subarray(at, at + LONGEST_PIECE);
+        await put(piece, kept.size);
+        kept.size += piece.length;
+      }
     },
     replace: async (bytes) => {
-      const within = store("readwrite");
-      within.delete(allOf(walk, name));
-      await settled(within.put(bytes.slice(), [walk, name, 0]));
-      kept.size = bytes.length;
+      await settled(store("readwrite").delete(within(0)));
+      kept.size = 0;
+      await kept.append(bytes);
     },
-    truncate: async (wanted) => kept.replace(await kept.read(0, wanted)),
-    read: async (start, end) => joined(await piecesOf(store, walk, name), start, end),
+    truncate: async (wanted) => {
+      const start = Math.max(wanted - LONGEST_PIECE, 0);
+      const tail = await kept.read(start, wanted);
+      await settled(store("readwrite").delete(within(start)));
+      const pieces = await piecesOf(store, within(0));
+      const end = pieces.length === 0 ? 0 : pieces.at(-1).start + pieces.at(-1).bytes.length;
+      kept.size = end;
+      await kept.append(tail.subarray(end - start));
+    },
+    read: async (start, end) =>
+      joined(await piecesOf(store, within(Math.max(start - LONGEST_PIECE, 0)), end), start, end),
     flush: async () => {},
     close: () => {},
   };
   return kept;
 }
 
-async function piecesOf(store, walk, name) {
-  const within = store("readonly");
-  const range = allOf(walk, name);
+async function piecesOf(store, range, end = Infinity) {
+  const reading = store("readonly");
   const [keys, pieces] = await Promise.all([
-    settled(within.getAllKeys(range)),
-    settled(within.getAll(range)),
+    settled(reading.getAllKeys(range)),
+    settled(reading.getAll(range)),
   ]);
-  return keys.map(([, , start], k) => ({ start, bytes: pieces[k] }));
+  return keys
+    .map(([, , start], k) => ({ start, bytes: pieces[k] }))
+    .filter((piece) => piece.start < end);
 }
 
 async function sizeOf(store, walk, name) {
-  const pieces = await piecesOf(store, walk, name);
-  return pieces.length === 0 ? 0 : pieces.at(-1).start + pieces.at(-1).bytes.length;
+  const reading = store("readonly").openCursor(allOf(walk, name), "prev");
+  const cursor = await settled(reading);
+  return cursor === null ? 0 : cursor.key[2] + cursor.value.length;
 }
 
 /** Bytes [start, end) of pieces that follow each other. */
