@@ -6,9 +6,12 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from fastapi import FastAPI
 
+from elfslam.base.values import Audio, Imu, Recording
+from elfslam.data.recordings import write_recording
 from elfslam.serve.access import new_token
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services
@@ -52,15 +55,34 @@ def owner(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
     """The owner's client."""
     token = new_token()
     set_owner_token(services, token)
-    return _client_of(app, token)
+    return _client_of(app, anyone, token)
 
 
 @pytest.fixture
 def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
     """The client of somebody else whom the owner let in."""
-    return _client_of(app, add_user(services, "guest")[1])
+    return _client_of(app, anyone, add_user(services, "guest")[1])
 
 
-def _client_of(app: FastAPI, token: str) -> TestClient:
+def _client_of(app: FastAPI, running: TestClient, token: str) -> TestClient:
     header = {"Authorization": f"Bearer {token}"}
-    return TestClient(app, headers=header, client=("127.0.0.1", 50_001))
+    client = TestClient(app, headers=header, client=("127.0.0.1", 50_001))
+    client.portal = running.portal  # one event loop, as in a real server
+    return client
+
+
+@pytest.fixture(scope="session")
+def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of a small recording by name: half a second of sound, and motion."""
+    generator = np.random.default_rng(0)
+    t_s = np.arange(40) / 50
+    gravity = generator.normal([0, 0, 9.8], 0.1, (40, 3))
+    recording = Recording(
+        name="round the table",
+        device="test phone",
+        audio=Audio(generator.uniform(-0.1, 0.1, (1, 35_280)), 44_100),
+        imu=Imu(t_s, gravity, generator.normal(0, 0.1, (40, 3))),
+    )
+    folder = tmp_path_factory.mktemp("walk") / "walk"
+    write_recording(recording, folder)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}

@@ -52,17 +52,27 @@ def sha256_of(file: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
+def blob_of(file: Path) -> Blob:
+    """What a file would be as a blob."""
+    return Blob(sha256_of(file), file.stat().st_size)
+
+
 def put(blobs: Path, file: Path) -> Blob:
     """Keep a file, which must not change afterwards: it and the blob may be one. Raises OSError."""
-    sha256, size_bytes = sha256_of(file), file.stat().st_size
-    kept = blob_path(blobs, sha256)
-    if not (kept.is_file() and kept.stat().st_size == size_bytes):
-        kept.parent.mkdir(exist_ok=True, mode=0o700)
-        sync(file)
-        _place(file, kept)
-        sync(kept.parent)
-        sync(blobs)
-    return Blob(sha256, size_bytes)
+    blob = blob_of(file)
+    place(blobs, file, blob)
+    return blob
+
+
+def place(blobs: Path, file: Path, blob: Blob) -> None:
+    """Keep a file of which it is known what blob it is. Raises OSError."""
+    kept = blob_path(blobs, blob.sha256)
+    if kept.is_file() and kept.stat().st_size == blob.size_bytes:
+        return
+    kept.parent.mkdir(exist_ok=True, mode=0o700)
+    _link_whole(file, kept)
+    sync(kept.parent)
+    sync(blobs)
 
 
 def put_folder(blobs: Path, folder: Path) -> dict[str, Blob]:
@@ -121,7 +131,7 @@ def link_or_copy(source: Path, target: Path) -> None:
         shutil.copyfile(source, target)
 
 
-def _place(file: Path, kept: Path) -> None:
+def _link_whole(file: Path, kept: Path) -> None:
     partial = kept.parent / f"{secrets.token_hex(8)}.partial"
     try:
         link_or_copy(file, partial)

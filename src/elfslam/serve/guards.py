@@ -35,6 +35,7 @@ LOCAL_NETWORKS = tuple(
 )
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 UPLOADS = "/api/uploads"
+TUS_VERSION = "1.0.0"
 CONTENT_POLICY = "; ".join(
     (
         "default-src 'self'",
@@ -128,9 +129,14 @@ def same_origin(headers: Headers) -> bool:
 
 def most_bytes(path: str, limits: Limits) -> int:
     """How large the body of a request to a path may be."""
-    if path == UPLOADS or path.startswith(f"{UPLOADS}/"):
+    if is_upload(path):
         return limits.file_bytes
     return limits.floor_plan_bytes if path.endswith("/floor-plan") else limits.request_bytes
+
+
+def is_upload(path: str) -> bool:
+    """Whether the tus protocol is spoken at a path."""
+    return path == UPLOADS or path.startswith(f"{UPLOADS}/")
 
 
 def _too_large(most: int) -> Problem:
@@ -168,6 +174,8 @@ def _with_headers(send: Send, path: str) -> Send:
             for name, value in HEADERS.items():
                 headers.setdefault(name, value)
             headers.setdefault("Cache-Control", cached)
+            if is_upload(path):
+                headers.setdefault("Tus-Resumable", TUS_VERSION)
         await send(message)
 
     return careful

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import mimetypes
+from collections.abc import Callable
 from pathlib import Path
 
 from fastapi import FastAPI
@@ -60,7 +61,7 @@ def authority(services: Here) -> FileResponse:
     return FileResponse(file, media_type="application/x-x509-ca-cert", filename="elfslam.pem")
 
 
-def _page(file: Path) -> object:
+def _page(file: Path) -> Callable[[], FileResponse]:
     def page() -> FileResponse:
         if not file.is_file():
             raise Problem(404, f"this installation has no {file.name}; install elfslam again")

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Annotated
 
+from anyio import CapacityLimiter
 from fastapi import Depends, Request
 from sqlalchemy import Engine
 
@@ -52,10 +53,8 @@ class Services:
     busy: Busy = field(default_factory=Busy)
     jobs_wanted: threading.Event = field(default_factory=threading.Event)
     """Set where a job was queued."""
-    readers: threading.BoundedSemaphore = field(
-        default_factory=lambda: threading.BoundedSemaphore(2)
-    )
-    """Recordings are read by at most so many processes at once."""
+    readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    """So many recordings are read at once."""
 
 
 def open_services(settings: ServerSettings) -> Services:
