@@ -29,7 +29,7 @@ const page = { chirp: CHIRP, software: "elfslam", phone: null, walks: [], ending
 function act(work) {
   return async (event) => {
     event?.preventDefault();
-    const button = event?.currentTarget;
+    const button = event?.submitter ?? event?.currentTarget;
     if (button) button.disabled = true;
     showProblem(null);
     try {
