@@ -32,14 +32,17 @@ def test_flac_keeps_24_bits(tmp_path_factory: pytest.TempPathFactory, samples: n
     np.testing.assert_allclose(read_audio(file).samples, samples, atol=1.3e-7)
 
 
-def write_frames(folder: Path, frames: np.ndarray, t_s: list[float]) -> None:
-    soundfile.write(folder / "frames.flac", frames.reshape(-1), RATE_HZ, subtype="PCM_24")
+def write_frames(
+    folder: Path, frames: np.ndarray, t_s: list[float], name: str = "frames.flac"
+) -> None:
+    soundfile.write(folder / name, frames.reshape(-1), RATE_HZ, subtype="PCM_24")
     (folder / "frames.csv").write_text("t_s\n" + "".join(f"{t:.9f}\n" for t in t_s))
 
 
-def test_frames_lie_at_their_times_on_silence(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["frames.flac", "frames.wav"])
+def test_frames_lie_at_their_times_on_silence(tmp_path: Path, name: str) -> None:
     frames = np.random.default_rng(0).uniform(-1, 1, (3, 3528))
-    write_frames(tmp_path, frames, [0.0, 0.1, 0.35])
+    write_frames(tmp_path, frames, [0.0, 0.1, 0.35], name)
     samples = read_recorded_sound(tmp_path).samples
     assert samples.shape == (1, 15_435 + 3528)
     for start, frame in zip((0, 4410, 15_435), frames, strict=True):

@@ -17,8 +17,8 @@ from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
 from elfslam.data.g2o import read_g2o
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 
-ROBUST = GraphParameters()
-PLAIN = GraphParameters(robust=False)
+ROBUST = GraphParameters(noise_rounds=0)
+PLAIN = GraphParameters(robust=False, noise_rounds=0)
 SIDE = 12
 LAP = 4 * SIDE
 SIGMA = np.array([0.07, 0.035, 0.02])

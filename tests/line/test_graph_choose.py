@@ -26,7 +26,7 @@ from elfslam.line.graph.choose import bent, choose_closures
 from elfslam.line.graph.linear import equations_at, predicted_covariance, uncertainty
 from elfslam.line.graph.runs import agreeing_pairs, chain_covariance, chain_of, find_runs, forward
 
-PARAMETERS = GraphParameters()
+PARAMETERS = GraphParameters(noise_rounds=0)
 LAP = 80
 SIGMA = np.array([0.07, 0.035, 0.02])
 CLOSURE_SIGMA = np.array([0.18, 0.18, 0.18])

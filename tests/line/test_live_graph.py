@@ -14,7 +14,7 @@ from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.line.graph import GraphParameters, optimise
 from elfslam.line.graph.live_graph import Answer, Closure, LiveGraph
 
-PARAMETERS = GraphParameters()
+PARAMETERS = GraphParameters(noise_rounds=0)
 SIGMA = np.array([0.07, 0.035, 0.02])
 COVARIANCE = np.diag([0.18, 0.18, 0.18]) ** 2
 LAP = 60

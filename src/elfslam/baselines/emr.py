@@ -21,10 +21,10 @@ from elfslam.line.closure import ClosureParameters
 EMR_CLOSURES = ClosureParameters(
     threshold=0.4,
     back_margin=0.0,
-    along_sigma_m=0.6,
-    across_sigma_m=0.6,
+    along_sigma_m=1.0,
+    across_sigma_m=0.3,
     heading_sigma_rad=0.4,
-    shared_footsteps=2,
+    shared_footsteps=10,
 )
 
 

@@ -1,4 +1,4 @@
-"""Sound of a recording on disk: 24-bit FLAC written; FLAC, WAV and chirp-by-chirp frames read."""
+"""Sound of a recording on disk: 24-bit FLAC written; FLAC, WAV, frames and baseband read."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ import soundfile
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
+from elfslam.data.baseband import from_baseband
+from elfslam.data.baseband_files import IQ, SPARSEST_FRAMES, read_baseband
 from elfslam.data.tables import read_timed_table
 
 FLAC, WAV = "audio.flac", "audio.wav"
-FRAMES, FRAME_TIMES = "frames.flac", "frames.csv"
+FRAMES, FRAME_TIMES = ("frames.flac", "frames.wav"), "frames.csv"
 UNKNOWN_WAV_SIZES = (0, 0xFFFFFFFF)
 """What programs write that stream a WAV and never come back to say how long it became."""
-SPARSEST_FRAMES = 0.01
-"""Frames that fill less of their time line than this carry times in another unit."""
 
 
 def write_audio(audio: Audio, file: Path) -> None:
@@ -49,24 +49,31 @@ def _wav_is_cut_off(file: Path) -> bool:
     return size not in UNKNOWN_WAV_SIZES and size + 8 > file.stat().st_size
 
 
-def read_recorded_sound(folder: Path) -> Audio | None:
-    """The sound of a recording folder; None where it has none. Raises InputError."""
+def read_recorded_sound(folder: Path, baseband: object = None) -> Audio | None:
+    """The sound of a recording folder; None where it has none. Raises InputError.
+
+    `baseband` is what recording.json says of one. Whole sound is taken before frames, and
+    frames before the baseband.
+    """
     for name in (FLAC, WAV):
         if (folder / name).is_file():
             return read_audio(folder / name)
-    if (folder / FRAMES).is_file():
-        return _read_frames(folder)
+    for name in FRAMES:
+        if (folder / name).is_file():
+            return _read_frames(folder, name)
+    if (folder / IQ).is_file():
+        return from_baseband(read_baseband(folder, baseband))
     return None
 
 
-def _read_frames(folder: Path) -> Audio:
+def _read_frames(folder: Path, name: str) -> Audio:
     """Equally long frames put at their times on a silent time line."""
-    sound = read_audio(folder / FRAMES)
+    sound = read_audio(folder / name)
     t_s, _ = read_timed_table(folder / FRAME_TIMES, [])
     channels, total = sound.samples.shape
     if t_s[0] < 0 or total == 0 or total % len(t_s):
         raise InputError(
-            f"{folder / FRAMES}: {total} samples are not {len(t_s)} equal frames at times from "
+            f"{folder / name}: {total} samples are not {len(t_s)} equal frames at times from "
             f"0 on; check {FRAME_TIMES}"
         )
     frames = sound.samples.reshape(channels, len(t_s), -1)

@@ -20,6 +20,8 @@ from elfslam import __version__
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
+from elfslam.data.baseband import Baseband
+from elfslam.data.baseband_files import write_baseband
 from elfslam.data.folders import new_folder, unpack_zip
 from elfslam.data.sensor_files import (
     check_shared_time,
@@ -51,13 +53,19 @@ def write_recording(
     chirp_description: Mapping[str, object] | None = None,
     truth: Truth | None = None,
     start_utc: str | None = None,
+    baseband: Baseband | None = None,
 ) -> None:
-    """The recording as a new folder. Raises StoreError where one with content is there."""
+    """The recording as a new folder, its sound as `baseband` where that is given.
+
+    Raises StoreError where a folder with content is there.
+    """
     with new_folder(folder) as partial:
         manifest = _manifest(recording, chirp_description, start_utc)
+        if baseband is not None:
+            manifest |= {"audio": None, "baseband": write_baseband(baseband, partial)}
         text = json.dumps(manifest, indent=2, ensure_ascii=False, allow_nan=False)
         (partial / MANIFEST).write_text(text + "\n", encoding="utf-8")
-        if recording.audio is not None:
+        if recording.audio is not None and baseband is None:
             write_audio(recording.audio, partial / FLAC)
         write_sensors(recording, partial)
         if truth is not None:
@@ -183,9 +191,9 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
 
 
 def _read_sound(folder: Path, manifest: dict[str, Any], chirp: ChirpParameters) -> Audio | None:
-    audio = read_recorded_sound(folder)
+    audio = read_recorded_sound(folder, manifest.get("baseband"))
     claimed = manifest.get("audio")
-    if audio is None and claimed:
+    if audio is None and (claimed or manifest.get("baseband")):
         raise InputError(f"{folder}: {MANIFEST} promises audio and none is there; copy it again")
     if audio is None:
         return None

@@ -93,7 +93,7 @@ def _solved(initial: F64, parts: Sequence[Edges], scale_sigma: float) -> Traject
         scale_sigma=scale_sigma,
     )
     count = np.arange(len(initial), dtype=np.float64)
-    return optimise(graph, count, GraphParameters(robust=False))
+    return optimise(graph, count, GraphParameters(robust=False, noise_rounds=0))
 
 
 def _own_edges(walk: Walk, first: int) -> Edges:

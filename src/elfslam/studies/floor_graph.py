@@ -78,7 +78,7 @@ def corrected(
     """
     graph = joint_graph([thinned(walk) for walk in walks], closures, start)
     count = np.arange(len(graph.initial), dtype=np.float64)
-    solved: Trajectory = optimise(graph, count, GraphParameters(robust=False))
+    solved: Trajectory = optimise(graph, count, GraphParameters(robust=False, noise_rounds=0))
     ends = np.cumsum([1, *[len(thinned_rows(walk)) for walk in walks]])
     return [
         _carried(walk, solved.world_from_body[first:last])

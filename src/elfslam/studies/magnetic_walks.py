@@ -30,6 +30,8 @@ from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.studies.finding import Announce, Finding, Row
 
+AS_STATED = GraphParameters(noise_rounds=0)
+"""How noisy the odometry is, is known exactly: this study drifts it."""
 SETS = ("library", "square", "eight")
 SEEDS = (0, 1, 2, 3, 4)
 """Drifts that are reported; parameters were chosen on seeds from 101 on."""
@@ -119,7 +121,7 @@ def map_by_field(recording: Recording, truth: Truth, orientation: Orientation | 
     fine = replace(parameters, spacing_m=finer.step_m)
     profile = field_profile(magnetometer, orientation, nodes, fine)
     closures = align_closures(closures, nodes, profile, finer)
-    trajectory = optimise(build_graph(nodes, closures), nodes.t_s, GraphParameters())
+    trajectory = optimise(build_graph(nodes, closures), nodes.t_s, AS_STATED)
     seconds = time.perf_counter() - begun
     return Mapped(truth, odometry, nodes.t_s, trajectory.world_from_body, seconds)
 

@@ -14,6 +14,7 @@ from elfslam.line.graph.blocks import pattern_of
 from elfslam.line.graph.build import believing
 from elfslam.line.graph.choose import choose_closures
 from elfslam.line.graph.linear import covariance_of, equations_at, uncertainty
+from elfslam.line.graph.noise import with_own_noise
 from elfslam.line.graph.parameters import GraphParameters
 from elfslam.line.graph.solve import rotation_first, solve
 
@@ -21,7 +22,8 @@ from elfslam.line.graph.solve import rotation_first, solve
 def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Trajectory:
     """The trajectory that agrees best with all edges, with a covariance per pose.
 
-    Closures cannot see the scale of a walk: what is uncertain about it comes on top.
+    Closures tell how noisy the steps were. They cannot see the scale of a walk: what is uncertain
+    about it comes on top.
 
     The first pose stays where it is. Without closures the dead reckoning comes back as it was.
     Raises NoAnswerError where the solver finds no trajectory: the edges are degenerate; and
@@ -34,6 +36,7 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
         believed = believing(graph, kept)
         if kept.any():
             poses = solve(believed, [poses, rotation_first(believed)], parameters)
+            believed, poses = with_own_noise(believed, poses, parameters)
         covariance = marginals(believed, poses, parameters.anchor_sigma)
         covariance = covariance + scale_covariance(poses, graph.scale_sigma)
         if not (np.isfinite(poses).all() and np.isfinite(covariance).all()):

@@ -31,5 +31,22 @@ class GraphParameters:
         low=1.0,
         high=1e9,
     )
+    noise_rounds: int = parameter(
+        3, "", "how often the noise of steps is told anew by closures; 0: as stated", low=0, high=20
+    )
+    noise_prior: float = parameter(
+        20.0,
+        "",
+        "redundant measurements that the stated noise of steps counts for",
+        low=0.0,
+        high=1e6,
+    )
+    least_step_noise: float = parameter(
+        0.25,
+        "",
+        "steps are held for no more exact than this share of what is stated",
+        low=0.01,
+        high=1.0,
+    )
     anchor_sigma: float = parameter(1e-3, "m, rad", "sigma of the start pose", low=1e-6, high=10.0)
     iterations: int = parameter(100, "", "most iterations of the solver", low=1, high=10_000)

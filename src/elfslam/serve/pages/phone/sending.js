@@ -43,8 +43,24 @@ export async function sendWalk(sent, keeper, names, tell, signal) {
   await tried(() => createRecording(sent));
   await Promise.all(names.map((name) => tried(() => sendFile(sent, keeper, name, note, signal))));
   const files = await Promise.all(names.map((name) => describeFile(sent, keeper, name)));
+  return tried(() => complete(sent, files));
+}
+
+async function complete(sent, files) {
   const path = `/api/recordings/${sent.state.recording}/complete`;
-  return tried(() => ask("POST", path, { files, map: true }));
+  try {
+    return await ask("POST", path, { files, map: true });
+  } catch (error) {
+    if (error.status === 404) throw deletedThere();
+    if (error.status !== 409) throw error;
+    sent.state.uploads = {};
+    await sent.save();
+    throw new Stuck(`${error.message} Try again: the walk is then sent anew.`);
+  }
+}
+
+function deletedThere() {
+  return new Stuck("The server has deleted this walk. Discard it here too, or record it again.");
 }
 
 /** Do the work again and again until it is done. */
@@ -58,16 +74,13 @@ async function persist(work, report, signal) {
     } catch (error) {
       if (signal.aborted) throw error;
       if (error.wasMoving) attempt = 0;
-      const trouble = troubleOf(statusOf(error), error.message, attempt, error.retryAfterS);
-      if (trouble.retryS === null || !(error instanceof Problem)) throw new Stuck(trouble.said);
+      if (!(error instanceof Problem)) throw error instanceof Stuck ? error : new Stuck(error.message);
+      const trouble = troubleOf(error.status, error.message, attempt, error.retryAfterS);
+      if (trouble.retryS === null) throw new Stuck(trouble.said);
       report({ trouble: trouble.said });
       await patience(Math.max(trouble.retryS, LEAST_WAIT_S), signal);
     }
   }
-}
-
-function statusOf(error) {
-  return error instanceof Problem ? error.status : 400;
 }
 
 /** Waits, but no longer than until the network is back. */
@@ -135,7 +148,10 @@ function problemOf(error, state, name, wasMoving) {
   if (!("originalRequest" in error)) return error;
   const response = error.originalResponse;
   const status = response?.getStatus() ?? 0;
-  if (status === 404 || status === 410) delete state.uploads[name];
+  if (status === 404 || status === 410) {
+    if (!state.uploads[name]) return deletedThere();
+    delete state.uploads[name];
+  }
   const problem = new Problem(detailIn(response?.getBody()), status);
   return Object.assign(problem, {
     wasMoving,

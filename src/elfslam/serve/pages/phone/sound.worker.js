@@ -58,6 +58,7 @@ function startRecording({ walk, kind, scale }) {
     scale,
   });
   let zero = -1;
+  sizes = {};
   keepHeaders(walk, kind);
   take = (first, samples) => {
     if (zero < 0) {
@@ -72,8 +73,7 @@ function startRecording({ walk, kind, scale }) {
   finish = () => {
     take = () => {};
     finish = () => {};
-    keeper.postMessage({ do: "flush", walk });
-    self.postMessage({ is: "stopped", samples: framer.end() });
+    self.postMessage({ is: "stopped", seconds: framer.end() / sound.rateHz, sizes });
   };
 }
 
@@ -94,7 +94,10 @@ function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
   self.postMessage({ is: "frame", tS, directS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
 }
 
+let sizes = {};
+
 function keep(walk, parts) {
+  for (const [name, bytes] of parts) sizes[name] = (sizes[name] ?? 0) + bytes.length;
   keeper.postMessage({ do: "append", walk, parts }, parts.map(([, bytes]) => bytes.buffer));
 }
 

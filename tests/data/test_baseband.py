@@ -1,0 +1,231 @@
+"""The chirp band alone: what goes in comes out, at the same moment."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Audio, Recording
+from elfslam.data import baseband as module
+from elfslam.data.audio_files import read_recorded_sound
+from elfslam.data.baseband import (
+    BasebandFormat,
+    frame_starts_s,
+    from_baseband,
+    to_baseband,
+)
+from elfslam.data.baseband_files import read_baseband, write_baseband
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.line.feature import load_encoder
+
+RATES_HZ = (44_100, 48_000)
+LATENCY_S = 0.0437
+
+
+def heard(rate_hz: int, *, chirps: int = 25, latency_s: float = LATENCY_S) -> Audio:
+    """Chirps with a direct path and decaying echoes, other ones each time, over a little noise."""
+    generator = np.random.default_rng(5)
+    chirp = make_chirp(ChirpParameters(), rate_hz).samples.astype(np.float64)
+    period, latency = rate_hz // 10, round(latency_s * rate_hz)
+    samples = 1e-6 * generator.standard_normal(chirps * period + rate_hz // 5)
+    for k in range(chirps):
+        room = np.zeros(round(0.08 * rate_hz))
+        delays_s = generator.uniform(0.003, 0.08, 120)
+        gains = 0.03 * generator.uniform(-1, 1, 120) * np.exp(-delays_s / 0.02)
+        np.add.at(room, (delays_s * rate_hz).astype(int), gains)
+        room[0] = 0.5
+        played = np.convolve(chirp, room)
+        start = latency + k * period
+        samples[start : start + len(played)] += played
+    return Audio(samples[None].astype(np.float32), rate_hz)
+
+
+def sent(audio: Audio) -> Audio:
+    """The sound after the way through the baseband."""
+    chirp = make_chirp(ChirpParameters(), audio.rate_hz)
+    return from_baseband(to_baseband(audio, frame_starts_s(audio, chirp)))
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_echoes_come_back_at_the_same_sample_55_db_above_the_difference(rate_hz: int) -> None:
+    audio = heard(rate_hz)
+    chirp = make_chirp(ChirpParameters(), rate_hz)
+    whole = cut_echoes(audio, chirp, EchoParameters())
+    small = cut_echoes(sent(audio), chirp, EchoParameters())
+    np.testing.assert_array_equal(small.t_s, whole.t_s[: len(small.t_s)])
+    assert len(small.t_s) >= 24
+    kept = slice(0, len(small.t_s))
+    spectrum = np.fft.rfft(whole.samples[kept] * np.hanning(2352))
+    off = spectrum - np.fft.rfft(small.samples * np.hanning(2352))
+    hz = np.fft.rfftfreq(2352, 1 / 44_100)
+    band = (hz >= 15_000) & (hz <= 20_000)
+    power, error = ((np.abs(part[:, band]) ** 2).sum(axis=1) for part in (spectrum, off))
+    assert (10 * np.log10(power / error)).min() > 55
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_the_feature_of_an_echo_stays_what_it_was(rate_hz: int) -> None:
+    audio, encoder = heard(rate_hz), load_encoder("compact")
+    chirp = make_chirp(ChirpParameters(), rate_hz)
+    whole, small = (
+        encoder.embed(cut_echoes(sound, chirp, EchoParameters()).samples)[:24]
+        for sound in (audio, sent(audio))
+    )
+    assert (whole * small).sum(axis=1).min() > 0.999
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_it_is_the_analytic_signal_shifted_down(rate_hz: int) -> None:
+    t_s = np.arange(rate_hz) / rate_hz
+    tone = 0.5 * np.cos(2 * np.pi * 16_250 * t_s + 0.3)
+    made = to_baseband(Audio(tone[None], rate_hz), np.array([0.2, 0.31]))
+    assert made.first.tolist() == [1260, 1953]
+    values = (made.iq[..., 0] + 1j * made.iq[..., 1]) * made.kept.scale
+    grid_s = made.t_s[:, None] + np.arange(504) / 6300
+    wanted = 0.5 * np.exp(1j * (2 * np.pi * (16_250 - 17_500) * grid_s + 0.3))
+    np.testing.assert_allclose(values, wanted, atol=1e-4)
+
+
+def test_blocks_are_seamless(monkeypatch: pytest.MonkeyPatch) -> None:
+    audio, starts_s = heard(48_000), LATENCY_S + np.arange(20) * 0.1
+    whole = to_baseband(audio, starts_s)
+    sound = from_baseband(whole)
+    monkeypatch.setattr(module, "BLOCK", 1000)
+    np.testing.assert_allclose(to_baseband(audio, starts_s).iq, whole.iq, atol=1)
+    np.testing.assert_allclose(from_baseband(whole).samples, sound.samples, atol=1e-6)
+
+
+def test_frames_begin_in_the_recording_and_end_in_it() -> None:
+    made = to_baseband(heard(48_000, chirps=3), np.array([-0.003, 0.1, 0.4, 0.45]))
+    np.testing.assert_allclose(made.t_s, [0.0, 0.1, 0.4], atol=1e-4)
+    with pytest.raises(InputError, match="holds no whole frame"):
+        to_baseband(heard(48_000, chirps=3), np.array([5.0]))
+
+
+def test_a_given_scale_clips_and_does_not_wrap() -> None:
+    audio = heard(48_000)
+    made = to_baseband(audio, np.array([LATENCY_S]), scale=1e-6)
+    assert made.kept.scale == 1e-6
+    assert np.abs(made.iq.astype(int)).max() == 32_767
+    honest = to_baseband(audio, np.array([LATENCY_S])).iq
+    loud = np.abs(honest.astype(int)) > 16_000
+    assert (np.sign(made.iq[loud]) == np.sign(honest[loud])).all()
+
+
+def test_silence_is_kept_as_silence() -> None:
+    made = to_baseband(Audio(np.zeros((1, 48_000)), 48_000), np.array([0.1]))
+    assert not made.iq.any()
+    assert not from_baseband(made).samples.any()
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_files_give_back_what_was_written(tmp_path: Path, rate_hz: int) -> None:
+    made = to_baseband(heard(rate_hz), LATENCY_S + np.arange(20) * 0.1)
+    again = read_baseband(tmp_path, write_baseband(made, tmp_path))
+    assert again.kept == made.kept
+    np.testing.assert_array_equal(again.first, made.first)
+    np.testing.assert_array_equal(again.iq, made.iq)
+
+
+def test_a_recording_is_sent_small_and_read_like_any_other(tmp_path: Path) -> None:
+    audio = heard(48_000)
+    small = to_baseband(audio, LATENCY_S - 0.005 + np.arange(20) * 0.1)
+    recording = Recording(name="walk", device="phone", audio=audio)
+    write_recording(recording, tmp_path / "walk", baseband=small)
+    assert not (tmp_path / "walk" / "audio.flac").exists()
+    again = read_recording(tmp_path / "walk")
+    assert again.audio is not None
+    np.testing.assert_array_equal(again.audio.samples, from_baseband(small).samples)
+    assert again.audio.rate_hz == 48_000
+    (tmp_path / "walk" / "baseband.iq").unlink()
+    with pytest.raises(InputError, match="promises audio and none is there"):
+        read_recording(tmp_path / "walk")
+
+
+def folder_of(tmp_path: Path) -> dict[str, Any]:
+    made = to_baseband(heard(48_000, chirps=5), LATENCY_S + np.arange(4) * 0.1)
+    return write_baseband(made, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda iq, rows: (iq[:-1], rows), r"has 8063 bytes, wanted 8064 for 4 frames"),
+        (lambda iq, rows: (iq, rows[:-1]), r"has 8064 bytes, wanted 6048 for 3 frames"),
+        (lambda iq, rows: (iq[: 504 * 4], rows), "wanted 8064"),
+        (lambda iq, rows: (iq, ["0.010050000", *rows[1:]]), r"row 2 has 0.010050000 s, wanted a"),
+        (lambda iq, rows: (iq, ["nan", *rows[1:]]), "row 2 has 'nan', wanted a finite number"),
+        (lambda iq, rows: (iq, ["inf", *rows[1:]]), "row 2 has 'inf', wanted a finite number"),
+        (lambda iq, rows: (iq, ["-0.1", *rows[1:]]), "wanted seconds from 0 on"),
+        (lambda iq, rows: (iq, [*rows[:-1], "1000000000"]), "wanted seconds from 0 on"),
+        (lambda iq, rows: (iq, [rows[1], rows[0], *rows[2:]]), "runs backward at row 3"),
+        (lambda iq, rows: (iq, []), "has a header and no rows"),
+    ],
+)
+def test_damaged_files_are_refused(
+    tmp_path: Path, change: Callable[[bytes, list[str]], tuple[bytes, list[str]]], says: str
+) -> None:
+    described = folder_of(tmp_path)
+    iq, rows = tmp_path / "baseband.iq", tmp_path / "baseband.csv"
+    content, lines = change(iq.read_bytes(), rows.read_text().splitlines()[1:])
+    iq.write_bytes(content)
+    rows.write_text("\n".join(["t_s", *lines]) + "\n")
+    with pytest.raises(InputError, match=says):
+        read_baseband(tmp_path, described)
+
+
+@pytest.mark.parametrize(
+    ("name", "given"),
+    [
+        ("rate_hz", 1e12),
+        ("rate_hz", 10**400),
+        ("rate_hz", 0),
+        ("rate_hz", 6300.5),
+        ("rate_hz", "6300"),
+        ("rate_hz", True),
+        ("rate_hz", None),
+        ("frame_samples", -504),
+        ("frame_samples", 10**9),
+        ("scale", float("nan")),
+        ("scale", 0),
+        ("scale", float("inf")),
+        ("source_rate_hz", 46_000),
+        ("source_rate_hz", 192_000),
+        ("centre_hz", -17_500),
+        ("lead_s", -1),
+    ],
+)
+def test_what_recording_json_cannot_mean_is_refused(
+    tmp_path: Path, name: str, given: object
+) -> None:
+    described = folder_of(tmp_path)
+    with pytest.raises(InputError, match=rf"recording\.json: baseband\.{name} is"):
+        read_baseband(tmp_path, {**described, name: given})
+
+
+@pytest.mark.parametrize("described", [None, [], 3, "flac"])
+def test_a_baseband_that_is_not_described_is_refused(tmp_path: Path, described: object) -> None:
+    folder_of(tmp_path)
+    with pytest.raises(InputError, match=r"wanted how baseband\.iq was made"):
+        read_recorded_sound(tmp_path, described)
+
+
+def test_the_format_is_that_of_the_phone_page() -> None:
+    said = json.loads(json.dumps(asdict(BasebandFormat(scale=2e-5))))
+    assert said == {
+        "rate_hz": 6300,
+        "centre_hz": 17_500,
+        "frame_samples": 504,
+        "scale": 2e-5,
+        "source_rate_hz": 48_000,
+        "lead_s": 0.005,
+    }

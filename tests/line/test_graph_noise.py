@@ -1,0 +1,104 @@
+"""How noisy steps were, told by loops: planted noise is found, nothing else is touched."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.base.arrays import F64
+from elfslam.base.geometry import between, chain, compose
+from elfslam.base.values import Closures, Odometry, PoseGraph
+from elfslam.line.graph import GraphParameters, build_graph, optimise
+from elfslam.line.graph.build import edges_of
+from elfslam.line.graph.noise import variance_factors, with_own_noise
+from elfslam.line.graph.solve import solve
+
+LAPS, LAP = 8, 40
+TRUE_SIGMA = np.array([0.05, 0.03, 0.01])
+CLOSURE_SIGMA = np.array([0.1, 0.1, 0.1])
+PARAMETERS = GraphParameters(noise_prior=0.0, least_step_noise=0.01)
+
+
+def walked(seed: int, stated: F64, *, closing: bool = True) -> tuple[PoseGraph, F64]:
+    """Laps of a circle with independent errors, said to be `stated`, and the truth."""
+    generator = np.random.default_rng(seed)
+    moves = np.tile([0.7, 0.0, 2 * np.pi / LAP], (LAPS * LAP, 1))
+    truth = chain(np.zeros(3), moves)
+    odometry = chain(np.zeros(3), moves + generator.normal(0, TRUE_SIGMA, moves.shape))
+    nodes = Odometry(0.5 * np.arange(len(truth)), odometry, np.tile(stated, (len(moves), 1)))
+    i = np.arange(LAP // 2, len(truth) - LAP, 2) if closing else np.zeros(0, dtype=np.int64)
+    errors = generator.normal(0, CLOSURE_SIGMA, (len(i), 3))
+    relative = compose(between(truth[i], truth[i + LAP]), errors)
+    covariance = np.tile(np.diag(CLOSURE_SIGMA**2), (len(i), 1, 1))
+    closures = Closures(i, i + LAP, np.full(len(i), 0.6), relative, covariance)
+    return build_graph(nodes, closures), truth
+
+
+def told(graph: PoseGraph, parameters: GraphParameters = PARAMETERS) -> F64:
+    """The sigmas (3) of steps that the loops tell."""
+    poses = solve(graph, [graph.initial], parameters)
+    weighed, _ = with_own_noise(graph, poses, parameters)
+    steps = edges_of(weighed, ~weighed.is_closure)
+    return 1 / np.sqrt(np.diagonal(steps.information[5]))
+
+
+@pytest.mark.parametrize("wrong_by", [0.5, 1.0, 3.0])
+def test_planted_noise_is_found_whatever_was_stated(wrong_by: float) -> None:
+    found = np.mean([told(walked(seed, wrong_by * TRUE_SIGMA)[0]) for seed in range(6)], axis=0)
+    npt.assert_allclose(found, TRUE_SIGMA, rtol=0.3)
+
+
+def test_factors_are_one_where_the_statement_is_right() -> None:
+    def factors(seed: int) -> F64:
+        graph, _ = walked(seed, TRUE_SIGMA)
+        return variance_factors(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
+
+    mean = np.mean([factors(seed) for seed in range(10)], axis=0)
+    npt.assert_allclose(mean, 1.0, atol=0.2)
+
+
+def test_the_map_of_steps_stated_too_noisy_gets_better_and_its_sigmas_narrower() -> None:
+    stated = dataclasses.replace(PARAMETERS, noise_rounds=0)
+    errors = {PARAMETERS: [], stated: []}
+    sigmas = {PARAMETERS: [], stated: []}
+    for seed in range(6):
+        graph, truth = walked(seed, 4 * TRUE_SIGMA)
+        for parameters, found in errors.items():
+            made = optimise(graph, 0.5 * np.arange(len(truth)), parameters)
+            apart = made.world_from_body[:, :2] - truth[:, :2]
+            found.append(np.hypot(*apart.T).mean())
+            sigmas[parameters].append(np.sqrt(made.covariance[:, 0, 0]).mean())
+    assert np.mean(errors[PARAMETERS]) < 0.9 * np.mean(errors[stated])
+    assert np.mean(sigmas[PARAMETERS]) < 0.6 * np.mean(sigmas[stated])
+
+
+def test_the_prior_speaks_for_what_was_stated_and_the_floor_holds() -> None:
+    graph, _ = walked(0, 4 * TRUE_SIGMA)
+    sure = dataclasses.replace(PARAMETERS, noise_prior=1e6)
+    npt.assert_allclose(told(graph, sure), 4 * TRUE_SIGMA, rtol=0.01)
+    held = dataclasses.replace(PARAMETERS, least_step_noise=0.5)
+    npt.assert_allclose(told(graph, held), 2 * TRUE_SIGMA, rtol=1e-6)
+
+
+def test_a_step_that_is_less_sure_than_the_others_keeps_what_it_has_beyond() -> None:
+    graph, _ = walked(0, TRUE_SIGMA)
+    information = graph.information.copy()
+    information[0, 2, 2] = 1 / 0.3**2
+    doubtful = dataclasses.replace(graph, information=information)
+    poses = solve(doubtful, [doubtful.initial], PARAMETERS)
+    weighed, _ = with_own_noise(doubtful, poses, PARAMETERS)
+    assert 1 / np.sqrt(weighed.information[0, 2, 2]) == pytest.approx(0.3, rel=0.01)
+
+
+def test_closures_and_graphs_without_any_stay_as_they_are() -> None:
+    graph, _ = walked(0, 2 * TRUE_SIGMA)
+    weighed, _ = with_own_noise(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
+    kept = graph.information[graph.is_closure]
+    npt.assert_array_equal(weighed.information[weighed.is_closure], kept)
+    alone, _ = walked(0, TRUE_SIGMA, closing=False)
+    same, poses = with_own_noise(alone, alone.initial, PARAMETERS)
+    assert same is alone
+    npt.assert_array_equal(poses, alone.initial)
