@@ -48,7 +48,7 @@ function rowOf(job, known, nowMs) {
 /** @param {Job} job @param {Known} known */
 function outcomeLink(job, { maps }) {
   const shown = job.kind === "locate" ? job.given.map : job.gave?.map;
-  if (job.state !== "done" || !maps.some(({ id }) => id === shown)) return null;
+  if (isOpen(job) || !maps.some(({ id }) => id === shown)) return null;
   return h("a", { class: "button small", href: `#/maps/${encodeURIComponent(shown)}` }, "See it");
 }
 

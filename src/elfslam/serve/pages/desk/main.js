@@ -4,6 +4,7 @@ import { askJson } from "./api.js";
 import { onDrop, uploader } from "./uploads.js";
 import { orSay, say } from "./dialogs.js";
 import { h, morph, one, onActions } from "./dom.js";
+import { icon } from "./icons.js";
 import { jobActions, jobsView } from "./jobs_view.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";
@@ -157,7 +158,8 @@ function showConnection(problem) {
 
 /** @param {import("./session.js").Me} me */
 function showWho(me) {
-  one("#who").replaceChildren(h("span", { class: "name" }, me.name), h("button", { type: "button", class: "button small quiet", click: async () => {
+  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": "Walk with this device", title: "Walk with this device" }, icon("phone")),
+    h("span", { class: "name" }, me.name), h("button", { type: "button", class: "button small quiet", click: async () => {
     if (await orSay(signOut)) location.reload();
   } }, "Sign out"));
   one("#nav-users").hidden = !me.is_owner;

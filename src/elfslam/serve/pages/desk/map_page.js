@@ -5,9 +5,10 @@ import { askToLocate } from "./asking.js";
 import { orSay, say } from "./dialogs.js";
 import { h } from "./dom.js";
 import { downloadsOf } from "./downloads.js";
-import { formatCount, plural } from "./format.js";
+import { formatMetres, plural } from "./format.js";
 import { icon } from "./icons.js";
 import { deleteMap, factsOf } from "./maps_view.js";
+import { meetingPart } from "./meeting.js";
 import { mountCanvas } from "./viewer/canvas.js";
 import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
@@ -61,8 +62,8 @@ export async function openMap(desk, id, root) {
   }
 
   fillPanel();
-  panel.append(downloads);
-  root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map), canvas.stage, panel));
+  panel.append(...meetingPart(map), downloads);
+  root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
@@ -78,11 +79,12 @@ export async function openMap(desk, id, root) {
   };
 }
 
-/** @param {Desk} desk @param {Map_} map */
-function headOfMap(desk, map) {
-  const { footsteps, closures, walks } = factsOf(map);
-  const facts = [map.kind === "floor" ? `Floor of ${plural(walks ?? map.sources.length, "walk")}` : "One walk",
-    footsteps !== null && `${formatCount(footsteps)} footsteps`, closures !== null && closures > 0 && `${formatCount(closures)} closed loops`];
+/** @param {Desk} desk @param {Map_} map @param {import("./viewer/scene.js").Scene} scene */
+function headOfMap(desk, map, { walks }) {
+  const { closures } = factsOf(map);
+  const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
+  const facts = [map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(sum((walk) => walk.length_m)),
+    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && plural(closures, "closed loop")];
   const remove = h("button", { type: "button", class: "button icon danger", "aria-label": `Delete ${map.name}`, title: "Delete", click: async () => {
     if (!(await deleteMap(map))) return;
     location.hash = "#/maps";

@@ -5,14 +5,14 @@ import { askToMerge } from "./asking.js";
 import { confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import { downloadsOf } from "./downloads.js";
 import { h } from "./dom.js";
-import { formatAgo, formatCount, plural } from "./format.js";
+import { formatAgo, formatCount, formatMetres, plural } from "./format.js";
 import { icon } from "./icons.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
 
-const COLUMNS = ["Chosen", "Map", "Of", "Footsteps", "Loops", "Made", "Actions"];
+const COLUMNS = ["Chosen", "Map", "Of", "Length", "Closed loops", "Made", "Actions"];
 
 /** @param {Desk} desk */
 export function mapsView({ known, chosen, nowMs }) {
@@ -36,8 +36,8 @@ function rowOf(map, chosen, nowMs) {
     h("td", { role: "cell", class: "chosen" }, h("label", null, box)),
     rowHead(h("a", { href: address }, name), map.floor_plan && h("small", null, "on a floor plan")),
     cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
-    cell("Footsteps", counted(facts.footsteps)),
-    cell("Loops", counted(facts.closures)),
+    cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
+    cell("Closed loops", facts.closures === null ? "–" : formatCount(facts.closures)),
     cell("Made", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     h("td", { class: "actions", role: "cell" },
       h("a", { class: "button small", href: address }, icon("map"), h("span", null, "Open", h("span", { class: "visually-hidden" }, ` ${name}`))),
@@ -47,15 +47,10 @@ function rowOf(map, chosen, nowMs) {
 }
 
 /** The few numbers that a list shows, whichever of them are known. @param {Map_} map
- * @returns {{footsteps: number | null, closures: number | null, walks: number | null}} */
+ * @returns {Record<"footsteps" | "closures" | "walks" | "distance_m", number | null>} */
 export function factsOf({ facts }) {
-  const count = (/** @type {unknown} */ value) => (Array.isArray(value) ? value.length : Number.isFinite(value) ? Number(value) : null);
-  return { footsteps: count(facts?.footsteps), closures: count(facts?.closures), walks: count(facts?.walks) };
-}
-
-/** @param {number | null} value */
-function counted(value) {
-  return value === null ? "–" : formatCount(value);
+  const known = (/** @type {string} */ name) => (Number.isFinite(facts?.[name]) ? Number(facts[name]) : null);
+  return { footsteps: known("footsteps"), closures: known("closures_kept") ?? known("closures"), walks: known("walks"), distance_m: known("distance_m") };
 }
 
 /** @param {Desk} desk */

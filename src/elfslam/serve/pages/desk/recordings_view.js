@@ -77,7 +77,7 @@ function stateOf(recording, known) {
   }
   const { job, map } = mappingOf(recording.id, known);
   const link = map && h("a", { href: `#/maps/${encodeURIComponent(map.id)}` }, "See the map");
-  if (job && (isOpen(job) || (job.state === "failed" && !map))) return [stateOfJob(job), link];
+  if (job && (isOpen(job) || (job.state === "failed"))) return [stateOfJob(job), link];
   return link ? [link] : [h("span", { class: "badge" }, "Ready to map")];
 }
 
@@ -104,7 +104,7 @@ export function recordingActions(desk) {
     async delete(/** @type {string} */ id) {
       const recording = found(id);
       if (!recording) return;
-      const words = `${formatBytes(bytesOf(recording))} of it leave this server and cannot be brought back. Maps made from it stay; delete them by themselves.`;
+      const words = `${formatBytes(bytesOf(recording))} of it leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.`;
       if (!(await confirmDelete(recording.name, words))) return;
       await orSay(() => ask(`/api/recordings/${encodeURIComponent(id)}`, { method: "DELETE" }));
       await desk.now();

@@ -87,7 +87,7 @@ export function mountCanvas(scene, state, name, told) {
   function showAll() {
     const { plan, layers } = state;
     const planned = plan && layers.plan ? boundsOf(corners(plan.placement, plan.aspect)) : null;
-    turnTo(fit(/** @type {any} */ (around(scene.bounds_m, planned)), state.size));
+    turnTo(fit(/** @type {any} */ (around(scene.drawn_m, planned)), state.size));
   }
 
   onGestures(canvas, {
@@ -120,7 +120,7 @@ export function mountCanvas(scene, state, name, told) {
     state.size = { width, height };
     canvas.width = Math.round(width * density());
     canvas.height = Math.round(height * density());
-    if (first) state.view = fit(scene.bounds_m, state.size);
+    if (first) state.view = fit(scene.drawn_m, state.size);
     first = false;
     paint();
   });

@@ -2,7 +2,7 @@
 
 import { colourAt, css, timeColour } from "./colours.js";
 import { imageMatrix } from "./placement.js";
-import { toScreen } from "./projection.js";
+import { scaleBar, toMap, toScreen } from "./projection.js";
 
 /** @typedef {import("./projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
@@ -11,6 +11,9 @@ import { toScreen } from "./projection.js";
 
 const SHADES = 24;
 const COVERAGE_ALPHA = 0.62;
+const BAND_SIGMAS = [2, 1.5, 1, 0.5];
+const BAND_ALPHA = 0.08;
+const GRID_PX = 90;
 
 /** @type {WeakMap<Scene, ReturnType<typeof pathsOf>>} */
 const KEPT = new WeakMap();
@@ -82,13 +85,14 @@ export function draw(context, scene, state, palette, density) {
   const { layers, size } = state;
   context.setTransform(density, 0, 0, density, 0, 0);
   context.clearRect(0, 0, size.width, size.height);
+  drawGrid(context, state, palette);
   if (layers.plan) drawPlan(context, state);
   if (layers.coverage) drawCoverage(context, scene, state, paths);
   inMetres(context, state, density);
   if (layers.uncertainty) drawBands(context, scene, state, palette, paths);
   if (layers.reckoning) drawReckoned(context, scene, state, palette, paths);
-  if (layers.closures) stroke(context, paths.closures, palette.closure, 2.5, state, 0.7);
   if (layers.trajectories) drawWalks(context, scene, state, palette, paths);
+  if (layers.closures) stroke(context, paths.closures, palette.closure, 1.75, state, Math.min(0.75, Math.max(0.2, 600 / scene.closures.length)));
   context.setTransform(density, 0, 0, density, 0, 0);
   if (layers.trajectories) drawEnds(context, scene, state, palette);
 }
@@ -108,6 +112,30 @@ function stroke(context, path, colour, width_px, { view }, alpha = 1) {
   context.strokeStyle = colour;
   context.lineWidth = width_px / view.px_per_m;
   context.stroke(path);
+  context.globalAlpha = 1;
+}
+
+/** Faint lines, a round number of metres apart. @param {CanvasRenderingContext2D} context
+ * @param {State} state @param {Palette} palette */
+function drawGrid(context, { view, size }, palette) {
+  const { length_m } = scaleBar(view.px_per_m, 2 * GRID_PX);
+  const [left, top] = toMap(view, size, [0, 0]);
+  const [right, bottom] = toMap(view, size, [size.width, size.height]);
+  context.beginPath();
+  for (let x = Math.ceil(left / length_m); x * length_m < right; x += 1) {
+    const [x_px] = toScreen(view, size, [x * length_m, 0]);
+    context.moveTo(Math.round(x_px) + 0.5, 0);
+    context.lineTo(Math.round(x_px) + 0.5, size.height);
+  }
+  for (let y = Math.ceil(bottom / length_m); y * length_m < top; y += 1) {
+    const [, y_px] = toScreen(view, size, [0, y * length_m]);
+    context.moveTo(0, Math.round(y_px) + 0.5);
+    context.lineTo(size.width, Math.round(y_px) + 0.5);
+  }
+  context.strokeStyle = palette.line;
+  context.globalAlpha = 0.55;
+  context.lineWidth = 1;
+  context.stroke();
   context.globalAlpha = 1;
 }
 
@@ -138,14 +166,14 @@ function drawCoverage(context, { coverage }, { coverageBy, view, size }, paths) 
   context.restore();
 }
 
-/** Two sigmas faint, one sigma stronger; overlaps of one walk do not add up.
+/** From two sigmas inwards, ever stronger; overlaps do not add up.
  * @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
  * @param {Palette} palette @param {ReturnType<typeof pathsOf>} paths */
 function drawBands(context, scene, state, palette, paths) {
   const { canvas } = context;
   const sheet = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
   const ink = /** @type {CanvasRenderingContext2D} */ (sheet.getContext("2d"));
-  for (const [sigmas, alpha] of [[2, 0.14], [1, 0.2]]) {
+  for (const sigmas of BAND_SIGMAS) {
     ink.setTransform(1, 0, 0, 1, 0, 0);
     ink.clearRect(0, 0, sheet.width, sheet.height);
     ink.setTransform(context.getTransform());
@@ -160,7 +188,7 @@ function drawBands(context, scene, state, palette, paths) {
     });
     context.save();
     context.setTransform(1, 0, 0, 1, 0, 0);
-    context.globalAlpha = alpha;
+    context.globalAlpha = BAND_ALPHA;
     context.drawImage(sheet, 0, 0);
     context.restore();
   }

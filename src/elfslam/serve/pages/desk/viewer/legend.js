@@ -25,11 +25,11 @@ export function legendOf(scene, state) {
 /** @param {Scene} scene @param {"walks" | "sigma_m"} what */
 function coverageLegend(scene, what) {
   const between = scene.limits[what];
-  if (!between) return h("p", null, what === "walks" ? "No walks counted" : "Expected error unknown");
+  if (!between) return h("p", null, what === "walks" ? "No walks counted" : "Uncertainty unknown");
   const { low, high } = between;
   if (what === "walks") return countLegend(low, high);
   const stops = Array.from({ length: 9 }, (_, k) => css(coverageColour(low + ((high - low) * k) / 8, between, what)));
-  return ramp("expected error", stops, formatMetres(low), formatMetres(high));
+  return ramp("uncertainty per square", stops, formatMetres(low), formatMetres(high));
 }
 
 /** Counts are whole: a patch for each, up to six of them. @param {number} low @param {number} high */

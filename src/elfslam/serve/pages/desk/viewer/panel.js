@@ -47,7 +47,7 @@ export function layerPart(scene, state, changed) {
       changed();
     })];
   if (scene.coverage) {
-    body.push(either("Coverage shows", "coverage-by", [["walks", "walks"], ["sigma_m", "expected error"]], state.coverageBy, (value) => {
+    body.push(either("Coverage shows", "coverage-by", [["walks", "walks"], ["sigma_m", "uncertainty"]], state.coverageBy, (value) => {
       state.coverageBy = /** @type {"walks" | "sigma_m"} */ (value);
       state.layers.coverage = true;
       changed();

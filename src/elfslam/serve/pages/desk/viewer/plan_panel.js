@@ -23,8 +23,7 @@ const FIELDS = [
 
 /** What the server keeps of where a plan lies, if it does. @param {any} kept @returns {Placement | null} */
 function keptPlacement(kept) {
-  const placement = kept?.placement ?? kept;
-  return placement && Number.isFinite(placement.width_m) ? placement : null;
+  return Number.isFinite(kept?.placement?.width_m) ? kept.placement : null;
 }
 
 /**
@@ -79,8 +78,9 @@ export function planOf(mapId, state, bounds_m, redraw, changed) {
   /** @param {File} file */
   async function upload(file) {
     const well = await orSay(async () => {
-      await ask(path, { method: "PUT", body: file, headers: { "Content-Type": file.type || "application/octet-stream" } });
-      await load(null);
+      const headers = { "Content-Type": file.type || "application/octet-stream" };
+      const map = await askJson(path, { method: "PUT", body: file, headers });
+      await load(map.floor_plan);
     });
     if (!well || !state.plan) return;
     state.placing = true;
@@ -152,8 +152,7 @@ export function planOf(mapId, state, bounds_m, redraw, changed) {
     return shown;
   }
 
-  return { load, place, save, part: () => part("Floor plan", body()),
-    find: async () => (await askJson(`/api/maps/${encodeURIComponent(mapId)}`)).floor_plan };
+  return { load, place, save, part: () => part("Floor plan", body()) };
 }
 
 /** The image with light and dark exchanged. @param {HTMLImageElement} image */

@@ -26,6 +26,7 @@ export function sceneOf(given) {
   const walks = given.walks.map(walkOf);
   const points = walks.flatMap((walk) => walk.xy_m);
   const first = firstRows(walks);
+  const bounds_m = around(given.bounds_m ?? null, boundsOf(points)) ?? /** @type {Bounds} */ ([-1, -1, 1, 1]);
   return {
     kind: given.kind,
     walks,
@@ -36,10 +37,18 @@ export function sceneOf(given) {
       walks: given.coverage && limitsOf(given.coverage.walks),
       sigma_m: given.coverage && limitsOf(given.coverage.sigma_m),
     },
-    bounds_m: around(given.bounds_m ?? null, boundsOf(points)) ?? /** @type {Bounds} */ ([-1, -1, 1, 1]),
+    bounds_m,
+    drawn_m: widened(bounds_m, medianOf(walks.map((walk) => walk.middle_sigma_m)) ?? 0),
     index: indexOf(points),
     first,
   };
+}
+
+/** With room for the band of uncertainty. @param {Bounds} bounds @param {number} sigma_m
+ * @returns {Bounds} */
+function widened([x0, y0, x1, y1], sigma_m) {
+  const by_m = Math.min(2 * sigma_m, 0.25 * Math.max(x1 - x0, y1 - y0));
+  return [x0 - by_m, y0 - by_m, x1 + by_m, y1 + by_m];
 }
 
 /** @param {GivenWalk} given @returns {Walk} */

@@ -26,7 +26,7 @@ import { fit } from "./projection.js";
 export function firstState(scene) {
   const size = { width: 800, height: 600 };
   return {
-    view: fit(scene.bounds_m, size),
+    view: fit(scene.drawn_m, size),
     size,
     layers: {
       plan: true, coverage: scene.walks.length === 0, uncertainty: true, reckoning: false,

@@ -47,7 +47,7 @@ export function tell(scene, state, focus) {
   const known = cell?.sigma_m ?? null;
   return {
     name: plural(cell?.walks ?? 0, "walk") + " here",
-    line: known === null ? "expected error unknown" : `expected error ${formatMetres(known)}`,
+    line: known === null ? "uncertainty unknown" : `places are known to ± ${formatMetres(known)}`,
   };
 }
 
