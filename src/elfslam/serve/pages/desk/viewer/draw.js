@@ -43,12 +43,13 @@ function lineOf(points) {
   return path;
 }
 
-/** A walk as lines of one shade of time each. @param {number[]} t_s @param {Point[]} xy_m */
+/** A walk as lines of one shade of time each; by order where times are not known. @param {number[]} t_s @param {Point[]} xy_m */
 function timesOf(t_s, xy_m) {
   const shades = Array.from({ length: SHADES }, () => new Path2D());
-  const [start, duration] = [t_s[0], Math.max(t_s[t_s.length - 1] - t_s[0], 1e-9)];
+  const timed = t_s.length === xy_m.length ? t_s : xy_m.map((_, at) => at);
+  const [start, duration] = [timed[0], Math.max(timed[timed.length - 1] - timed[0], 1e-9)];
   for (let at = 1; at < xy_m.length; at += 1) {
-    const shade = Math.min(SHADES - 1, Math.floor((SHADES * (t_s[at] - start)) / duration));
+    const shade = Math.min(SHADES - 1, Math.floor((SHADES * (timed[at] - start)) / duration));
     shades[shade].moveTo(...xy_m[at - 1]);
     shades[shade].lineTo(...xy_m[at]);
   }

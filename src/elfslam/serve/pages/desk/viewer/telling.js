@@ -54,7 +54,8 @@ export function tell(scene, state, focus) {
 /** @param {import("./scene.js").Walk} walk @param {number} step */
 function tellStep(walk, step) {
   const sigma_m = walk.sigma_m?.[step] ?? null;
-  const parts = [`at ${formatDuration(walk.t_s[step])}`, `footstep ${step + 1}`, placeWords(walk.xy_m[step])];
+  const parts = [`footstep ${step + 1}`, placeWords(walk.xy_m[step])];
+  if (walk.t_s[step] !== undefined) parts.unshift(`at ${formatDuration(walk.t_s[step])}`);
   if (sigma_m !== null) parts.push(`± ${formatMetres(sigma_m)}`);
   return { name: walk.name, line: parts.join(" · ") };
 }
