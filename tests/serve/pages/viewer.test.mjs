@@ -226,7 +226,7 @@ test("what is under the finger is told: walk, time, sigma; hidden walks are not 
   assert.deepEqual(focusAt(scene, stateOf({ hidden: new Set([0]) }), [2.9, 2.8], 0.5), { kind: "cell", xy_m: [2.9, 2.8] });
   assert.doesNotMatch(tell(scene, stateOf(), { kind: "step", walk: 1, step: 1 }).line, /NaN|–|at /, "a time that is not known is left out");
   const cell = { kind: "cell", xy_m: [0.5, 0.5] };
-  assert.deepEqual(tell(scene, stateOf(), cell), { name: "1 walk here", line: "places are known to ± 10 cm" });
+  assert.deepEqual(tell(scene, stateOf(), cell), { name: "1 walk here", line: "places are known to ± 0.10 m" });
 });
 
 test("a fix lies over the walks, and says whether it is to be believed", () => {

@@ -33,7 +33,7 @@ export function css([red, green, blue], alpha = 1) {
 /** Lines on a ground need contrast: time runs over the part of viridis that has it.
  * @param {number} share 0 to 1 @param {boolean} dark @returns {Rgb} */
 export function timeColour(share, dark) {
-  return colourAt("viridis", dark ? 0.3 + 0.7 * share : 0.66 * share);
+  return colourAt("viridis", dark ? 0.36 + 0.64 * share : 0.66 * share);
 }
 
 /** Relative luminance (WCAG 2.2). @param {Rgb} rgb @returns {number} 0 to 1 */
