@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import IO
 
 from pydantic import BaseModel, Field
 
@@ -15,10 +15,11 @@ from elfslam.data.imdf import Place
 from elfslam.data.runs import ENCODER, FACTS
 from elfslam.exporting import Format, Told, export
 from elfslam.serve.problems import Problem
-from elfslam.serve.sending import ZIP, unfolded, zipped
+from elfslam.serve.sending import ZIP, pieces, unfolded
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.tasks import Named, file_name
 from elfslam.serve.texts import Line
+from elfslam.serve.zips import packed
 
 BINARY = "application/octet-stream"
 FILES = {
@@ -64,8 +65,8 @@ def formats_of(named: Named) -> list[Format]:
 
 def exported(
     settings: ServerSettings, name: str, named: Named, to: Format, asked: Asked
-) -> tuple[IO[bytes], str, str]:
-    """A map as an open file, what that is called, and its media type. Raises Problem 422."""
+) -> tuple[Iterator[bytes], str, str]:
+    """A map as the pieces of a file, that file's name and media type. Raises Problem 422."""
     suffix, media_type = FILES[to]
     light = {file: sha256 for file, sha256 in named.items() if file not in HEAVY}
     with unfolded(settings, light) as folder:
@@ -78,8 +79,8 @@ def exported(
             raise Problem(422, _in_words(error, folder, out, name)) from error
         files = {each.name: each for each in sorted(made.iterdir())}
         if len(files) > 1:
-            return zipped(settings, files), f"{out.stem}.{to}.zip", ZIP
-        return out.open("rb"), out.name, media_type
+            return packed(files), f"{out.stem}.{to}.zip", ZIP
+        return pieces(out.open("rb")), out.name, media_type
 
 
 def told(asked: Asked, to: Format) -> Told:

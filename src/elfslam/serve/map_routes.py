@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import datetime
 from typing import Annotated, Any
 
@@ -21,10 +23,11 @@ from elfslam.serve.derived import forget_map
 from elfslam.serve.holdings import drop_unnamed
 from elfslam.serve.map_exports import HEAVY, Asked, exported, formats_of
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.sending import ZIP, sent, unfolded, zipped
+from elfslam.serve.sending import ZIP, sent, unfolded
 from elfslam.serve.services import Here, Services
 from elfslam.serve.tasks import FLOOR_PLAN, Named, file_name, folder_of_map
 from elfslam.serve.view import view_of
+from elfslam.serve.zips import packed
 
 router = APIRouter(tags=["maps"])
 REPORT = "report.html"
@@ -127,13 +130,13 @@ def delete_map(map_id: str, user: Me, services: Here) -> Response:
 @router.get("/maps/{map_id}/view", operation_id="view_map", responses={200: {"model": View}})
 def view_map(map_id: str, user: Me, services: Here) -> Response:
     """What a viewer draws: walks, dead reckoning, closures, coverage."""
-    name, named = _folder(services, user, map_id)
-    light = {file: sha256 for file, sha256 in named.items() if file not in (*HEAVY, REPORT)}
-    with unfolded(services.settings, light) as folder:
-        try:
-            view = view_of(folder)
-        except ElfslamError as error:
-            raise Problem(422, str(error).replace(str(folder), name)) from error
+    with _folder(services, user, map_id) as (name, named):
+        light = {file: sha256 for file, sha256 in named.items() if file not in (*HEAVY, REPORT)}
+        with unfolded(services.settings, light) as folder:
+            try:
+                view = view_of(folder)
+            except ElfslamError as error:
+                raise Problem(422, str(error).replace(str(folder), name)) from error
     return Response(json.dumps(view, allow_nan=False), media_type="application/json")
 
 
@@ -145,10 +148,10 @@ def view_map(map_id: str, user: Me, services: Here) -> Response:
 )
 def get_report(map_id: str, user: Me, services: Here) -> FileResponse:
     """The report, as `elfslam map` and `elfslam merge` write it."""
-    _, named = _folder(services, user, map_id)
-    if REPORT not in named:
-        raise Problem(404, "this map has no report")
-    file = blobs.blob_path(services.settings.blobs_folder, named[REPORT])
+    with _folder(services, user, map_id) as (_, named):
+        if REPORT not in named:
+            raise Problem(404, "this map has no report")
+        file = blobs.blob_path(services.settings.blobs_folder, named[REPORT])
     policy = {"Content-Security-Policy": REPORT_POLICY}
     return FileResponse(file, media_type="text/html; charset=utf-8", headers=policy)
 
@@ -161,16 +164,17 @@ def get_report(map_id: str, user: Me, services: Here) -> FileResponse:
 )
 def get_map_zip(map_id: str, user: Me, services: Here) -> StreamingResponse:
     """The folder of the map: `elfslam locate`, `merge`, `show` and `export` read it unpacked."""
-    name, named = _folder(services, user, map_id)
-    top, store = file_name(name), services.settings.blobs_folder
-    files = {f"{top}/{file}": blobs.blob_path(store, sha256) for file, sha256 in named.items()}
-    return sent(zipped(services.settings, files), f"{top}.zip", ZIP)
+    with _folder(services, user, map_id) as (name, named):
+        top, store = file_name(name), services.settings.blobs_folder
+        files = {f"{top}/{file}": blobs.blob_path(store, sha256) for file, sha256 in named.items()}
+        return sent(packed(files), f"{top}.zip", ZIP)
 
 
 @router.get("/maps/{map_id}/exports", operation_id="list_exports")
 def list_exports(map_id: str, user: Me, services: Here) -> list[Format]:
     """The formats that this map can be exported to."""
-    return formats_of(_folder(services, user, map_id)[1])
+    with _folder(services, user, map_id) as (_, named):
+        return formats_of(named)
 
 
 @router.get(
@@ -183,8 +187,8 @@ def export_map(
     map_id: str, to: Format, asked: Annotated[Asked, Query()], user: Me, services: Here
 ) -> StreamingResponse:
     """The map in the format of other programs; a .zip where that is several files."""
-    name, named = _folder(services, user, map_id)
-    return sent(*exported(services.settings, name, named, to, asked))
+    with _folder(services, user, map_id) as (name, named):
+        return sent(*exported(services.settings, name, named, to, asked))
 
 
 def body_of(session: Session, each: Map) -> MapBody:
@@ -206,8 +210,13 @@ def my_map(session: Session, user: User, map_id: str) -> Map:
     return found
 
 
-def _folder(services: Services, user: User, map_id: str) -> tuple[str, Named]:
-    """The name of a map of the user's, and its files. Raises Problem 404."""
+@contextmanager
+def _folder(services: Services, user: User, map_id: str) -> Iterator[tuple[str, Named]]:
+    """The name of a map of the user's, and its files. Raises Problem 404, until the end."""
     with reading(services.sessions) as session:
         found = my_map(session, user, map_id)
-        return found.name, folder_of_map(session, found.id)
+        named = folder_of_map(session, found.id)
+    try:
+        yield found.name, named
+    except FileNotFoundError as error:
+        raise not_found("map") from error

@@ -17,6 +17,7 @@ from elfslam.serve.database import JobFile, JobKind, Map, MapFile, Recording, ne
 from elfslam.serve.holdings import drop_unnamed
 from elfslam.serve.jobs import Claim, finish
 from elfslam.serve.services import Services
+from elfslam.serve.tasks import maps_to_merge
 from elfslam.serve.work import OUT
 
 RUN, FLOOR = "run", "floor"
@@ -86,6 +87,6 @@ def _origin(session: Session, held: Claim) -> tuple[str, list[str]]:
     if held.kind is JobKind.MAP:
         recording = session.get_one(Recording, held.given["recording"])
         return recording.name, [recording.id]
-    maps = [session.get_one(Map, map_id) for map_id in held.given["maps"]]
+    maps = maps_to_merge(session, held)
     named = held.given.get("name") or JOINED.join(each.name for each in maps)[:MOST_NAME]
     return named, list(dict.fromkeys(source for each in maps for source in each.sources))

@@ -60,6 +60,12 @@ def folder_of_map(session: Session, map_id: str) -> Named:
     return {row.name: row.sha256 for row in session.execute(rows)}
 
 
+def maps_to_merge(session: Session, held: Claim) -> list[Map]:
+    """In the order in which they were walked: the first gives the frame."""
+    maps = [_existing(session, map_id) for map_id in held.given["maps"]]
+    return sorted(maps, key=lambda each: (_walked(session, each), each.id))
+
+
 def file_name(text: str) -> str:
     """A name for people as the name of a file, on any system."""
     return UNSAFE.sub("_", text).strip(" _")[:MOST_NAME].strip() or "unnamed"
@@ -81,10 +87,9 @@ def _map(session: Session, held: Claim) -> Task:
 
 
 def _merge(session: Session, held: Claim) -> Task:
-    """The walks in the order in which they were walked: the first gives the frame."""
-    maps = [_existing(session, map_id) for map_id in held.given["maps"]]
-    maps.sort(key=lambda each: (_walked(session, each), each.id))
-    folders = {_name_of(each): folder_of_map(session, each.id) for each in maps}
+    folders = {
+        _name_of(each): folder_of_map(session, each.id) for each in maps_to_merge(session, held)
+    }
     return {"maps": list(folders)}, folders
 
 

@@ -27,8 +27,13 @@ from elfslam.world.simulate import describe_chirp, load_world, simulate
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
 Wait = Callable[[TestClient, str], Json]
-WALKS = {"one": (107, 2, True), "two": (111, 2, True), "mute": (107, 1, False)}
-"""Seed and rounds of each walk, and whether it has sound."""
+WALKS = {
+    "one": (107, 2, True),
+    "two": (111, 2, True),
+    "open": (114, 1, True),
+    "mute": (107, 1, False),
+}
+"""Seed and rounds of each walk, and whether it has sound; `open` closes no loop."""
 PATIENCE_S = 120.0
 
 
