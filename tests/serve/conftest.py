@@ -1,0 +1,88 @@
+"""A server of its own for each test: real SQLite, real files."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fastapi import FastAPI
+
+from elfslam.base.values import Audio, Imu, Recording
+from elfslam.data.recordings import write_recording
+from elfslam.serve.access import new_token
+from elfslam.serve.app import create_app
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.users import add_user, set_owner_token
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
+    from starlette.testclient import TestClient
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> ServerSettings:
+    """A data folder that does not exist yet; no jobs run."""
+    return ServerSettings(tmp_path / "data", secure_cookie=False, run_jobs=False)
+
+
+@pytest.fixture
+def app(settings: ServerSettings) -> FastAPI:
+    """The app of that data folder."""
+    return create_app(settings)
+
+
+@pytest.fixture
+def services(app: FastAPI) -> Services:
+    """What the app's routes share."""
+    kept = app.state.services
+    assert isinstance(kept, Services)
+    return kept
+
+
+@pytest.fixture
+def anyone(app: FastAPI) -> Iterator[TestClient]:
+    """Somebody on this machine without a token, while the server runs."""
+    with TestClient(app, client=("127.0.0.1", 50_000)) as client:
+        yield client
+
+
+@pytest.fixture
+def owner(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
+    """The owner's client."""
+    token = new_token()
+    set_owner_token(services, token)
+    return _client_of(app, anyone, token)
+
+
+@pytest.fixture
+def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
+    """The client of somebody else whom the owner let in."""
+    return _client_of(app, anyone, add_user(services, "guest")[1])
+
+
+def _client_of(app: FastAPI, running: TestClient, token: str) -> TestClient:
+    header = {"Authorization": f"Bearer {token}"}
+    client = TestClient(app, headers=header, client=("127.0.0.1", 50_001))
+    client.portal = running.portal  # one event loop, as in a real server
+    return client
+
+
+@pytest.fixture(scope="session")
+def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of a small recording by name: half a second of sound, and motion."""
+    generator = np.random.default_rng(0)
+    t_s = np.arange(40) / 50
+    gravity = generator.normal([0, 0, 9.8], 0.1, (40, 3))
+    recording = Recording(
+        name="round the table",
+        device="test phone",
+        audio=Audio(generator.uniform(-0.1, 0.1, (1, 35_280)), 44_100),
+        imu=Imu(t_s, gravity, generator.normal(0, 0.1, (40, 3))),
+    )
+    folder = tmp_path_factory.mktemp("walk") / "walk"
+    write_recording(recording, folder)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
