@@ -12,18 +12,33 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
-from elfslam.serve import recordings, uploads, users
+from elfslam.serve import (
+    floor_plan_routes,
+    job_routes,
+    map_routes,
+    recordings,
+    uploads,
+    users,
+)
 from elfslam.serve.access import current_user
 from elfslam.serve.guards import Guard
 from elfslam.serve.pages import install_pages
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
+from elfslam.serve.runner import run_jobs
 from elfslam.serve.services import Here, Services, open_services
 from elfslam.serve.settings import ServerSettings, told_limits
 from elfslam.serve.sweeps import sweeping
 
-ROUTERS: tuple[APIRouter, ...] = (users.router, recordings.router, uploads.router)
+ROUTERS: tuple[APIRouter, ...] = (
+    users.router,
+    recordings.router,
+    uploads.router,
+    job_routes.router,
+    map_routes.router,
+    floor_plan_routes.router,
+)
 """Under /api, all of them for users with a token."""
-BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping,)
+BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
 """Entered when the server starts and left when it stops."""
 DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` except `/api/version`
 wants a pairing token, as `Authorization: Bearer TOKEN` or as the cookie that `POST /api/session`

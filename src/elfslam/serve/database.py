@@ -131,7 +131,10 @@ class Upload(Base):
 
 
 class Job(Base):
-    """Work in the background: `given` is what it was asked, `gave` what came of it."""
+    """Work in the background: `given` is what it was asked, `gave` what came of it.
+
+    `claim` is known to the one runner alone that works on it.
+    """
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
@@ -143,14 +146,28 @@ class Job(Base):
     doing: Mapped[str] = mapped_column(default="")
     share: Mapped[float | None] = mapped_column(default=None)
     attempts: Mapped[int] = mapped_column(default=0)
+    claim: Mapped[str | None] = mapped_column(default=None)
     problem: Mapped[str | None] = mapped_column(default=None)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
     started_utc: Mapped[datetime | None] = mapped_column(default=None)
     finished_utc: Mapped[datetime | None] = mapped_column(default=None)
 
 
+class JobFile(Base):
+    """A file that a job made and that is part of no map."""
+
+    __tablename__ = "job_files"
+    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(index=True)
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+
+
 class Map(Base):
-    """What a job made: the folder of a run, or of a floor map merged from runs."""
+    """What a job made: the folder of a run, or of a floor map merged from runs.
+
+    `sources` are the recordings that it came from, `floor_plan` the image below it.
+    """
 
     __tablename__ = "maps"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)

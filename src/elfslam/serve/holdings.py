@@ -9,6 +9,8 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve import blobs
 from elfslam.serve.database import (
+    Job,
+    JobFile,
     Map,
     MapFile,
     Recording,
@@ -18,10 +20,11 @@ from elfslam.serve.database import (
     reading,
     transaction,
 )
+from elfslam.serve.derived import forget_recording
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 
-NAMERS = (RecordingFile, MapFile)
+NAMERS = (RecordingFile, MapFile, JobFile)
 """The tables whose rows name blobs."""
 
 
@@ -59,11 +62,13 @@ def is_named(session: Session, sha256: str) -> bool:
 
 
 def delete_recording(services: Services, recording_id: str) -> None:
-    """Delete a recording, its uploads and every blob that it alone names."""
+    """Delete a recording, its uploads, what came of it alone, and every blob only they name."""
     with transaction(services.sessions) as session:
-        named = list(
-            session.scalars(select(RecordingFile.sha256).filter_by(recording_id=recording_id))
-        )
+        recording = session.get(Recording, recording_id)
+        if recording is None:
+            return
+        named = forget_recording(session, recording.user_id, recording_id)
+        named += session.scalars(select(RecordingFile.sha256).filter_by(recording_id=recording_id))
         uploads = list(session.scalars(select(Upload.id).filter_by(recording_id=recording_id)))
         session.execute(delete(Recording).where(Recording.id == recording_id))
     _clear(services, uploads, named)
@@ -74,7 +79,9 @@ def delete_user(services: Services, user_id: str) -> None:
     with transaction(services.sessions) as session:
         of_recordings = select(RecordingFile.sha256).join(Recording).filter_by(user_id=user_id)
         of_maps = select(MapFile.sha256).join(Map).filter_by(user_id=user_id)
-        named = [*session.scalars(of_recordings), *session.scalars(of_maps)]
+        of_jobs = select(JobFile.sha256).join(Job).filter_by(user_id=user_id)
+        tables = of_recordings, of_maps, of_jobs
+        named = [sha256 for table in tables for sha256 in session.scalars(table)]
         uploads = list(session.scalars(select(Upload.id).filter_by(user_id=user_id)))
         session.execute(delete(User).where(User.id == user_id))
     _clear(services, uploads, named)

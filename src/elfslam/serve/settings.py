@@ -41,6 +41,9 @@ class Limits:
     reading_s: float = 600.0
     reading_bytes: int = 6 * GIBIBYTE
     """Time and memory that reading one recording may take."""
+    job_s: float = 4 * 3600.0
+    job_bytes: int = 8 * GIBIBYTE
+    """Time and memory that one job may take; no file that it writes is larger either."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +57,8 @@ class ServerSettings:
     secure_cookie: bool = True
     """Off only where plain HTTP on loopback is spoken."""
     run_jobs: bool = True
+    job_workers: int = 1
+    """Jobs that are worked on at once."""
     allow_public: bool = False
     """Answer also those who are neither on this machine nor in its local network."""
     pages_folder: Path = PAGES_FOLDER
