@@ -4,7 +4,11 @@ import { complexZeros, fourierOf } from "./fourier.js";
 import { earliest, makeMatchedFilter, median, strongest } from "./matched_filter.js";
 import { RULES } from "./arrivals.js";
 
-const SPECTRUM = 1024;
+/** Samples: as long as a chirp; so many at both ends fade. */
+const SPECTRUM = 512;
+const FADE = 64;
+/** After the direct sound: echoes are over and the next chirp is not due. */
+const LULL_S = 0.085;
 const SUBBAND_HZ = 1000;
 const CLIPPED = 0.98;
 
@@ -64,24 +68,31 @@ function shareOf(samples, test) {
   return count / samples.length;
 }
 
-/** Power by frequency while the chirp is heard, over that while nothing was played. */
+/**
+ * Power by frequency while the chirp is heard, over that of the noise: while nothing was played, or at the
+ * end of each frame, whichever is less; other phones and echoes are no noise of this one.
+ */
 function subbandsOf(samples, rateHz, played, delay, [lowHz, highHz]) {
   const lag = Number.isFinite(delay) ? delay : 0;
-  const starts = Array.from({ length: played.count }, (_, c) => played.first + c * played.period + lag);
+  const begin = played.first + lag - (FADE >> 1);
+  const starts = Array.from({ length: played.count }, (_, c) => begin + c * played.period);
   const quiet = Array.from(
     { length: Math.max(Math.floor(played.first / SPECTRUM) - 1, 0) },
     (_, k) => k * SPECTRUM,
   );
   const loud = meanPower(samples, starts);
-  const noise = meanPower(samples, quiet);
+  const noises = [quiet, starts.map((start) => start + Math.round(LULL_S * rateHz))].map((at) =>
+    meanPower(samples, at),
+  );
   const count = Math.round((highHz - lowHz) / SUBBAND_HZ);
   return Array.from({ length: count }, (_, k) => {
     const edgeHz = lowHz + k * SUBBAND_HZ;
     const signal = bandPower(loud, edgeHz, rateHz);
+    const noise = Math.min(...noises.map((power) => bandPower(power, edgeHz, rateHz)));
     return {
       lowHz: edgeHz,
       levelDb: decibels(signal),
-      snrDb: decibels(signal / Math.max(bandPower(noise, edgeHz, rateHz), 1e-20)),
+      snrDb: decibels(signal / Math.max(noise, 1e-20)),
     };
   });
 }
@@ -93,12 +104,17 @@ function meanPower(samples, starts) {
   for (const start of whole) {
     const x = complexZeros(SPECTRUM);
     for (let n = 0; n < SPECTRUM; n += 1) {
-      x.re[n] = samples[start + n] * Math.sin((Math.PI * (n + 0.5)) / SPECTRUM) ** 2;
+      x.re[n] = samples[start + n] * fade(n);
     }
     forward(x);
     for (let k = 0; k < power.length; k += 1) power[k] += x.re[k] ** 2 + x.im[k] ** 2;
   }
   return power.map((value) => value / Math.max(whole.length, 1) / (SPECTRUM / 2) ** 2);
+}
+
+function fade(n) {
+  const edge = Math.min(n + 0.5, SPECTRUM - n - 0.5) / FADE;
+  return edge < 1 ? Math.sin((Math.PI / 2) * edge) ** 2 : 1;
 }
 
 function bandPower(power, edgeHz, rateHz) {
