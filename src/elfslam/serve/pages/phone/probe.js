@@ -18,7 +18,7 @@ const CLIPPED = 0.98;
  *   peak: number, contrast: number, heard: number, frames: number, jitterS: number, latencyS: number,
  *   clippedShare: number, silentShare: number, subbands: Subband[],
  * }} Measured peak: amplitude of the direct sound; contrast: over the median envelope; jitterS: of the
- *   direct arrival, median deviation; latencyS: from playing to hearing, less whole periods.
+ *   direct arrival, median deviation; latencyS: from playing to hearing.
  */
 
 /**
@@ -31,30 +31,38 @@ const CLIPPED = 0.98;
  */
 export function measure(samples, rateHz, chirp, played, bandHz) {
   const envelope = wholeEnvelope(samples, chirp);
-  const floor = median(envelope.subarray(0, played.first));
-  const early = Math.round(RULES.earlyS * rateHz);
-  const frames = Array.from({ length: played.count }, (_, c) => {
-    const start = played.first + c * played.period;
-    const peak = strongest(envelope, start, start + played.period);
-    const direct = earliest(envelope, peak, early, RULES.earlyShare);
-    return { delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, played) };
-  }).filter((frame) => Number.isFinite(frame.peak));
-  const heard = frames.filter((frame) => frame.peak >= RULES.contrast * Math.max(frame.floor, 1e-9));
+  const frames = framesOf(envelope, played, Math.round(RULES.earlyS * rateHz));
+  const isHeard = (frame) => frame.peak >= RULES.contrast * Math.max(frame.floor, 1e-9);
+  // Sound may take longer than a period through the phone: its first chirp is the first that is heard.
+  const late = Math.max(frames.findIndex(isHeard), 0);
+  const due = frames.slice(late, late + played.count);
+  const heard = due.filter(isHeard);
   const delay = median(heard.map((frame) => frame.delay));
   return {
-    peak: median(frames.map((frame) => frame.peak)),
-    contrast: median(frames.map((frame) => frame.peak / Math.max(frame.floor, floor, 1e-9))),
+    peak: median(due.map((frame) => frame.peak)),
+    contrast: median(due.map((frame) => frame.peak / Math.max(frame.floor, 1e-9))),
     heard: heard.length,
     frames: played.count,
     jitterS: median(heard.map((frame) => Math.abs(frame.delay - delay))) / rateHz,
-    latencyS: delay / rateHz,
+    latencyS: (late * played.period + delay) / rateHz,
     clippedShare: shareOf(samples, (value) => Math.abs(value) >= CLIPPED),
     silentShare: shareOf(samples, (value) => value === 0),
-    subbands: subbandsOf(samples, rateHz, played, delay, bandHz),
+    subbands: subbandsOf(samples, rateHz, played, late * played.period + delay, bandHz),
   };
 }
 
-function frameFloor(envelope, start, { period }) {
+/** Direct sound in every whole period since the first chirp was played. */
+function framesOf(envelope, { first, period }, early) {
+  const count = Math.max(Math.floor((envelope.length - first) / period), 0);
+  return Array.from({ length: count }, (_, c) => {
+    const start = first + c * period;
+    const peak = strongest(envelope, start, start + period);
+    const direct = earliest(envelope, peak, early, RULES.earlyShare);
+    return { delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, period) };
+  });
+}
+
+function frameFloor(envelope, start, period) {
   return median(envelope.subarray(start, start + period));
 }
 
