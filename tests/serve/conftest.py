@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -86,3 +90,52 @@ def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     folder = tmp_path_factory.mktemp("walk") / "walk"
     write_recording(recording, folder)
     return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@dataclass(frozen=True)
+class Started:
+    """A server in a process of its own."""
+
+    process: subprocess.Popen[bytes]
+    url: str
+    token: str
+    data: Path
+
+    @property
+    def bearer(self) -> dict[str, str]:
+        """The owner's header."""
+        return {"Authorization": f"Bearer {self.token}"}
+
+
+START = """
+import sys; from pathlib import Path
+from elfslam.serve.running import Listening, run
+from elfslam.serve.settings import Limits, ServerSettings
+settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=Limits(**eval(sys.argv[3])))
+run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)
+"""
+
+
+@pytest.fixture
+def start_server(tmp_path: Path) -> Iterator[Callable[..., Started]]:
+    """Starts real servers on free ports; all are killed at the end."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(data: Path = tmp_path / "data", speaks: str = "http", **limits: float) -> Started:
+        told = data / "authority" / "url"
+        told.unlink(missing_ok=True)
+        command = [sys.executable, "-c", START, str(data), speaks, repr(limits)]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        started.append(process)
+        until_s = time.monotonic() + 60
+        while not told.is_file():
+            assert process.poll() is None, "the server did not start"
+            assert time.monotonic() < until_s, "the server takes too long to start"
+            time.sleep(0.02)
+        token = (data / "authority" / "owner.token").read_text().strip()
+        return Started(process, told.read_text().strip(), token, data)
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()

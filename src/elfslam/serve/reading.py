@@ -1,28 +1,21 @@
-"""Reads a recording's folder in a process of its own, within bounds of time and memory.
+"""Has a recording's folder read by a process of its own, within bounds of time and memory.
 
 A file from outside may make its reader slow or large; the server must not suffer from it.
-`python -m elfslam.serve.reading FOLDER BYTES` prints what was found as JSON.
 """
 
 from __future__ import annotations
 
 import json
-import resource
 import subprocess
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from elfslam.base.errors import InputError
-from elfslam.base.values import Recording
-from elfslam.data.recordings import read_recording
-from elfslam.line.chirp import check_rate
-from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import Limits
+
+READER = "elfslam.serve.reader"
 
 
 @dataclass(frozen=True)
@@ -35,7 +28,7 @@ class Found:
 
 def read_apart(folder: Path, limits: Limits) -> Found:
     """What a process of its own finds in a folder. Raises Problem 503 where that was killed."""
-    command = [sys.executable, "-m", __name__, str(folder), str(limits.reading_bytes)]
+    command = [sys.executable, "-m", READER, str(folder), str(limits.reading_bytes)]
     try:
         done = subprocess.run(
             command, capture_output=True, timeout=limits.reading_s, check=False, text=True
@@ -45,61 +38,4 @@ def read_apart(folder: Path, limits: Limits) -> Found:
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise Problem(503, f"the recording could not be read now ({last:.200}); complete it again")
-    return Found(**json.loads(done.stdout))
-
-
-def find(folder: Path) -> Found:
-    """What a folder holds, read here and now."""
-    try:
-        recording = read_recording(folder)
-        if recording.audio is not None:
-            check_rate(recording.audio.rate_hz)
-        return Found(facts_of(recording))
-    except InputError as error:
-        return Found(refusal=str(error).replace(f"{folder}/", "").replace(f"{folder}: ", ""))
-    except MemoryError:
-        return Found(refusal="reading needs more memory than is allowed; cut it in parts")
-
-
-def facts_of(recording: Recording) -> dict[str, Any]:
-    """What is told of a recording: name, device, duration, sensors, footsteps."""
-    facts: dict[str, Any] = {"name": recording.name, "device": recording.device}
-    ends_s = [0.0]
-    if recording.audio is not None:
-        channels, samples = recording.audio.samples.shape
-        rate_hz = recording.audio.rate_hz
-        ends_s.append(samples / rate_hz)
-        facts["audio"] = {"rate_hz": rate_hz, "channels": channels}
-    sensors = ("imu", "orientation", "odometry", "magnetometer", "wifi", "emr")
-    present = {name: getattr(recording, name) for name in sensors}
-    ends_s += [
-        float(value.t_s[-1]) for value in present.values() if value is not None and len(value.t_s)
-    ]
-    facts["sensors"] = [name for name, value in present.items() if value is not None]
-    facts["duration_s"] = round(float(np.max(ends_s)), 3)
-    if recording.start_pose is not None:
-        facts["start_pose"] = list(recording.start_pose)
-    if (footsteps := _footsteps(recording)) is not None:
-        facts["footsteps"] = footsteps
-    return facts
-
-
-def _footsteps(recording: Recording) -> int | None:
-    """How many there are; None where the motion sensors do not tell."""
-    if recording.imu is None:
-        return None
-    try:
-        return len(find_footsteps(recording.imu, MotionParameters()))
-    except InputError:
-        return None
-
-
-def main(folder: Path, most_bytes: int) -> None:
-    """Print what is found in a folder, with at most so much memory."""
-    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
-    found = find(folder)
-    print(json.dumps({"facts": found.facts, "refusal": found.refusal}, allow_nan=False))
-
-
-if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    return Found(**json.loads(done.stdout.splitlines()[-1]))
