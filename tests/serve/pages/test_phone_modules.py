@@ -58,12 +58,14 @@ def envelope_at(sound: np.ndarray, rate_hz: int) -> np.ndarray:
 def baseband_by_definition(sound: np.ndarray, rate_hz: int, first: int) -> np.ndarray:
     """One frame, I and Q by turns, sample by sample as data/baseband.py writes the sum."""
     n = np.arange(len(sound))
+    grid_hz = np.lcm(rate_hz, BASEBAND_HZ)
+    support_s = round(HALF_SUPPORT_S * grid_hz) / grid_hz
     turned = sound * np.exp(-2j * np.pi * CENTRE_HZ * n / rate_hz)
     frame = []
     for k in range(first, first + FRAME_SAMPLES):
         t_s = k / BASEBAND_HZ - n / rate_hz
-        near = abs(t_s) <= HALF_SUPPORT_S
-        x = t_s[near] / HALF_SUPPORT_S
+        near = abs(t_s) <= support_s
+        x = np.minimum(abs(t_s[near]) / support_s, 1)
         window = np.i0(KAISER_SHAPE * np.sqrt(1 - x**2)) / np.i0(KAISER_SHAPE)
         taps = 2 * CUTOFF_HZ / rate_hz * np.sinc(2 * CUTOFF_HZ * t_s[near]) * window
         frame.append(2 * np.sum(taps * turned[near]))

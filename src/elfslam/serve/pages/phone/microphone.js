@@ -28,7 +28,7 @@ export async function openMicrophone() {
     throw new Problem("This browser gives pages no microphone here. Open the page by its https address.", 0);
   }
   if (navigator.audioSession) navigator.audioSession.type = "play-and-record";
-  const context = new AudioContext({ latencyHint: "interactive" });
+  const context = new AudioContext({ latencyHint: "playback" });
   const resumed = context.resume();
   let stream;
   try {

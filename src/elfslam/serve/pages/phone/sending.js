@@ -41,8 +41,16 @@ export async function sendWalk(sent, keeper, names, tell, signal) {
   const note = (name, bytes) => report({ sent: { ...progress.sent, [name]: bytes } });
   const tried = (work) => persist(work, report, signal);
   await tried(() => createRecording(sent));
-  await Promise.all(names.map((name) => tried(() => sendFile(sent, keeper, name, note, signal))));
-  const files = await Promise.all(names.map((name) => describeFile(sent, keeper, name)));
+  const filled = await Promise.all(
+    names.map(async (name) => {
+      await moreThan(0, sizeOf(sent, name), () => sent.state.isOver, signal);
+      if (sizeOf(sent, name)() === 0) return null;
+      await tried(() => sendFile(sent, keeper, name, note, signal));
+      return name;
+    }),
+  );
+  const there = filled.filter((name) => name !== null);
+  const files = await Promise.all(there.map((name) => describeFile(sent, keeper, name)));
   return tried(() => complete(sent, files));
 }
 
@@ -169,7 +177,7 @@ function detailIn(body) {
 
 /** A file that grows while it is read; it is done when the walk is over and all of it was given. */
 function sourceOf(sent, keeper, name, signal) {
-  const size = () => sent.sizes[name] ?? 0;
+  const size = sizeOf(sent, name);
   const slice = async (start, end) => {
     await moreThan(start, size, () => sent.state.isOver, signal);
     const stop = Math.min(end, size());
@@ -180,6 +188,8 @@ function sourceOf(sent, keeper, name, signal) {
   };
   return { size: null, slice, close: () => {} };
 }
+
+const sizeOf = (sent, name) => () => sent.sizes[name] ?? 0;
 
 async function moreThan(start, size, isOver, signal) {
   const since = performance.now();

@@ -1,5 +1,7 @@
 /** What the probe found, in words: a line per check, and what to do about it. */
 
+import { formatLevel } from "../shared/format.js";
+
 /**
  * @typedef {"pass" | "doubt" | "fail"} Verdict
  * @typedef {{name: string, verdict: Verdict, said: string}} Check
@@ -48,14 +50,14 @@ export function summarise(checks) {
 }
 
 function named(checks) {
-  return checks.map((check) => check.name.toLowerCase()).join(", ");
+  return checks.map(({ name }) => name[0].toLowerCase() + name.slice(1)).join(", ");
 }
 
 function judgeMicrophone({ label, contextRateHz, settings, outputLatencyS }) {
   const name = "Microphone";
   const rateHz = settings.sampleRate ?? contextRateHz;
   if (/bluetooth|airpods|buds|hands-?free|headset/i.test(label)) {
-    return fail(name, `“${label}” is a headset. Take it off: the phone's own microphone and loudspeaker are needed.`);
+    return fail(name, `“${label}” is a headset. Take it off: the phone’s own microphone and loudspeaker are needed.`);
   }
   if (rateHz < SAFE_RATE_HZ) {
     return fail(name, `It hears only up to ${kilohertz(rateHz / 2)}. Switch Bluetooth off and check again.`);
@@ -64,7 +66,7 @@ function judgeMicrophone({ label, contextRateHz, settings, outputLatencyS }) {
     return doubt(name, `Sound leaves the phone ${Math.round(outputLatencyS * 1000)} ms late. If a Bluetooth loudspeaker is connected, switch it off.`);
   }
   const both = rateHz === contextRateHz ? "" : `, sound runs at ${kilohertz(contextRateHz)}`;
-  return pass(name, `The phone's own, at ${kilohertz(rateHz)}${both}.`);
+  return pass(name, `The phone’s own, at ${kilohertz(rateHz)}${both}.`);
 }
 
 function judgeProcessing(settings) {
@@ -85,8 +87,8 @@ function judgeProcessing(settings) {
 
 function judgeLevel({ peak, clippedShare, silentShare }) {
   const name = "Loudness";
-  const level = `${Math.round(20 * Math.log10(Math.max(peak, 1e-6)))} dB`;
-  if (silentShare > 0.9) return fail(name, "The microphone gives silence. Allow it in the phone's settings, and unmute it.");
+  const level = formatLevel(20 * Math.log10(Math.max(peak, 1e-6)));
+  if (silentShare > 0.9) return fail(name, "The microphone gives silence. Allow it in the phone’s settings, and unmute it.");
   if (clippedShare > 0.001) return fail(name, "Far too loud: the microphone is overdriven. Turn the media volume down.");
   if (peak < 0.0005) return fail(name, `The chirps are hardly heard (${level}). Turn the media volume up and uncover loudspeaker and microphone.`);
   if (peak < 0.004) return doubt(name, `Soft (${level}). Turn the media volume up.`);

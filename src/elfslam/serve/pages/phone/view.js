@@ -1,6 +1,6 @@
 /** What the page shows. Every function writes to the page, and none of them remembers anything. */
 
-import { formatBytes, formatDuration, formatShare, formatWhen } from "../shared/format.js";
+import { formatBytes, formatDuration, formatLevel, formatShare, formatWhen } from "../shared/format.js";
 
 /** @param {string} id @returns {any} */
 export const at = (id) => document.getElementById(id);
@@ -75,7 +75,7 @@ function bandColumn({ lowHz, snrDb }) {
   const bar = make("span", {});
   bar.style.setProperty("--share", String(Math.min(Math.max(snrDb / TALLEST_DB, 0.02), 1)));
   const column = make("div", { className: "column" }, [bar]);
-  const value = make("strong", {}, [`${Math.round(snrDb)} dB`]);
+  const value = make("strong", {}, [formatLevel(snrDb)]);
   return make("div", { data: { verdict } }, [value, column, `${lowHz / 1000} kHz`]);
 }
 
@@ -104,7 +104,7 @@ export function showLevel(peak, isFound) {
   meter.style.setProperty("--share", String(share));
   meter.dataset.verdict = isFound ? "pass" : "fail";
   meter.setAttribute("aria-valuenow", String(Math.round(isFound ? levelDb : SOFTEST_DB)));
-  at("level-said").textContent = isFound ? `${Math.round(levelDb)} dB` : "not heard";
+  at("level-said").textContent = isFound ? formatLevel(levelDb) : "not heard";
 }
 
 /** @param {string | null} trouble @param {boolean} isBegun */

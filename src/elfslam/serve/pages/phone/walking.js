@@ -69,8 +69,6 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
   state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
   const keep = (name, text) => keeper.ask(appendOrder(walk, name, text));
   await sent.save();
-  await keep("accelerometer.csv", TABLE_HEADER);
-  await keep("gyroscope.csv", TABLE_HEADER);
 
   let steps = NO_STEPS;
   const log = makeMotionLog((tS, acceleration) => {
@@ -91,7 +89,9 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
     if (latencyS === null && seconds < LATENCY_PATIENCE_S) return;
     const line = clocks.line();
     const rows = log.take((pageMs) => soundTime(line, pageMs) - zero / rateHz + (latencyS ?? 0));
-    for (const [name, text] of Object.entries(rows)) if (text) await keep(name, text);
+    for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
+      await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
+    }
   };
   const timer = everySecond(microphone.context, zero, sent, flush);
 

@@ -26,3 +26,8 @@ export function formatWhen(when) {
 export function formatShare(share) {
   return `${Math.round(share * 100)} %`;
 }
+
+/** @param {number} decibels @returns {string} with a true minus */
+export function formatLevel(decibels) {
+  return `${Math.round(decibels)} dB`.replace("-", "−");
+}
