@@ -38,7 +38,8 @@ sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 SERVE = "from elfslam.cli import main; main()"
-PATIENCE_MS = 15_000
+PATIENCE_MS = 60_000
+"""Only a test that fails waits for so long."""
 CLOSURES = ((2, 20), (3, 21), (4, 22))
 """Planted into the map of a single walk."""
 
@@ -105,10 +106,18 @@ def walk_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def run_folder(walk_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Its run, with three planted closures and a note where a report would be."""
+    """Its run."""
     folder = tmp_path_factory.mktemp("runs") / "run"
     job = MapJob((Modality.MOTION,), None, "compact", Settings(), overwrite=False)
     map_into(folder, walk_folder, job, lambda *_: None)
+    return folder
+
+
+@pytest.fixture(scope="session")
+def looped_folder(run_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The run with three planted closures: good to look at, and no more."""
+    folder = tmp_path_factory.mktemp("runs") / "looped"
+    shutil.copytree(run_folder, folder)
     file = folder / "closures.csv"
     rows = [f"{i},{j},{i}.0,{j}.0,0.9,1,0,0,0" for i, j in CLOSURES]
     file.write_text("\n".join([file.read_text().splitlines()[0], *rows]) + "\n")

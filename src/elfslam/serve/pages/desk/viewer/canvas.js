@@ -45,8 +45,10 @@ export function mountCanvas(scene, state, name, told) {
   function paint() {
     frame = 0;
     if (!canvas.isConnected) return;
+    context.save();
     draw(context, scene, state, palette, density());
     drawMarks(context, scene, state, palette);
+    context.restore();
     showBar();
     showTip();
   }
