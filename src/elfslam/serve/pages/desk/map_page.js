@@ -32,7 +32,7 @@ export async function openMap(desk, id, root) {
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
-  const plan = planOf(id, state, scene.bounds_m, canvas.redraw, fillPanel);
+  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: fillPanel, showAll: canvas.showAll });
   let legend = legendOf(scene, state);
   canvas.stage.append(legend);
 

@@ -22,8 +22,8 @@ function layersOf(scene, state) {
   return [
     ["trajectories", "Trajectories", scene.walks.length > 0 ? null : "this map keeps none"],
     ["uncertainty", "Uncertainty", sigmas ? null : "not known for this map"],
-    ["closures", "Closed loops", scene.closures.length > 0 ? null : "kept in the maps of single walks"],
-    ["reckoning", "Dead reckoning", scene.reckoned.length > 0 ? null : "kept in the maps of single walks"],
+    ["closures", "Closed loops", scene.closures.length > 0 ? null : "in maps of one walk"],
+    ["reckoning", "Dead reckoning", scene.reckoned.length > 0 ? null : "in maps of one walk"],
     ["coverage", "Coverage", scene.coverage ? null : "comes with several walks: merge maps"],
     ["fixes", "Located walks", state.located.length > 0 ? null : "none yet"],
     ["plan", "Floor plan", state.plan ? null : "none yet"],

@@ -29,9 +29,10 @@ function keptPlacement(kept) {
 /**
  * The floor plan of a map: its part of the panel, and its loading and saving.
  * @param {string} mapId @param {State} state @param {import("./projection.js").Bounds} bounds_m
- * @param {() => void} redraw @param {() => void} changed the plan came or went
+ * @param {{redraw: () => void, changed: () => void, showAll: () => void}} told `changed` when the plan
+ * came or went
  */
-export function planOf(mapId, state, bounds_m, redraw, changed) {
+export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
   const path = `/api/maps/${encodeURIComponent(mapId)}/floor-plan`;
   const status = h("p", { class: "soft saved", role: "status" });
   /** @type {Map<string, HTMLInputElement>} */
@@ -87,6 +88,7 @@ export function planOf(mapId, state, bounds_m, redraw, changed) {
     dirty = true;
     await save();
     changed();
+    showAll();
     say("Drag the plan under the walks; its corners stretch it, the knob turns it.");
   }
 

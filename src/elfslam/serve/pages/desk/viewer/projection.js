@@ -26,7 +26,7 @@ export function toMap(view, size, [x_px, y_px]) {
 
 /** The view that shows all of `bounds` with a margin. @param {Bounds} bounds @param {Size} size
  * @param {number} [margin_px] @returns {View} */
-export function fit([x0, y0, x1, y1], size, margin_px = 36) {
+export function fit([x0, y0, x1, y1], size, margin_px = 48) {
   const width_m = Math.max(x1 - x0, 0.5);
   const height_m = Math.max(y1 - y0, 0.5);
   const px_per_m = Math.min(

@@ -34,7 +34,7 @@ export function sceneOf(given) {
     closures: given.closures,
     coverage: given.coverage,
     limits: {
-      walks: given.coverage && limitsOf(given.coverage.walks),
+      walks: given.coverage && limitsOf(given.coverage.walks.map((row) => row.map((count) => count || null))),
       sigma_m: given.coverage && limitsOf(given.coverage.sigma_m),
     },
     bounds_m,
