@@ -64,14 +64,24 @@ def postgresql() -> Iterator[str]:
         user=user,
         cwd=folder,
     )
-    until_s = time.monotonic() + 30
-    while not Path(f"{folder}/.s.PGSQL.5432").exists():
+    until_s = time.monotonic() + 60
+    while not accepts(folder):
         assert time.monotonic() < until_s, "PostgreSQL does not start"
         time.sleep(0.05)
     yield folder
     server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
     server.wait()
     shutil.rmtree(folder)
+
+
+def accepts(folder: str) -> bool:
+    """Whether the PostgreSQL whose socket lies there takes connections by now."""
+    psycopg = pytest.importorskip("psycopg")
+    try:
+        psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
+    except psycopg.OperationalError:
+        return False
+    return True
 
 
 @pytest.fixture
