@@ -64,8 +64,8 @@ def postgresql() -> Iterator[str]:
         user=user,
         cwd=folder,
     )
-    until_s = time.monotonic() + 30
-    while not answers(folder):
+    until_s = time.monotonic() + 60
+    while not accepts(folder):
         assert time.monotonic() < until_s, "PostgreSQL does not start"
         time.sleep(0.05)
     yield folder
@@ -74,8 +74,8 @@ def postgresql() -> Iterator[str]:
     shutil.rmtree(folder)
 
 
-def answers(folder: str) -> bool:
-    """Whether the PostgreSQL of a folder has started: its socket is there before that."""
+def accepts(folder: str) -> bool:
+    """Whether the PostgreSQL whose socket lies there takes connections by now."""
     psycopg = pytest.importorskip("psycopg")
     try:
         psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
