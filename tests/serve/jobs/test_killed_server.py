@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import signal
 import socket
 import subprocess
 import sys
 import time
+import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,12 +16,19 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
 
+from elfslam.data.tum import read_tum
+from elfslam.mapping import MapJob, map_into
+from elfslam.score.errors import Alignment, position_errors
+from elfslam.score.truth import read_truth
+from elfslam.senses import Settings
 from elfslam.serve.access import new_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.users import set_owner_token
+from elfslam.serve.work import STAGES
 
 Json = dict[str, Any]
 SERVE = """
@@ -119,3 +129,76 @@ def upload(client: httpx.Client, packed: bytes) -> str:
     )
     assert sent.status_code == 204, sent.text
     return client.head(where, headers=tus).headers["Elfslam-Recording"]
+
+
+def packed(folder: Path) -> bytes:
+    """A recording's folder as a .zip."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for file in folder.iterdir():
+            archive.write(file, file.name)
+    return made.getvalue()
+
+
+def only_job(client: httpx.Client, recording: str) -> Json:
+    [job] = client.get("/api/jobs", params={"recording": recording}).json()
+    return dict(job)
+
+
+def run_folder(client: httpx.Client, map_id: str, folder: Path) -> Path:
+    content = client.get(f"/api/maps/{map_id}/map.zip").content
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        archive.extractall(folder)
+    [top] = folder.iterdir()
+    return top
+
+
+def median_error_m(run: Path, truth: Path) -> float:
+    t_s, poses = read_tum(run / "trajectory.tum")
+    return float(np.median(position_errors(t_s, poses, read_truth(truth), Alignment.ALIGNED)))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `elfslam map` makes of the walk."""
+    out = tmp_path_factory.mktemp("undisturbed") / "run"
+    job = MapJob((), None, "compact", Settings(), overwrite=False)
+    map_into(out, walks / "one", job, lambda what, share: None)
+    return out
+
+
+@pytest.mark.slow
+def test_from_upload_to_map_is_as_good_as_the_command(
+    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    with server.running() as (_, client):
+        recording = upload(client, packed(walks / "one"))
+        job = ended(client, only_job(client, recording)["id"])
+        assert job["problem"] is None
+        ours = run_folder(client, job["gave"]["map"], tmp_path / "map")
+    error_m = median_error_m(ours, walks / "one")
+    assert error_m == median_error_m(undisturbed, walks / "one")
+    assert error_m < 0.3
+
+
+@pytest.mark.slow
+def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
+    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    with server.running() as (process, client):
+        recording = upload(client, packed(walks / "one"))
+        job_id = only_job(client, recording)["id"]
+        until(lambda: client.get(f"/api/jobs/{job_id}").json()["doing"] in STAGES)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert list((server.folder / "work").iterdir()) != []
+    with server.running() as (_, client):
+        job = ended(client, job_id)
+        assert (job["state"], job["attempts"]) == ("done", 2)
+        ours = run_folder(client, job["gave"]["map"], tmp_path / "map")
+        assert len(client.get("/api/maps").json()) == 1
+    names = {file.name for file in ours.iterdir()}
+    assert names == {file.name for file in undisturbed.iterdir()}
+    for name in names - DATED:
+        assert (ours / name).read_bytes() == (undisturbed / name).read_bytes(), name
+    assert list((server.folder / "work").iterdir()) == []
