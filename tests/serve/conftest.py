@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import secrets
+import shutil
+import signal
 import subprocess
 import sys
+import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -27,16 +32,83 @@ with warnings.catch_warnings():
     from starlette.testclient import TestClient
 
 
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[str]:
+    """A PostgreSQL of our own, by the folder of its socket; skips the test where there is none."""
+    program = shutil.which("initdb") or next(
+        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
+    )
+    if program is None:
+        pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
+    binaries = Path(program).resolve().parent
+    folder = tempfile.mkdtemp(prefix="pg")  # a short path: sockets allow 107 characters
+    user = "postgres" if os.getuid() == 0 else None
+    if user is not None:
+        shutil.chown(folder, user)
+    make = [
+        binaries / "initdb",
+        "-D",
+        f"{folder}/data",
+        "-A",
+        "trust",
+        "-U",
+        "elfslam",
+        "-E",
+        "UTF8",
+    ]
+    subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
+    options = ["-c", "listen_addresses=", "-c", "fsync=off"]
+    server = subprocess.Popen(
+        [binaries / "postgres", "-D", f"{folder}/data", "-k", folder, *options],
+        stderr=subprocess.DEVNULL,
+        user=user,
+        cwd=folder,
+    )
+    until_s = time.monotonic() + 60
+    while not accepts(folder):
+        assert time.monotonic() < until_s, "PostgreSQL does not start"
+        time.sleep(0.05)
+    yield folder
+    server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
+    server.wait()
+    shutil.rmtree(folder)
+
+
+def accepts(folder: str) -> bool:
+    """Whether the PostgreSQL whose socket lies there takes connections by now."""
+    psycopg = pytest.importorskip("psycopg")
+    try:
+        psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
+    except psycopg.OperationalError:
+        return False
+    return True
+
+
 @pytest.fixture
-def settings(tmp_path: Path) -> ServerSettings:
+def database_url(request: pytest.FixtureRequest) -> str:
+    """The URL of an empty database: SQLite's default, or a new one of PostgreSQL."""
+    if getattr(request, "param", "sqlite") == "sqlite":
+        return ""
+    psycopg = pytest.importorskip("psycopg")
+    folder, name = request.getfixturevalue("postgresql"), f"t{secrets.token_hex(6)}"
+    whole = f"host={folder} user=elfslam dbname=postgres"
+    with psycopg.connect(whole, autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+    return f"postgresql+psycopg://elfslam@/{name}?host={folder}"
+
+
+@pytest.fixture
+def settings(tmp_path: Path, database_url: str) -> ServerSettings:
     """A data folder that does not exist yet; no jobs run."""
-    return ServerSettings(tmp_path / "data", secure_cookie=False, run_jobs=False)
+    return ServerSettings(tmp_path / "data", database_url, secure_cookie=False, run_jobs=False)
 
 
 @pytest.fixture
-def app(settings: ServerSettings) -> FastAPI:
+def app(settings: ServerSettings) -> Iterator[FastAPI]:
     """The app of that data folder."""
-    return create_app(settings)
+    made = create_app(settings)
+    yield made
+    made.state.services.engine.dispose()
 
 
 @pytest.fixture

@@ -27,6 +27,7 @@ from elfslam.serve.services import Services
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 Files = Mapping[str, bytes]
+BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
 def coded(text: str) -> str:
@@ -80,6 +81,7 @@ def blobs_of(services: Services) -> list[Path]:
     return list(services.settings.blobs_folder.glob("*/*"))
 
 
+@BOTH
 def test_a_walk_goes_in_and_comes_out(
     owner: TestClient, guest: TestClient, services: Services, walk_files: Files, tmp_path: Path
 ) -> None:
@@ -224,12 +226,14 @@ def test_names_that_are_none(owner: TestClient, body: bytes) -> None:
     assert owner.get("/api/recordings").json() == []
 
 
+@BOTH
 def test_a_name_is_only_a_name(owner: TestClient) -> None:
     name = "Robert'); DROP TABLE recordings;-- ../../é"
     begun(owner, name=name)
     assert [mine["name"] for mine in owner.get("/api/recordings").json()] == [name]
 
 
+@BOTH
 def test_a_whole_recording_as_a_zip(
     owner: TestClient, services: Services, walk_files: Files
 ) -> None:
@@ -271,6 +275,7 @@ def test_a_zip_whose_recording_was_not_made_before_a_kill(
     assert len(owner.get("/api/recordings").json()) == 1
 
 
+@BOTH
 def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
     services: Services,
 ) -> None:

@@ -16,6 +16,8 @@ from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.sweeps import expire_uploads, sweep
 
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
 TUS = {"Tus-Resumable": "1.0.0"}
 
 

@@ -11,6 +11,8 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.services import Services
 
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
 DATA = bytes(range(256)) * 40

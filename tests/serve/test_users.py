@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 
+import pytest
 from sqlalchemy import select
 from starlette.testclient import TestClient
 
 from elfslam.serve.database import User, reading
 from elfslam.serve.services import Services
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
 def test_without_a_token_there_is_a_version_and_nothing_else(anyone: TestClient) -> None:

@@ -24,6 +24,9 @@ from elfslam.serve.tasks import FLOOR_PLAN
 router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/floor-plan")
 TYPES = {"PNG": "image/png", "JPEG": "image/jpeg"}
 MOST_PIXELS = 40_000_000
+TOO_MANY_PIXELS = Problem(
+    422, f"the image has more than {MOST_PIXELS // 10**6} million pixels; make it smaller"
+)
 ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
 """Of EXIF: browsers turn such images by a quarter."""
 FARTHEST_M = 1e6
@@ -133,15 +136,13 @@ def facts_of_image(content: bytes) -> dict[str, Any]:
         with Image.open(io.BytesIO(content), formats=list(TYPES)) as image:
             width, height = image.size
             if width * height > MOST_PIXELS:
-                raise Problem(
-                    422,
-                    f"the image has {width} x {height} pixels, wanted {MOST_PIXELS // 10**6} "
-                    "million at most; make it smaller",
-                )
+                raise TOO_MANY_PIXELS
             image.load()
             turned = image.getexif().get(ORIENTATION) in ON_ITS_SIDE
             kind = TYPES[str(image.format)]
-    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as cause:
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as cause:
+        raise TOO_MANY_PIXELS from cause
+    except (OSError, ValueError, SyntaxError) as cause:
         why = "something else" if isinstance(cause, UnidentifiedImageError) else "a damaged one"
         raise Problem(422, f"wanted a PNG or JPEG image, got {why}; save the plan again") from cause
     size = (height, width) if turned else (width, height)

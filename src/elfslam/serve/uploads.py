@@ -5,7 +5,7 @@ The offset of an upload is the length of its file. A byte that was acknowledged 
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Request, Response
 from starlette.concurrency import run_in_threadpool
@@ -37,6 +37,23 @@ LARGEST = 2**53
 OWN_STATUSES = problems(408, 409, 412, 415, 423, WRONG_CHECKSUM)
 
 
+def _described(**headers: str) -> dict[str, Any]:
+    """Headers of a response, for the OpenAPI description."""
+    return {
+        name.replace("_", "-"): {"description": text, "schema": {"type": "string"}}
+        for name, text in headers.items()
+    }
+
+
+TOLD = _described(
+    Upload_Offset="bytes that are on the disk",
+    Upload_Length="bytes in all, where that was said",
+    Upload_Expires="when it is deleted if nothing is added",
+    Elfslam_Recording="the recording that came of a .zip",
+)
+BEGUN = {**TOLD, **_described(Location="where the bytes go")}
+
+
 def speaks_tus(tus_resumable: Annotated[str, Header()] = "") -> None:
     """Refuse a client of another version of the protocol."""
     tus.check_version(tus_resumable)
@@ -64,7 +81,8 @@ def describe_uploads(_user: Me, services: Here) -> Response:
     "",
     status_code=201,
     operation_id="begin_upload",
-    responses=OWN_STATUSES,
+    response_class=Response,
+    responses={**OWN_STATUSES, 201: {"headers": BEGUN, "description": "Send the bytes there"}},
     dependencies=SPEAKS_TUS,
 )
 async def begin_upload(
@@ -97,7 +115,8 @@ async def begin_upload(
 @router.head(
     "/{upload_id}",
     operation_id="look_at_upload",
-    responses=OWN_STATUSES,
+    response_class=Response,
+    responses={**OWN_STATUSES, 200: {"headers": TOLD, "description": "How far it has come"}},
     dependencies=SPEAKS_TUS,
 )
 async def look_at_upload(upload_id: str, user: Me, services: Here) -> Response:
@@ -116,7 +135,7 @@ async def look_at_upload(upload_id: str, user: Me, services: Here) -> Response:
     "/{upload_id}",
     status_code=204,
     operation_id="append_to_upload",
-    responses=OWN_STATUSES,
+    responses={**OWN_STATUSES, 204: {"headers": TOLD, "description": "It is on the disk"}},
     dependencies=SPEAKS_TUS,
     openapi_extra={
         "requestBody": {

@@ -9,6 +9,7 @@ import struct
 import zipfile
 import zlib
 from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
@@ -119,12 +120,14 @@ def packed(files: Mapping[str, Path]) -> Iterator[bytes]:
 
     The files are opened at once, so that one deleted meanwhile is still sent. Raises OSError.
     """
-    return _packing({name: path.open("rb") for name, path in files.items()})
+    with ExitStack() as opening:
+        streams = {name: opening.enter_context(path.open("rb")) for name, path in files.items()}
+        return _packing(streams, opening.pop_all())
 
 
-def _packing(streams: Mapping[str, BinaryIO]) -> Iterator[bytes]:
+def _packing(streams: Mapping[str, BinaryIO], opened: ExitStack) -> Iterator[bytes]:
     sink = _Sink()
-    with zipfile.ZipFile(sink, "w") as archive:
+    with opened, zipfile.ZipFile(sink, "w") as archive:
         for name, stream in streams.items():
             entry = zipfile.ZipInfo(name, EPOCH)
             with stream, archive.open(entry, "w", force_zip64=True) as target:

@@ -11,9 +11,15 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from elfslam.data.recordings import write_recording
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.joining import merge_into
+from elfslam.line.feature import load_encoder
+from elfslam.mapping import write_reported_run
+from elfslam.merging import MergeParameters
 from elfslam.serve import blobs
 from elfslam.serve.database import (
+    Map,
+    MapFile,
     Recording,
     RecordingFile,
     RecordingState,
@@ -22,6 +28,7 @@ from elfslam.serve.database import (
 )
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
+from elfslam.slam import Parameters, map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 Json = dict[str, Any]
@@ -89,3 +96,43 @@ def ended() -> Wait:
         raise AssertionError(f"the job did not end: {job}")
 
     return wait
+
+
+@pytest.fixture(scope="session")
+def runs(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run folders of two walks, and `floor`, merged from them; each with its report."""
+    folder, encoder = tmp_path_factory.mktemp("runs"), load_encoder("compact")
+    for name in ("one", "two"):
+        run = map_by_echoes(read_recording(walks / name), encoder, Parameters())
+        write_reported_run(
+            replace(run, echoes=None),
+            folder / name,
+            facts={"device": "a phone"},
+            encoder=encoder.content,
+        )
+    merge_into(
+        folder / "floor",
+        [folder / "one", folder / "two"],
+        MergeParameters(),
+        lambda what, share: None,
+    )
+    return folder
+
+
+@pytest.fixture
+def keep_map(services: Services, runs: Path) -> Remember:
+    """Puts a run, or the floor, among the maps of a client's user, without a job."""
+
+    def kept(client: TestClient, name: str) -> str:
+        user_id, map_id = client.get("/api/me").json()["id"], new_id()
+        made = blobs.put_folder(services.settings.blobs_folder, runs / name)
+        kind = "floor" if name == "floor" else "run"
+        with transaction(services.sessions) as session:
+            session.add(Map(id=map_id, user_id=user_id, name=name, kind=kind, facts={"walks": 1}))
+            session.flush()
+            for file, blob in made.items():
+                row = {"name": file, "sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.add(MapFile(map_id=map_id, **row))
+        return map_id
+
+    return kept

@@ -24,6 +24,7 @@ from elfslam.serve.database import (
     transaction,
 )
 
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 CLAIM_ALL = """
 import sys
 from elfslam.serve.database import open_database, sessions_of
@@ -36,12 +37,10 @@ while (held := claim(sessions)) is not None:
 """
 
 
-@pytest.fixture(params=["sqlite", "postgresql"])
-def url(request: pytest.FixtureRequest, tmp_path: Path) -> str:
+@pytest.fixture
+def url(database_url: str, tmp_path: Path) -> str:
     """An empty database of either kind."""
-    if request.param == "sqlite":
-        return f"sqlite:///{tmp_path / 'jobs.sqlite'}"
-    return str(request.getfixturevalue("postgresql_url"))
+    return database_url or f"sqlite:///{tmp_path / 'elfslam.sqlite'}"
 
 
 @pytest.fixture

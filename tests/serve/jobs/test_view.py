@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,32 +12,13 @@ import pytest
 from elfslam.base.errors import StoreError
 from elfslam.base.values import Closures, Odometry, Recording, Trajectory
 from elfslam.data.map_files import read_map
-from elfslam.data.recordings import read_recording
 from elfslam.data.runs import write_run
 from elfslam.data.tum import read_tum
-from elfslam.joining import merge_into
-from elfslam.line.feature import load_encoder
-from elfslam.merging import MergeParameters
 from elfslam.serve.view import MOST_CLOSURES, Json, view_of
-from elfslam.slam import Parameters, Run, map_by_echoes, no_similarity
+from elfslam.slam import Run, no_similarity
 
 TWO_HOURS = 14_400
 """Footsteps."""
-
-
-def ignore(what: str, share: float | None) -> None:
-    """Nobody watches."""
-
-
-@pytest.fixture(scope="module")
-def runs(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Run folders of the two walks, and `floor`, merged from them."""
-    folder, encoder = tmp_path_factory.mktemp("runs"), load_encoder("compact")
-    for name in ("one", "two"):
-        run = map_by_echoes(read_recording(walks / name), encoder, Parameters())
-        write_run(replace(run, echoes=None), folder / name, facts={}, encoder=encoder.content)
-    merge_into(folder / "floor", [folder / "one", folder / "two"], MergeParameters(), ignore)
-    return folder
 
 
 def test_a_run_is_drawn_where_it_was(runs: Path) -> None:
