@@ -15,7 +15,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,6 +50,19 @@ def missing_programs() -> list[str]:
 
 
 @contextmanager
+def in_time() -> Iterator[None]:
+    """What is started within goes before other work, where this user may ask for it: sound that comes
+    late is sound that is lost."""
+    before = os.sched_getscheduler(0), os.sched_getparam(0)
+    with suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, *before)
+
+
+@contextmanager
 def pulse_audio(folder: Path) -> Iterator[dict[str, str]]:
     """A private sound server; gives the environment of programs that are to use it."""
     socket, script = folder / "pulse.socket", folder / "pulse.pa"
@@ -71,10 +84,18 @@ def pulse_audio(folder: Path) -> Iterator[dict[str, str]]:
     )
     try:
         _wait_for(socket, daemon)
+        _hurry(daemon.pid)
         yield environment
     finally:
         daemon.terminate()
         daemon.wait(5)
+
+
+def _hurry(process: int) -> None:
+    """The daemon takes itself back to ordinary work; put its threads where this process is."""
+    for thread in Path(f"/proc/{process}/task").iterdir():
+        with suppress(PermissionError, ProcessLookupError):
+            os.sched_setscheduler(int(thread.name), os.sched_getscheduler(0), os.sched_getparam(0))
 
 
 def _wait_for(socket: Path, daemon: subprocess.Popen[bytes]) -> None:

@@ -27,7 +27,7 @@ from typing import Any
 
 import httpx
 import numpy as np
-from acoustic_loop import FRAME, RATE_HZ, missing_programs, pulse_audio, room_between
+from acoustic_loop import FRAME, RATE_HZ, in_time, missing_programs, pulse_audio, room_between
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from elfslam.base.values import Imu, Recording, Truth
@@ -49,7 +49,8 @@ ARGUMENTS = (
     "--disable-gpu",
     "--disable-background-networking",
     "--use-fake-ui-for-media-stream",
-    "--autoplay-policy=no-user-gesture-required",
+    "--disable-renderer-backgrounding",
+    "--disable-backgrounding-occluded-windows",
 )
 PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 SENSORS = ("accelerometer", "gyroscope", "linear-acceleration")
@@ -257,11 +258,12 @@ def compare(world: World, course: Course, folder: Path, seed: int, rounds: int) 
     """Walk by browser, walk by simulation, and print both errors."""
     with (
         serving(folder / "data") as address,
+        in_time(),
         pulse_audio(folder) as environment,
         room_between(environment, course.responses, folder, seed) as room,
         browsing(environment) as browser,
     ):
-        context = browser.new_context(permissions=list(PERMISSIONS))
+        context = browser.new_context(permissions=list(PERMISSIONS), reduced_motion="reduce")
         page = context.new_page()
         page.on("pageerror", lambda error: print("page:", error, flush=True))
         walk_in_browser(page, address, course, room, f"{world.name} {seed}")

@@ -10,9 +10,13 @@ const CLOCK_PAIRS = 600;
 const FLUSH_EVERY_MS = 1000;
 const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
+const AHEAD_MS = 300;
 /** Without a chirp by then, motion is timed as if sound took no time. */
 const LATENCY_PATIENCE_S = 3;
-const TAIL_MS = 250;
+/** Until the last chirp has been heard whole. */
+const TAIL_MS = 400;
+/** What is kept behind a direct arrival. */
+const BEHIND_S = 0.075;
 const LEAST_STEP_S = 1e-4;
 
 /** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
@@ -39,11 +43,15 @@ export function makeMotionLog(onReading) {
   };
   return {
     add: (pageMs, acceleration, turning) => waiting.push({ pageMs, acceleration, turning }),
-    /** Rows of both tables up to now. @param {(pageMs: number) => number} timeOf */
-    take: (timeOf) => {
+    /**
+     * Rows of both tables up to now, but none later than `untilS`.
+     * @param {(pageMs: number) => number} timeOf
+     */
+    take: (timeOf, untilS = Infinity) => {
       const rows = { "accelerometer.csv": "", "gyroscope.csv": "" };
       for (const { pageMs, acceleration, turning } of waiting) {
         const tS = timeOf(pageMs);
+        if (tS > untilS) continue;
         rows["accelerometer.csv"] += row("acceleration", tS, acceleration);
         rows["gyroscope.csv"] += row("turning", tS, turning);
         if (acceleration) onReading(tS, acceleration);
@@ -75,36 +83,39 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
     steps = countStep(steps, tS, acceleration);
     state.facts.steps = steps.count;
   });
+  // Motion is heard a little ahead of the sound, which takes its time through the phone.
+  const stopMotion = listenToMotion(log.add);
+  await pause(AHEAD_MS);
   const zero = await beginSound(sound, state, walk);
   const chirps = play(FIRST_CHIRP_S);
-  const stopMotion = listenToMotion(log.add);
   sound.on("gap", ({ tS, lostS }) => state.facts.gaps.push({ t_s: tS, lost_s: lostS }));
   sound.on("frame", (frame) => {
     noteFrame(state.facts, frame, (chirps.firstFrame - zero) / rateHz);
     heard(frame.peak, frame.isFound);
   });
 
-  const flush = async () => {
+  const flush = async (untilS) => {
     const { latencyS, seconds } = state.facts;
-    if (latencyS === null && seconds < LATENCY_PATIENCE_S) return;
+    if (latencyS === null && seconds < LATENCY_PATIENCE_S && untilS === undefined) return;
     const line = clocks.line();
-    const rows = log.take((pageMs) => soundTime(line, pageMs) - zero / rateHz + (latencyS ?? 0));
+    const timeOf = (pageMs) => soundTime(line, pageMs) - zero / rateHz + (latencyS ?? 0);
+    const rows = log.take(timeOf, untilS);
     for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
       await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
     }
   };
   const timer = everySecond(microphone.context, zero, sent, flush);
 
+  // Sound and motion end together: what one lasts longer than the other counts as lost.
   const stop = async () => {
-    chirps.stop();
-    await new Promise((resolve) => setTimeout(resolve, TAIL_MS));
+    const lastS = (chirps.stop() - zero) / rateHz + (state.facts.latencyS ?? 0) + BEHIND_S;
+    await pause(1000 * (state.facts.latencyS ?? 0) + TAIL_MS);
     stopMotion();
     clearInterval(timer);
     const stopped = sound.answer("stopped");
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
-    state.facts.seconds = Math.max(seconds, LATENCY_PATIENCE_S);
-    await flush();
+    await flush(lastS);
     state.facts.seconds = seconds;
     await untilKept(sent, sizes);
     await closeWalk(sent, keeper, software);
@@ -153,5 +164,9 @@ function everySecond(context, zero, sent, flush) {
 
 async function untilKept(sent, sizes) {
   const isKept = () => Object.entries(sizes).every(([name, size]) => (sent.sizes[name] ?? 0) >= size);
-  for (let k = 0; k < 100 && !isKept(); k += 1) await new Promise((resolve) => setTimeout(resolve, 50));
+  for (let k = 0; k < 100 && !isKept(); k += 1) await pause(50);
+}
+
+function pause(milliseconds) {
+  return new Promise((resolve) => setTimeout(resolve, milliseconds));
 }
