@@ -88,6 +88,20 @@ def map_into(
     return run
 
 
+def refuse_unclosed(run: slam.Run) -> None:
+    """Raise NoAnswerError where closures were looked for and none held."""
+    if run.trajectory.status != "OK" and run.similarity.kind != "motion":
+        raise NoAnswerError(
+            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
+            "walk at least two rounds of the same route"
+        )
+
+
+def kept_closures(run: slam.Run) -> int:
+    """How many closures the back end trusted."""
+    return int((run.trajectory.closure_weights > 0.5).sum())
+
+
 def write_reported_run(
     run: slam.Run,
     folder: Path,

@@ -12,6 +12,7 @@ from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_co
 from elfslam.cli.exports import anchor_command, export_command
 from elfslam.cli.maps import locate_command, map_command, merge_command
 from elfslam.cli.scores import score, show, study
+from elfslam.cli.server import invite_command, serve_command
 from elfslam.cli.walks import demo, import_command, phyphox_command, simulate_command
 from elfslam.console import DONE, INTERRUPTED, exit_code_of
 
@@ -40,6 +41,8 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "pretrain": pretrain_command,
     "finetune": finetune_command,
     "card": card,
+    "serve": serve_command,
+    "invite": invite_command,
 }
 for name, verb in VERBS.items():
     app.command(name)(verb)

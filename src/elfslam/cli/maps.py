@@ -34,10 +34,12 @@ from elfslam.mapping import (
     MapJob,
     breaks,
     encoder_of,
+    kept_closures,
     map_into,
     map_many,
     parse_start,
     recordings_in,
+    refuse_unclosed,
 )
 from elfslam.merging import MergeParameters
 from elfslam.senses import Settings, parse_modalities
@@ -82,16 +84,11 @@ def _say_mapped(run: slam.Run, out: Path) -> None:
         say(line)
     if "finetuning" in (facts := read_facts(out)):
         say(f"fine-tuning: {facts['finetuning']}")
-    kept = int((run.trajectory.closure_weights > 0.5).sum())
     say(
-        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, {kept} kept; "
-        f"look at {out / 'report.html'}"
+        f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
+        f"{kept_closures(run)} kept; look at {out / 'report.html'}"
     )
-    if run.trajectory.status != "OK" and run.similarity.kind != "motion":
-        raise NoAnswerError(
-            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
-            "walk at least two rounds of the same route"
-        )
+    refuse_unclosed(run)
 
 
 def locate_command(

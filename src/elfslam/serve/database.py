@@ -12,8 +12,10 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from sqlalchemy import JSON, DateTime, Engine, ForeignKey, create_engine, event
+from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Engine, ForeignKey, create_engine, event
+from sqlalchemy.engine import Connection
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
+from sqlalchemy.types import TypeDecorator
 
 Sessions = sessionmaker[Session]
 
@@ -44,10 +46,23 @@ class JobState(StrEnum):
     CANCELLED = "cancelled"
 
 
+class Utc(TypeDecorator[datetime]):
+    """A time in UTC, also where the database keeps no zone."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        """The time as it was stored."""
+        if value is None or value.tzinfo is None:
+            return value and value.replace(tzinfo=UTC)
+        return value.astimezone(UTC)
+
+
 class Base(DeclarativeBase):
     """Every table; times are UTC, ids are random and tell nothing."""
 
-    type_annotation_map = {dict[str, Any]: JSON, list[str]: JSON, datetime: DateTime(timezone=True)}  # noqa: RUF012
+    type_annotation_map = {dict[str, Any]: JSON, list[str]: JSON, datetime: Utc}  # noqa: RUF012
 
 
 def new_id() -> str:
@@ -94,26 +109,34 @@ class RecordingFile(Base):
     )
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
-    size_bytes: Mapped[int]
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
 
 
 class Upload(Base):
-    """A file on its way. What has come lies on disk; its length is the offset."""
+    """A file on its way. What has come lies on disk; its length is the offset.
+
+    A whole recording as a .zip has no recording before its last byte came; then it is `finished`
+    and its file is gone.
+    """
 
     __tablename__ = "uploads"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
     user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
-    recording_id: Mapped[str] = mapped_column(
+    recording_id: Mapped[str | None] = mapped_column(
         ForeignKey("recordings.id", ondelete="CASCADE"), index=True
     )
     file_name: Mapped[str]
-    length_bytes: Mapped[int | None] = mapped_column(default=None)
+    length_bytes: Mapped[int | None] = mapped_column(BigInteger, default=None)
+    wants_map: Mapped[bool] = mapped_column(default=True)
     finished: Mapped[bool] = mapped_column(default=False)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
 class Job(Base):
-    """Work in the background: `given` is what it was asked, `gave` what came of it."""
+    """Work in the background: `given` is what it was asked, `gave` what came of it.
+
+    `claim` is known to the one runner alone that works on it.
+    """
 
     __tablename__ = "jobs"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
@@ -125,14 +148,28 @@ class Job(Base):
     doing: Mapped[str] = mapped_column(default="")
     share: Mapped[float | None] = mapped_column(default=None)
     attempts: Mapped[int] = mapped_column(default=0)
+    claim: Mapped[str | None] = mapped_column(default=None)
     problem: Mapped[str | None] = mapped_column(default=None)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
     started_utc: Mapped[datetime | None] = mapped_column(default=None)
     finished_utc: Mapped[datetime | None] = mapped_column(default=None)
 
 
+class JobFile(Base):
+    """A file that a job made and that is part of no map."""
+
+    __tablename__ = "job_files"
+    job_id: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"), primary_key=True)
+    name: Mapped[str] = mapped_column(primary_key=True)
+    sha256: Mapped[str] = mapped_column(index=True)
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+
+
 class Map(Base):
-    """What a job made: the folder of a run, or of a floor map merged from runs."""
+    """What a job made: the folder of a run, or of a floor map merged from runs.
+
+    `sources` are the recordings that it came from, `floor_plan` the image below it.
+    """
 
     __tablename__ = "maps"
     id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
@@ -152,7 +189,7 @@ class MapFile(Base):
     map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
     name: Mapped[str] = mapped_column(primary_key=True)
     sha256: Mapped[str] = mapped_column(index=True)
-    size_bytes: Mapped[int]
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
 
 
 def open_database(url: str) -> Engine:
@@ -163,19 +200,35 @@ def open_database(url: str) -> Engine:
     engine = create_engine(url, pool_pre_ping=True)
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _as_careful_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
     Base.metadata.create_all(engine)
     return engine
 
 
 def _as_careful_sqlite(connection: Any, _record: object) -> None:
+    connection.isolation_level = None  # transactions begin where _begin_sqlite says so
     for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
         connection.execute(f"PRAGMA {pragma}")
 
 
+def _begin_sqlite(connection: Connection) -> None:
+    """A transaction that will write waits for its turn now: later it could only fail."""
+    writes = connection.get_execution_options().get("writes", False)
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
 @contextmanager
 def transaction(sessions: Sessions) -> Iterator[Session]:
-    """A session that is committed at the end, or rolled back whole."""
+    """A session that may write: committed at the end, or rolled back whole."""
     with sessions.begin() as session:
+        session.connection(execution_options={"writes": True})
+        yield session
+
+
+@contextmanager
+def reading(sessions: Sessions) -> Iterator[Session]:
+    """A session that only reads, and never waits for one that writes."""
+    with sessions() as session:
         yield session
 
 

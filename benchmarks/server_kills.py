@@ -1,0 +1,177 @@
+"""The server killed (`kill -9`) at random moments: what it acknowledged, and what is there.
+
+Usage, from the root of the project:
+
+    python benchmarks/server_kills.py [--rounds 20] [--seed 0]
+
+Uploads: one file goes up in pieces while the server is killed and started again; the offset
+after each start may not lie below what was acknowledged. Completions: a recording that has come
+whole is completed while the server is killed; afterwards it is completed again, and there must
+be one ready recording and one job.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import hashlib
+import random
+import sqlite3
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+from served import PIECE, TUS, completion, metadata, start, walk_files
+
+from elfslam.console import print_rows
+
+PIECE_BYTES = 20_000
+SLOWEST_S = 4.0
+Row = dict[str, object]
+
+
+def killed_after(served: object, delay_s: float) -> threading.Timer:
+    """Kill a server after a while."""
+    timer = threading.Timer(delay_s, served.kill)  # type: ignore[attr-defined]
+    timer.start()
+    return timer
+
+
+def kill_uploads(folder: Path, rounds: int, seed: int) -> list[Row]:
+    """One upload, over so many kills."""
+    generator = random.Random(seed)
+    whole = generator.randbytes(PIECE_BYTES * 25 * (rounds + 1))
+    data, rows, place, acknowledged = folder / "uploads", [], "", 0
+    for round_ in range(rounds):
+        served = start(data)
+        with served.client() as client:
+            place = place or begin(client, len(whole))
+            found = offset_of(client, place)
+            rows and rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
+            acknowledged = send(client, place, whole, found, generator.randint(1, 20))
+            delay_s = generator.uniform(0, 0.05)
+            timer = killed_after(served, delay_s)
+            acknowledged = send(client, place, whole, acknowledged, len(whole))
+            timer.join()
+        row: Row = {"killed while": "uploading", "round": round_ + 1, "acknowledged": acknowledged}
+        rows.append(row)
+    served = start(data)
+    with served.client() as client:
+        found = offset_of(client, place)
+        rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
+        send(client, place, whole, found, len(whole))
+    served.kill()
+    kept = (data / "uploads" / place.rpartition("/")[2]).read_bytes()
+    same = hashlib.sha256(kept).digest() == hashlib.sha256(whole).digest()
+    return [{**row, "resumed": same} for row in rows]
+
+
+def begin(client: httpx.Client, length: int, name: str = "audio.flac", walk: str = "") -> str:
+    """An upload of so many bytes; its address."""
+    walk = walk or client.post("/api/recordings", json={"name": "walk"}).json()["id"]
+    told = metadata(recording=walk, filename=name)
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": str(length)}
+    return str(client.post("/api/uploads", headers=headers).headers["location"])
+
+
+def offset_of(client: httpx.Client, place: str) -> int:
+    """How much of an upload is there."""
+    return int(client.head(place, headers=TUS).headers["upload-offset"])
+
+
+def send(client: httpx.Client, place: str, whole: bytes, offset: int, pieces: int) -> int:
+    """Send so many pieces, or until the server is gone; what was acknowledged."""
+    for _ in range(pieces):
+        if offset == len(whole):
+            break
+        headers = {**PIECE, "Upload-Offset": str(offset)}
+        piece = whole[offset : offset + PIECE_BYTES]
+        try:
+            answer = client.patch(place, headers=headers, content=piece)
+        except httpx.TransportError:
+            break
+        answer.raise_for_status()
+        offset = int(answer.headers["upload-offset"])
+    return offset
+
+
+def kill_completions(folder: Path, rounds: int, seed: int) -> list[Row]:
+    """So many recordings, each completed by a server that is killed meanwhile."""
+    generator = random.Random(seed)
+    files = walk_files(folder / "walk", 2.0)
+    data, rows = folder / "completions", []
+    whole_bytes = sum(map(len, files.values()))
+    for round_ in range(rounds):
+        served = start(data)
+        with served.client() as client:
+            walk = client.post("/api/recordings", json={"name": f"walk {round_}"}).json()["id"]
+            for name, content in files.items():
+                send(client, begin(client, len(content), name, walk), content, 0, len(content))
+            delay_s = generator.uniform(0, SLOWEST_S)
+            timer = killed_after(served, delay_s)
+            with contextlib.suppress(httpx.TransportError):
+                client.post(f"/api/recordings/{walk}/complete", json=completion(files))
+            timer.join()
+        rows.append(completed_again(data, walk, files, round_, whole_bytes))
+    return rows
+
+
+def completed_again(
+    data: Path, walk: str, files: dict[str, bytes], round_: int, whole_bytes: int
+) -> Row:
+    """What is there after the kill, and after the completion was asked for again."""
+    served = start(data)
+    with served.client() as client:
+        before = client.get(f"/api/recordings/{walk}").json()
+        found = sum(entry["size_bytes"] for entry in before["files"])
+        found += sum(entry["offset_bytes"] for entry in before["uploads"])
+        again = client.post(f"/api/recordings/{walk}/complete", json=completion(files))
+    served.kill()
+    with sqlite3.connect(data / "elfslam.sqlite") as database:
+        asked = "select count(*) from jobs where json_extract(given, '$.recording') = ?"
+        (jobs,) = database.execute(asked, (walk,)).fetchone()
+    ready = again.status_code == 200 and again.json()["state"] == "ready" and jobs == 1
+    return {
+        "killed while": f"completing, {before['state']}",
+        "round": round_ + 1,
+        "acknowledged": whole_bytes,
+        "found": found,
+        "lost": max(0, whole_bytes - found),
+        "resumed": ready,
+    }
+
+
+KILLS: dict[str, Callable[[Path, int, int], list[Row]]] = {
+    "uploads": kill_uploads,
+    "completions": kill_completions,
+}
+"""What the server may be doing when it is killed."""
+
+
+def main() -> None:
+    """Print what every kill left, and a line that sums it up."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--rounds", type=int, default=20)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--only", choices=list(KILLS))
+    known = parser.parse_args()
+    begin_s, rows = time.monotonic(), []
+    with tempfile.TemporaryDirectory() as folder:
+        for name in [known.only] if known.only else list(KILLS):
+            rows += KILLS[name](Path(folder), known.rounds, known.seed)
+    print_rows(rows, title="The server, killed", as_json=False)
+    lost, resumed = (
+        sum(int(str(row["lost"])) for row in rows),
+        sum(row["resumed"] is True for row in rows),
+    )
+    spent_s = time.monotonic() - begin_s
+    print(
+        f"{len(rows)} kills in {spent_s:.0f} s: {lost} acknowledged bytes lost, {resumed} resumed"
+    )
+
+
+if __name__ == "__main__":
+    main()

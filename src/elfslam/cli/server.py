@@ -1,0 +1,74 @@
+"""Verbs of the server: serve, and invite somebody."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from elfslam.base.errors import InputError
+
+DATA_FOLDER = Path("~/.elfslam")
+DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
+Database = Annotated[str, typer.Option(help="SQLAlchemy's URL; default: SQLite in the folder.")]
+
+
+def serve_command(
+    data: DataFolder = DATA_FOLDER,
+    host: Annotated[str | None, typer.Option(help="Default: the LAN address and loopback.")] = None,
+    port: Annotated[int, typer.Option(min=0, max=65_535, help="0 chooses a free one.")] = 8443,
+    database: Database = "",
+    jobs: Annotated[bool, typer.Option(help="Map what is uploaded.")] = True,
+    http: Annotated[bool, typer.Option("--http", help="Plain HTTP, on loopback alone.")] = False,
+    allow_public: Annotated[
+        bool, typer.Option("--allow-public", help="Answer beyond the local network.")
+    ] = False,
+    new_token: Annotated[
+        bool, typer.Option("--new-token", help="The owner's devices pair again.")
+    ] = False,
+) -> None:
+    """Run the server and its phone page; prints the address and its QR code."""
+    with _extra():
+        from elfslam.serve.running import Listening, run
+        from elfslam.serve.settings import ServerSettings
+    settings = ServerSettings(
+        data.expanduser(),
+        database,
+        secure_cookie=not http,
+        run_jobs=jobs,
+        allow_public=allow_public,
+    )
+    run(settings, Listening(host, port, http, new_token), _print)
+
+
+def invite_command(
+    name: Annotated[str, typer.Argument(help="Who may upload and read their own walks.")],
+    data: DataFolder = DATA_FOLDER,
+    database: Database = "",
+) -> None:
+    """Let somebody else use the server; prints the address that pairs their phone."""
+    with _extra():
+        from elfslam.serve.running import invite, qr_lines
+        from elfslam.serve.settings import ServerSettings
+    known, url = invite(ServerSettings(data.expanduser(), database), name)
+    for line in [url, *qr_lines(url), f"{known} scans this once; it is not shown again."]:
+        _print(line)
+
+
+@contextmanager
+def _extra() -> Iterator[None]:
+    """Raise InputError where what the server needs is not installed."""
+    try:
+        yield
+    except ModuleNotFoundError as error:
+        raise InputError(
+            f"the server needs {error.name}, which is not installed; run "
+            "pip install 'elfslam[serve]'"
+        ) from error
+
+
+def _print(line: str) -> None:
+    print(line, flush=True)

@@ -1,0 +1,122 @@
+"""The server as an app: routes, guards, pages, and what runs beside them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator, Callable
+from contextlib import AbstractContextManager, AsyncExitStack, asynccontextmanager
+from dataclasses import asdict
+
+from fastapi import APIRouter, Depends, FastAPI
+from pydantic import BaseModel
+from starlette.concurrency import run_in_threadpool
+
+from elfslam import __version__
+from elfslam.line.chirp import ChirpParameters
+from elfslam.serve import (
+    floor_plan_routes,
+    job_routes,
+    map_routes,
+    recordings,
+    uploads,
+    users,
+)
+from elfslam.serve.access import current_user
+from elfslam.serve.guards import Guard
+from elfslam.serve.pages import install_pages
+from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
+from elfslam.serve.runner import run_jobs
+from elfslam.serve.services import Here, Services, open_services
+from elfslam.serve.settings import ServerSettings, told_limits
+from elfslam.serve.sweeps import sweeping
+
+ROUTERS: tuple[APIRouter, ...] = (
+    users.router,
+    recordings.router,
+    uploads.router,
+    job_routes.router,
+    map_routes.router,
+    floor_plan_routes.router,
+)
+"""Under /api, all of them for users with a token."""
+BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
+"""Entered when the server starts and left when it stops."""
+DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` except `/api/version`
+wants a pairing token, as `Authorization: Bearer TOKEN` or as the cookie that `POST /api/session`
+sets. Refusals are `application/problem+json`; their `detail` is one line for people."""
+
+
+class Version(BaseModel):
+    """What this server is."""
+
+    version: str
+    chirp: dict[str, object]
+    limits: dict[str, float]
+
+
+public = APIRouter(tags=["server"])
+
+
+@public.get("/version", operation_id="get_version")
+def version(services: Here) -> Version:
+    """The version, the chirp that phones should play, and the limits."""
+    return Version(
+        version=__version__,
+        chirp=played(ChirpParameters()),
+        limits=told_limits(services.settings.limits),
+    )
+
+
+def played(chirp: ChirpParameters) -> dict[str, object]:
+    """The chirp as recording.json describes it."""
+    told = asdict(chirp)
+    band_hz = [told.pop("band_low_hz"), told.pop("band_high_hz")]
+    return {**told, "band_hz": band_hz}
+
+
+def create_app(settings: ServerSettings) -> FastAPI:
+    """The app of a data folder. Nothing is shared between two apps."""
+    services = open_services(settings)
+    app = FastAPI(
+        title="elfslam",
+        version=__version__,
+        description=DESCRIPTION,
+        docs_url=None,
+        redoc_url=None,
+        lifespan=_lifespan,
+    )
+    app.state.services = services
+    app.include_router(public, prefix="/api")
+    for router in ROUTERS:
+        app.include_router(
+            router, prefix="/api", dependencies=[Depends(current_user)], responses=EVERYWHERE
+        )
+    install_problems(app)
+    install_pages(app, settings.pages_folder)
+    _describe_problems(app)
+    app.add_middleware(Guard, services=services)
+    return app
+
+
+@asynccontextmanager
+async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
+    services: Services = app.state.services
+    async with AsyncExitStack() as stack:
+        stack.callback(services.engine.dispose)
+        for begin in BACKGROUND:
+            running = begin(services)
+            await run_in_threadpool(running.__enter__)
+            stack.push_async_callback(run_in_threadpool, running.__exit__, None, None, None)
+        yield
+
+
+def _describe_problems(app: FastAPI) -> None:
+    """Put the schema that refusals point to into the OpenAPI description."""
+    describe = app.openapi
+
+    def described() -> dict[str, object]:
+        schema = describe()
+        known = schema.setdefault("components", {}).setdefault("schemas", {})
+        known.setdefault("ProblemBody", ProblemBody.model_json_schema())
+        return schema
+
+    app.openapi = described  # type: ignore[method-assign]

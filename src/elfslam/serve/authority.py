@@ -1,0 +1,109 @@
+"""The server's own certificate authority, and the certificate that browsers are shown.
+
+A phone that installs `authority.pem` trusts what this authority signs, so its key is kept where
+only the owner of the data folder reads it. Certificates last 825 days at most, which iOS asks for.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import trustme
+from cryptography import x509
+
+from elfslam.base.errors import StoreError
+from elfslam.data.folders import new_file
+
+AUTHORITY, AUTHORITY_KEY = "authority.pem", "authority.key"
+SERVER, SERVER_KEY = "server.pem", "server.key"
+LONGEST = timedelta(days=825)
+RENEWED_BEFORE = timedelta(days=30)
+SLACK = timedelta(days=1)
+"""Phones whose clock is late still accept a new certificate."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """Where the server's certificate and its key lie."""
+
+    certificate: Path
+    key: Path
+
+
+def server_certificate(folder: Path, names: Sequence[str], now_utc: datetime) -> Certificate:
+    """A certificate for these addresses and names, kept until it runs out or they change.
+
+    Raises StoreError where the authority cannot be read.
+    """
+    kept = Certificate(folder / SERVER, folder / SERVER_KEY)
+    if not _serves(kept, names, now_utc):
+        issued = open_authority(folder).issue_cert(
+            *names,
+            organization_name="elfslam",
+            organization_unit_name="server",
+            not_before=now_utc - SLACK,
+            not_after=now_utc - SLACK + LONGEST,
+        )
+        chain = b"".join(blob.bytes() for blob in issued.cert_chain_pems)
+        _write_private(kept.key, issued.private_key_pem.bytes())
+        _write_private(kept.certificate, chain)
+    return kept
+
+
+def open_authority(folder: Path) -> trustme.CA:
+    """The authority of a folder, made where there is none. Raises StoreError."""
+    certificate, key = folder / AUTHORITY, folder / AUTHORITY_KEY
+    if not (certificate.exists() or key.exists()):
+        unit = f"authority of {socket.gethostname()}"[:60]
+        made = trustme.CA(organization_name="elfslam", organization_unit_name=unit, path_length=0)
+        _write_private(key, made.private_key_pem.bytes())
+        _write_private(certificate, made.cert_pem.bytes())
+    try:
+        return trustme.CA.from_pem(certificate.read_bytes(), key.read_bytes())
+    except (OSError, ValueError) as error:
+        raise StoreError(
+            f"{folder}: the authority cannot be read ({error}); delete both {AUTHORITY} and "
+            f"{AUTHORITY_KEY} for a new one, which phones then install again"
+        ) from error
+
+
+def named_in(certificate: x509.Certificate) -> set[str]:
+    """The addresses and names that a certificate is for."""
+    names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
+    addresses = names.get_values_for_type(x509.IPAddress)
+    return {*names.get_values_for_type(x509.DNSName), *map(str, addresses)}
+
+
+def _serves(kept: Certificate, names: Sequence[str], now_utc: datetime) -> bool:
+    if not (kept.certificate.is_file() and kept.key.is_file()):
+        return False
+    try:
+        certificate = x509.load_pem_x509_certificate(kept.certificate.read_bytes())
+        lasts = certificate.not_valid_after_utc > now_utc + RENEWED_BEFORE
+        return lasts and named_in(certificate) == set(map(_canonical, names))
+    except (ValueError, x509.ExtensionNotFound):
+        return False
+
+
+def _canonical(name: str) -> str:
+    try:
+        return str(ipaddress.ip_address(name))
+    except ValueError:
+        return name
+
+
+def utc_now() -> datetime:
+    """The time now, in whole seconds as certificates have it."""
+    return datetime.now(UTC).replace(microsecond=0)
+
+
+def _write_private(file: Path, data: bytes) -> None:
+    """Write a file that only its owner reads."""
+    with new_file(file) as partial:
+        partial.touch(mode=0o600)
+        partial.write_bytes(data)

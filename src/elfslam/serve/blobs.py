@@ -1,0 +1,142 @@
+"""Files by their SHA-256: each is kept once, whole, and never changed.
+
+`put`, the commit of the rows that name what was put, and `delete` happen under `locked`, so that
+nobody deletes a blob while somebody else begins to name it. A file is linked, not moved: whoever
+is killed before the commit still has it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+SHA256 = re.compile(r"[0-9a-f]{64}")
+LOCK = ".lock"
+
+
+@dataclass(frozen=True)
+class Blob:
+    """A file that is kept."""
+
+    sha256: str
+    size_bytes: int
+
+
+@contextmanager
+def locked(blobs: Path) -> Iterator[None]:
+    """Alone with the blobs, among all threads and processes."""
+    with (blobs / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        yield
+
+
+def blob_path(blobs: Path, sha256: str) -> Path:
+    """Where a blob lies. Raises ValueError where that is no SHA-256."""
+    if not SHA256.fullmatch(sha256):
+        raise ValueError(f"{sha256!r:.80} is no SHA-256")
+    return blobs / sha256[:2] / sha256
+
+
+def sha256_of(file: Path) -> str:
+    """The SHA-256 of a file's content, in hexadecimal."""
+    with file.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def blob_of(file: Path) -> Blob:
+    """What a file would be as a blob."""
+    return Blob(sha256_of(file), file.stat().st_size)
+
+
+def put(blobs: Path, file: Path) -> Blob:
+    """Keep a file, which must not change afterwards: it and the blob may be one. Raises OSError."""
+    blob = blob_of(file)
+    place(blobs, file, blob)
+    return blob
+
+
+def place(blobs: Path, file: Path, blob: Blob) -> None:
+    """Keep a file of which it is known what blob it is. Raises OSError."""
+    kept = blob_path(blobs, blob.sha256)
+    if kept.is_file() and kept.stat().st_size == blob.size_bytes:
+        return
+    kept.parent.mkdir(exist_ok=True, mode=0o700)
+    _link_whole(file, kept)
+    sync(kept.parent)
+    sync(blobs)
+
+
+def put_folder(blobs: Path, folder: Path) -> dict[str, Blob]:
+    """Keep every file of a folder, by its name within it, "/" between names. Raises OSError."""
+    files = (path for path in sorted(folder.rglob("*")) if path.is_file() and not path.is_symlink())
+    return {path.relative_to(folder).as_posix(): put(blobs, path) for path in files}
+
+
+def link_into(folder: Path, blobs: Path, named: Mapping[str, str]) -> None:
+    """Lay out blobs (their SHA-256 by name) as the files of a folder, to be read and not written.
+
+    Raises OSError, and ValueError for a name that leads out of the folder.
+    """
+    for name, sha256 in named.items():
+        target = folder / name
+        if not target.resolve().is_relative_to(folder.resolve()):
+            raise ValueError(f"{name!r:.80} leads out of the folder")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        link_or_copy(blob_path(blobs, sha256), target)
+
+
+def delete(blobs: Path, sha256s: Iterable[str]) -> None:
+    """Remove blobs; those that are gone already are no error."""
+    for sha256 in sha256s:
+        blob_path(blobs, sha256).unlink(missing_ok=True)
+
+
+def sweep(blobs: Path, is_named: Callable[[str], bool]) -> int:
+    """Delete what nobody names and what was left half-written; how many files that were."""
+    swept = 0
+    for file in list(blobs.glob("*/*")):
+        if not (SHA256.fullmatch(file.name) and is_named(file.name)):
+            file.unlink()
+            swept += 1
+    return swept
+
+
+def sync(path: Path) -> None:
+    """Have a file, or a folder's names, written to the disk."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def link_or_copy(source: Path, target: Path) -> None:
+    """A second name of a file, or a copy where the file system has none. Raises OSError."""
+    try:
+        os.link(source, target)
+    except FileExistsError:
+        raise
+    except OSError as error:
+        if not source.is_file():
+            raise error
+        shutil.copyfile(source, target)
+
+
+def _link_whole(file: Path, kept: Path) -> None:
+    partial = kept.parent / f"{secrets.token_hex(8)}.partial"
+    try:
+        link_or_copy(file, partial)
+        sync(partial)
+        os.replace(partial, kept)
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            partial.unlink()

@@ -1,0 +1,99 @@
+// The questions before a job: what to map by, what to merge, where to locate.
+
+import { askPerson } from "./dialogs.js";
+import { h } from "./dom.js";
+
+/** @typedef {import("./store.js").Recording} Recording */
+/** @typedef {import("./store.js").Map_} Map_ */
+
+const DEGREE = Math.PI / 180;
+
+/** What can close loops, and the file that brings it. @type {[string, string, RegExp, string][]} */
+const SENSES = [
+  ["elf", "Echoes", /^(audio|frames|baseband)\./, "the sound of the rooms"],
+  ["magnetic", "Magnetic field", /^magnetometer\./, "steel in the walls"],
+  ["wifi", "Wi-Fi", /^wifi\./, "access points and how strong they are"],
+  ["emr", "Mains hum", /^emr\./, "the hum of power lines"],
+];
+
+/** @param {string} words @param {Record<string, any>} attributes */
+export function field(words, attributes) {
+  return h("label", { class: "field" }, h("span", null, words), h("input", attributes));
+}
+
+/** @param {string} words @param {string} name @param {[string, string][]} choices */
+function choice(words, name, choices) {
+  return h("label", { class: "field" }, h("span", null, words),
+    h("select", { name }, choices.map(([value, text]) => h("option", { value }, text))));
+}
+
+/** Which senses a recording brings. @param {Recording} recording @returns {string[]} */
+export function sensesOf({ files }) {
+  return SENSES.filter(([, , file]) => files.some(({ name }) => file.test(name))).map(([sense]) => sense);
+}
+
+/** @param {Recording} recording @returns {Promise<object | null>} the job to be posted */
+export async function askToMap(recording) {
+  const brought = sensesOf(recording);
+  const ticks = SENSES.map(([sense, words, , why]) => {
+    const has = brought.includes(sense);
+    return h("label", { class: "tick" },
+      h("input", { type: "checkbox", name: "by", value: sense, checked: has && sense === "elf", disabled: !has }),
+      h("span", null, words, h("small", null, has ? ` ${why}` : " not in this recording")));
+  });
+  const body = [
+    h("fieldset", null, h("legend", null, "Close loops by"), h("div", { class: "ticks" }, ticks),
+      h("small", null, "With none of them the walk is reckoned from motion alone.")),
+    h("fieldset", null, h("legend", null, "Start"),
+      h("label", { class: "tick" }, h("input", { type: "checkbox", name: "declared" }), h("span", null, "The walk started here")),
+      h("div", { class: "fields" },
+        field("x, m", { name: "x_m", type: "number", step: "any", value: "0" }),
+        field("y, m", { name: "y_m", type: "number", step: "any", value: "0" }),
+        field("Heading, degrees", { name: "heading", type: "number", step: "any", value: "0" })),
+      h("small", null, "Heading: 0 along x, 90 along y. Without it the map begins at zero.")),
+  ];
+  const answer = await askPerson({ title: `Map ${recording.name}`, body, submit: "Map it" });
+  return answer && mapJob(recording.id, answer);
+}
+
+/** @param {string} recording @param {FormData} answer */
+export function mapJob(recording, answer) {
+  const by = answer.getAll("by");
+  const number = (/** @type {string} */ name) => Number(answer.get(name) || 0);
+  const job = { kind: "map", recording, by: by.length > 0 ? by : ["motion"] };
+  if (!answer.get("declared")) return job;
+  return { ...job, start_pose: [number("x_m"), number("y_m"), number("heading") * DEGREE] };
+}
+
+/** @param {Map_[]} maps the chosen ones @returns {Promise<object | null>} */
+export async function askToMerge(maps) {
+  const body = [
+    h("p", null, "Walks that share places are laid over each other and become one floor map. What shares no place with the others is refused."),
+    h("ul", { class: "plain" }, maps.map((map) => h("li", null, map.name))),
+    field("Name of the floor map", { name: "name", required: true, maxlength: "100", value: commonName(maps) }),
+  ];
+  const answer = await askPerson({ title: `Merge ${maps.length} maps`, body, submit: "Merge" });
+  return answer && { kind: "merge", maps: maps.map(({ id }) => id), name: String(answer.get("name")).trim() };
+}
+
+/** What the names share at their beginning. @param {{name: string}[]} maps */
+export function commonName(maps) {
+  const [first, ...rest] = maps.map(({ name }) => name);
+  let length = first.length;
+  for (const name of rest) while (!name.startsWith(first.slice(0, length))) length -= 1;
+  return first.slice(0, length).replace(/[\s,;:._-]+$/, "") || "Floor";
+}
+
+/** @param {Recording[]} recordings @param {Map_[]} maps @returns {Promise<object | null>} */
+export async function askToLocate(recordings, maps) {
+  const body = [
+    choice("Recording", "recording", recordings.map(({ id, name }) => [id, name])),
+    choice("In the map", "map", maps.map(({ id, name }) => [id, name])),
+    choice("How", "mode", [
+      ["one-shot", "One-shot: from 0.6 s of sound"],
+      ["trajectory", "Trajectory: from eight footsteps"],
+      ["track", "Track: as they walk, a fix per footstep"]]),
+  ];
+  const answer = await askPerson({ title: "Locate a recording", body, submit: "Locate" });
+  return answer && { kind: "locate", recording: answer.get("recording"), map: answer.get("map"), mode: answer.get("mode") };
+}

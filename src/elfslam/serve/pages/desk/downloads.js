@@ -1,0 +1,80 @@
+// What a map can be taken away as. What it does not hold is refused in the server's own words.
+
+import { askJson, download } from "./api.js";
+import { h } from "./dom.js";
+import { fileName } from "./format.js";
+import { icon } from "./icons.js";
+
+/** What each format is for. @type {Record<string, string>} */
+const WORDS = {
+  tum: "TUM trajectory: a pose per line, for evo and other tools",
+  g2o: "g2o pose graph: steps and closures, for other optimisers",
+  onnx: "ONNX encoder: what others are located by",
+  geojson: "GeoJSON: walks, spots and coverage on the Earth",
+  imdf: "IMDF: the walked ground as a unit of a venue",
+  ros: "ROS map: the walked ground as an image, for robots",
+  parquet: "Parquet: the spots as a table",
+};
+
+/** Formats that lie on the Earth. */
+const PLACED = ["geojson", "imdf"];
+const KEPT = "elfslam-export-";
+
+/** What IMDF asks for beside the origin. @type {[string, string, string][]} */
+const VENUE = [
+  ["name", "Venue", ""], ["category", "Category", "businesscampus"], ["address", "Address", ""], ["locality", "Town", ""],
+  ["country", "Country, such as CH", ""], ["level", "Name of the level", "Ground floor"], ["ordinal", "Level, 0 at the ground", "0"],
+];
+
+/** What a format is asked for with: what was filled in. @param {string} format @param {Map<string, HTMLInputElement>} inputs */
+export function queryOf(format, inputs) {
+  const names = format === "imdf" ? ["origin", ...VENUE.map(([name]) => name)] : format === "geojson" ? ["origin"] : [];
+  const given = names.map((name) => [name, inputs.get(name)?.value.trim() ?? ""]).filter(([, value]) => value !== "");
+  return given.length > 0 ? `?${new URLSearchParams(given)}` : "";
+}
+
+/** Everything of one map, ready for a dialog or a panel. @param {{id: string, name: string}} map */
+export async function downloadsOf(map) {
+  const path = `/api/maps/${encodeURIComponent(map.id)}`;
+  /** @type {string[]} */
+  const formats = await askJson(`${path}/exports`);
+  const inputs = new Map([["origin", keptInput("origin", "", "47.3769,8.5417,90")],
+    ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value)]))]);
+  return h("div", { class: "downloads" },
+    h("div", { class: "row" },
+      h("a", { class: "button", href: `${path}/report.html`, target: "_blank", rel: "noopener" }, icon("report"), "Report"),
+      h("a", { class: "button", href: `${path}/map.zip`, download: `${fileName(map.name)}.zip` }, icon("download"), "Whole folder")),
+    h("ul", { class: "exports" }, formats.map((format) => exportLine(map, path, format, inputs))),
+    formats.some((format) => PLACED.includes(format)) && h("label", { class: "field" },
+      h("span", null, "Where on the Earth"), inputs.get("origin"),
+      h("small", null, "Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it.")),
+    formats.includes("imdf") && h("details", null, h("summary", null, "About the venue, for IMDF"),
+      h("div", { class: "fields two" }, VENUE.map(([name, words]) => h("label", { class: "field" }, h("span", null, words), inputs.get(name))))));
+}
+
+/** A field that remembers, as long as the tab is open. @param {string} name @param {string} value
+ * @param {string} [placeholder] @returns {HTMLInputElement} */
+function keptInput(name, value, placeholder) {
+  const input = h("input", { name, placeholder, autocomplete: "off", spellcheck: "false" });
+  input.value = sessionStorage.getItem(KEPT + name) ?? value;
+  input.addEventListener("change", () => sessionStorage.setItem(KEPT + name, input.value.trim()));
+  return input;
+}
+
+/** @param {{id: string, name: string}} map @param {string} path @param {string} format
+ * @param {Map<string, HTMLInputElement>} inputs */
+function exportLine(map, path, format, inputs) {
+  const refusal = h("p", { class: "problem", role: "status" });
+  const button = h("button", { type: "button", class: "button small", "data-format": format, "aria-label": `Download as ${format}` }, icon("download"), format);
+  button.addEventListener("click", async () => {
+    refusal.textContent = "";
+    button.setAttribute("aria-busy", "true");
+    try {
+      await download(`${path}/exports/${encodeURIComponent(format)}${queryOf(format, inputs)}`, `${fileName(map.name)}.${format}`);
+    } catch (problem) {
+      refusal.textContent = problem instanceof Error ? problem.message : String(problem);
+    }
+    button.removeAttribute("aria-busy");
+  });
+  return h("li", null, button, h("div", null, h("span", null, WORDS[format] ?? ""), refusal));
+}

@@ -1,0 +1,133 @@
+// One map: the viewer, and beside it all that can be switched, placed, located and taken away.
+
+import { ask, askJson } from "./api.js";
+import { askToLocate } from "./asking.js";
+import { orSay, say } from "./dialogs.js";
+import { h } from "./dom.js";
+import { downloadsOf } from "./downloads.js";
+import { formatMetres, plural } from "./format.js";
+import { icon } from "./icons.js";
+import { deleteMap, factsOf } from "./maps_view.js";
+import { meetingPart } from "./meeting.js";
+import { mountCanvas } from "./viewer/canvas.js";
+import { parseFixes } from "./viewer/fixes.js";
+import { legendOf } from "./viewer/legend.js";
+import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
+import { planOf } from "./viewer/plan_panel.js";
+import { sceneOf } from "./viewer/scene.js";
+import { firstState } from "./viewer/state.js";
+
+/** @typedef {import("./main.js").Desk} Desk */
+/** @typedef {import("./store.js").Map_} Map_ */
+
+/**
+ * The page of a map, in `root`. Throws Problem where there is no such map.
+ * @param {Desk} desk @param {string} id @param {HTMLElement} root
+ * @returns {Promise<{changed: () => void, leave: () => void}>}
+ */
+export async function openMap(desk, id, root) {
+  const path = `/api/maps/${encodeURIComponent(id)}`;
+  const [map, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
+  const scene = sceneOf(view);
+  const state = firstState(scene);
+  const panel = h("aside", { class: "panel", "aria-label": "About this map" });
+  const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
+  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: fillPanel, showAll: canvas.showAll });
+  let legend = legendOf(scene, state);
+  canvas.stage.append(legend);
+
+  function redraw() {
+    const now = legendOf(scene, state);
+    legend.replaceWith(now);
+    legend = now;
+    canvas.redraw();
+  }
+
+  const downloads = part("Downloads", h("p", { class: "soft" }, "Asking the server…"));
+  const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), "Locate a recording");
+  const parts = new Map();
+  function fillPanel() {
+    for (const [name, make] of Object.entries({
+      layers: () => layerPart(scene, state, redraw),
+      walks: () => walkPart(scene, state, redraw),
+      located: () => locatedPart(state, redraw, locate),
+      plan: () => plan.part(),
+    })) {
+      const now = make();
+      if (parts.has(name)) parts.get(name).replaceWith(now);
+      else panel.append(now);
+      parts.set(name, now);
+    }
+    redraw();
+  }
+
+  fillPanel();
+  panel.append(...meetingPart(map), downloads);
+  root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
+  canvas.redraw();
+  void fillDownloads(map, downloads);
+  if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
+  const seen = new Set();
+  const changed = () => void loadLocated(desk, id, seen, state, fillPanel);
+  changed();
+  return {
+    changed,
+    leave() {
+      void plan.save();
+      canvas.leave();
+    },
+  };
+}
+
+/** @param {Desk} desk @param {Map_} map @param {import("./viewer/scene.js").Scene} scene */
+function headOfMap(desk, map, { walks }) {
+  const { closures } = factsOf(map);
+  const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
+  const facts = [map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(sum((walk) => walk.length_m)),
+    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && plural(closures, "closed loop")];
+  const remove = h("button", { type: "button", class: "button icon danger", "aria-label": `Delete ${map.name}`, title: "Delete", click: async () => {
+    if (!(await deleteMap(map))) return;
+    location.hash = "#/maps";
+    await desk.now();
+  } }, icon("trash"));
+  return h("header", { class: "map-head" },
+    h("a", { class: "button icon", href: "#/maps", "aria-label": "Back to the maps", title: "Back to the maps" }, icon("back")),
+    h("div", null, h("h1", { tabindex: "-1" }, map.name), h("p", { class: "soft" }, facts.filter(Boolean).join(" · "))),
+    remove);
+}
+
+/** @param {Map_} map @param {HTMLElement} place */
+async function fillDownloads(map, place) {
+  try {
+    place.lastElementChild?.replaceWith(await downloadsOf(map));
+  } catch (problem) {
+    place.lastElementChild?.replaceWith(h("p", { class: "problem" }, problem instanceof Error ? problem.message : String(problem)));
+  }
+}
+
+/** @param {Desk} desk @param {Map_} map */
+async function locateHere(desk, map) {
+  const ready = desk.known.recordings.filter(({ state }) => state === "ready");
+  if (ready.length === 0) return say("There is no recording to locate; record another walk first.", "problem");
+  const job = await askToLocate(ready, [map]);
+  if (!job) return undefined;
+  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  if (well) say("It shows up here as soon as it is located.");
+  return desk.now();
+}
+
+/** The walks located in this map that are not shown yet. @param {Desk} desk @param {string} id
+ * @param {Set<string>} seen @param {import("./viewer/state.js").State} state @param {() => void} fillPanel */
+async function loadLocated(desk, id, seen, state, fillPanel) {
+  const jobs = desk.known.jobs.filter((job) => job.kind === "locate" && job.state === "done" && job.given.map === id && !seen.has(job.id));
+  for (const job of jobs) {
+    seen.add(job.id);
+    await orSay(async () => {
+      const answer = await ask(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
+      const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? "a deleted recording";
+      const mode = job.given.mode ? ` (${job.given.mode})` : "";
+      state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text()), shown: state.located.length === 0 });
+    });
+  }
+  if (jobs.length > 0) fillPanel();
+}

@@ -1,0 +1,44 @@
+// What the lists of the desk are made of.
+
+import { h } from "./dom.js";
+import { icon } from "./icons.js";
+
+/** @param {string} title @param {string} words @param {...any} actions */
+export function headOf(title, words, ...actions) {
+  return h("header", { class: "page-head" },
+    h("div", null, h("h1", { tabindex: "-1" }, title), h("p", { class: "soft" }, words)),
+    h("div", { class: "row" }, actions));
+}
+
+/** A table that says so even where narrow screens lay its rows out as cards.
+ * @param {string} name @param {string[]} columns @param {any[]} rows */
+export function tableOf(name, columns, rows) {
+  const head = columns.map((column) => h("th", { scope: "col", role: "columnheader", class: column === "Actions" ? "actions" : null },
+    /^(Actions|Chosen)$/.test(column) ? h("span", { class: "visually-hidden" }, column) : column));
+  return h("table", { class: "list", role: "table", "aria-label": name },
+    h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, head)),
+    h("tbody", { role: "rowgroup" }, rows));
+}
+
+/** @param {string} label @param {...any} children */
+export function cell(label, ...children) {
+  return h("td", { role: "cell", "data-label": label }, h("div", null, children));
+}
+
+/** @param {...any} children */
+export function rowHead(...children) {
+  return h("th", { scope: "row", role: "rowheader" }, h("div", null, children));
+}
+
+/** @param {Parameters<typeof icon>[0]} picture @param {string} action @param {string} id
+ * @param {string} label @param {string} [kind] */
+export function iconButton(picture, action, id, label, kind = "") {
+  return h("button", { type: "button", class: `button icon ${kind}`.trim(), "data-action": action, "data-id": id, "aria-label": label, title: label }, icon(picture));
+}
+
+/** @param {{loaded: boolean}} known @param {Parameters<typeof icon>[0]} picture @param {string} title
+ * @param {any} words */
+export function emptyPage(known, picture, title, words) {
+  if (!known.loaded) return h("div", { class: "empty", "aria-busy": "true" }, h("p", { class: "soft" }, "Asking the server…"));
+  return h("div", { class: "empty" }, icon(picture), h("h2", null, title), h("p", { class: "soft" }, words));
+}

@@ -1,0 +1,114 @@
+// The recordings: what has come, what became of it.
+
+import { ask, askJson } from "./api.js";
+import { askToLocate, askToMap } from "./asking.js";
+import { confirmDelete, orSay, say } from "./dialogs.js";
+import { h } from "./dom.js";
+import { fileName, formatAgo, formatBytes, formatDuration, plural } from "./format.js";
+import { icon } from "./icons.js";
+import { stateOfJob } from "./jobs_view.js";
+import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { isOpen, mappingOf } from "./store.js";
+
+/** @typedef {import("./store.js").Known} Known */
+/** @typedef {import("./store.js").Recording} Recording */
+/** @typedef {import("./main.js").Desk} Desk */
+
+const COLUMNS = ["Recording", "When", "Length", "Size", "State", "Actions"];
+
+/** @param {Desk} desk */
+export function recordingsView({ known, uploads, nowMs }) {
+  const add = h("label", { class: "button primary" }, icon("upload"), "Add recordings",
+    h("input", { type: "file", accept: ".zip,application/zip", multiple: true, class: "visually-hidden", name: "recordings" }));
+  const rows = known.recordings.map((recording) => rowOf(recording, known, nowMs()));
+  return h("div", { class: "page" },
+    headOf("Recordings", "Walks from a phone. A folder packed as .zip can be dropped anywhere on this page.", add),
+    uploads.list(),
+    rows.length === 0 ? nothing(known) : tableOf("Recordings", COLUMNS, rows));
+}
+
+/** @param {Known} known */
+function nothing(known) {
+  return emptyPage(known, "phone", "No recordings yet", [
+    "Open ", h("a", { href: "./" }, "the phone page"), " on a phone and walk, or drop a recording's .zip here."]);
+}
+
+/** @param {Recording} recording @param {Known} known @param {number} nowMs */
+function rowOf(recording, known, nowMs) {
+  const { id, name, device, facts, created_utc } = recording;
+  const ready = recording.state === "ready";
+  return h("tr", { "data-key": id, role: "row" },
+    rowHead(h("strong", null, name), h("small", null, device)),
+    cell("When", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
+    cell("Length", formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, plural(facts.footsteps, "footstep")) : null),
+    cell("Size", formatBytes(bytesOf(recording))),
+    cell("State", stateOf(recording, known)),
+    h("td", { class: "actions", role: "cell" },
+      ready && h("button", { type: "button", class: "button small", "data-action": "map", "data-id": id }, icon("map"), h("span", null, "Map", h("span", { class: "visually-hidden" }, ` ${name}`))),
+      ready && known.maps.length > 0 && iconButton("locate", "locate", id, `Locate ${name} in a map`),
+      ready && h("a", { class: "button icon", href: `/api/recordings/${encodeURIComponent(id)}/recording.zip`, download: `${fileName(name)}.zip`, "aria-label": `Download ${name}`, title: "Download as .zip" }, icon("download")),
+      iconButton("trash", "delete", id, `Delete ${name}`, "danger")));
+}
+
+/** Bytes that have come. @param {Recording} recording @returns {number | null} */
+export function bytesOf({ facts, files, uploads }) {
+  if (Number.isFinite(facts?.bytes)) return facts.bytes;
+  const kept = files.reduce((sum, file) => sum + file.size_bytes, 0);
+  return kept + uploads.reduce((sum, upload) => sum + upload.offset_bytes, 0);
+}
+
+/** How much of what is coming has come; null while nobody knows how long it will be.
+ * @param {Recording} recording @returns {number | null} 0 to 1 */
+export function shareCome({ uploads }) {
+  if (uploads.length === 0 || uploads.some(({ length_bytes }) => length_bytes === null)) return null;
+  const whole = uploads.reduce((sum, upload) => sum + (upload.length_bytes ?? 0), 0);
+  return whole === 0 ? 1 : uploads.reduce((sum, upload) => sum + upload.offset_bytes, 0) / whole;
+}
+
+/** @param {Recording} recording @param {Known} known */
+function stateOf(recording, known) {
+  if (recording.state === "refused") {
+    return [h("span", { class: "badge", "data-verdict": "fail" }, "Refused"), h("small", { class: "problem" }, recording.refusal)];
+  }
+  if (recording.state === "receiving") {
+    const share = shareCome(recording);
+    return [h("span", { class: "badge pulse", "data-verdict": "doubt" }, "Receiving"),
+      share !== null && h("progress", { max: 1, value: share, "aria-label": `Upload of ${recording.name}` })];
+  }
+  const { job, map } = mappingOf(recording.id, known);
+  const link = map && h("a", { href: `#/maps/${encodeURIComponent(map.id)}` }, "See the map");
+  if (job && (isOpen(job) || (job.state === "failed"))) return [stateOfJob(job), link];
+  return link ? [link] : [h("span", { class: "badge" }, "Ready to map")];
+}
+
+/** @param {Desk} desk */
+export function recordingActions(desk) {
+  const found = (/** @type {string} */ id) => desk.known.recordings.find((recording) => recording.id === id);
+  const post = async (/** @type {object | null} */ job, /** @type {string} */ words) => {
+    if (!job) return;
+    await orSay(async () => {
+      await askJson("/api/jobs", { method: "POST", json: job });
+      say(words);
+    });
+    await desk.now();
+  };
+  return {
+    async map(/** @type {string} */ id) {
+      const recording = found(id);
+      if (recording) await post(await askToMap(recording), `${recording.name} is waiting to be mapped.`);
+    },
+    async locate(/** @type {string} */ id) {
+      const recording = found(id);
+      if (recording) await post(await askToLocate([recording], desk.known.maps), `${recording.name} is waiting to be located.`);
+    },
+    async delete(/** @type {string} */ id) {
+      const recording = found(id);
+      if (!recording) return;
+      const words = `${formatBytes(bytesOf(recording))} of it leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.`;
+      if (!(await confirmDelete(recording.name, words))) return;
+      await orSay(() => ask(`/api/recordings/${encodeURIComponent(id)}`, { method: "DELETE" }));
+      await desk.now();
+    },
+    "stop-upload": (/** @type {string} */ id) => desk.uploads.stop(id),
+  };
+}

@@ -1,0 +1,31 @@
+// Who is here: the token of the address becomes a cookie, and leaves the address.
+
+import { ask, askJson, Problem } from "./api.js";
+import { openSession, tokenIn } from "../shared/api.js";
+
+/** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
+
+/**
+ * Whoever the page belongs to; null without a session. Throws Problem for anything else.
+ * @returns {Promise<Me | null>}
+ */
+export async function whoIsHere() {
+  try {
+    await openSession(location, history);
+    return await askJson("/api/me");
+  } catch (problem) {
+    if (problem instanceof Problem && problem.status === 401) return null;
+    throw problem;
+  }
+}
+
+/** Forget this browser's session. */
+export async function signOut() {
+  await ask("/api/session", { method: "DELETE" });
+}
+
+/** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */
+export async function pairWith(text) {
+  const token = text.includes("#") ? tokenIn(text.slice(text.indexOf("#"))) : text;
+  await ask("/api/session", { method: "POST", headers: { Authorization: `Bearer ${(token ?? "").trim()}` } });
+}

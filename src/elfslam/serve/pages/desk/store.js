@@ -1,0 +1,63 @@
+// What the page knows of the server, asked for again while something moves.
+
+import { askJson } from "./api.js";
+import { poll } from "./polling.js";
+
+/** @typedef {{id: string, name: string, device: string, state: "receiving" | "ready" | "refused", refusal: string | null, facts: any, files: {name: string, size_bytes: number}[], uploads: {id: string, file_name: string, offset_bytes: number, length_bytes: number | null}[], created_utc: string}} Recording */
+/** @typedef {{id: string, kind: "map" | "merge" | "locate", state: "queued" | "running" | "done" | "failed" | "cancelled", given: any, gave: any, doing: string, share: number | null, attempts: number, problem: string | null, created_utc: string, started_utc: string | null, finished_utc: string | null}} Job */
+/** @typedef {{id: string, name: string, kind: "run" | "floor", sources: string[], facts: any, floor_plan: any, files: any[], created_utc: string}} Map_ */
+/** @typedef {{recordings: Recording[], jobs: Job[], maps: Map_[], loaded: boolean}} Known */
+
+/**
+ * Keep `known` fresh. @param {(known: Known) => void} changed
+ * @param {(problem: unknown | null) => void} tell each outcome of asking
+ */
+export function keepKnown(changed, tell) {
+  /** @type {Known} */
+  const known = { recordings: [], jobs: [], maps: [], loaded: false };
+  let last = "";
+
+  async function question() {
+    const [recordings, jobs, maps] = await Promise.all(
+      ["/api/recordings", "/api/jobs", "/api/maps"].map((path) => askJson(path)));
+    Object.assign(known, { recordings: newest(recordings), jobs: newest(jobs), maps: newest(maps), loaded: true });
+    const now = JSON.stringify([recordings, jobs, maps]);
+    if (now !== last) changed(known);
+    last = now;
+    return isMoving(known);
+  }
+
+  return { known, now: poll(question, tell).now };
+}
+
+/** Whether anything may soon be different. @param {Known} known */
+export function isMoving({ recordings, jobs }) {
+  return jobs.some((job) => isOpen(job)) || recordings.some((recording) => recording.state === "receiving");
+}
+
+/** @param {Job} job */
+export function isOpen(job) {
+  return job.state === "queued" || job.state === "running";
+}
+
+/** @template {{created_utc: string}} T @param {T[]} things @returns {T[]} */
+function newest(things) {
+  return [...things].sort((a, b) => b.created_utc.localeCompare(a.created_utc));
+}
+
+/** What a job works on, in the names that people gave. @param {Job} job @param {Known} known */
+export function jobTitle({ kind, given }, { recordings, maps }) {
+  const recording = recordings.find(({ id }) => id === given.recording)?.name ?? "a deleted recording";
+  const named = (/** @type {string} */ wanted) => maps.find(({ id }) => id === wanted)?.name ?? "a deleted map";
+  if (kind === "map") return recording;
+  if (kind === "locate") return `${recording} in ${named(given.map)}`;
+  return given.name || (given.maps ?? []).map(named).join(" + ");
+}
+
+/** The newest job that maps a recording, and the newest map of it.
+ * @param {string} id @param {Known} known @returns {{job: Job | undefined, map: Map_ | undefined}} */
+export function mappingOf(id, { jobs, maps }) {
+  const job = jobs.find((each) => each.kind === "map" && each.given.recording === id);
+  const made = jobs.filter((each) => each.kind === "map" && each.given.recording === id).map((each) => each.gave?.map);
+  return { job, map: maps.find((map) => made.includes(map.id) || (map.kind === "run" && map.sources.includes(id))) };
+}

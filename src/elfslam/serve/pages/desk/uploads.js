@@ -1,0 +1,121 @@
+// Recordings as .zip files, dropped or chosen, sent piece by piece so that they survive a bad network.
+
+import { h } from "./dom.js";
+import { say } from "./dialogs.js";
+import { formatBytes, formatShare } from "./format.js";
+import { icon } from "./icons.js";
+
+const PIECE_BYTES = 4 * 1024 * 1024;
+const RETRY_MS = [500, 1000, 3000, 5000, 10_000, 20_000];
+
+/** @typedef {{key: number, name: string, sent: number, bytes: number, problem: string | null, stop: () => void}} Sending */
+
+/**
+ * Uploads and what they look like. @param {() => void} changed a file has come, or moved on
+ * @param {() => void} arrived a file has come whole
+ */
+export function uploader(changed, arrived) {
+  /** @type {Sending[]} */
+  let sending = [];
+  let count = 0;
+
+  /** @param {Iterable<File>} files */
+  function send(files) {
+    for (const file of files) {
+      if (/\.zip$/i.test(file.name)) begin(file);
+      else say(`${file.name} is no .zip; pack the recording's folder first.`, "problem");
+    }
+  }
+
+  /** @param {File} file */
+  function begin(file) {
+    count += 1;
+    const entry = { key: count, name: file.name, sent: 0, bytes: file.size, /** @type {string | null} */ problem: null, stop: () => {} };
+    const upload = new /** @type {any} */ (globalThis).tus.Upload(file, {
+      endpoint: "/api/uploads",
+      chunkSize: PIECE_BYTES,
+      retryDelays: RETRY_MS,
+      metadata: { filename: file.name },
+      removeFingerprintOnSuccess: true,
+      onProgress(/** @type {number} */ sent) {
+        entry.sent = sent;
+        changed();
+      },
+      onSuccess() {
+        drop(entry.key);
+        say(`${file.name} has arrived.`);
+        arrived();
+      },
+      onError(/** @type {any} */ error) {
+        entry.problem = refusalIn(error);
+        changed();
+      },
+    });
+    entry.stop = () => {
+      void upload.abort(true).catch(() => {});
+      drop(entry.key);
+    };
+    sending.push(entry);
+    changed();
+    upload.findPreviousUploads().then((/** @type {any[]} */ earlier) => {
+      if (earlier.length > 0) upload.resumeFromPreviousUpload(earlier[0]);
+      upload.start();
+    });
+  }
+
+  /** @param {number} key */
+  function drop(key) {
+    sending = sending.filter((entry) => entry.key !== key);
+    changed();
+  }
+
+  /** @param {string} key */
+  function stop(key) {
+    sending.find((entry) => String(entry.key) === key)?.stop();
+  }
+
+  return { send, stop, list: () => sendingList(sending), isBusy: () => sending.some((entry) => !entry.problem) };
+}
+
+/** What the server said, else what went wrong. @param {any} error */
+function refusalIn(error) {
+  try {
+    return JSON.parse(error.originalResponse.getBody()).detail;
+  } catch {
+    return error.originalResponse ? `The server answered ${error.originalResponse.getStatus()}.` : "The connection is lost; choose the file again to go on.";
+  }
+}
+
+/** @param {Sending[]} sending */
+function sendingList(sending) {
+  return h("ul", { class: "sending", hidden: sending.length === 0 }, sending.map(({ key, name, sent, bytes, problem }) =>
+    h("li", { "data-key": `sending-${key}` },
+      h("span", { class: "name" }, name),
+      problem ? h("span", { class: "problem" }, problem)
+        : h("span", { class: "going" }, h("progress", { max: bytes || 1, value: sent, "aria-label": `Upload of ${name}` }),
+          h("span", { class: "figures" }, `${formatBytes(sent)} of ${formatBytes(bytes)}, ${formatShare(sent / (bytes || 1))}`)),
+      h("button", { type: "button", class: "icon", "data-action": "stop-upload", "data-id": String(key), "aria-label": `Stop the upload of ${name}`, title: "Stop" }, icon("stop")))));
+}
+
+/** Files dropped anywhere on the page. @param {(files: File[]) => void} receive */
+export function onDrop(receive) {
+  let depth = 0;
+  const carriesFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
+  const show = (/** @type {boolean} */ over) => document.body.classList.toggle("dropping", over);
+  document.addEventListener("dragenter", (event) => {
+    if (carriesFiles(event)) show((depth += 1) > 0);
+  });
+  document.addEventListener("dragleave", (event) => {
+    if (carriesFiles(event)) show((depth -= 1) > 0);
+  });
+  document.addEventListener("dragover", (event) => {
+    if (carriesFiles(event)) event.preventDefault();
+  });
+  document.addEventListener("drop", (event) => {
+    if (!carriesFiles(event)) return;
+    event.preventDefault();
+    depth = 0;
+    show(false);
+    receive([...(event.dataTransfer?.files ?? [])]);
+  });
+}

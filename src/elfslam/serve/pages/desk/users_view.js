@@ -1,0 +1,85 @@
+// The people with a token: the owner lets them in and out.
+
+import { ask, askJson } from "./api.js";
+import { field } from "./asking.js";
+import { askPerson, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
+import { h, svg } from "./dom.js";
+import { formatAgo } from "./format.js";
+import { icon } from "./icons.js";
+import { cell, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
+
+/** @typedef {{id: string, name: string, is_owner: boolean, created_utc: string}} User */
+/** @typedef {import("./main.js").Desk} Desk */
+
+const COLUMNS = ["Name", "Since", "Actions"];
+const QUIET_MODULES = 4;
+
+/** @param {Desk} desk */
+export function usersView({ users, nowMs }) {
+  const invite = h("button", { type: "button", class: "button primary", "data-action": "invite" }, icon("plus"), "Invite somebody");
+  return h("div", { class: "page" },
+    headOf("People", "Everyone sees their own recordings and maps, and nobody else's.", invite),
+    tableOf("People", COLUMNS, users.map((user) => rowOf(user, nowMs()))));
+}
+
+/** @param {User} user @param {number} nowMs */
+function rowOf({ id, name, is_owner, created_utc }, nowMs) {
+  return h("tr", { "data-key": id, role: "row" },
+    rowHead(h("strong", null, name), is_owner && h("span", { class: "badge" }, "Owner")),
+    cell("Since", formatAgo(created_utc, nowMs)),
+    h("td", { class: "actions", role: "cell" }, !is_owner && iconButton("trash", "delete", id, `Delete ${name} and all that is theirs`, "danger")));
+}
+
+/** @param {Desk} desk */
+export function userActions(desk) {
+  return {
+    async invite() {
+      const body = field("Name", { name: "name", required: true, maxlength: "60", autocomplete: "off" });
+      const answer = await askPerson({ title: "Invite somebody", body, submit: "Make a code" });
+      if (!answer) return;
+      await orSay(async () => {
+        const made = await askJson("/api/users", { method: "POST", json: { name: String(answer.get("name")).trim() } });
+        await desk.now();
+        await showPerson(`A code for ${made.name}`, invitation(made.url));
+      });
+    },
+    async delete(/** @type {string} */ id) {
+      const user = desk.users.find((each) => each.id === id);
+      if (!user) return;
+      if (!(await confirmDelete(user.name, "Their recordings, jobs and maps are deleted with them, and their code opens nothing any more."))) return;
+      await orSay(() => ask(`/api/users/${encodeURIComponent(id)}`, { method: "DELETE" }));
+      await desk.now();
+    },
+  };
+}
+
+/** @param {string} url */
+function invitation(url) {
+  const address = h("input", { readonly: true, value: url, "aria-label": "Address", name: "address" });
+  const copy = h("button", { type: "button", class: "button" }, icon("copy"), "Copy the address");
+  copy.addEventListener("click", async () => {
+    address.select();
+    const well = await navigator.clipboard?.writeText(url).then(() => true, () => false);
+    say(well ? "The address is in the clipboard." : "It is selected; copy it with the keyboard.");
+  });
+  return [h("p", null, "Scan it with their phone, or send them the address. It is shown this once and kept nowhere."),
+    codeOf(url), address, h("div", { class: "row" }, copy)];
+}
+
+/** @param {string} text @returns {SVGElement} a QR code, dark on white in any theme */
+function codeOf(text) {
+  const code = qrcode(0, "M");
+  code.addData(text);
+  code.make();
+  const count = code.getModuleCount();
+  let path = "";
+  for (let row = 0; row < count; row += 1) {
+    for (let column = 0; column < count; column += 1) {
+      if (code.isDark(row, column)) path += `M${column + QUIET_MODULES} ${row + QUIET_MODULES}h1v1h-1z`;
+    }
+  }
+  const side = count + 2 * QUIET_MODULES;
+  return svg("svg", { viewBox: `0 0 ${side} ${side}`, class: "code", role: "img", "aria-label": "QR code of the address", "shape-rendering": "crispEdges" },
+    svg("rect", { width: side, height: side, fill: "#fff" }), svg("path", { d: path, fill: "#000" }));
+}

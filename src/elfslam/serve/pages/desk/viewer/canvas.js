@@ -1,0 +1,151 @@
+// The canvas of the viewer: it draws when something has changed, and answers hands.
+
+import { h } from "../dom.js";
+import { formatMetres } from "../format.js";
+import { icon } from "../icons.js";
+import { draw } from "./draw.js";
+import { onGestures } from "./gestures.js";
+import { drawMarks, focusPlace } from "./marks.js";
+import { grabPlan } from "./placing.js";
+import { around, boundsOf, fit, scaleBar, toMap, toScreen, zoomAt } from "./projection.js";
+import { corners } from "./placement.js";
+import { paletteOf } from "./state.js";
+import { focusAt, nextFocus, tell } from "./telling.js";
+
+/** @typedef {import("./state.js").State} State */
+/** @typedef {import("./scene.js").Scene} Scene */
+
+const BAR_PX = 140;
+const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all, square brackets step along a walk.";
+
+/**
+ * @param {Scene} scene @param {State} state @param {string} name of the map
+ * @param {{onPlacement: (placement: import("./placement.js").Placement, finished: boolean) => void}} told
+ */
+export function mountCanvas(scene, state, name, told) {
+  const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
+    "aria-label": `Map ${name}. ${HELP}` });
+  const tip = h("div", { class: "tip", hidden: true });
+  const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
+  const bar = h("div", { class: "scale-bar", role: "img" }, h("span"));
+  const zoom = (/** @type {number} */ factor) => () => turnTo(zoomAt(state.view, state.size, [state.size.width / 2, state.size.height / 2], factor));
+  const buttons = h("div", { class: "zoom", role: "group", "aria-label": "Zoom" },
+    h("button", { type: "button", "aria-label": "Zoom in", title: "Zoom in (+)", click: zoom(1.5) }, icon("plus")),
+    h("button", { type: "button", "aria-label": "Zoom out", title: "Zoom out (-)", click: zoom(1 / 1.5) }, icon("minus")),
+    h("button", { type: "button", "aria-label": "Show all", title: "Show all (0)", click: () => showAll() }, icon("fit")));
+  const stage = h("div", { class: "stage" }, canvas, buttons, bar, tip, spoken);
+  const context = canvas.getContext("2d");
+  let palette = paletteOf(document.documentElement);
+  let frame = 0;
+
+  function redraw() {
+    frame ||= requestAnimationFrame(paint);
+  }
+
+  function paint() {
+    frame = 0;
+    if (!canvas.isConnected) return;
+    context.save();
+    draw(context, scene, state, palette, density());
+    drawMarks(context, scene, state, palette);
+    context.restore();
+    showBar();
+    showTip();
+  }
+
+  function showBar() {
+    const { length_m, length_px } = scaleBar(state.view.px_per_m, BAR_PX);
+    bar.style.width = `${length_px}px`;
+    bar.firstChild.textContent = formatMetres(length_m).replace(/\.0+ /, " ");
+    bar.setAttribute("aria-label", `Scale: this bar is ${bar.textContent} long`);
+  }
+
+  function showTip() {
+    const place = state.focus?.kind === "cell" ? { xy_m: state.focus.xy_m } : focusPlace(scene, state);
+    tip.hidden = !state.focus || !place;
+    if (!state.focus || !place) return;
+    const { name: title, line } = tell(scene, state, state.focus);
+    tip.replaceChildren(h("strong", null, title), h("span", null, line));
+    const [x, y] = toScreen(state.view, state.size, place.xy_m);
+    const left = Math.min(Math.max(x - tip.offsetWidth / 2, 8), Math.max(state.size.width - tip.offsetWidth - 8, 8));
+    const above = y - tip.offsetHeight - 16;
+    tip.style.translate = `${left}px ${above < 8 ? y + 18 : above}px`;
+  }
+
+  function setFocus(/** @type {import("./state.js").Focus | null} */ focus, spokenToo = false) {
+    state.focus = focus;
+    if (focus && spokenToo) {
+      const { name: title, line } = tell(scene, state, focus);
+      spoken.textContent = `${title}, ${line}`;
+    }
+    redraw();
+  }
+
+  function turnTo(/** @type {import("./projection.js").View} */ view) {
+    state.view = view;
+    redraw();
+  }
+
+  function showAll() {
+    const { plan, layers } = state;
+    const planned = plan && layers.plan ? boundsOf(corners(plan.placement, plan.aspect)) : null;
+    turnTo(fit(/** @type {any} */ (around(scene.drawn_m, planned)), state.size));
+  }
+
+  onGestures(canvas, {
+    look: () => state,
+    turnTo,
+    fit: showAll,
+    leave: () => setFocus(null),
+    point(at_px, reach_px) {
+      const reach_m = reach_px / state.view.px_per_m;
+      setFocus(focusAt(scene, state, toMap(state.view, state.size, at_px), reach_m));
+    },
+    step(by) {
+      setFocus(nextFocus(scene, state, by), true);
+      const place = focusPlace(scene, state);
+      if (place && isOutside(toScreen(state.view, state.size, place.xy_m), state.size)) {
+        turnTo({ ...state.view, x_m: place.xy_m[0], y_m: place.xy_m[1] });
+      }
+    },
+    grab(at_px, reach_px) {
+      const drag = grabPlan(state, at_px, reach_px);
+      return drag && ((to_px) => told.onPlacement(drag(to_px), false));
+    },
+    drop: () => state.plan && told.onPlacement(state.plan.placement, true),
+  });
+
+  let first = true;
+  const sizes = new ResizeObserver(() => {
+    const { clientWidth: width, clientHeight: height } = canvas;
+    if (width === 0 || height === 0) return;
+    state.size = { width, height };
+    canvas.width = Math.round(width * density());
+    canvas.height = Math.round(height * density());
+    if (first) state.view = fit(scene.drawn_m, state.size);
+    first = false;
+    paint();
+  });
+  sizes.observe(canvas);
+  const theme = matchMedia("(prefers-color-scheme: dark)");
+  const repaint = () => {
+    palette = paletteOf(document.documentElement);
+    redraw();
+  };
+  theme.addEventListener("change", repaint);
+  const leave = () => {
+    sizes.disconnect();
+    theme.removeEventListener("change", repaint);
+    cancelAnimationFrame(frame);
+  };
+  return { stage, canvas, redraw, showAll, leave, setFocus };
+}
+
+/** @param {import("./projection.js").Point} at_px @param {import("./projection.js").Size} size */
+function isOutside([x, y], { width, height }) {
+  return x < 0 || y < 0 || x > width || y > height;
+}
+
+function density() {
+  return Math.min(window.devicePixelRatio || 1, 2);
+}

@@ -1,0 +1,113 @@
+// Beside the map: which layers are on, which walks are shown, and what is known of them.
+
+import { h } from "../dom.js";
+import { formatDuration, formatMetres, plural } from "../format.js";
+import { colourOf } from "./draw.js";
+import { countStatuses, STATUS_WORDS } from "./fixes.js";
+import { paletteOf } from "./state.js";
+
+/** @typedef {import("./state.js").State} State */
+/** @typedef {import("./state.js").Layer} Layer */
+/** @typedef {import("./scene.js").Scene} Scene */
+
+/** A part of the panel with its heading. @param {string} title @param {any} body @param {string} [id] */
+export function part(title, body, id = `part-${title.toLowerCase().replace(/\W+/g, "-")}`) {
+  return h("section", { class: "part", "aria-labelledby": id }, h("h2", { id }, title), body);
+}
+
+/** The layers in the order in which they lie, with why one cannot be shown.
+ * @param {Scene} scene @param {State} state @returns {[Layer, string, string | null][]} */
+function layersOf(scene, state) {
+  const sigmas = scene.walks.some((walk) => walk.middle_sigma_m !== null);
+  return [
+    ["trajectories", "Trajectories", scene.walks.length > 0 ? null : "this map keeps none"],
+    ["uncertainty", "Uncertainty", sigmas ? null : "not known for this map"],
+    ["closures", "Closed loops", scene.closures.length > 0 ? null : "in maps of one walk"],
+    ["reckoning", "Dead reckoning", scene.reckoned.length > 0 ? null : "in maps of one walk"],
+    ["coverage", "Coverage", scene.coverage ? null : "comes with several walks: merge maps"],
+    ["fixes", "Located walks", state.located.length > 0 ? null : "none yet"],
+    ["plan", "Floor plan", state.plan ? null : "none yet"],
+  ];
+}
+
+/** @param {Scene} scene @param {State} state @param {() => void} changed */
+export function layerPart(scene, state, changed) {
+  const box = (/** @type {[Layer, string, string | null]} */ [layer, words, lacks]) => {
+    const input = h("input", { type: "checkbox", name: `layer-${layer}`, disabled: lacks !== null });
+    input.checked = state.layers[layer] && lacks === null;
+    input.addEventListener("change", () => {
+      state.layers[layer] = input.checked;
+      changed();
+    });
+    return h("label", { class: "tick" }, input, h("span", null, words, lacks && h("small", null, ` ${lacks}`)));
+  };
+  const body = [h("div", { class: "ticks" }, layersOf(scene, state).map(box)),
+    either("Colour of walks", "colour-by", [["walk", "by walk"], ["time", "by time"]], state.colourBy, (value) => {
+      state.colourBy = /** @type {"walk" | "time"} */ (value);
+      changed();
+    })];
+  if (scene.coverage) {
+    body.push(either("Coverage shows", "coverage-by", [["walks", "walks"], ["sigma_m", "uncertainty"]], state.coverageBy, (value) => {
+      state.coverageBy = /** @type {"walks" | "sigma_m"} */ (value);
+      state.layers.coverage = true;
+      changed();
+    }));
+  }
+  return part("Layers", body);
+}
+
+/** One of two or three. @param {string} legend @param {string} name @param {[string, string][]} choices
+ * @param {string} chosen @param {(value: string) => void} choose */
+export function either(legend, name, choices, chosen, choose) {
+  return h("fieldset", { class: "either" }, h("legend", null, legend), h("div", null, choices.map(([value, words]) => {
+    const input = h("input", { type: "radio", name, value });
+    input.checked = value === chosen;
+    input.addEventListener("change", () => choose(value));
+    return h("label", null, input, h("span", null, words));
+  })));
+}
+
+/** @param {Scene} scene @param {State} state @param {() => void} changed */
+export function walkPart(scene, state, changed) {
+  const palette = paletteOf(document.documentElement);
+  const row = (/** @type {import("./scene.js").Walk} */ walk, /** @type {number} */ at) => {
+    const input = h("input", { type: "checkbox", "aria-label": `Show ${walk.name}` });
+    input.checked = !state.hidden.has(at);
+    input.addEventListener("change", () => {
+      if (input.checked) state.hidden.delete(at);
+      else state.hidden.add(at);
+      changed();
+    });
+    const line = h("tr", null, h("td", null, input),
+      h("th", { scope: "row" }, h("i", { class: "swatch", style: { background: colourOf(palette, at) } }), h("span", null, walk.name)),
+      h("td", null, formatMetres(walk.length_m)), h("td", null, formatDuration(walk.duration_s)),
+      h("td", null, walk.middle_sigma_m === null ? "–" : `± ${formatMetres(walk.middle_sigma_m)}`));
+    const stand = (/** @type {number | null} */ chosen) => () => {
+      state.chosen = scene.walks.length > 1 ? chosen : null;
+      changed();
+    };
+    line.addEventListener("pointerenter", stand(at));
+    line.addEventListener("pointerleave", stand(null));
+    return line;
+  };
+  const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, "Shown")),
+    ["Walk", "Length", "Time", "Sigma"].map((name) => h("th", { scope: "col" }, name)));
+  return part(plural(scene.walks.length, "walk"), h("div", { class: "scroll" },
+    h("table", { class: "walks" }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
+}
+
+/** @param {State} state @param {() => void} changed @param {any} locate the button that locates another */
+export function locatedPart(state, changed, locate) {
+  const list = state.located.map((walk) => {
+    const input = h("input", { type: "checkbox" });
+    input.checked = walk.shown;
+    input.addEventListener("change", () => {
+      walk.shown = input.checked;
+      changed();
+    });
+    const counts = countStatuses(walk.fixes).map(([status, count]) => `${count} ${STATUS_WORDS[status] ?? status}`);
+    return h("label", { class: "tick" }, input, h("span", null, walk.name, h("small", null, ` ${counts.join(", ") || "no fixes"}`)));
+  });
+  const none = h("p", { class: "soft" }, "Take a recording made elsewhere on this floor and see where its walker was.");
+  return part("Located walks", [list.length > 0 ? h("div", { class: "ticks" }, list) : none, locate]);
+}

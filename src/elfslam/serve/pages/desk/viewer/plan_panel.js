@@ -1,0 +1,172 @@
+// The floor plan under the map: uploading it, its place as numbers, saving.
+
+import { ask, askJson } from "../api.js";
+import { confirmDelete, orSay, say } from "../dialogs.js";
+import { h } from "../dom.js";
+import { icon } from "../icons.js";
+import { part } from "./panel.js";
+import { firstPlacement, moved, rounded, turned, widened } from "./placement.js";
+
+/** @typedef {import("./placement.js").Placement} Placement */
+/** @typedef {import("./state.js").State} State */
+
+const SAVE_AFTER_MS = 500;
+const DEGREE = Math.PI / 180;
+
+/** @type {[string, string, string, (p: Placement) => number, (p: Placement, aspect: number, value: number) => Placement][]} */
+const FIELDS = [
+  ["width", "Width, m", "0.01", (p) => p.width_m, widened],
+  ["x", "Left, m", "0.01", (p) => p.x_m, (p, _, x) => moved(p, [x - p.x_m, 0])],
+  ["y", "Bottom, m", "0.01", (p) => p.y_m, (p, _, y) => moved(p, [0, y - p.y_m])],
+  ["turn", "Turned, degrees", "0.1", (p) => Number((p.heading_rad / DEGREE).toFixed(2)), (p, aspect, degrees) => turned(p, aspect, degrees * DEGREE)],
+];
+
+/** What the server keeps of where a plan lies, if it does. @param {any} kept @returns {Placement | null} */
+function keptPlacement(kept) {
+  return Number.isFinite(kept?.placement?.width_m) ? kept.placement : null;
+}
+
+/**
+ * The floor plan of a map: its part of the panel, and its loading and saving.
+ * @param {string} mapId @param {State} state @param {import("./projection.js").Bounds} bounds_m
+ * @param {{redraw: () => void, changed: () => void, showAll: () => void}} told `changed` when the plan
+ * came or went
+ */
+export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
+  const path = `/api/maps/${encodeURIComponent(mapId)}/floor-plan`;
+  const status = h("p", { class: "soft saved", role: "status" });
+  /** @type {Map<string, HTMLInputElement>} */
+  const inputs = new Map();
+  let timer = 0;
+  let dirty = false;
+
+  /** @param {any} kept */
+  async function load(kept) {
+    const image = new Image();
+    image.src = `${path}?${Date.now()}`;
+    await image.decode();
+    const aspect = image.naturalHeight / image.naturalWidth;
+    state.plan = {
+      image, negative: negativeOf(image), aspect, inverted: matchMedia("(prefers-color-scheme: dark)").matches,
+      placement: keptPlacement(kept) ?? firstPlacement(bounds_m, aspect),
+    };
+    state.layers.plan = true;
+    changed();
+  }
+
+  /** @param {Placement} placement @param {boolean} finished */
+  function place(placement, finished) {
+    if (!state.plan) return;
+    state.plan.placement = rounded(placement);
+    dirty = true;
+    fillIn();
+    redraw();
+    status.textContent = "Not saved yet";
+    clearTimeout(timer);
+    if (finished) timer = setTimeout(save, SAVE_AFTER_MS);
+  }
+
+  async function save() {
+    clearTimeout(timer);
+    if (!dirty || !state.plan) return;
+    dirty = false;
+    const json = state.plan.placement;
+    const well = await orSay(() => ask(`${path}/placement`, { method: "PUT", json }));
+    dirty ||= !well;
+    status.textContent = well ? "Saved" : "Not saved; change it again to retry";
+  }
+
+  /** @param {File} file */
+  async function upload(file) {
+    const well = await orSay(async () => {
+      const headers = { "Content-Type": file.type || "application/octet-stream" };
+      const map = await askJson(path, { method: "PUT", body: file, headers });
+      await load(map.floor_plan);
+    });
+    if (!well || !state.plan) return;
+    state.placing = true;
+    dirty = true;
+    await save();
+    changed();
+    showAll();
+    say("Drag the plan under the walks; its corners stretch it, the knob turns it.");
+  }
+
+  async function remove() {
+    if (!(await confirmDelete("the floor plan", "The image and its place are deleted. The map itself stays as it is."))) return;
+    if (!(await orSay(() => ask(path, { method: "DELETE" })))) return;
+    state.plan = null;
+    state.placing = false;
+    dirty = false;
+    changed();
+  }
+
+  function fillIn() {
+    if (!state.plan) return;
+    for (const [name, , , read] of FIELDS) {
+      const input = inputs.get(name);
+      if (input && document.activeElement !== input) input.value = String(read(state.plan.placement));
+    }
+    const opacity = inputs.get("opacity");
+    if (opacity) opacity.value = String(state.plan.placement.opacity);
+  }
+
+  function fieldsOf() {
+    const fields = FIELDS.map(([name, words, step, , write]) => {
+      const input = h("input", { type: "number", step, name: `plan-${name}`, inputmode: "decimal" });
+      input.addEventListener("input", () => {
+        if (!state.plan || !Number.isFinite(input.valueAsNumber)) return;
+        place(write(state.plan.placement, state.plan.aspect, input.valueAsNumber), true);
+      });
+      input.addEventListener("blur", fillIn);
+      inputs.set(name, input);
+      return h("label", { class: "field" }, h("span", null, words), input);
+    });
+    const opacity = h("input", { type: "range", min: "0.05", max: "1", step: "0.05", name: "plan-opacity" });
+    opacity.addEventListener("input", () => state.plan && place({ ...state.plan.placement, opacity: opacity.valueAsNumber }, true));
+    inputs.set("opacity", opacity);
+    return [h("div", { class: "fields two" }, fields), h("label", { class: "field" }, h("span", null, "Opacity"), opacity)];
+  }
+
+  function pick() {
+    const input = h("input", { type: "file", accept: "image/png,image/jpeg", class: "visually-hidden", name: "plan-file" });
+    input.addEventListener("change", () => input.files?.[0] && upload(input.files[0]));
+    return h("label", { class: "button" }, icon("image"), state.plan ? "Another image" : "Choose an image", input);
+  }
+
+  function body() {
+    if (!state.plan) return [h("p", { class: "soft" }, "A picture of the floor (PNG or JPEG) to lie under the walks."), pick()];
+    const placing = h("button", { type: "button", class: "button", "aria-pressed": String(state.placing), click: () => {
+      state.placing = !state.placing;
+      placing.setAttribute("aria-pressed", String(state.placing));
+      redraw();
+    } }, icon("fit"), "Move the plan");
+    const negative = h("input", { type: "checkbox", name: "plan-inverted" });
+    negative.checked = state.plan.inverted;
+    negative.addEventListener("change", () => {
+      if (state.plan) state.plan.inverted = negative.checked;
+      redraw();
+    });
+    const shown = [h("div", { class: "row" }, placing), ...fieldsOf(),
+      h("label", { class: "tick" }, negative, h("span", null, "Light on dark")), status,
+      h("div", { class: "row" }, pick(), h("button", { type: "button", class: "button danger", click: remove }, icon("trash"), "Remove"))];
+    fillIn();
+    return shown;
+  }
+
+  return { load, place, save, part: () => part("Floor plan", body()) };
+}
+
+/** The image with light and dark exchanged. @param {HTMLImageElement} image */
+function negativeOf(image) {
+  const canvas = Object.assign(document.createElement("canvas"), { width: image.naturalWidth, height: image.naturalHeight });
+  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
+  context.drawImage(image, 0, 0);
+  context.globalCompositeOperation = "difference";
+  context.fillStyle = "white";
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  // A transparent image has become white where it was clear: give it its own outline back.
+  context.globalCompositeOperation = "destination-in";
+  context.drawImage(image, 0, 0);
+  return canvas;
+}

@@ -1,0 +1,65 @@
+// What the viewer shows at this moment, and the colours of the page it shows it in.
+
+import { fit } from "./projection.js";
+
+/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("./placement.js").Placement, inverted: boolean}} Plan */
+/** @typedef {{id: string, name: string, fixes: import("./fixes.js").Fix[], shown: boolean}} Located */
+/** @typedef {{kind: "step", walk: number, step: number} | {kind: "fix", located: number, fix: number} | {kind: "cell", xy_m: Point}} Focus */
+/** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes"} Layer */
+/**
+ * @typedef {object} State
+ * @property {import("./projection.js").View} view
+ * @property {import("./projection.js").Size} size
+ * @property {Record<Layer, boolean>} layers
+ * @property {"walk" | "time"} colourBy
+ * @property {"walks" | "sigma_m"} coverageBy
+ * @property {Set<number>} hidden walks that are switched off
+ * @property {number | null} chosen the walk that stands out
+ * @property {Focus | null} focus what is under the finger
+ * @property {Plan | null} plan
+ * @property {boolean} placing whether the floor plan can be dragged
+ * @property {Located[]} located
+ */
+
+/** @param {import("./scene.js").Scene} scene @returns {State} */
+export function firstState(scene) {
+  const size = { width: 800, height: 600 };
+  return {
+    view: fit(scene.drawn_m, size),
+    size,
+    layers: {
+      plan: true, coverage: scene.walks.length === 0, uncertainty: true, reckoning: false,
+      closures: scene.closures.length > 0, trajectories: true, fixes: true,
+    },
+    colourBy: "walk",
+    coverageBy: "walks",
+    hidden: new Set(),
+    chosen: null,
+    focus: null,
+    plan: null,
+    placing: false,
+    located: [],
+  };
+}
+
+/** The colours of the page as they are now. @param {Element} element
+ * @returns {import("./draw.js").Palette & {status: Record<string, string>}} */
+export function paletteOf(element) {
+  const style = getComputedStyle(element);
+  const colour = (/** @type {string} */ name) => style.getPropertyValue(name).trim();
+  return {
+    dark: matchMedia("(prefers-color-scheme: dark)").matches,
+    surface: colour("--surface"),
+    ink: colour("--ink"),
+    soft: colour("--ink-soft"),
+    line: colour("--line"),
+    accent: colour("--accent"),
+    reckoned: colour("--reckoned"),
+    closure: colour("--closure"),
+    walks: [1, 2, 3, 4, 5, 6].map((n) => colour(`--walk-${n}`)),
+    status: {
+      OK: colour("--good"), AMBIGUOUS: colour("--doubt"), UNKNOWN_PLACE: colour("--bad"), NO_ECHO: colour("--ink-soft"),
+    },
+  };
+}

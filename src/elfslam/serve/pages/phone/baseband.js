@@ -1,0 +1,143 @@
+/**
+ * The chirp band alone, as elfslam.data.baseband keeps it: the analytic signal shifted down to zero,
+ *
+ *     b(t) = 2 sum_n x[n] exp(-2 pi i f n / F) h(t - n / F),
+ *
+ * at t = k / 6300 on the recording's own clock, in frames of 80 ms.
+ */
+
+export const BASEBAND = { rateHz: 6300, centreHz: 17500, frameSamples: 504, leadS: 0.005 };
+const FLAT_HZ = 2500;
+const KAISER_SHAPE = 8;
+const HALF_SUPPORT_S = 0.004;
+const LARGEST_INT16 = 32767;
+
+/**
+ * @typedef {{
+ *   firstIndex: (direct: number) => number,
+ *   needs: (k: number) => [number, number],
+ *   frame: (samples: Float32Array, first: number, k: number) => Float64Array,
+ * }} Baseband firstIndex: where on the grid the frame of a direct arrival begins; needs: the samples
+ *   [first, last + 1) that the frame from k on is made of; frame: I and Q by turns (2 x 504), from
+ *   samples of which the first is sample `first` of the recording.
+ */
+
+/** @param {number} rateHz 44100 or 48000 @returns {Baseband} */
+export function makeBaseband(rateHz) {
+  const common = greatestCommonDivisor(BASEBAND.rateHz, rateHz);
+  const up = BASEBAND.rateHz / common;
+  const down = rateHz / common;
+  const half = Math.round(HALF_SUPPORT_S * rateHz * up);
+  const phases = makePhases(rateHz, up, half);
+  const mixer = makeMixer(rateHz);
+  const position = (k) => Math.floor((k * down) / up);
+  const reach = Math.floor(half / up);
+  return {
+    firstIndex: (direct) => firstIndex(direct, rateHz),
+    needs: (k) => [position(k) - reach, position(k + BASEBAND.frameSamples - 1) + reach + 2],
+    frame: (samples, first, k) => filterFrame(samples, first, k, { up, down, phases, mixer }),
+  };
+}
+
+/** @param {Float64Array} frame @param {number} scale @returns {Int16Array} frame / scale, held to 16 bits */
+export function toInt16(frame, scale) {
+  return Int16Array.from(frame, (value) => {
+    const step = Math.round(value / scale);
+    return Math.max(-LARGEST_INT16, Math.min(LARGEST_INT16, step));
+  });
+}
+
+/**
+ * What one step of the 16 bits stands for, when the direct sound has this amplitude: 18 dB above it are
+ * left for louder sounds, and full scale is never exceeded.
+ * @param {number} peak
+ */
+export function scaleFor(peak) {
+  const top = Number.isFinite(peak) && peak > 0 ? Math.min(8 * peak, 1) : 1;
+  return top / LARGEST_INT16;
+}
+
+function firstIndex(direct, rateHz) {
+  return Math.max(Math.round((direct / rateHz - BASEBAND.leadS) * BASEBAND.rateHz), 0);
+}
+
+/**
+ * The filter at one phase per output: taps for n = floor(position) + offset.
+ * @returns {{offset: number, taps: Float64Array}[]}
+ */
+function makePhases(rateHz, up, half) {
+  return Array.from({ length: up }, (_, phase) => {
+    const offset = Math.ceil((phase - half) / up);
+    const count = Math.floor((phase + half) / up) - offset + 1;
+    const taps = Float64Array.from({ length: count }, (_, j) =>
+      impulseResponse(phase - (offset + j) * up, rateHz, up, half),
+    );
+    return { offset, taps };
+  });
+}
+
+/** 2 h at the time step / (rateHz up). */
+function impulseResponse(step, rateHz, up, half) {
+  const widthHz = FLAT_HZ + BASEBAND.rateHz / 2;
+  const x = (Math.PI * widthHz * step) / (rateHz * up);
+  const sinc = step === 0 ? 1 : Math.sin(x) / x;
+  return ((2 * widthHz) / rateHz) * sinc * kaiser(step / half);
+}
+
+function kaiser(x) {
+  return bessel(KAISER_SHAPE * Math.sqrt(Math.max(1 - x * x, 0))) / bessel(KAISER_SHAPE);
+}
+
+/** Modified Bessel function of the first kind, order 0, by its series. */
+function bessel(x) {
+  let term = 1;
+  let sum = 1;
+  for (let k = 1; term > 1e-16 * sum; k += 1) {
+    term *= (x / (2 * k)) ** 2;
+    sum += term;
+  }
+  return sum;
+}
+
+/** exp(-2 pi i f n / F) over its period. */
+function makeMixer(rateHz) {
+  const size = rateHz / greatestCommonDivisor(BASEBAND.centreHz, rateHz);
+  const turn = (n) => (-2 * Math.PI * ((n * BASEBAND.centreHz) % rateHz)) / rateHz;
+  return {
+    size,
+    cos: Float64Array.from({ length: size }, (_, n) => Math.cos(turn(n))),
+    sin: Float64Array.from({ length: size }, (_, n) => Math.sin(turn(n))),
+  };
+}
+
+function filterFrame(samples, first, k, { up, down, phases, mixer }) {
+  const mixed = mix(samples, first, mixer);
+  const out = new Float64Array(2 * BASEBAND.frameSamples);
+  for (let j = 0; j < BASEBAND.frameSamples; j += 1) {
+    const at = (k + j) * down;
+    const { offset, taps } = phases[at % up];
+    const start = Math.floor(at / up) + offset - first;
+    for (let t = 0; t < taps.length; t += 1) {
+      const n = start + t;
+      if (n < 0 || n >= samples.length) continue;
+      out[2 * j] += taps[t] * mixed.re[n];
+      out[2 * j + 1] += taps[t] * mixed.im[n];
+    }
+  }
+  return out;
+}
+
+function mix(samples, first, { size, cos, sin }) {
+  const re = new Float64Array(samples.length);
+  const im = new Float64Array(samples.length);
+  for (let n = 0; n < samples.length; n += 1) {
+    const turn = (((first + n) % size) + size) % size;
+    re[n] = samples[n] * cos[turn];
+    im[n] = samples[n] * sin[turn];
+  }
+  return { re, im };
+}
+
+function greatestCommonDivisor(a, b) {
+  return b === 0 ? a : greatestCommonDivisor(b, a % b);
+}

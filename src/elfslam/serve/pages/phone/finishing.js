@@ -1,0 +1,117 @@
+/** The end of a walk: the rest is sent, the server reads it and makes a map, and the page links there. */
+
+import { ask } from "../shared/api.js";
+import { formatBytes, formatDuration } from "../shared/format.js";
+import { SOUND_FILES, MOTION_FILES } from "./mending.js";
+import { sendWalk } from "./sending.js";
+import {
+  at, offer, showFinishFacts, showFinishTrouble, showFinishing, showView, totalBytes,
+} from "./view.js";
+
+const GLANCE_MS = 1500;
+const MOST_FAILURES = 40;
+
+/** @param {import("./manifest.js").Walk} state @returns {string[]} its files, the manifest last */
+export function filesOf({ kind }) {
+  const { table, file } = SOUND_FILES[kind];
+  return [file, table, ...MOTION_FILES, "recording.json"];
+}
+
+/**
+ * A walk on its way to the server, whatever the page shows meanwhile.
+ * @param {import("./sending.js").Sent} sent
+ * @param {import("./keeper.js").Keeper} keeper
+ */
+export function startSending(sent, keeper) {
+  const sending = { progress: { sent: {}, trouble: null }, tell: () => {}, stop: () => {}, done: null };
+  const controller = new AbortController();
+  const heard = (progress) => {
+    sending.progress = progress;
+    sending.tell(progress);
+  };
+  sending.done = sendWalk(sent, keeper, filesOf(sent.state), heard, controller.signal);
+  sending.done.catch(() => {}); // whoever shows the end hears of it
+  sending.stop = () => controller.abort(new DOMException("stopped", "AbortError"));
+  return sending;
+}
+
+/**
+ * Shows a walk until its map is there.
+ * @param {import("./sending.js").Sent} sent @param {import("./keeper.js").Keeper} keeper
+ * @param {ReturnType<typeof startSending>} sending
+ */
+export async function showSending(sent, keeper, sending) {
+  showView("finish");
+  offer();
+  at("finish-name").textContent = sent.state.name;
+  const { facts } = sent.state;
+  showFinishFacts([
+    ["Length", formatDuration(facts.seconds)],
+    ["Steps", String(facts.steps)],
+    ["Size", formatBytes(totalBytes(sent.sizes))],
+  ]);
+  sending.tell = (progress) => showProgress(sent, progress);
+  showProgress(sent, sending.progress);
+  try {
+    await sending.done;
+  } catch (error) {
+    if (error.name === "AbortError") return;
+    showFinishing("Not sent yet.", 0);
+    showFinishTrouble(error.message);
+    offer("send-again", "discard");
+    return;
+  }
+  await keeper.ask({ do: "remove", walk: sent.walk });
+  await followMap(sent.state.recording);
+}
+
+function showProgress({ sizes, state }, { sent, trouble }) {
+  const total = totalBytes(sizes);
+  const there = totalBytes(sent);
+  showFinishTrouble(trouble);
+  const isAll = there >= total && state.isOver;
+  const said = isAll
+    ? "The server reads the walk."
+    : `${formatBytes(there)} of ${formatBytes(total)} are on the server.`;
+  showFinishing(said, isAll ? null : there / Math.max(total, 1));
+}
+
+/** Follows the job that makes the map. What fails here is not lost: the walk is on the server. */
+async function followMap(recording) {
+  showFinishTrouble(null);
+  showFinishing("The walk is on the server. Its map is being made.", null);
+  offer("another");
+  let failures = 0;
+  for (;;) {
+    const job = await latestJob(recording).catch(() => undefined);
+    failures = job === undefined ? failures + 1 : 0;
+    if (failures > MOST_FAILURES) return showFinishTrouble("The server does not answer; look for the map later.");
+    if (job && showJob(job)) return undefined;
+    await new Promise((resolve) => setTimeout(resolve, GLANCE_MS));
+  }
+}
+
+async function latestJob(recording) {
+  const jobs = await ask("GET", `/api/jobs?recording=${encodeURIComponent(recording)}`);
+  return jobs.filter((job) => job.kind === "map").sort((a, b) => (a.created_utc < b.created_utc ? 1 : -1))[0] ?? null;
+}
+
+/** @returns {boolean} whether there is nothing more to wait for */
+function showJob(job) {
+  if (job.state === "done") {
+    showFinishing("The map is ready.", 1);
+    at("see-map").href = `desk.html#/maps/${encodeURIComponent(job.gave.map)}`;
+    offer("see-map", "another");
+    at("see-map").focus();
+    return true;
+  }
+  if (job.state === "failed" || job.state === "cancelled") {
+    showFinishing("The walk is on the server, without a map.", 0);
+    showFinishTrouble(job.problem ?? "The work was cancelled.");
+    offer("another");
+    return true;
+  }
+  const doing = job.state === "running" && job.doing ? job.doing : "waiting for its turn";
+  showFinishing(`The map is being made: ${doing}.`, job.share);
+  return false;
+}

@@ -1,0 +1,94 @@
+/** From the stream to frames: finds the direct arrival of every chirp and cuts what is kept of it. */
+
+import { NOTHING_YET, nextArrival, wantedStretch } from "./arrivals.js";
+import { BASEBAND, makeBaseband, toInt16 } from "./baseband.js";
+import { makeMatchedFilter } from "./matched_filter.js";
+import { frameRow, toBytes, toPcm } from "./sound_files.js";
+import { makeStream } from "./stream.js";
+
+const FRAME_S = 0.08;
+
+/**
+ * @typedef {"baseband" | "whole"} Kind what is kept: the chirp band alone, or the whole sound
+ * @typedef {{arrival: import("./arrivals.js").Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
+ * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
+ *   end: () => number}} Framer
+ */
+
+/**
+ * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind, scale: number}} given period
+ *   in samples; scale: what one step of the 16 bits stands for in the baseband
+ * @returns {Framer}
+ */
+export function makeFramer({ rateHz, chirp, period, kind, scale }) {
+  const stream = makeStream(4 * rateHz);
+  const envelopeOf = makeMatchedFilter(chirp, period + chirp.length);
+  const cutter = kind === "baseband" ? basebandCutter(rateHz, scale) : wholeCutter(rateHz);
+  let search = NOTHING_YET;
+  let hunted = 0;
+  let waiting = [];
+  let last = -1;
+
+  const findMore = () => {
+    for (;;) {
+      const [from, to] = wantedStretch(search, period, hunted);
+      if (stream.end() < to + chirp.length) return;
+      const envelope = envelopeOf(stream.slice(from, to + chirp.length - 1));
+      const step = nextArrival(search, envelope, from, period, rateHz);
+      search = step.search;
+      hunted = to;
+      if (step.arrival) waiting.push(step.arrival);
+    }
+  };
+
+  const cutReady = () => {
+    const frames = [];
+    while (waiting.length > 0 && cutter.lastNeeded(waiting[0].sample) <= stream.end()) {
+      const arrival = waiting.shift();
+      const index = cutter.index(arrival.sample);
+      if (index <= last) continue;
+      last = index;
+      frames.push({ arrival, ...cutter.cut(stream, index) });
+    }
+    return frames;
+  };
+
+  const push = (first, samples) => {
+    const missing = stream.append(first, samples);
+    findMore();
+    const frames = cutReady();
+    const oldest = waiting.length > 0 ? waiting[0].sample : (search.due ?? hunted);
+    stream.forget(oldest - 2 * period);
+    return { frames, missing };
+  };
+
+  return { push, end: stream.end };
+}
+
+function basebandCutter(rateHz, scale) {
+  const baseband = makeBaseband(rateHz);
+  return {
+    index: baseband.firstIndex,
+    lastNeeded: (direct) => baseband.needs(baseband.firstIndex(direct))[1],
+    cut: (stream, k) => {
+      const [from, to] = baseband.needs(k);
+      const values = baseband.frame(stream.slice(from, to), from, k);
+      const tS = k / BASEBAND.rateHz;
+      return { tS, row: frameRow(tS), bytes: toBytes(toInt16(values, scale)) };
+    },
+  };
+}
+
+function wholeCutter(rateHz) {
+  const lead = Math.round(BASEBAND.leadS * rateHz);
+  const length = Math.round(FRAME_S * rateHz);
+  const index = (direct) => Math.max(direct - lead, 0);
+  return {
+    index,
+    lastNeeded: (direct) => index(direct) + length,
+    cut: (stream, first) => {
+      const tS = first / rateHz;
+      return { tS, row: frameRow(tS), bytes: toPcm(stream.slice(first, first + length)) };
+    },
+  };
+}

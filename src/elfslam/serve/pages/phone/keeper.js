@@ -1,0 +1,57 @@
+/** The page's side of the keeper: orders as promises, and news of what has been kept. */
+
+/**
+ * @typedef {{isFull: boolean, said: string}} KeepingProblem
+ * @typedef {{
+ *   ask: (order: {do: string, [key: string]: unknown}) => Promise<any>,
+ *   port: () => MessagePort,
+ *   onKept: (heard: (news: {walk: string, sizes: Record<string, number>}) => void) => void,
+ *   onProblem: (heard: (problem: KeepingProblem) => void) => void,
+ * }} Keeper
+ */
+
+/** @returns {Keeper} */
+export function startKeeper() {
+  const worker = new Worker(new URL("./keeper.worker.js", import.meta.url), { type: "module" });
+  const waiting = new Map();
+  const keptListeners = [];
+  const problemListeners = [];
+  let count = 0;
+
+  const answered = ({ id, result, problem }) => {
+    const { resolve, reject } = waiting.get(id);
+    waiting.delete(id);
+    if (problem) {
+      problemListeners.forEach((heard) => heard(problem));
+      reject(new Error(problem.said));
+    } else {
+      resolve(result);
+    }
+  };
+
+  worker.onmessage = ({ data }) => {
+    if (data.is === "answer") answered(data);
+    if (data.is === "kept") keptListeners.forEach((heard) => heard(data));
+    if (data.is === "problem") problemListeners.forEach((heard) => heard(data.problem));
+  };
+
+  const ask = (order) =>
+    new Promise((resolve, reject) => {
+      count += 1;
+      waiting.set(count, { resolve, reject });
+      worker.postMessage({ ...order, id: count });
+    });
+
+  const port = () => {
+    const { port1, port2 } = new MessageChannel();
+    worker.postMessage({ do: "serve", port: port1 }, [port1]);
+    return port2;
+  };
+
+  return {
+    ask,
+    port,
+    onKept: (heard) => keptListeners.push(heard),
+    onProblem: (heard) => problemListeners.push(heard),
+  };
+}

@@ -1,0 +1,236 @@
+/** The phone page, from the first tap to the map. */
+
+import { Problem, ask, openSession } from "../shared/api.js";
+import { CHIRP, makeChirp, periodSamples } from "./chirp.js";
+import { scaleFor } from "./baseband.js";
+import { showSending, startSending } from "./finishing.js";
+import { parseStart, usualName, walkKey } from "./form.js";
+import { startKeeper } from "./keeper.js";
+import { describeDevice, NO_FACTS } from "./manifest.js";
+import { describeEars, openMicrophone } from "./microphone.js";
+import { describeMotion } from "./motion.js";
+import { allowMotion, listenToMotion } from "./motion_sensor.js";
+import { startChirps } from "./player.js";
+import { probeSound, startSound } from "./sound.js";
+import { findUnfinished, makeSent, mend } from "./unfinished.js";
+import { judge, summarise } from "./verdicts.js";
+import { startWalking, watchClocks } from "./walking.js";
+import { stayAwake } from "./wake.js";
+import {
+  askDiscard, at, showChecks, showFacts, showLevel, showListening, showNetwork, showProblem,
+  showUnfinished, showView, totalBytes,
+} from "./view.js";
+
+const keeper = startKeeper();
+/** What the page knows; `phone` is there once sound and motion are allowed. */
+const page = { chirp: CHIRP, software: "elfslam", phone: null, walks: [], ending: null };
+
+/** Runs what a tap starts; what goes wrong is said in one line. */
+function act(work) {
+  return async (event) => {
+    event?.preventDefault();
+    const button = event?.submitter ?? event?.currentTarget;
+    if (button) button.disabled = true;
+    showProblem(null);
+    try {
+      await work();
+    } catch (error) {
+      showProblem(error.message);
+      if (!(error instanceof Problem || error instanceof RangeError)) console.error(error);
+    } finally {
+      if (button) button.disabled = false;
+    }
+  };
+}
+
+async function begin() {
+  const clearing = clearUp();
+  try {
+    await openSession(window.location, window.history);
+    await ask("GET", "/api/me");
+    const { version, chirp } = await ask("GET", "/api/version");
+    page.software = `elfslam ${version}, phone page`;
+    if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
+  } catch (error) {
+    showProblem(error.message);
+  }
+  await clearing;
+}
+
+function only(values, names) {
+  return Object.fromEntries(names.map((name) => [name, values[name]]));
+}
+
+/** Looks for walks that an earlier page left behind. */
+async function clearUp() {
+  try {
+    page.walks = await findUnfinished(keeper);
+    showUnfinished(page.walks, continueSending, discardWalk);
+  } catch (error) {
+    showProblem(error.message);
+  }
+}
+
+async function allow() {
+  const motion = allowMotion();
+  const microphone = await openMicrophone();
+  const isMotionAllowed = await motion;
+  const sound = startSound(microphone, keeper, page.chirp);
+  const rateHz = microphone.context.sampleRate;
+  const samples = makeChirp(page.chirp, rateHz);
+  const period = periodSamples(page.chirp, rateHz);
+  const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
+  const clocks = watchClocks(microphone.context);
+  page.phone = { microphone, sound, play, clocks, isMotionAllowed, measured: null };
+  watchForInterruptions(microphone);
+  navigator.storage?.persist?.();
+  await probe();
+}
+
+async function probe() {
+  const { microphone, sound, play } = page.phone;
+  showView("probe");
+  showListening();
+  const times = [];
+  const accelerations = [];
+  const stop = listenToMotion((pageMs, acceleration) => {
+    if (acceleration === null) return;
+    times.push(pageMs);
+    accelerations.push(acceleration);
+  });
+  const measured = await probeSound(sound, play, page.chirp.period_s);
+  stop();
+  page.phone.measured = measured;
+  const motion = describeMotion(times, accelerations);
+  const checks = judge(describeEars(microphone), measured, motion, await freeBytes());
+  showChecks(checks, summarise(checks), measured.subbands);
+}
+
+async function freeBytes() {
+  const { quota, usage } = (await navigator.storage?.estimate?.()) ?? {};
+  return quota === undefined ? null : quota - usage;
+}
+
+function askName() {
+  at("walk-name").value ||= usualName(new Date());
+  showView("name");
+}
+
+async function walk() {
+  const { microphone, sound, play, clocks, measured } = page.phone;
+  const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
+  if (microphone.context.state !== "running") await microphone.context.resume();
+  const now = new Date();
+  const { label, ...ears } = describeEars(microphone);
+  const state = {
+    version: 1,
+    name: at("walk-name").value.trim() || usualName(now),
+    device: await describeDevice(navigator),
+    startPose,
+    startUtc: now.toISOString(),
+    kind: document.querySelector("input[name=kind]:checked").value,
+    rateHz: microphone.context.sampleRate,
+    scale: scaleFor(measured.peak),
+    chirp: page.chirp,
+    capture: { microphone: label, ...ears, user_agent: navigator.userAgent },
+    facts: NO_FACTS,
+    recording: null,
+    uploads: {},
+    isOver: false,
+  };
+  const sent = makeSent(keeper, walkKey(now, Math.random()), state, {});
+  page.current = sent;
+  at("record-title").textContent = state.name;
+  showView("record");
+  const walking = await startWalking({
+    microphone, sound, keeper, clocks, play, sent, software: page.software, heard: showLevel,
+  });
+  const sending = startSending(sent, keeper);
+  page.ending = watchWalk(sent, sending, walking);
+}
+
+/** Shows a walk as it goes. Gives what ends it: a tap, or whatever makes it impossible to go on. */
+function watchWalk(sent, sending, walking) {
+  const awake = stayAwake();
+  const show = () => {
+    showFacts(sent.state.facts, totalBytes(sent.sizes), totalBytes(sending.progress.sent));
+    showNetwork(sending.progress.trouble, sent.state.recording !== null);
+  };
+  show();
+  const timer = setInterval(show, 500);
+  sending.done.catch((error) => showNetwork(error.message, false));
+  return async (why) => {
+    page.ending = null;
+    clearInterval(timer);
+    showProblem(why);
+    await walking.stop();
+    awake.stop();
+    await finish(sent, sending);
+  };
+}
+
+async function finish(sent, sending = startSending(sent, keeper)) {
+  page.current = sent;
+  page.sending = sending;
+  await showSending(sent, keeper, sending);
+}
+
+async function stop() {
+  await page.ending?.(null);
+}
+
+/** A call, another app or a full phone ends the walk; what was recorded until then is kept and sent. */
+function watchForInterruptions({ context, track }) {
+  const end = (why) => page.ending?.(`${why} The walk until then is kept.`);
+  track.addEventListener("ended", () => end("The microphone was taken away."));
+  context.addEventListener("statechange", () => {
+    if (context.state !== "running" && page.ending) end("The sound was interrupted.");
+  });
+  keeper.onProblem(({ isFull, said }) => {
+    if (page.ending) end(isFull ? "This phone has no room left." : said);
+  });
+}
+
+async function continueSending(sent) {
+  await act(async () => {
+    await mend(sent, keeper, page.software);
+    page.walks = page.walks.filter((other) => other !== sent);
+    showUnfinished(page.walks, continueSending, discardWalk);
+    await finish(sent);
+  })();
+}
+
+async function discardWalk(sent) {
+  if (!(await askDiscard())) return;
+  await act(async () => {
+    await keeper.ask({ do: "remove", walk: sent.walk });
+    if (sent.state.recording) {
+      await ask("DELETE", `/api/recordings/${sent.state.recording}`).catch(() => {});
+    }
+    page.walks = page.walks.filter((other) => other !== sent);
+    showUnfinished(page.walks, continueSending, discardWalk);
+    if (page.current === sent) showView("start");
+  })();
+}
+
+function walkAgain() {
+  showProblem(null);
+  if (page.phone) askName();
+  else showView("start");
+}
+
+keeper.onKept(({ walk: key, sizes }) => {
+  if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
+});
+at("allow").addEventListener("click", act(allow));
+at("probe-again").addEventListener("click", act(probe));
+at("go-on").addEventListener("click", askName);
+at("name").addEventListener("submit", act(walk));
+at("stop").addEventListener("click", act(stop));
+at("send-again").addEventListener("click", act(() => finish(page.current)));
+at("discard").addEventListener("click", () => discardWalk(page.current));
+at("another").addEventListener("click", walkAgain);
+window.addEventListener("beforeunload", (event) => {
+  if (page.ending) event.preventDefault();
+});
+begin();

@@ -1,0 +1,76 @@
+/** recording.json, from what is known of a walk. */
+
+import { BASEBAND } from "./baseband.js";
+
+/**
+ * What is kept of a walk beside its bytes.
+ * @typedef {{
+ *   version: 1, name: string, device: string, startPose: number[] | null, startUtc: string,
+ *   kind: "baseband" | "whole", rateHz: number, scale: number, chirp: import("./chirp.js").Chirp,
+ *   capture: object, facts: Facts, recording: string | null, uploads: Record<string, string>,
+ *   isOver: boolean,
+ * }} Walk
+ * @typedef {{seconds: number, steps: number, frames: number, missed: number, latencyS: number | null,
+ *   jumps: {t_s: number, by_s: number}[], gaps: {t_s: number, lost_s: number}[]}} Facts
+ */
+
+/** @type {Facts} */
+export const NO_FACTS = {
+  seconds: 0, steps: 0, frames: 0, missed: 0, latencyS: null, jumps: [], gaps: [],
+};
+
+/** @param {Walk} walk @param {string} software @returns {string} */
+export function manifestOf(walk, software) {
+  const { facts } = walk;
+  const manifest = {
+    format_version: 1,
+    name: walk.name,
+    device: walk.device,
+    start_utc: walk.startUtc,
+    start_pose: walk.startPose,
+    chirp: walk.chirp,
+    audio: { rate_hz: walk.rateHz, channels: 1, samples: Math.round(facts.seconds * walk.rateHz) },
+    ...(walk.kind === "baseband" ? { baseband: basebandOf(walk) } : {}),
+    software,
+    capture: {
+      ...walk.capture,
+      latency_s: facts.latencyS,
+      frames: facts.frames,
+      missed: facts.missed,
+      jumps: facts.jumps,
+      gaps: facts.gaps,
+      steps: facts.steps,
+    },
+  };
+  return `${JSON.stringify(manifest, null, 2)}\n`;
+}
+
+function basebandOf({ scale, rateHz }) {
+  return {
+    rate_hz: BASEBAND.rateHz,
+    centre_hz: BASEBAND.centreHz,
+    frame_samples: BASEBAND.frameSamples,
+    scale,
+    source_rate_hz: rateHz,
+    lead_s: BASEBAND.leadS,
+  };
+}
+
+/**
+ * The phone, as far as the browser tells.
+ * @param {{userAgent: string, userAgentData?: {getHighEntropyValues: (names: string[]) => Promise<any>}}} browser
+ */
+export async function describeDevice({ userAgent, userAgentData }) {
+  const hints = await userAgentData?.getHighEntropyValues(["model", "platform"]).catch(() => null);
+  if (hints?.model) return `${hints.model}, ${hints.platform}`;
+  return deviceIn(userAgent);
+}
+
+/** @param {string} userAgent */
+export function deviceIn(userAgent) {
+  const inside = /\(([^)]*)\)/.exec(userAgent)?.[1] ?? "";
+  const parts = inside.split(";").map((part) => part.trim());
+  const android = parts.findIndex((part) => part.startsWith("Android"));
+  if (android >= 0) return [parts[android + 1], parts[android]].filter(Boolean).join(", ");
+  return parts[0] || "unknown";
+}

@@ -1,0 +1,42 @@
+/** What has to be cut off a walk that ended without being stopped, so that its files agree again. */
+
+const TABLES = ["accelerometer.csv", "gyroscope.csv"];
+export const SOUND_FILES = {
+  baseband: { table: "baseband.csv", file: "baseband.iq", headerBytes: 0 },
+  whole: { table: "frames.csv", file: "frames.wav", headerBytes: 44 },
+};
+export const MOTION_FILES = TABLES;
+
+/**
+ * Sizes to cut files down to; only those that are too long are named.
+ * @param {{table: string, frameBytes: number, headerBytes: number, fileBytes: number}} sound the text of
+ *   the table of frames, and how long the file of frames is
+ * @param {Record<string, string>} tables text of the other tables
+ * @returns {{sound: {table?: number, file?: number}, tables: Record<string, number>}}
+ */
+export function cutsFor(sound, tables) {
+  const rows = wholeRows(sound.table);
+  const frames = Math.max(Math.floor((sound.fileBytes - sound.headerBytes) / sound.frameBytes), 0);
+  const count = Math.min(rows.length - 1, frames);
+  const tableBytes = rows.slice(0, count + 1).join("").length;
+  const fileBytes = sound.headerBytes + count * sound.frameBytes;
+  const cuts = { sound: {}, tables: {} };
+  if (tableBytes < sound.table.length) cuts.sound.table = tableBytes;
+  if (fileBytes < sound.fileBytes) cuts.sound.file = fileBytes;
+  for (const [name, text] of Object.entries(tables)) {
+    const whole = wholeRows(text).join("").length;
+    if (whole < text.length) cuts.tables[name] = whole;
+  }
+  return cuts;
+}
+
+/** Lines that end, with their ends. */
+function wholeRows(text) {
+  return text.match(/[^\n]*\n/g) ?? [];
+}
+
+/** @param {string} table @returns {number} time of the last row, 0 where there is none */
+export function lastTime(table) {
+  const rows = wholeRows(table);
+  return rows.length > 1 ? Number.parseFloat(rows.at(-1)) : 0;
+}

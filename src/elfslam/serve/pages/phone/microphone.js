@@ -1,0 +1,76 @@
+/** The microphone as it is, without the browser's improvements, and the sound clock that it runs on. */
+
+import { Problem } from "../shared/api.js";
+import { checkRate } from "./chirp.js";
+
+/** Plain false: `exact` makes some browsers refuse altogether. */
+const UNTOUCHED = {
+  echoCancellation: false,
+  noiseSuppression: false,
+  autoGainControl: false,
+  channelCount: 1,
+};
+
+const REFUSALS = {
+  NotAllowedError: "The microphone is not allowed. Allow it for this page in the browser's settings, and try again.",
+  NotFoundError: "No microphone was found.",
+  NotReadableError: "Another app holds the microphone. Close it, and try again.",
+};
+
+/**
+ * @typedef {{context: AudioContext, track: MediaStreamTrack, capture: AudioWorkletNode,
+ *   close: () => Promise<void>}} Microphone
+ */
+
+/** Must be called from a tap. Raises Problem. @returns {Promise<Microphone>} */
+export async function openMicrophone() {
+  if (!navigator.mediaDevices?.getUserMedia || !window.AudioWorkletNode) {
+    throw new Problem("This browser gives pages no microphone here. Open the page by its https address.", 0);
+  }
+  if (navigator.audioSession) navigator.audioSession.type = "play-and-record";
+  const context = new AudioContext({ latencyHint: "playback" });
+  const resumed = context.resume();
+  let stream;
+  try {
+    stream = await navigator.mediaDevices.getUserMedia({ audio: UNTOUCHED });
+    await resumed;
+    checkRate(context.sampleRate);
+    return await connect(context, stream);
+  } catch (error) {
+    stream?.getTracks().forEach((track) => track.stop());
+    await context.close();
+    throw new Problem(REFUSALS[error.name] ?? error.message, 0);
+  }
+}
+
+async function connect(context, stream) {
+  await context.audioWorklet.addModule(new URL("./capture.worklet.js", import.meta.url));
+  const capture = new AudioWorkletNode(context, "capture", {
+    numberOfInputs: 1,
+    numberOfOutputs: 1,
+    channelCount: 1,
+    channelCountMode: "explicit",
+    channelInterpretation: "discrete",
+  });
+  const source = new MediaStreamAudioSourceNode(context, { mediaStream: stream });
+  source.connect(capture);
+  capture.connect(new GainNode(context, { gain: 0 })).connect(context.destination);
+  const [track] = stream.getAudioTracks();
+  const close = async () => {
+    track.stop();
+    capture.disconnect();
+    source.disconnect();
+    await context.close();
+  };
+  return { context, track, capture, close };
+}
+
+/** @param {Microphone} microphone @returns {import("./verdicts.js").Ears} */
+export function describeEars({ context, track }) {
+  return {
+    label: track.label,
+    contextRateHz: context.sampleRate,
+    settings: track.getSettings(),
+    outputLatencyS: context.outputLatency ?? 0,
+  };
+}

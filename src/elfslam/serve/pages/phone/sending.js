@@ -1,0 +1,209 @@
+/**
+ * Sends a walk while it is being walked, a resumable upload (tus) per file, and finishes it when it is
+ * over. It goes on through lost networks, full disks and reloads; the bytes come from the keeper.
+ */
+
+import "../vendor/tus-js-client/tus.min.js";
+import { Problem, ask } from "../shared/api.js";
+import { troubleOf } from "./troubles.js";
+
+const ENDPOINT = "/api/uploads";
+const CHUNK_BYTES = 1 << 20;
+/** Bytes are gathered for so long before they are sent. */
+const BREATH_MS = 2000;
+const GLANCE_MS = 200;
+const LEAST_WAIT_S = 1;
+
+/**
+ * @typedef {{
+ *   walk: string,
+ *   state: import("./manifest.js").Walk,
+ *   sizes: Record<string, number>,
+ *   save: () => Promise<void>,
+ * }} Sent a walk on its way: its key, what is known of it, how much of each file is there
+ * @typedef {{sent: Record<string, number>, trouble: string | null}} Progress
+ */
+
+/** Thrown where trying again is of no use. */
+export class Stuck extends Error {}
+
+/**
+ * @param {Sent} sent
+ * @param {import("./keeper.js").Keeper} keeper
+ * @param {string[]} names of the files, `recording.json` last
+ * @param {(progress: Progress) => void} tell
+ * @param {AbortSignal} signal
+ * @returns {Promise<object>} the recording as the server has it. Raises Stuck.
+ */
+export async function sendWalk(sent, keeper, names, tell, signal) {
+  const progress = { sent: {}, trouble: null };
+  const report = (change) => tell(Object.assign(progress, change));
+  const note = (name, bytes) => report({ sent: { ...progress.sent, [name]: bytes } });
+  const tried = (work) => persist(work, report, signal);
+  await tried(() => createRecording(sent));
+  const filled = await Promise.all(
+    names.map(async (name) => {
+      await moreThan(0, sizeOf(sent, name), () => sent.state.isOver, signal);
+      if (sizeOf(sent, name)() === 0) return null;
+      await tried(() => sendFile(sent, keeper, name, note, signal));
+      return name;
+    }),
+  );
+  const there = filled.filter((name) => name !== null);
+  const files = await Promise.all(there.map((name) => describeFile(sent, keeper, name)));
+  return tried(() => complete(sent, files));
+}
+
+async function complete(sent, files) {
+  const path = `/api/recordings/${sent.state.recording}/complete`;
+  try {
+    return await ask("POST", path, { files, map: true });
+  } catch (error) {
+    if (error.status === 404) throw deletedThere();
+    if (error.status !== 409) throw error;
+    sent.state.uploads = {};
+    await sent.save();
+    throw new Stuck(`${error.message} Try again: the walk is then sent anew.`);
+  }
+}
+
+function deletedThere() {
+  return new Stuck("The server has deleted this walk. Discard it here too, or record it again.");
+}
+
+/** Do the work again and again until it is done. */
+async function persist(work, report, signal) {
+  for (let attempt = 0; ; attempt += 1) {
+    signal.throwIfAborted();
+    try {
+      const result = await work();
+      report({ trouble: null });
+      return result;
+    } catch (error) {
+      if (signal.aborted) throw error;
+      if (error.wasMoving) attempt = 0;
+      if (!(error instanceof Problem)) throw error instanceof Stuck ? error : new Stuck(error.message);
+      const trouble = troubleOf(error.status, error.message, attempt, error.retryAfterS);
+      if (trouble.retryS === null) throw new Stuck(trouble.said);
+      report({ trouble: trouble.said });
+      await patience(Math.max(trouble.retryS, LEAST_WAIT_S), signal);
+    }
+  }
+}
+
+/** Waits, but no longer than until the network is back. */
+function patience(seconds, signal) {
+  return new Promise((resolve) => {
+    const done = () => {
+      clearTimeout(timer);
+      window.removeEventListener("online", done);
+      signal.removeEventListener("abort", done);
+      resolve();
+    };
+    const timer = setTimeout(done, 1000 * seconds);
+    window.addEventListener("online", done);
+    signal.addEventListener("abort", done);
+  });
+}
+
+async function createRecording(sent) {
+  const { state } = sent;
+  if (state.recording !== null) return;
+  const body = { name: state.name, device: state.device };
+  if (state.startPose !== null) body.start_pose = state.startPose;
+  state.recording = (await ask("POST", "/api/recordings", body)).id;
+  await sent.save();
+}
+
+/** One attempt at one file, from wherever the server has got to. */
+function sendFile(sent, keeper, name, note, signal) {
+  const { state } = sent;
+  let isMoving = false;
+  return new Promise((resolve, reject) => {
+    const upload = new globalThis.tus.Upload(name, {
+      ...(state.uploads[name] ? { uploadUrl: state.uploads[name] } : { endpoint: ENDPOINT }),
+      metadata: { recording: state.recording, filename: name },
+      uploadLengthDeferred: true,
+      chunkSize: CHUNK_BYTES,
+      retryDelays: null,
+      storeFingerprintForResuming: false,
+      fingerprint: async () => null,
+      fileReader: { openFile: async () => sourceOf(sent, keeper, name, signal) },
+      onUploadUrlAvailable: () => {
+        state.uploads[name] = upload.url;
+        sent.save().catch(reject);
+      },
+      onChunkComplete: (_, accepted) => {
+        isMoving = true;
+        note(name, accepted);
+      },
+      onSuccess: () => {
+        note(name, sent.sizes[name] ?? 0);
+        resolve();
+      },
+      onError: (error) => reject(problemOf(error, state, name, isMoving)),
+    });
+    signal.addEventListener("abort", () => {
+      upload.abort();
+      reject(signal.reason);
+    });
+    upload.start();
+  });
+}
+
+/** What the upload library reports, as a Problem; an upload that the server dropped is forgotten. */
+function problemOf(error, state, name, wasMoving) {
+  if (!("originalRequest" in error)) return error;
+  const response = error.originalResponse;
+  const status = response?.getStatus() ?? 0;
+  if (status === 404 || status === 410) {
+    if (!state.uploads[name]) return deletedThere();
+    delete state.uploads[name];
+  }
+  const problem = new Problem(detailIn(response?.getBody()), status);
+  return Object.assign(problem, {
+    wasMoving,
+    retryAfterS: Number.parseFloat(response?.getHeader("Retry-After") ?? ""),
+  });
+}
+
+function detailIn(body) {
+  try {
+    return JSON.parse(body).detail ?? "";
+  } catch {
+    return "";
+  }
+}
+
+/** A file that grows while it is read; it is done when the walk is over and all of it was given. */
+function sourceOf(sent, keeper, name, signal) {
+  const size = sizeOf(sent, name);
+  const slice = async (start, end) => {
+    await moreThan(start, size, () => sent.state.isOver, signal);
+    const stop = Math.min(end, size());
+    const isLast = sent.state.isOver && stop >= size();
+    if (stop <= start) return { value: null, done: isLast };
+    const bytes = await keeper.ask({ do: "read", walk: sent.walk, name, start, end: stop });
+    return { value: new Blob([bytes]), done: isLast };
+  };
+  return { size: null, slice, close: () => {} };
+}
+
+const sizeOf = (sent, name) => () => sent.sizes[name] ?? 0;
+
+async function moreThan(start, size, isOver, signal) {
+  const since = performance.now();
+  while (!isOver()) {
+    signal.throwIfAborted();
+    if (size() > start && performance.now() - since > BREATH_MS) return;
+    await new Promise((resolve) => setTimeout(resolve, GLANCE_MS));
+  }
+}
+
+async function describeFile(sent, keeper, name) {
+  const size = sent.sizes[name] ?? 0;
+  const bytes = await keeper.ask({ do: "read", walk: sent.walk, name, start: 0, end: size });
+  const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+  const sha256 = Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
+  return { name, size_bytes: size, sha256 };
+}

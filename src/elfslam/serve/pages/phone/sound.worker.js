@@ -1,0 +1,112 @@
+/**
+ * The worker behind the microphone. The audio thread sends it blocks; the page tells it what to do with
+ * them: nothing, gather them for the probe, or frame them and hand the bytes to the keeper.
+ */
+
+import { makeChirp, periodSamples } from "./chirp.js";
+import { makeFramer } from "./framer.js";
+import { measure } from "./probe.js";
+import { FRAME_HEADER, wavHeader } from "./sound_files.js";
+
+/** @type {{rateHz: number, chirp: import("./chirp.js").Chirp, samples: Float32Array} | null} */
+let sound = null;
+let keeper = null;
+let take = (_first, _samples) => {};
+let finish = () => {};
+
+const orders = {
+  open({ rateHz, chirp, source, store }) {
+    sound = { rateHz, chirp, samples: makeChirp(chirp, rateHz) };
+    keeper = store;
+    source.onmessage = ({ data }) => take(data.first, data.samples);
+  },
+  listen: startListening,
+  measure: answerMeasured,
+  record: startRecording,
+  stop: () => finish(),
+};
+
+self.onmessage = ({ data }) => orders[data.do](data);
+
+let heard = { first: 0, blocks: [] };
+
+function startListening() {
+  heard = { first: -1, blocks: [] };
+  take = (first, samples) => {
+    if (heard.first < 0) heard.first = first;
+    heard.blocks.push(samples);
+  };
+}
+
+/** `due` is the frame of the context's clock at which the first of `count` chirps was played. */
+function answerMeasured({ due, count }) {
+  take = () => {};
+  const samples = joined(heard.blocks);
+  const played = { first: due - heard.first, period: periodSamples(sound.chirp, sound.rateHz), count };
+  const measured = measure(samples, sound.rateHz, sound.samples, played, sound.chirp.band_hz);
+  heard = { first: 0, blocks: [] };
+  self.postMessage({ is: "measured", measured });
+}
+
+/** Recording begins with the next block; its first sample is the recording's time 0. */
+function startRecording({ walk, kind, scale }) {
+  const framer = makeFramer({
+    rateHz: sound.rateHz,
+    chirp: sound.samples,
+    period: periodSamples(sound.chirp, sound.rateHz),
+    kind,
+    scale,
+  });
+  let zero = -1;
+  sizes = {};
+  keepHeaders(walk, kind);
+  take = (first, samples) => {
+    if (zero < 0) {
+      zero = first;
+      self.postMessage({ is: "started", zero });
+    }
+    const { frames, missing } = framer.push(first - zero, samples);
+    const at = (first - zero) / sound.rateHz;
+    if (missing > 0) self.postMessage({ is: "gap", tS: at, lostS: missing / sound.rateHz });
+    frames.forEach((frame) => keepFrame(walk, kind, frame));
+  };
+  finish = () => {
+    take = () => {};
+    finish = () => {};
+    self.postMessage({ is: "stopped", seconds: framer.end() / sound.rateHz, sizes });
+  };
+}
+
+const FILES = { baseband: ["baseband.csv", "baseband.iq"], whole: ["frames.csv", "frames.wav"] };
+
+function keepHeaders(walk, kind) {
+  const [table, file] = FILES[kind];
+  const header = kind === "whole" ? wavHeader(sound.rateHz) : new Uint8Array(0);
+  keep(walk, [[table, new TextEncoder().encode(FRAME_HEADER)], [file, header]]);
+}
+
+/** The row goes before its frame: what is found after a crash can be told from it. */
+function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
+  const [table, file] = FILES[kind];
+  keep(walk, [[table, new TextEncoder().encode(row)], [file, bytes]]);
+  const directS = arrival.sample / sound.rateHz;
+  const jumpedS = arrival.jumped / sound.rateHz;
+  self.postMessage({ is: "frame", tS, directS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
+}
+
+let sizes = {};
+
+function keep(walk, parts) {
+  for (const [name, bytes] of parts) sizes[name] = (sizes[name] ?? 0) + bytes.length;
+  keeper.postMessage({ do: "append", walk, parts }, parts.map(([, bytes]) => bytes.buffer));
+}
+
+function joined(blocks) {
+  const out = new Float32Array(blocks.reduce((sum, block) => sum + block.length, 0));
+  let at = 0;
+  for (const block of blocks) {
+    out.set(block, at);
+    at += block.length;
+  }
+  return out;
+}

@@ -1,0 +1,61 @@
+/** Walks that an earlier page left behind: made whole again, so that they can be sent or discarded. */
+
+import { BASEBAND } from "./baseband.js";
+import { MOTION_FILES, SOUND_FILES, cutsFor, lastTime } from "./mending.js";
+import { closeWalk } from "./walking.js";
+
+const WHOLE_FRAME_S = 0.08;
+
+/**
+ * @param {import("./keeper.js").Keeper} keeper
+ * @returns {Promise<import("./sending.js").Sent[]>} walks that hold anything; empty ones are cleared away
+ */
+export async function findUnfinished(keeper) {
+  const found = await keeper.ask({ do: "list" });
+  const walks = [];
+  for (const { walk, state, sizes } of found) {
+    if (state === null) await keeper.ask({ do: "remove", walk });
+    else walks.push(makeSent(keeper, walk, state, sizes));
+  }
+  return walks;
+}
+
+/** @returns {import("./sending.js").Sent} */
+export function makeSent(keeper, walk, state, sizes) {
+  return { walk, state, sizes, save: () => keeper.ask({ do: "save", walk, state }) };
+}
+
+/** A walk that nobody stopped is cut to what is whole, and closed. */
+export async function mend(sent, keeper, software) {
+  const { walk, state, sizes } = sent;
+  if (state.isOver) return;
+  const { table, file, headerBytes } = SOUND_FILES[state.kind];
+  const text = async (name) => {
+    const bytes = await keeper.ask({ do: "read", walk, name, start: 0, end: sizes[name] ?? 0 });
+    return new TextDecoder().decode(bytes);
+  };
+  const frames = await text(table);
+  const tables = {};
+  for (const name of MOTION_FILES) tables[name] = await text(name);
+  const frameBytes = frameBytesOf(state);
+  const cuts = cutsFor(
+    { table: frames, frameBytes, headerBytes, fileBytes: sizes[file] ?? 0 },
+    tables,
+  );
+  const cut = async (name, size) => {
+    if (size === undefined) return;
+    await keeper.ask({ do: "truncate", walk, name, size });
+    sizes[name] = size;
+  };
+  await cut(table, cuts.sound.table);
+  await cut(file, cuts.sound.file);
+  for (const name of MOTION_FILES) await cut(name, cuts.tables[name]);
+  await cut("recording.json", sizes["recording.json"] ? 0 : undefined);
+  state.facts.seconds = lastTime(frames) + WHOLE_FRAME_S;
+  await closeWalk(sent, keeper, software);
+}
+
+function frameBytesOf({ kind, rateHz }) {
+  if (kind === "baseband") return 4 * BASEBAND.frameSamples;
+  return 2 * Math.round(WHOLE_FRAME_S * rateHz);
+}

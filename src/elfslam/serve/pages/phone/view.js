@@ -1,0 +1,185 @@
+/** What the page shows. Every function writes to the page, and none of them remembers anything. */
+
+import { formatBytes, formatDuration, formatLevel, formatShare, formatWhen } from "../shared/format.js";
+
+/** @param {string} id @returns {any} */
+export const at = (id) => document.getElementById(id);
+
+const SIGNS = { pass: "✓", doubt: "?", fail: "✕" };
+const SPOKEN = { pass: "In order", doubt: "In doubt", fail: "Not in order" };
+
+/** Shows one view and moves the reader to its heading. @param {string} id */
+export function showView(id) {
+  for (const view of document.querySelectorAll(".view")) view.hidden = view.id !== id;
+  at("unfinished").hidden = id !== "start" || at("unfinished-walks").children.length === 0;
+  const heading = at(`${id}-title`);
+  document.title = `${heading.textContent} · elfslam`;
+  window.scrollTo(0, 0);
+  heading.focus({ preventScroll: true });
+}
+
+/** One line above everything; null takes it away. @param {string | null} said */
+export function showProblem(said) {
+  at("problem").textContent = said ?? "";
+  at("problem").hidden = said === null;
+  if (said !== null) window.scrollTo(0, 0);
+}
+
+/** @param {string} tag @param {object} properties @param {(Node | string)[]} [children] */
+export function make(tag, properties, children = []) {
+  const { data = {}, ...rest } = properties;
+  const element = Object.assign(document.createElement(tag), rest);
+  Object.assign(element.dataset, data);
+  element.append(...children);
+  return element;
+}
+
+export function showListening() {
+  at("probe-verdict").dataset.verdict = "wait";
+  at("probe-verdict").firstElementChild.hidden = false;
+  at("probe-said").textContent = "Hold the phone as on a walk. Two seconds of chirps are played.";
+  for (const id of ["probe-card", "go-on", "probe-again"]) at(id).hidden = true;
+}
+
+/**
+ * @param {import("./verdicts.js").Check[]} checks
+ * @param {{verdict: string, said: string}} summary
+ * @param {import("./probe.js").Subband[]} subbands
+ */
+export function showChecks(checks, summary, subbands) {
+  at("probe-verdict").dataset.verdict = summary.verdict;
+  at("probe-verdict").firstElementChild.hidden = true;
+  at("probe-said").textContent = summary.said;
+  at("checks").replaceChildren(...checks.map(checkLine));
+  at("bands").replaceChildren(...subbands.map(bandColumn));
+  at("bands").setAttribute("aria-label", bandsSpoken(subbands));
+  at("probe-card").hidden = false;
+  at("go-on").hidden = false;
+  at("go-on").textContent = summary.verdict === "fail" ? "Walk all the same" : "Go on";
+  at("go-on").classList.toggle("primary", summary.verdict !== "fail");
+  at("probe-again").hidden = summary.verdict === "pass";
+  at("probe-again").classList.toggle("primary", summary.verdict === "fail");
+}
+
+function checkLine({ name, verdict, said }) {
+  const sign = make("span", { className: "sign", ariaHidden: "true" }, [SIGNS[verdict]]);
+  const spoken = make("span", { className: "visually-hidden" }, [`${SPOKEN[verdict]}: `]);
+  const what = make("span", { className: "what" }, [spoken, name]);
+  return make("li", { data: { verdict } }, [sign, what, make("span", { className: "said" }, [said])]);
+}
+
+const TALLEST_DB = 60;
+
+function bandColumn({ lowHz, snrDb }) {
+  const verdict = snrDb < 6 ? "fail" : snrDb < 15 ? "doubt" : "pass";
+  const bar = make("span", {});
+  bar.style.setProperty("--share", String(Math.min(Math.max(snrDb / TALLEST_DB, 0.02), 1)));
+  const column = make("div", { className: "column" }, [bar]);
+  const value = make("strong", {}, [formatLevel(snrDb)]);
+  return make("div", { data: { verdict } }, [value, column, `${lowHz / 1000} kHz`]);
+}
+
+function bandsSpoken(subbands) {
+  const parts = subbands.map((band) => `${Math.round(band.snrDb)} at ${band.lowHz / 1000} kilohertz`);
+  return `Decibels above the noise: ${parts.join(", ")}`;
+}
+
+/** @param {import("./manifest.js").Facts} facts @param {number} keptBytes @param {number} sentBytes */
+export function showFacts(facts, keptBytes, sentBytes) {
+  at("clock").textContent = formatDuration(facts.seconds);
+  at("steps").textContent = String(facts.steps);
+  at("heard").textContent =
+    facts.frames > 0 ? formatShare((facts.frames - facts.missed) / facts.frames) : "–";
+  at("kept").textContent = formatBytes(keptBytes);
+  at("sent").textContent = formatBytes(sentBytes);
+}
+
+const SOFTEST_DB = -80;
+
+/** @param {number} peak amplitude of the direct sound @param {boolean} isFound */
+export function showLevel(peak, isFound) {
+  const levelDb = 20 * Math.log10(Math.max(peak, 1e-5));
+  const share = isFound ? Math.min(Math.max(1 - levelDb / SOFTEST_DB, 0), 1) : 0;
+  const meter = at("level");
+  meter.style.setProperty("--share", String(share));
+  meter.dataset.verdict = isFound ? "pass" : "fail";
+  meter.setAttribute("aria-valuenow", String(Math.round(isFound ? levelDb : SOFTEST_DB)));
+  at("level-said").textContent = isFound ? formatLevel(levelDb) : "not heard";
+}
+
+/** @param {string | null} trouble @param {boolean} isBegun */
+export function showNetwork(trouble, isBegun) {
+  const said = trouble ?? (isBegun ? "Connected. The walk is sent as you go." : "Connecting…");
+  at("network").dataset.verdict = trouble ? "doubt" : isBegun ? "pass" : "wait";
+  if (at("network-said").textContent !== said) at("network-said").textContent = said;
+}
+
+/** @param {string} said @param {number | null} share null where nobody knows */
+export function showFinishing(said, share) {
+  if (at("finish-said").textContent !== said) at("finish-said").textContent = said;
+  if (share === null) at("finish-progress").removeAttribute("value");
+  else at("finish-progress").value = share;
+}
+
+/** @param {string | null} said */
+export function showFinishTrouble(said) {
+  at("finish-trouble").hidden = said === null;
+  at("finish-trouble").firstElementChild.textContent = said ?? "";
+}
+
+/** @param {[string, string][]} facts */
+export function showFinishFacts(facts) {
+  const entries = facts.map(([name, value]) =>
+    make("div", {}, [make("dt", {}, [name]), make("dd", {}, [value])]),
+  );
+  at("finish-facts").replaceChildren(...entries);
+}
+
+/** Shows those of the buttons of the last view that are of use. @param {string[]} ids */
+export function offer(...ids) {
+  for (const id of ["see-map", "send-again", "discard", "another"]) at(id).hidden = !ids.includes(id);
+}
+
+/**
+ * @param {import("./sending.js").Sent[]} walks
+ * @param {(sent: import("./sending.js").Sent) => void} onSend
+ * @param {(sent: import("./sending.js").Sent) => void} onDiscard
+ */
+export function showUnfinished(walks, onSend, onDiscard) {
+  at("unfinished-title").textContent = walks.length > 1 ? "Unfinished walks" : "An unfinished walk";
+  at("unfinished-walks").replaceChildren(...walks.map((sent) => unfinishedCard(sent, onSend, onDiscard)));
+  at("unfinished").hidden = walks.length === 0 || at("start").hidden;
+}
+
+function unfinishedCard(sent, onSend, onDiscard) {
+  const { name, startUtc, facts } = sent.state;
+  const bytes = totalBytes(sent.sizes);
+  const told = `${formatWhen(startUtc)} · ${formatDuration(facts.seconds)} · ${formatBytes(bytes)}`;
+  const send = make("button", { type: "button", className: "primary", onclick: () => onSend(sent) }, [
+    "Continue sending",
+  ]);
+  const discard = make("button", { type: "button", className: "danger", onclick: () => onDiscard(sent) }, [
+    "Discard",
+  ]);
+  const buttons = make("div", { className: "row" }, [send, discard]);
+  return make("li", { className: "card walk" }, [
+    make("h3", {}, [name]),
+    make("p", { className: "soft" }, [told]),
+    buttons,
+  ]);
+}
+
+/** @param {Record<string, number>} sizes */
+export function totalBytes(sizes) {
+  return Object.values(sizes).reduce((sum, size) => sum + size, 0);
+}
+
+/** Asks before anything is deleted. @returns {Promise<boolean>} */
+export function askDiscard() {
+  const dialog = at("ask-discard");
+  dialog.returnValue = "keep";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "discard"), { once: true });
+  });
+}

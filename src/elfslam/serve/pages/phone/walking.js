@@ -1,0 +1,172 @@
+/** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
+
+import { fitClocks, readClocks, soundTime } from "./clocks.js";
+import { NO_FACTS, manifestOf } from "./manifest.js";
+import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
+import { listenToMotion } from "./motion_sensor.js";
+
+const CLOCK_EVERY_MS = 200;
+const CLOCK_PAIRS = 600;
+const FLUSH_EVERY_MS = 1000;
+const SAVE_EVERY = 5;
+const FIRST_CHIRP_S = 0.25;
+const AHEAD_MS = 300;
+/** Without a chirp by then, motion is timed as if sound took no time. */
+const LATENCY_PATIENCE_S = 3;
+/** Until the last chirp has been heard whole. */
+const TAIL_MS = 400;
+/** What is kept behind a direct arrival. */
+const BEHIND_S = 0.075;
+const LEAST_STEP_S = 1e-4;
+
+/** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
+export function watchClocks(context) {
+  const pairs = [readClocks(context, performance.now())];
+  const timer = setInterval(() => {
+    pairs.push(readClocks(context, performance.now()));
+    if (pairs.length > CLOCK_PAIRS) pairs.shift();
+  }, CLOCK_EVERY_MS);
+  return { line: () => fitClocks(pairs), stop: () => clearInterval(timer) };
+}
+
+/**
+ * Motion on the recording's clock, held back until it is known how long sound takes through the phone.
+ * @param {(tS: number, acceleration: number[]) => void} onReading
+ */
+export function makeMotionLog(onReading) {
+  let waiting = [];
+  let last = { acceleration: -Infinity, turning: -Infinity };
+  const row = (kind, tS, values) => {
+    if (values === null || tS < Math.max(last[kind] + LEAST_STEP_S, 0)) return "";
+    last = { ...last, [kind]: tS };
+    return tableRow(tS, values);
+  };
+  return {
+    add: (pageMs, acceleration, turning) => waiting.push({ pageMs, acceleration, turning }),
+    /**
+     * Rows of both tables up to now, but none later than `untilS`.
+     * @param {(pageMs: number) => number} timeOf
+     */
+    take: (timeOf, untilS = Infinity) => {
+      const rows = { "accelerometer.csv": "", "gyroscope.csv": "" };
+      for (const { pageMs, acceleration, turning } of waiting) {
+        const tS = timeOf(pageMs);
+        if (tS > untilS) continue;
+        rows["accelerometer.csv"] += row("acceleration", tS, acceleration);
+        rows["gyroscope.csv"] += row("turning", tS, turning);
+        if (acceleration) onReading(tS, acceleration);
+      }
+      waiting = [];
+      return rows;
+    },
+  };
+}
+
+/**
+ * @param {{
+ *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
+ *   keeper: import("./keeper.js").Keeper, clocks: ReturnType<typeof watchClocks>,
+ *   play: (delayS: number) => {firstFrame: number, stop: () => void},
+ *   sent: import("./sending.js").Sent, software: string, heard: (peak: number, isFound: boolean) => void,
+ * }} given
+ * @returns {Promise<{stop: () => Promise<void>}>}
+ */
+export async function startWalking({ microphone, sound, keeper, clocks, play, sent, software, heard }) {
+  const { state, walk } = sent;
+  const rateHz = microphone.context.sampleRate;
+  state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
+  const keep = (name, text) => keeper.ask(appendOrder(walk, name, text));
+  await sent.save();
+
+  let steps = NO_STEPS;
+  const log = makeMotionLog((tS, acceleration) => {
+    steps = countStep(steps, tS, acceleration);
+    state.facts.steps = steps.count;
+  });
+  // Motion is heard a little ahead of the sound, which takes its time through the phone.
+  const stopMotion = listenToMotion(log.add);
+  await pause(AHEAD_MS);
+  const zero = await beginSound(sound, state, walk);
+  const chirps = play(FIRST_CHIRP_S);
+  sound.on("gap", ({ tS, lostS }) => state.facts.gaps.push({ t_s: tS, lost_s: lostS }));
+  sound.on("frame", (frame) => {
+    noteFrame(state.facts, frame, (chirps.firstFrame - zero) / rateHz);
+    heard(frame.peak, frame.isFound);
+  });
+
+  const flush = async (untilS) => {
+    const { latencyS, seconds } = state.facts;
+    if (latencyS === null && seconds < LATENCY_PATIENCE_S && untilS === undefined) return;
+    const line = clocks.line();
+    const timeOf = (pageMs) => soundTime(line, pageMs) - zero / rateHz + (latencyS ?? 0);
+    const rows = log.take(timeOf, untilS);
+    for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
+      await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
+    }
+  };
+  const timer = everySecond(microphone.context, zero, sent, flush);
+
+  // Sound and motion end together: what one lasts longer than the other counts as lost.
+  const stop = async () => {
+    const lastS = (chirps.stop() - zero) / rateHz + (state.facts.latencyS ?? 0) + BEHIND_S;
+    await pause(1000 * (state.facts.latencyS ?? 0) + TAIL_MS);
+    stopMotion();
+    clearInterval(timer);
+    const stopped = sound.answer("stopped");
+    sound.order({ do: "stop" });
+    const { seconds, sizes } = await stopped;
+    await flush(lastS);
+    state.facts.seconds = seconds;
+    await untilKept(sent, sizes);
+    await closeWalk(sent, keeper, software);
+  };
+  return { stop };
+}
+
+/** Nothing more is added: the manifest is written, and the walk may be finished by any page. */
+export async function closeWalk(sent, keeper, software) {
+  await keeper.ask(appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software)));
+  sent.state.isOver = true;
+  await sent.save();
+}
+
+function appendOrder(walk, name, text) {
+  return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
+}
+
+async function beginSound(sound, { kind, scale }, walk) {
+  const started = sound.answer("started");
+  sound.order({ do: "record", walk, kind, scale });
+  return (await started).zero;
+}
+
+/** @param {number} dueS when the first chirp was played, on the recording's clock */
+function noteFrame(facts, { tS, directS, jumpedS, isFound }, dueS) {
+  facts.frames += 1;
+  if (!isFound) facts.missed += 1;
+  if (jumpedS !== 0) facts.jumps.push({ t_s: tS, by_s: jumpedS });
+  if (isFound && facts.latencyS === null && directS > dueS) facts.latencyS = directS - dueS;
+}
+
+function everySecond(context, zero, sent, flush) {
+  let count = 0;
+  return setInterval(async () => {
+    sent.state.facts.seconds = context.currentTime - zero / context.sampleRate;
+    count += 1;
+    try {
+      await flush();
+      if (count % SAVE_EVERY === 0) await sent.save();
+    } catch {
+      // The keeper has told the page, which ends the walk.
+    }
+  }, FLUSH_EVERY_MS);
+}
+
+async function untilKept(sent, sizes) {
+  const isKept = () => Object.entries(sizes).every(([name, size]) => (sent.sizes[name] ?? 0) >= size);
+  for (let k = 0; k < 100 && !isKept(); k += 1) await pause(50);
+}
+
+function pause(milliseconds) {
+  return new Promise((resolve) => setTimeout(resolve, milliseconds));
+}

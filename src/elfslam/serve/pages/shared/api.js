@@ -1,0 +1,61 @@
+/** The server's interface, and what it answers when it refuses. */
+
+/** What went wrong, in one line that people can read; `status` is 0 where no answer came. */
+export class Problem extends Error {
+  /** @param {string} detail @param {number} status */
+  constructor(detail, status) {
+    super(detail);
+    this.name = "Problem";
+    this.status = status;
+  }
+}
+
+export const NO_ANSWER = "The server does not answer. Check that this device is in the same network as it.";
+export const NOT_PAIRED = "This device is not paired. Scan the code that the server shows, once.";
+
+/**
+ * Ask the server; gives what its JSON says, or null where it says nothing. Raises Problem.
+ * @param {string} method @param {string} path @param {unknown} [body] sent as JSON
+ * @param {Record<string, string>} [headers]
+ */
+export async function ask(method, path, body, headers = {}) {
+  const options = { method, headers: { Accept: "application/json", ...headers } };
+  if (body !== undefined) {
+    options.body = JSON.stringify(body);
+    options.headers["Content-Type"] = "application/json";
+  }
+  let response;
+  try {
+    response = await fetch(path, options);
+  } catch {
+    throw new Problem(NO_ANSWER, 0);
+  }
+  if (!response.ok) throw await problemOf(response);
+  return response.status === 204 ? null : response.json();
+}
+
+async function problemOf(response) {
+  const told = await response.json().catch(() => ({}));
+  if (response.status === 401) return new Problem(NOT_PAIRED, 401);
+  const detail = typeof told.detail === "string" ? told.detail : told.title;
+  return new Problem(detail || `The server answered ${response.status}.`, response.status);
+}
+
+/**
+ * The token in an address's fragment; null where there is none.
+ * @param {string} fragment such as "#token=abc"
+ */
+export function tokenIn(fragment) {
+  return new URLSearchParams(fragment.replace(/^#/, "")).get("token");
+}
+
+/**
+ * Pair with the token in the address bar, if there is one, and take it out of there. Raises Problem.
+ * @param {Location} location @param {History} history
+ */
+export async function openSession(location, history) {
+  const token = tokenIn(location.hash);
+  if (token === null) return;
+  history.replaceState(null, "", location.pathname + location.search);
+  await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+}

@@ -1,0 +1,33 @@
+/** Numbers as people read them. */
+
+/** @param {number} bytes @returns {string} */
+export function formatBytes(bytes) {
+  if (bytes < 1000) return `${bytes} B`;
+  if (bytes < 1e6) return `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB`;
+  if (bytes < 1e9) return `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
+  return `${(bytes / 1e9).toFixed(1)} GB`;
+}
+
+/** @param {number} seconds @returns {string} minutes:seconds, with hours where there are any */
+export function formatDuration(seconds) {
+  const whole = Math.max(Math.floor(seconds), 0);
+  const two = (value) => String(value).padStart(2, "0");
+  const minutes = Math.floor(whole / 60) % 60;
+  const hours = Math.floor(whole / 3600);
+  return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;
+}
+
+/** @param {string | number | Date} when ISO text or time @returns {string} day and time, as spoken here */
+export function formatWhen(when) {
+  return new Date(when).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
+}
+
+/** @param {number} share @returns {string} */
+export function formatShare(share) {
+  return `${Math.round(share * 100)} %`;
+}
+
+/** @param {number} decibels @returns {string} with a true minus */
+export function formatLevel(decibels) {
+  return `${Math.round(decibels)} dB`.replace("-", "−");
+}

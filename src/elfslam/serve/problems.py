@@ -1,0 +1,134 @@
+"""Errors as problem+json (RFC 9457): one line for people in `detail`."""
+
+from __future__ import annotations
+
+import errno
+import logging
+from collections.abc import Mapping
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel
+from sqlalchemy.exc import OperationalError
+from starlette.exceptions import HTTPException
+
+from elfslam.base.errors import InputError, ParameterError, StoreError
+
+MEDIA_TYPE = "application/problem+json"
+WRONG_CHECKSUM = 460
+"""Of the tus protocol."""
+FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
+TITLES = {
+    WRONG_CHECKSUM: "Checksum Mismatch",
+    413: "Content Too Large",
+    422: "Unprocessable Content",
+}
+LOG = logging.getLogger("elfslam.serve")
+
+
+class Problem(HTTPException):
+    """An answer that is a refusal: status, and one line that says what to do."""
+
+    def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None) -> None:
+        super().__init__(status, detail, dict(headers or {}))
+
+
+class ProblemBody(BaseModel):
+    """What a refusal looks like."""
+
+    type: str = "about:blank"
+    title: str
+    status: int
+    detail: str
+
+
+def title_of(status: int) -> str:
+    """The standard words for a status."""
+    return TITLES.get(status) or HTTPStatus(status).phrase
+
+
+def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
+    """What a route declares that it may refuse with, for the OpenAPI description."""
+    schema = {"schema": {"$ref": "#/components/schemas/ProblemBody"}}
+    return {
+        status: {"description": title_of(status), "content": {MEDIA_TYPE: schema}}
+        for status in statuses
+    }
+
+
+EVERYWHERE = problems(400, 401, 403, 404, 413, 422, 429, 503, 507)
+"""Any route under a token may refuse so."""
+
+
+def problem_response(
+    status: int, detail: str, headers: Mapping[str, str] | None = None
+) -> JSONResponse:
+    """A refusal as a response."""
+    body = ProblemBody(title=title_of(status), status=status, detail=detail).model_dump()
+    return JSONResponse(body, status, dict(headers or {}), MEDIA_TYPE)
+
+
+def disk_full() -> Problem:
+    """The refusal where nothing more fits."""
+    return Problem(
+        507,
+        "the server's disk is full; what was acknowledged is kept, free some space and go on",
+        {"Retry-After": "60"},
+    )
+
+
+def is_disk_full(error: BaseException) -> bool:
+    """Whether an error says that nothing more fits, of the file system or of the database."""
+    if isinstance(error, OSError):
+        return error.errno in FULL_ERRORS
+    text = str(error).lower()
+    return isinstance(error, OperationalError) and (
+        "disk is full" in text or "no space left" in text or "disk i/o error" in text
+    )
+
+
+def install_problems(app: FastAPI) -> None:
+    """Let every error of the app be answered as a problem."""
+    app.add_exception_handler(HTTPException, _of_http)
+    app.add_exception_handler(RequestValidationError, _of_validation)
+    for kind in (InputError, ParameterError, StoreError):
+        app.add_exception_handler(kind, _of_input)
+    app.add_exception_handler(OSError, _of_disk_or_bug)
+    app.add_exception_handler(OperationalError, _of_disk_or_bug)
+    app.add_exception_handler(Exception, _of_bug)
+
+
+async def _of_http(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, HTTPException)
+    return problem_response(error.status_code, str(error.detail), error.headers)
+
+
+async def _of_validation(_request: Request, error: Exception) -> JSONResponse:
+    assert isinstance(error, RequestValidationError)
+    first = error.errors()[0]
+    where = ".".join(str(part) for part in first["loc"])
+    status = 400 if first["type"] == "json_invalid" else 422
+    return problem_response(
+        status, f"{where}: {first['msg']}; see /openapi.json for what is wanted"
+    )
+
+
+async def _of_input(_request: Request, error: Exception) -> JSONResponse:
+    return problem_response(422, str(error))
+
+
+async def _of_disk_or_bug(request: Request, error: Exception) -> JSONResponse:
+    if is_disk_full(error):
+        full = disk_full()
+        return problem_response(full.status_code, full.detail, full.headers)
+    if isinstance(error, OperationalError) and "locked" in str(error).lower():
+        return problem_response(503, "the database is busy; try again", {"Retry-After": "2"})
+    return await _of_bug(request, error)
+
+
+async def _of_bug(request: Request, error: Exception) -> JSONResponse:
+    LOG.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return problem_response(500, "the server made a mistake; its log says which")

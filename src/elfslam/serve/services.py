@@ -1,0 +1,81 @@
+"""What the routes of one server share: settings, database, and who is busy with what."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from typing import Annotated
+
+from anyio import CapacityLimiter
+from fastapi import Depends, Request
+from sqlalchemy import Engine
+
+from elfslam.serve.database import Sessions, open_database, sessions_of
+from elfslam.serve.problems import Problem
+from elfslam.serve.rates import Rates
+from elfslam.serve.settings import ServerSettings, prepare_folders
+
+
+class Busy:
+    """Names of what somebody is working on; a second comer is refused, not kept waiting."""
+
+    def __init__(self) -> None:
+        self._lock, self._names = threading.Lock(), set[str]()
+
+    @contextmanager
+    def alone(self, names: Iterable[str]) -> Iterator[None]:
+        """Alone with all of these. Raises Problem 423."""
+        wanted = set(names)
+        with self._lock:
+            if self._names & wanted:
+                raise Problem(
+                    423, "somebody is writing there at this moment; wait", {"Retry-After": "1"}
+                )
+            self._names |= wanted
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._names -= wanted
+
+
+@dataclass(frozen=True)
+class Services:
+    """What one server consists of."""
+
+    settings: ServerSettings
+    engine: Engine
+    sessions: Sessions
+    token_rates: Rates
+    address_rates: Rates
+    busy: Busy = field(default_factory=Busy)
+    jobs_wanted: threading.Event = field(default_factory=threading.Event)
+    """Set where a job was queued."""
+    readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
+    """So many recordings are read at once."""
+
+
+def open_services(settings: ServerSettings) -> Services:
+    """The services of a data folder, which is made where it is missing."""
+    prepare_folders(settings)
+    engine, limits = open_database(settings.url), settings.limits
+    return Services(
+        settings,
+        engine,
+        sessions_of(engine),
+        Rates(limits.token_requests_per_s, limits.burst_s),
+        Rates(limits.address_requests_per_s, limits.burst_s),
+    )
+
+
+def services_of(request: Request) -> Services:
+    """The services of the app that answers."""
+    services = request.app.state.services
+    assert isinstance(services, Services)
+    return services
+
+
+Here = Annotated[Services, Depends(services_of)]
+"""A route's parameter: the server's services."""

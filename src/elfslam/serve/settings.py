@@ -1,0 +1,106 @@
+"""What the server is told when it starts: where its data lie, and what it allows."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+MEBIBYTE = 2**20
+GIBIBYTE = 2**30
+DATA_FOLDER = Path("~/.elfslam")
+PORT = 8443
+PAGES_FOLDER = Path(__file__).parent / "pages"
+COOKIE = "elfslam_token"
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What one user, one recording, one file and one request may cost."""
+
+    file_bytes: int = GIBIBYTE
+    recording_bytes: int = 2 * GIBIBYTE
+    user_bytes: int = 20 * GIBIBYTE
+    request_bytes: int = MEBIBYTE
+    """Of a request that is no upload."""
+    floor_plan_bytes: int = 16 * MEBIBYTE
+    free_bytes: int = 256 * MEBIBYTE
+    """What an upload leaves free on the disk."""
+    users: int = 100
+    recordings: int = 2_000
+    open_uploads: int = 200
+    jobs: int = 200
+    """Queued or running, of one user."""
+    token_requests_per_s: float = 30.0
+    address_requests_per_s: float = 60.0
+    burst_s: float = 10.0
+    """That many seconds' worth of requests may come at once."""
+    silence_s: float = 20.0
+    """An upload of which nothing comes for this long is cut, what came is kept."""
+    upload_days: float = 14.0
+    """An upload to which nothing was added for this long is deleted."""
+    reading_s: float = 600.0
+    reading_bytes: int = 6 * GIBIBYTE
+    """Time and memory that reading one recording may take."""
+    job_s: float = 4 * 3600.0
+    job_bytes: int = 8 * GIBIBYTE
+    """Time and memory that one job may take; no file that it writes is larger either."""
+
+
+@dataclass(frozen=True)
+class ServerSettings:
+    """What `elfslam serve` was told. Folders inside `data_folder` belong to the server."""
+
+    data_folder: Path
+    database_url: str = ""
+    """SQLAlchemy's; by default SQLite in the data folder."""
+    limits: Limits = field(default_factory=Limits)
+    secure_cookie: bool = True
+    """Off only where plain HTTP on loopback is spoken."""
+    run_jobs: bool = True
+    job_workers: int = 1
+    """Jobs that are worked on at once."""
+    allow_public: bool = False
+    """Answer also those who are neither on this machine nor in its local network."""
+    pages_folder: Path = PAGES_FOLDER
+
+    @property
+    def url(self) -> str:
+        """Of the database."""
+        return self.database_url or f"sqlite:///{self.data_folder / 'elfslam.sqlite'}"
+
+    @property
+    def blobs_folder(self) -> Path:
+        """Files by their SHA-256."""
+        return self.data_folder / "blobs"
+
+    @property
+    def uploads_folder(self) -> Path:
+        """Files on their way."""
+        return self.data_folder / "uploads"
+
+    @property
+    def work_folder(self) -> Path:
+        """Scratch, one folder per piece of work; emptied by whoever made it."""
+        return self.data_folder / "work"
+
+    @property
+    def authority_folder(self) -> Path:
+        """Keys and certificates, for their owner alone."""
+        return self.data_folder / "authority"
+
+
+def prepare_folders(settings: ServerSettings) -> None:
+    """Make the folders of the server, closed to other users of the machine."""
+    settings.data_folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    for folder in (
+        settings.blobs_folder,
+        settings.uploads_folder,
+        settings.work_folder,
+        settings.authority_folder,
+    ):
+        folder.mkdir(exist_ok=True, mode=0o700)
+
+
+def told_limits(limits: Limits) -> dict[str, float]:
+    """The limits as the API tells them."""
+    return asdict(limits)

@@ -1,0 +1,213 @@
+"""A server of its own for each test: real SQLite, real files."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+from fastapi import FastAPI
+
+from elfslam.base.values import Audio, Imu, Recording
+from elfslam.data.recordings import write_recording
+from elfslam.serve.access import new_token
+from elfslam.serve.app import create_app
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.users import add_user, set_owner_token
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
+    from starlette.testclient import TestClient
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[str]:
+    """A PostgreSQL of our own, by the folder of its socket; skips the test where there is none."""
+    program = shutil.which("initdb") or next(
+        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
+    )
+    if program is None:
+        pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
+    binaries = Path(program).resolve().parent
+    folder = tempfile.mkdtemp(prefix="pg")  # a short path: sockets allow 107 characters
+    user = "postgres" if os.getuid() == 0 else None
+    if user is not None:
+        shutil.chown(folder, user)
+    make = [
+        binaries / "initdb",
+        "-D",
+        f"{folder}/data",
+        "-A",
+        "trust",
+        "-U",
+        "elfslam",
+        "-E",
+        "UTF8",
+    ]
+    subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
+    options = ["-c", "listen_addresses=", "-c", "fsync=off"]
+    server = subprocess.Popen(
+        [binaries / "postgres", "-D", f"{folder}/data", "-k", folder, *options],
+        stderr=subprocess.DEVNULL,
+        user=user,
+        cwd=folder,
+    )
+    until_s = time.monotonic() + 60
+    while not accepts(folder):
+        assert time.monotonic() < until_s, "PostgreSQL does not start"
+        time.sleep(0.05)
+    yield folder
+    server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
+    server.wait()
+    shutil.rmtree(folder)
+
+
+def accepts(folder: str) -> bool:
+    """Whether the PostgreSQL whose socket lies there takes connections by now."""
+    psycopg = pytest.importorskip("psycopg")
+    try:
+        psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
+    except psycopg.OperationalError:
+        return False
+    return True
+
+
+@pytest.fixture
+def database_url(request: pytest.FixtureRequest) -> str:
+    """The URL of an empty database: SQLite's default, or a new one of PostgreSQL."""
+    if getattr(request, "param", "sqlite") == "sqlite":
+        return ""
+    psycopg = pytest.importorskip("psycopg")
+    folder, name = request.getfixturevalue("postgresql"), f"t{secrets.token_hex(6)}"
+    whole = f"host={folder} user=elfslam dbname=postgres"
+    with psycopg.connect(whole, autocommit=True) as connection:
+        connection.execute(f"CREATE DATABASE {name}")
+    return f"postgresql+psycopg://elfslam@/{name}?host={folder}"
+
+
+@pytest.fixture
+def settings(tmp_path: Path, database_url: str) -> ServerSettings:
+    """A data folder that does not exist yet; no jobs run."""
+    return ServerSettings(tmp_path / "data", database_url, secure_cookie=False, run_jobs=False)
+
+
+@pytest.fixture
+def app(settings: ServerSettings) -> Iterator[FastAPI]:
+    """The app of that data folder."""
+    made = create_app(settings)
+    yield made
+    made.state.services.engine.dispose()
+
+
+@pytest.fixture
+def services(app: FastAPI) -> Services:
+    """What the app's routes share."""
+    kept = app.state.services
+    assert isinstance(kept, Services)
+    return kept
+
+
+@pytest.fixture
+def anyone(app: FastAPI) -> Iterator[TestClient]:
+    """Somebody on this machine without a token, while the server runs."""
+    with TestClient(app, client=("127.0.0.1", 50_000)) as client:
+        yield client
+
+
+@pytest.fixture
+def owner(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
+    """The owner's client."""
+    token = new_token()
+    set_owner_token(services, token)
+    return _client_of(app, anyone, token)
+
+
+@pytest.fixture
+def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
+    """The client of somebody else whom the owner let in."""
+    return _client_of(app, anyone, add_user(services, "guest")[1])
+
+
+def _client_of(app: FastAPI, running: TestClient, token: str) -> TestClient:
+    header = {"Authorization": f"Bearer {token}"}
+    client = TestClient(app, headers=header, client=("127.0.0.1", 50_001))
+    client.portal = running.portal  # one event loop, as in a real server
+    return client
+
+
+@pytest.fixture(scope="session")
+def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
+    """The files of a small recording by name: half a second of sound, and motion."""
+    generator = np.random.default_rng(0)
+    t_s = np.arange(40) / 50
+    gravity = generator.normal([0, 0, 9.8], 0.1, (40, 3))
+    recording = Recording(
+        name="round the table",
+        device="test phone",
+        audio=Audio(generator.uniform(-0.1, 0.1, (1, 35_280)), 44_100),
+        imu=Imu(t_s, gravity, generator.normal(0, 0.1, (40, 3))),
+    )
+    folder = tmp_path_factory.mktemp("walk") / "walk"
+    write_recording(recording, folder)
+    return {path.name: path.read_bytes() for path in folder.iterdir()}
+
+
+@dataclass(frozen=True)
+class Started:
+    """A server in a process of its own."""
+
+    process: subprocess.Popen[bytes]
+    url: str
+    token: str
+    data: Path
+
+    @property
+    def bearer(self) -> dict[str, str]:
+        """The owner's header."""
+        return {"Authorization": f"Bearer {self.token}"}
+
+
+START = """
+import sys; from pathlib import Path
+from elfslam.serve.running import Listening, run
+from elfslam.serve.settings import Limits, ServerSettings
+settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=Limits(**eval(sys.argv[3])))
+run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)
+"""
+
+
+@pytest.fixture
+def start_server(tmp_path: Path) -> Iterator[Callable[..., Started]]:
+    """Starts real servers on free ports; all are killed at the end."""
+    started: list[subprocess.Popen[bytes]] = []
+
+    def start(data: Path = tmp_path / "data", speaks: str = "http", **limits: float) -> Started:
+        told = data / "authority" / "url"
+        told.unlink(missing_ok=True)
+        command = [sys.executable, "-c", START, str(data), speaks, repr(limits)]
+        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+        started.append(process)
+        until_s = time.monotonic() + 60
+        while not told.is_file():
+            assert process.poll() is None, "the server did not start"
+            assert time.monotonic() < until_s, "the server takes too long to start"
+            time.sleep(0.02)
+        token = (data / "authority" / "owner.token").read_text().strip()
+        return Started(process, told.read_text().strip(), token, data)
+
+    yield start
+    for process in started:
+        process.kill()
+        process.wait()

@@ -1,0 +1,138 @@
+"""Walks through the studio, as if they had been uploaded, and a server that works on jobs."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.joining import merge_into
+from elfslam.line.feature import load_encoder
+from elfslam.mapping import write_reported_run
+from elfslam.merging import MergeParameters
+from elfslam.serve import blobs
+from elfslam.serve.database import (
+    Map,
+    MapFile,
+    Recording,
+    RecordingFile,
+    RecordingState,
+    new_id,
+    transaction,
+)
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.slam import Parameters, map_by_echoes
+from elfslam.world.simulate import describe_chirp, load_world, simulate
+
+Json = dict[str, Any]
+Remember = Callable[[TestClient, str], str]
+Wait = Callable[[TestClient, str], Json]
+WALKS = {
+    "one": (107, 2, True),
+    "two": (111, 2, True),
+    "open": (114, 1, True),
+    "mute": (107, 1, False),
+}
+"""Seed and rounds of each walk, and whether it has sound; `open` closes no loop."""
+PATIENCE_S = 120.0
+
+
+@pytest.fixture
+def settings(tmp_path: Path) -> ServerSettings:
+    """A data folder that does not exist yet; jobs run."""
+    return ServerSettings(tmp_path / "data", secure_cookie=False)
+
+
+@pytest.fixture(scope="session")
+def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Recordings by name, their truth beside them."""
+    folder, studio = tmp_path_factory.mktemp("walks"), load_world("studio")
+    for name, (seed, rounds, sound) in WALKS.items():
+        recording, truth = simulate(studio, seed, rounds=rounds, sound=sound)
+        played = describe_chirp() if sound else None
+        named = replace(recording, name=name)
+        write_recording(named, folder / name, chirp_description=played, truth=truth)
+    return folder
+
+
+@pytest.fixture
+def remember(services: Services, walks: Path) -> Remember:
+    """Puts a walk among the recordings of a client's user, as if it had been uploaded."""
+
+    def remembered(client: TestClient, name: str) -> str:
+        user_id, recording_id = client.get("/api/me").json()["id"], new_id()
+        made = blobs.put_folder(services.settings.blobs_folder, walks / name)
+        with transaction(services.sessions) as session:
+            session.add(
+                Recording(id=recording_id, user_id=user_id, name=name, state=RecordingState.READY)
+            )
+            session.flush()
+            for file, blob in made.items():
+                row = {"name": file, "sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.add(RecordingFile(recording_id=recording_id, **row))
+        return recording_id
+
+    return remembered
+
+
+@pytest.fixture
+def ended() -> Wait:
+    """A job that has ended, waited for."""
+
+    def wait(client: TestClient, job_id: str) -> Json:
+        until_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < until_s:
+            job: Json = client.get(f"/api/jobs/{job_id}").json()
+            if job["state"] not in ("queued", "running"):
+                return job
+            time.sleep(0.2)
+        raise AssertionError(f"the job did not end: {job}")
+
+    return wait
+
+
+@pytest.fixture(scope="session")
+def runs(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Run folders of two walks, and `floor`, merged from them; each with its report."""
+    folder, encoder = tmp_path_factory.mktemp("runs"), load_encoder("compact")
+    for name in ("one", "two"):
+        run = map_by_echoes(read_recording(walks / name), encoder, Parameters())
+        write_reported_run(
+            replace(run, echoes=None),
+            folder / name,
+            facts={"device": "a phone"},
+            encoder=encoder.content,
+        )
+    merge_into(
+        folder / "floor",
+        [folder / "one", folder / "two"],
+        MergeParameters(),
+        lambda what, share: None,
+    )
+    return folder
+
+
+@pytest.fixture
+def keep_map(services: Services, runs: Path) -> Remember:
+    """Puts a run, or the floor, among the maps of a client's user, without a job."""
+
+    def kept(client: TestClient, name: str) -> str:
+        user_id, map_id = client.get("/api/me").json()["id"], new_id()
+        made = blobs.put_folder(services.settings.blobs_folder, runs / name)
+        kind = "floor" if name == "floor" else "run"
+        with transaction(services.sessions) as session:
+            session.add(Map(id=map_id, user_id=user_id, name=name, kind=kind, facts={"walks": 1}))
+            session.flush()
+            for file, blob in made.items():
+                row = {"name": file, "sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.add(MapFile(map_id=map_id, **row))
+        return map_id
+
+    return kept

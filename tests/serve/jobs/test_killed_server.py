@@ -1,0 +1,204 @@
+"""A real server process, killed without warning: whatever it worked on is done all the same."""
+
+from __future__ import annotations
+
+import io
+import signal
+import socket
+import subprocess
+import sys
+import time
+import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from elfslam.data.tum import read_tum
+from elfslam.mapping import MapJob, map_into
+from elfslam.score.errors import Alignment, position_errors
+from elfslam.score.truth import read_truth
+from elfslam.senses import Settings
+from elfslam.serve.access import new_token
+from elfslam.serve.services import open_services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.users import set_owner_token
+from elfslam.serve.work import STAGES
+
+Json = dict[str, Any]
+SERVE = """
+import sys
+import uvicorn
+from pathlib import Path
+from elfslam.serve.app import create_app
+from elfslam.serve.settings import ServerSettings
+app = create_app(ServerSettings(Path(sys.argv[1]), secure_cookie=False))
+uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
+"""
+PATIENCE_S = 120.0
+DATED = {"run.json", "timings.json", "report.html"}
+
+
+@dataclass
+class Server:
+    """A server of a data folder, started again and again."""
+
+    folder: Path
+    token: str
+    port: int
+
+    @contextmanager
+    def running(self) -> Iterator[tuple[subprocess.Popen[bytes], httpx.Client]]:
+        """The process, and a client of its owner; killed at the end if it still runs."""
+        process = subprocess.Popen([sys.executable, "-c", SERVE, str(self.folder), str(self.port)])
+        base = f"http://127.0.0.1:{self.port}"
+        header = {"Authorization": f"Bearer {self.token}"}
+        try:
+            with httpx.Client(base_url=base, headers=header, timeout=60) as client:
+                until(lambda: answers(client))
+                yield process, client
+        finally:
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def server(tmp_path: Path) -> Server:
+    folder, token = tmp_path / "data", new_token()
+    services = open_services(ServerSettings(folder))
+    set_owner_token(services, token)
+    services.engine.dispose()
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    return Server(folder, token, port)
+
+
+def answers(client: httpx.Client) -> bool:
+    try:
+        return client.get("/api/version").status_code == 200
+    except httpx.TransportError:
+        return False
+
+
+def until(true: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + PATIENCE_S
+    while not true():
+        assert time.monotonic() < until_s
+        time.sleep(0.05)
+
+
+def ended(client: httpx.Client, job_id: str) -> Json:
+    def has_ended() -> bool:
+        return job()["state"] not in ("queued", "running")
+
+    def job() -> Json:
+        answer: Json = client.get(f"/api/jobs/{job_id}").json()
+        return answer
+
+    until(has_ended)
+    return job()
+
+
+def upload(client: httpx.Client, packed: bytes) -> str:
+    """A whole recording as a .zip by tus; the id of the recording."""
+    metadata = "filename d2Fsay56aXA="  # walk.zip
+    created = client.post(
+        "/api/uploads",
+        headers={
+            "Tus-Resumable": "1.0.0",
+            "Upload-Length": str(len(packed)),
+            "Upload-Metadata": metadata,
+        },
+    )
+    assert created.status_code == 201, created.text
+    where, tus = created.headers["Location"], {"Tus-Resumable": "1.0.0"}
+    sent = client.patch(
+        where,
+        content=packed,
+        headers={
+            **tus,
+            "Upload-Offset": "0",
+            "Content-Type": "application/offset+octet-stream",
+        },
+    )
+    assert sent.status_code == 204, sent.text
+    return client.head(where, headers=tus).headers["Elfslam-Recording"]
+
+
+def packed(folder: Path) -> bytes:
+    """A recording's folder as a .zip."""
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w") as archive:
+        for file in folder.iterdir():
+            archive.write(file, file.name)
+    return made.getvalue()
+
+
+def only_job(client: httpx.Client, recording: str) -> Json:
+    [job] = client.get("/api/jobs", params={"recording": recording}).json()
+    return dict(job)
+
+
+def run_folder(client: httpx.Client, map_id: str, folder: Path) -> Path:
+    content = client.get(f"/api/maps/{map_id}/map.zip").content
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        archive.extractall(folder)
+    [top] = folder.iterdir()
+    return top
+
+
+def median_error_m(run: Path, truth: Path) -> float:
+    t_s, poses = read_tum(run / "trajectory.tum")
+    return float(np.median(position_errors(t_s, poses, read_truth(truth), Alignment.ALIGNED)))
+
+
+@pytest.fixture(scope="module")
+def undisturbed(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What `elfslam map` makes of the walk."""
+    out = tmp_path_factory.mktemp("undisturbed") / "run"
+    job = MapJob((), None, "compact", Settings(), overwrite=False)
+    map_into(out, walks / "one", job, lambda what, share: None)
+    return out
+
+
+@pytest.mark.slow
+def test_from_upload_to_map_is_as_good_as_the_command(
+    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    with server.running() as (_, client):
+        recording = upload(client, packed(walks / "one"))
+        job = ended(client, only_job(client, recording)["id"])
+        assert job["problem"] is None
+        ours = run_folder(client, job["gave"]["map"], tmp_path / "map")
+    error_m = median_error_m(ours, walks / "one")
+    assert error_m == median_error_m(undisturbed, walks / "one")
+    assert error_m < 0.3
+
+
+@pytest.mark.slow
+def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
+    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+) -> None:
+    with server.running() as (process, client):
+        recording = upload(client, packed(walks / "one"))
+        job_id = only_job(client, recording)["id"]
+        until(lambda: client.get(f"/api/jobs/{job_id}").json()["doing"] in STAGES)
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert list((server.folder / "work").iterdir()) != []
+    with server.running() as (_, client):
+        job = ended(client, job_id)
+        assert (job["state"], job["attempts"]) == ("done", 2)
+        ours = run_folder(client, job["gave"]["map"], tmp_path / "map")
+        assert len(client.get("/api/maps").json()) == 1
+    names = {file.name for file in ours.iterdir()}
+    assert names == {file.name for file in undisturbed.iterdir()}
+    for name in names - DATED:
+        assert (ours / name).read_bytes() == (undisturbed / name).read_bytes(), name
+    assert list((server.folder / "work").iterdir()) == []

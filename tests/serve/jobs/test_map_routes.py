@@ -1,0 +1,241 @@
+"""Maps over HTTP: looked at, taken home, deleted, and nobody else's."""
+
+from __future__ import annotations
+
+import io
+import json
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from PIL import Image
+from starlette.testclient import TestClient
+
+from elfslam.data.geographic import Origin, from_lon_lat
+from elfslam.data.map_files import read_map
+from elfslam.data.tum import read_tum
+from elfslam.serve.database import new_id
+from elfslam.serve.services import Services
+from elfslam.serve.view import view_of
+
+Keep = Callable[[TestClient, str], str]
+PLACE = {
+    "name": "Studio", "category": "businesscampus", "address": "1 Long Street",
+    "locality": "Zurich", "country": "CH", "level": "Ground floor", "ordinal": "0",
+}  # fmt: skip
+ZURICH = Origin(47.3769, 8.5417, 90.0)
+ORIGIN = {"origin": "47.3769,8.5417,90"}
+
+
+def files_of(services: Services) -> list[str]:
+    return sorted(file.name for file in services.settings.blobs_folder.glob("*/*"))
+
+
+def image(kind: str = "PNG", width: int = 40, height: int = 30, turned: int = 0) -> bytes:
+    content, exif = io.BytesIO(), Image.Exif()
+    if turned:
+        exif[0x0112] = turned
+    Image.new("RGB", (width, height), "white").save(content, kind, exif=exif)
+    return content.getvalue()
+
+
+def put(client: TestClient, map_id: str, content: bytes, kind: str = "image/png") -> int:
+    headers = {"Content-Type": kind}
+    return client.put(
+        f"/api/maps/{map_id}/floor-plan", content=content, headers=headers
+    ).status_code
+
+
+def test_a_map_is_told_and_drawn(owner: TestClient, keep_map: Keep, runs: Path) -> None:
+    map_id = keep_map(owner, "one")
+    [told] = owner.get("/api/maps").json()
+    assert told == owner.get(f"/api/maps/{map_id}").json()
+    assert (told["id"], told["name"], told["kind"]) == (map_id, "one", "run")
+    assert {file["name"] for file in told["files"]} == {
+        file.name for file in (runs / "one").iterdir()
+    }
+    assert owner.get(f"/api/maps/{map_id}/view").json() == view_of(runs / "one")
+
+
+def test_the_report_cannot_reach_the_server(owner: TestClient, keep_map: Keep, runs: Path) -> None:
+    answer = owner.get(f"/api/maps/{keep_map(owner, 'one')}/report.html")
+    assert answer.content == (runs / "one" / "report.html").read_bytes()
+    assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts")
+    assert "allow-same-origin" not in answer.headers["content-security-policy"]
+    assert answer.headers["content-type"].startswith("text/html")
+
+
+@pytest.mark.parametrize("name", ["one", "floor"])
+def test_the_zip_is_the_folder(owner: TestClient, keep_map: Keep, runs: Path, name: str) -> None:
+    answer = owner.get(f"/api/maps/{keep_map(owner, name)}/map.zip")
+    with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
+        found = {each: archive.read(each) for each in archive.namelist()}
+    files = (file for file in (runs / name).rglob("*") if file.is_file())
+    wanted = {f"{name}/{file.relative_to(runs / name).as_posix()}": file for file in files}
+    assert found == {each: file.read_bytes() for each, file in wanted.items()}
+    assert f"''{name}.zip" in answer.headers["content-disposition"]
+
+
+def test_exports_say_where_the_map_is(
+    owner: TestClient, keep_map: Keep, runs: Path, tmp_path: Path
+) -> None:
+    base = f"/api/maps/{keep_map(owner, 'one')}/exports"
+    assert owner.get(base).json() == ["tum", "g2o", "onnx", "geojson", "imdf", "ros", "parquet"]
+    (tmp_path / "one.tum").write_bytes(owner.get(f"{base}/tum").content)
+    _, poses = read_tum(tmp_path / "one.tum")
+    npt.assert_allclose(poses, read_tum(runs / "one" / "trajectory.tum")[1], atol=1e-9)
+    assert owner.get(f"{base}/onnx").content == (runs / "one" / "encoder.onnx").read_bytes()
+    assert owner.get(f"{base}/g2o").text.startswith("VERTEX_SE2 0 ")
+    assert owner.get(f"{base}/parquet").content[:4] == b"PAR1"
+    spots = owner.get(f"{base}/geojson", params=ORIGIN).json()["features"]
+    lon_lat = np.array(
+        [each["geometry"]["coordinates"] for each in spots if each["geometry"]["type"] == "Point"]
+    )
+    xy_m = from_lon_lat(ZURICH, lon_lat)
+    npt.assert_allclose(
+        np.sort(xy_m, axis=0), np.sort(read_map(runs / "one").xy_m, axis=0), atol=1e-3
+    )
+    with zipfile.ZipFile(io.BytesIO(owner.get(f"{base}/ros").content)) as archive:
+        assert sorted(archive.namelist()) == ["one.pgm", "one.yaml"]
+        assert 'image: "one.pgm"' in archive.read("one.yaml").decode()
+    imdf = owner.get(f"{base}/imdf", params={**ORIGIN, **PLACE})
+    with zipfile.ZipFile(io.BytesIO(imdf.content)) as archive:
+        venue = json.loads(archive.read("venue.geojson"))
+    assert venue["features"][0]["properties"]["name"] == {"en": "Studio"}
+
+
+def test_what_an_export_needs_is_said_in_a_line(
+    owner: TestClient, keep_map: Keep, services: Services
+) -> None:
+    base = f"/api/maps/{keep_map(owner, 'floor')}/exports"
+    assert owner.get(base).json() == ["tum", "onnx", "geojson", "imdf", "ros", "parquet"]
+    for path, params, words in (
+        ("geojson", {}, "origin: a map does not know where"),
+        ("geojson", {"origin": "95,8"}, "wanted LAT,LON"),
+        ("imdf", {**ORIGIN, "name": "Studio"}, "category: imdf asks for category, address"),
+        ("imdf", {**ORIGIN, **PLACE, "category": "palace"}, "category"),
+        ("ros", {"resolution_m": "7"}, "resolution_m: got 7, wanted"),
+        ("g2o", {}, "floor: wanted a run folder"),
+    ):
+        answer = owner.get(f"{base}/{path}", params=params)
+        assert answer.status_code == 422, path
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert words in answer.json()["detail"]
+        assert "--" not in answer.json()["detail"]
+        assert str(services.settings.data_folder) not in answer.json()["detail"]
+    assert owner.get(f"{base}/dwg").status_code == 422
+    assert list(services.settings.work_folder.iterdir()) == []
+
+
+def test_a_floor_plan_is_kept_placed_and_replaced(
+    owner: TestClient, keep_map: Keep, services: Services
+) -> None:
+    map_id = keep_map(owner, "one")
+    before, place = files_of(services), f"/api/maps/{map_id}/floor-plan"
+    assert owner.get(place).status_code == 404
+    assert (
+        owner.put(f"{place}/placement", json={"width_m": 1, "x_m": 0, "y_m": 0}).status_code == 404
+    )
+    assert put(owner, map_id, image()) == 200
+    assert owner.get(place).content == image()
+    assert owner.get(place).headers["content-type"] == "image/png"
+    where = {"width_m": 12.5, "x_m": -1.0, "y_m": 2.0, "heading_rad": 0.1, "opacity": 0.4}
+    told = owner.put(f"{place}/placement", json=where).json()
+    assert told["floor_plan"]["placement"] == where
+    assert "floor-plan" not in {file["name"] for file in told["files"]}
+    assert put(owner, map_id, image("JPEG", 50, 20, turned=6), "image/jpeg") == 200
+    plan = owner.get(f"/api/maps/{map_id}").json()["floor_plan"]
+    assert plan == {"width_px": 20, "height_px": 50, "type": "image/jpeg", "placement": where}
+    assert len(files_of(services)) == len(before) + 1
+    assert owner.delete(place).status_code == 204
+    assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
+    assert files_of(services) == before
+    assert owner.delete(place).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "status"),
+    [
+        (b"", "image/png", 422),
+        (image()[:60], "image/png", 422),
+        (b"<svg onload='alert(1)'/>", "image/svg+xml", 415),
+        (b"<svg onload='alert(1)'/>", "image/png", 422),
+        (image("GIF"), "image/png", 422),
+        (image("PNG", 10_000, 10_000), "image/png", 422),
+        (b"\0" * (17 * 2**20), "image/png", 413),
+    ],
+    ids=["empty", "cut off", "svg", "svg as png", "gif as png", "huge", "heavy"],
+)
+def test_what_is_no_floor_plan_is_refused(
+    owner: TestClient, keep_map: Keep, services: Services, content: bytes, kind: str, status: int
+) -> None:
+    map_id = keep_map(owner, "one")
+    before = files_of(services)
+    assert put(owner, map_id, content, kind) == status
+    assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
+    assert files_of(services) == before
+
+
+def test_nobody_else_sees_a_map(owner: TestClient, guest: TestClient, keep_map: Keep) -> None:
+    map_id = keep_map(owner, "one")
+    put(owner, map_id, image())
+    for path in (
+        "",
+        "/view",
+        "/report.html",
+        "/map.zip",
+        "/exports",
+        "/exports/tum",
+        "/floor-plan",
+    ):
+        answer = guest.get(f"/api/maps/{map_id}{path}")
+        assert answer.status_code == 404, path
+        assert answer.json()["detail"].startswith("there is no such map")
+    assert put(guest, map_id, image()) == 404
+    assert guest.delete(f"/api/maps/{map_id}/floor-plan").status_code == 404
+    assert guest.delete(f"/api/maps/{map_id}").status_code == 404
+    assert guest.get("/api/maps").json() == []
+    assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is not None
+
+
+def test_a_deleted_map_is_gone_from_the_disk(
+    owner: TestClient, guest: TestClient, keep_map: Keep, services: Services
+) -> None:
+    before = files_of(services)
+    mine, theirs = keep_map(owner, "one"), keep_map(guest, "one")
+    put(owner, mine, image())
+    both = files_of(services)
+    assert owner.delete(f"/api/maps/{mine}").status_code == 204
+    assert owner.delete(f"/api/maps/{mine}").status_code == 404
+    assert len(files_of(services)) == len(both) - 1, "the other's files stay, the plan goes"
+    assert guest.get(f"/api/maps/{theirs}/view").status_code == 200
+    guest.delete(f"/api/maps/{theirs}")
+    assert files_of(services) == before
+
+
+def test_a_damaged_map_is_a_problem_and_no_crash(
+    owner: TestClient, keep_map: Keep, services: Services
+) -> None:
+    map_id = keep_map(owner, "one")
+    named = {
+        file["name"]: file["sha256"] for file in owner.get(f"/api/maps/{map_id}").json()["files"]
+    }
+    sha256 = named["trajectory.tum"]
+    file = services.settings.blobs_folder / sha256[:2] / sha256
+    file.unlink()
+    for path in ("view", "map.zip", "exports/tum"):
+        assert owner.get(f"/api/maps/{map_id}/{path}").status_code == 404
+    file.write_text("1 2 x\n")
+    for path in ("view", "exports/tum"):
+        answer = owner.get(f"/api/maps/{map_id}/{path}")
+        assert answer.status_code == 422
+        assert str(services.settings.data_folder) not in answer.json()["detail"]
+
+
+def test_ids_that_are_none_are_not_found(owner: TestClient) -> None:
+    for each in (new_id(), "x", "%2e%2e", "a" * 300):
+        assert owner.get(f"/api/maps/{each}").status_code == 404
+        assert owner.get(f"/api/jobs/{each}").status_code == 404

@@ -1,0 +1,209 @@
+"""Jobs from the queue to a map, whatever happens on the way."""
+
+from __future__ import annotations
+
+import io
+import os
+import signal
+import time
+import zipfile
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from elfslam.data.fixes_files import read_fixes
+from elfslam.mapping import MapJob, map_into
+from elfslam.senses import Settings
+from elfslam.serve import child
+from elfslam.serve.app import create_app
+from elfslam.serve.services import Services
+
+Json = dict[str, Any]
+Remember = Callable[[TestClient, str], str]
+Wait = Callable[[TestClient, str], Json]
+AS_THE_COMMAND = MapJob((), None, "compact", Settings(), overwrite=False)
+DATED = {"run.json", "timings.json", "report.html"}
+"""Files of a run that say when it was made, or how long it took."""
+
+
+def ignore(what: str, share: float | None) -> None:
+    """Nobody watches."""
+
+
+def start(client: TestClient, **given: object) -> str:
+    answer = client.post("/api/jobs", json=given)
+    assert answer.status_code == 202, answer.text
+    return str(answer.json()["id"])
+
+
+def when(client: TestClient, job_id: str, wanted: Callable[[Json], bool]) -> Json:
+    """The job, as soon as it is as wanted."""
+    until_s = time.monotonic() + 60
+    while time.monotonic() < until_s:
+        job: Json = client.get(f"/api/jobs/{job_id}").json()
+        if wanted(job):
+            return job
+        time.sleep(0.02)
+    raise AssertionError(f"never came: {job}")
+
+
+def works(job: Json) -> bool:
+    return bool(job["state"] == "running" and job["doing"] not in ("", "starting"))
+
+
+def unpacked(client: TestClient, map_id: str, folder: Path) -> Path:
+    packed = client.get(f"/api/maps/{map_id}/map.zip").content
+    with zipfile.ZipFile(io.BytesIO(packed)) as archive:
+        archive.extractall(folder)
+    [top] = folder.iterdir()
+    return top
+
+
+def children_of(services: Services) -> list[int]:
+    """The processes that work in a folder of these services."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            line = entry.read_bytes()
+        except OSError:
+            continue
+        if b"elfslam.serve.work" in line and str(services.settings.work_folder).encode() in line:
+            found.append(int(entry.parent.name))
+    return found
+
+
+def left_over(services: Services) -> list[str]:
+    return [item.name for item in services.settings.work_folder.iterdir()]
+
+
+def test_a_walk_becomes_the_map_that_the_command_makes_of_it(
+    owner: TestClient, remember: Remember, ended: Wait, walks: Path, tmp_path: Path
+) -> None:
+    recording = remember(owner, "one")
+    job_id = start(owner, kind="map", recording=recording)
+    assert 0 < when(owner, job_id, works)["share"] < 1
+    job = ended(owner, job_id)
+    assert (job["state"], job["problem"], job["share"]) == ("done", None, 1.0)
+    made = owner.get(f"/api/maps/{job['gave']['map']}").json()
+    assert made["sources"] == [recording]
+    assert made["facts"]["status"] == "OK"
+    ours = unpacked(owner, made["id"], tmp_path / "ours")
+    map_into(tmp_path / "theirs", walks / "one", AS_THE_COMMAND, ignore)
+    names = {file.name for file in ours.iterdir()}
+    assert names == {file.name for file in (tmp_path / "theirs").iterdir()}
+    for name in names - DATED:
+        assert (ours / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes(), name
+
+
+def test_maps_are_merged_and_a_walk_is_located(
+    owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
+) -> None:
+    recordings = [remember(owner, name) for name in ("one", "two")]
+    runs = [ended(owner, start(owner, kind="map", recording=each)) for each in recordings]
+    maps = [job["gave"]["map"] for job in reversed(runs)]
+    merged = ended(owner, start(owner, kind="merge", maps=maps, name="the studio"))
+    assert merged["problem"] is None
+    floor = owner.get(f"/api/maps/{merged['gave']['map']}").json()
+    assert (floor["name"], floor["kind"]) == ("the studio", "floor")
+    assert floor["sources"] == recordings
+    assert floor["facts"]["walks"] == 2
+    located = ended(owner, start(owner, kind="locate", recording=recordings[1], map=floor["id"]))
+    assert located["problem"] is None
+    (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{located['id']}/fixes.csv").content)
+    assert len(read_fixes(tmp_path / "fixes.csv").t_s) == sum(located["gave"]["counts"].values())
+    assert left_over(services) == []
+
+
+def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
+    owner: TestClient, remember: Remember, ended: Wait
+) -> None:
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "open")))
+    assert job["state"] == "failed"
+    assert "no loop closure held" in job["problem"]
+    made = owner.get(f"/api/maps/{job['gave']['map']}").json()
+    assert made["facts"]["status"] == "NO_CLOSURES"
+    again = owner.post(f"/api/jobs/{job['id']}/retry").json()
+    assert (again["state"], again["gave"]) == ("queued", {})
+    assert owner.get(f"/api/maps/{made['id']}").status_code == 404
+    assert ended(owner, job["id"])["state"] == "failed"
+    assert len(owner.get("/api/maps").json()) == 1
+
+
+def test_what_a_recording_lacks_is_said_in_a_line_without_our_folders(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute"), by=["wifi"]))
+    assert (job["state"], job["gave"]) == ("failed", {})
+    assert job["problem"] == "mute: no Wi-Fi scans; map it by something else"
+    assert left_over(services) == []
+
+
+def test_a_cancel_in_the_middle_leaves_nothing(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    before = sorted(services.settings.blobs_folder.glob("*/*"))
+    recording = remember(owner, "one")
+    job_id = start(owner, kind="map", recording=recording)
+    when(owner, job_id, works)
+    [process] = children_of(services)
+    assert owner.post(f"/api/jobs/{job_id}/cancel").json()["state"] == "cancelled"
+    until_s = time.monotonic() + 10
+    while (children_of(services) or left_over(services)) and time.monotonic() < until_s:
+        time.sleep(0.05)
+    assert process not in children_of(services)
+    assert left_over(services) == []
+    assert owner.get("/api/maps").json() == []
+    assert owner.post(f"/api/jobs/{job_id}/retry").json()["state"] == "queued"
+    assert ended(owner, job_id)["state"] == "done"
+    owner.delete(f"/api/recordings/{recording}")
+    assert sorted(services.settings.blobs_folder.glob("*/*")) == before
+
+
+def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    job_id = start(owner, kind="map", recording=remember(owner, "mute"))
+    when(owner, job_id, lambda job: bool(children_of(services)))
+    os.kill(children_of(services)[0], signal.SIGKILL)
+    job = ended(owner, job_id)
+    assert job["state"] == "failed"
+    assert "it was killed" in job["problem"]
+    assert left_over(services) == []
+    owner.post(f"/api/jobs/{job_id}/retry")
+    job = ended(owner, job_id)
+    assert (job["state"], job["attempts"]) == ("done", 1)
+
+
+def test_a_job_that_takes_too_long_is_stopped(
+    owner: TestClient, remember: Remember, ended: Wait, monkeypatch: pytest.MonkeyPatch,
+    services: Services,
+) -> None:  # fmt: skip
+    monkeypatch.setattr(child, "COMMAND", ("sleep", "60", "-"))
+    monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
+    limits = replace(services.settings.limits, job_s=0.5)
+    object.__setattr__(services.settings, "limits", limits)
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute")))
+    assert job["state"] == "failed"
+    assert "took longer" in job["problem"]
+
+
+def test_a_server_that_stops_gives_its_job_to_the_next(
+    app: FastAPI, remember: Remember, ended: Wait, owner: TestClient, services: Services,
+    anyone: TestClient,
+) -> None:  # fmt: skip
+    job_id = start(owner, kind="map", recording=remember(owner, "mute"))
+    when(owner, job_id, lambda job: bool(children_of(services)))
+    token = owner.headers["Authorization"]
+    anyone.__exit__(None, None, None)
+    assert children_of(services) == []
+    assert left_over(services) == []
+    with TestClient(create_app(services.settings), client=("127.0.0.1", 50_000)) as after:
+        after.headers["Authorization"] = token
+        job = ended(after, job_id)
+    assert (job["state"], job["attempts"]) == ("done", 1)
+    anyone.__enter__()

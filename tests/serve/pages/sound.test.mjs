@@ -1,0 +1,225 @@
+// The sound of the phone page against what elfslam computes in Python: vectors come from
+// test_phone_modules.py, which names their file in ELFSLAM_VECTORS.
+
+import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
+import { test } from "node:test";
+
+import { RULES } from "../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { makeBaseband, scaleFor, toInt16 } from "../../../src/elfslam/serve/pages/phone/baseband.js";
+import { CHIRP, makeChirp, periodSamples } from "../../../src/elfslam/serve/pages/phone/chirp.js";
+import { analyticSignal, complexZeros, fourierOf } from "../../../src/elfslam/serve/pages/phone/fourier.js";
+import { makeFramer } from "../../../src/elfslam/serve/pages/phone/framer.js";
+import { earliest, makeMatchedFilter, median } from "../../../src/elfslam/serve/pages/phone/matched_filter.js";
+import { measure } from "../../../src/elfslam/serve/pages/phone/probe.js";
+import { makeStream } from "../../../src/elfslam/serve/pages/phone/stream.js";
+
+const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
+const RATES_HZ = [44100, 48000];
+
+function assertNear(got, wanted, tolerance, what) {
+  assert.equal(got.length, wanted.length, `${what}: length`);
+  for (let k = 0; k < got.length; k += 1) {
+    assert.ok(Math.abs(got[k] - wanted[k]) <= tolerance, `${what}[${k}]: ${got[k]}, wanted ${wanted[k]}`);
+  }
+}
+
+for (const rateHz of RATES_HZ) {
+  const given = vectors[rateHz];
+  const sound = Float32Array.from(given.sound);
+
+  test(`the chirp at ${rateHz} Hz is elfslam's`, () => {
+    assertNear(makeChirp(vectors.chirp, rateHz), given.chirp, 1e-6, "chirp");
+    assertNear(makeChirp(CHIRP, rateHz), given.chirp, 1e-6, "chirp by default");
+  });
+
+  test(`the matched filter at ${rateHz} Hz is elfslam's`, () => {
+    const block = sound.subarray(0, 6000);
+    const envelope = makeMatchedFilter(makeChirp(CHIRP, rateHz), block.length)(block);
+    assertNear(envelope, given.envelope.slice(0, envelope.length), 2e-6, "envelope");
+  });
+
+  test(`the band at ${rateHz} Hz is what the definition says`, () => {
+    const baseband = makeBaseband(rateHz);
+    const k = given.baseband.first;
+    const [from, to] = baseband.needs(k);
+    const stream = makeStream(sound.length);
+    stream.append(0, sound);
+    const frame = baseband.frame(stream.slice(from, to), from, k);
+    assertNear(frame, given.baseband.iq, 1e-6, "baseband");
+  });
+
+  test(`frames at ${rateHz} Hz begin where elfslam finds the direct sound`, () => {
+    const framer = makeFramer(framing(rateHz, "baseband"));
+    const frames = pushed(framer, sound, 1000);
+    const direct = frames.filter(({ arrival }) => arrival.isFound).map(({ arrival }) => arrival.sample / rateHz);
+    assertNear(direct, given.arrivals_s.slice(0, direct.length), 1.5 / 44100, "arrivals");
+    assert.ok(direct.length >= given.arrivals_s.length - 2);
+    assert.ok(frames.every(({ tS, arrival }) => Math.abs(arrival.sample / rateHz - tS - 0.005) < 1 / 6300));
+  });
+
+  test(`cut in any blocks, frames at ${rateHz} Hz are the same`, () => {
+    for (const kind of ["baseband", "whole"]) {
+      const whole = pushed(makeFramer(framing(rateHz, kind)), sound, sound.length);
+      const small = pushed(makeFramer(framing(rateHz, kind)), sound, 700);
+      assert.ok(whole.length > 5);
+      assert.deepEqual(small, whole);
+    }
+  });
+
+  test(`whole frames at ${rateHz} Hz are the samples themselves`, () => {
+    const [frame] = pushed(makeFramer(framing(rateHz, "whole")), sound, 5000);
+    const first = Math.round(frame.tS * rateHz);
+    const view = new DataView(frame.bytes.buffer);
+    assert.equal(frame.bytes.length, 2 * Math.round(0.08 * rateHz));
+    for (let k = 0; k < frame.bytes.length / 2; k += 1) {
+      assert.ok(view.getInt16(2 * k, true) === Math.round(sound[first + k] * 32767));
+    }
+  });
+}
+
+function framing(rateHz, kind) {
+  const chirp = makeChirp(CHIRP, rateHz);
+  return { rateHz, chirp, period: periodSamples(CHIRP, rateHz), kind, scale: 1 / 32767 };
+}
+
+function pushed(framer, sound, size) {
+  const frames = [];
+  for (let first = 0; first < sound.length; first += size) {
+    frames.push(...framer.push(first, sound.subarray(first, first + size)).frames);
+  }
+  return frames;
+}
+
+/** Chirps of amplitude 0.2 at the given samples, over a little noise. */
+function played(rateHz, count, starts, noise = 1e-4) {
+  let seed = 1;
+  const random = () => {
+    seed = (seed * 16807) % 2147483647;
+    return seed / 2147483647 - 0.5;
+  };
+  const sound = Float32Array.from({ length: count }, () => noise * random());
+  const chirp = makeChirp(CHIRP, rateHz);
+  for (const start of starts) chirp.forEach((value, k) => { sound[start + k] += 0.2 * value; });
+  return sound;
+}
+
+test("a jump of the stream is found and told", () => {
+  const starts = Array.from({ length: 20 }, (_, c) => 3000 + 4800 * c + (c >= 9 ? 1024 : 0));
+  const frames = pushed(makeFramer(framing(48000, "baseband")), played(48000, 100000, starts), 2000);
+  const jumps = frames.filter((frame) => frame.arrival.jumped !== 0).map((frame) => frame.arrival.jumped);
+  assert.deepEqual(jumps, [1024]);
+  assert.deepEqual(frames.map((frame) => frame.arrival.sample), starts.slice(0, frames.length));
+});
+
+test("where no chirp is heard the frame is kept and counted as missed", () => {
+  const starts = Array.from({ length: 20 }, (_, c) => 3000 + 4800 * c).filter((_, c) => c < 8 || c > 10);
+  const frames = pushed(makeFramer(framing(48000, "baseband")), played(48000, 100000, starts), 2000);
+  const missed = frames.map((frame, c) => (frame.arrival.isFound ? -1 : c)).filter((c) => c >= 0);
+  assert.deepEqual(missed, [8, 9, 10]);
+});
+
+test("chirps that become much softer are found again after a while", () => {
+  const rateHz = 48000;
+  const loud = Array.from({ length: 20 }, (_, c) => 3000 + 4800 * c);
+  const soft = Array.from({ length: 30 }, (_, c) => 3000 + 4800 * (20 + c));
+  const sound = played(rateHz, 243000, loud);
+  const quiet = played(rateHz, 243000, soft, 0);
+  quiet.forEach((value, k) => { sound[k] += 0.1 * value; });
+  const frames = pushed(makeFramer(framing(rateHz, "baseband")), sound, 4096);
+  const missed = frames.filter((frame) => !frame.arrival.isFound).length;
+  assert.equal(missed, RULES.patience);
+});
+
+test("sound without chirps gives no frames", () => {
+  assert.deepEqual(pushed(makeFramer(framing(48000, "baseband")), played(48000, 96000, []), 1000), []);
+});
+
+test("lost samples are filled with silence, so that the clock goes on", () => {
+  const stream = makeStream(100);
+  assert.equal(stream.append(0, Float32Array.of(1, 2, 3)), 0);
+  assert.equal(stream.append(5, Float32Array.of(6, 7)), 2);
+  assert.deepEqual([...stream.slice(-1, 8)], [0, 1, 2, 3, 0, 0, 6, 7, 0]);
+  assert.equal(stream.append(6, Float32Array.of(99, 8)), 0);
+  assert.deepEqual([...stream.slice(4, 8)], [0, 6, 7, 8]);
+});
+
+test("the stream forgets what is behind it and nothing else", () => {
+  const stream = makeStream(64);
+  for (let first = 0; first < 10000; first += 50) {
+    stream.append(first, Float32Array.from({ length: 50 }, (_, k) => first + k));
+    stream.forget(first - 100);
+  }
+  const tail = Array.from({ length: 150 }, (_, k) => 9850 + k);
+  assert.deepEqual([...stream.slice(9850, 10000)], tail);
+});
+
+test("a louder echo is not taken for the direct sound", () => {
+  const envelope = Float32Array.of(0, 0.1, 0.7, 0.2, 0.1, 1.0, 0.1);
+  assert.equal(earliest(envelope, 5, 4, 0.5), 2);
+  assert.equal(earliest(envelope, 5, 4, 0.8), 5);
+});
+
+test("transform and back is the same, and a tone lies in its bin", () => {
+  const { forward, inverse } = fourierOf(64);
+  const x = complexZeros(64);
+  for (let n = 0; n < 64; n += 1) x.re[n] = Math.cos((2 * Math.PI * 5 * n) / 64);
+  const before = Float64Array.from(x.re);
+  forward(x);
+  assert.ok(Math.abs(x.re[5] - 32) < 1e-9 && Math.abs(x.re[59] - 32) < 1e-9);
+  inverse(x);
+  assertNear(x.re, before, 1e-12, "there and back");
+  assert.throws(() => fourierOf(60), /power of two/);
+});
+
+test("the analytic signal of a cosine turns once per period", () => {
+  const x = analyticSignal(Array.from({ length: 441 }, (_, n) => Math.cos((2 * Math.PI * 7 * n) / 441)));
+  const wanted = Array.from({ length: 441 }, (_, n) => Math.sin((2 * Math.PI * 7 * n) / 441));
+  assertNear(x.im, wanted, 1e-9, "imaginary part");
+});
+
+test("other rates and other excitations are refused with what to do", () => {
+  assert.throws(() => makeChirp(CHIRP, 16000), /16000.*headset/);
+  assert.throws(() => makeChirp({ ...CHIRP, kind: "tone" }, 48000), /tone/);
+});
+
+test("sixteen bits are held, and the scale leaves room above the direct sound", () => {
+  assert.deepEqual([...toInt16(Float64Array.of(0, 0.5, 2, -2), 1 / 32767)], [0, 16384, 32767, -32767]);
+  assert.ok(Math.abs(scaleFor(0.01) * 32767 - 0.08) < 1e-12);
+  assert.equal(scaleFor(0.9) * 32767, 1);
+  assert.equal(scaleFor(NaN) * 32767, 1);
+});
+
+test("the probe measures level, timing and signal over noise", () => {
+  const rateHz = 48000;
+  const chirp = makeChirp(CHIRP, rateHz);
+  const first = 0.6 * rateHz;
+  const starts = Array.from({ length: 20 }, (_, c) => first + 4800 * c + 1500);
+  const sound = played(rateHz, 140000, starts, 2e-3);
+  const got = measure(sound, rateHz, chirp, { first, period: 4800, count: 20 }, CHIRP.band_hz);
+  assert.ok(Math.abs(got.peak - 0.2) < 0.005);
+  assert.equal(got.heard, 20);
+  assert.ok(got.jitterS <= 1 / rateHz);
+  assert.ok(Math.abs(got.latencyS - 1500 / rateHz) < 2 / rateHz);
+  assert.deepEqual(got.subbands.map((band) => band.lowHz), [15000, 16000, 17000, 18000, 19000]);
+  assert.ok(got.subbands.every((band) => band.snrDb > 25));
+  const silence = measure(played(rateHz, 140000, [], 2e-3), rateHz, chirp, { first, period: 4800, count: 20 }, CHIRP.band_hz);
+  assert.equal(silence.heard, 0);
+  assert.ok(silence.subbands.every((band) => Math.abs(band.snrDb) < 3));
+});
+
+test("a band that is cut off is noticed", () => {
+  const rateHz = 48000;
+  const chirp = makeChirp({ ...CHIRP, band_hz: [15000, 17500] }, rateHz);
+  const first = 0.6 * rateHz;
+  const sound = played(rateHz, 140000, [], 2e-3);
+  for (let c = 0; c < 20; c += 1) chirp.forEach((value, k) => { sound[first + 4800 * c + 1500 + k] += 0.2 * value; });
+  const { subbands } = measure(sound, rateHz, makeChirp(CHIRP, rateHz), { first, period: 4800, count: 20 }, CHIRP.band_hz);
+  assert.ok(subbands[1].snrDb > 25 && subbands[4].snrDb < 12);
+});
+
+test("the median of nothing is nothing", () => {
+  assert.ok(Number.isNaN(median([])));
+  assert.equal(median([3, 1, 2]), 2);
+  assert.equal(median([4, 1, 2, 3]), 2.5);
+});

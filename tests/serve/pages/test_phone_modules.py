@@ -1,0 +1,195 @@
+"""The modules of the phone page in node, on vectors that the line computes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from elfslam.base.values import Audio
+from elfslam.data.recordings import read_recording
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.world.simulate import describe_chirp
+
+HERE = Path(__file__).parent
+PAGES = HERE.parents[2] / "src" / "elfslam" / "serve" / "pages"
+RATES_HZ = (44_100, 48_000)
+SOUND_S = 1.45
+BASEBAND_HZ, CENTRE_HZ, FRAME_SAMPLES = 6300, 17_500.0, 504
+HALF_SUPPORT_S, KAISER_SHAPE, CUTOFF_HZ = 0.004, 8.0, 2825.0
+
+node = shutil.which("node")
+needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+
+
+@cache
+def room_sound(rate_hz: int) -> np.ndarray:
+    """Chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
+    chirp = make_chirp(ChirpParameters(), rate_hz).samples
+    generator = np.random.default_rng(7)
+    sound = 1e-4 * generator.standard_normal(round(SOUND_S * rate_hz))
+    direct = 0.043 * rate_hz + np.arange(13) * 0.1 * rate_hz
+    for start in np.round(direct).astype(int):
+        sound[start : start + len(chirp)] += 0.15 * chirp
+        for delay_s, gain in ((0.004, 0.02), (0.0093, 0.05), (0.021, 0.012), (0.037, 0.004)):
+            echo = start + round(delay_s * rate_hz)
+            sound[echo : echo + len(chirp)] += gain * chirp
+    return np.asarray(sound, dtype=np.float32)
+
+
+def envelope_at(sound: np.ndarray, rate_hz: int) -> np.ndarray:
+    """elfslam's matched filter, at any rate: that of the line knows its own rate only."""
+    chirp = make_chirp(ChirpParameters(), rate_hz)
+    if rate_hz == RATES_HZ[0]:
+        return matched_envelope(sound, chirp)
+    template = chirp.samples.astype(np.float64)
+    kernel = np.conj(signal.hilbert(template)[::-1]) / np.sum(template**2)
+    return np.abs(signal.oaconvolve(sound, kernel)[len(kernel) - 1 :])
+
+
+def baseband_by_definition(sound: np.ndarray, rate_hz: int, first: int) -> np.ndarray:
+    """One frame, I and Q by turns, sample by sample as data/baseband.py writes the sum."""
+    n = np.arange(len(sound))
+    grid_hz = np.lcm(rate_hz, BASEBAND_HZ)
+    support_s = round(HALF_SUPPORT_S * grid_hz) / grid_hz
+    turned = sound * np.exp(-2j * np.pi * CENTRE_HZ * n / rate_hz)
+    frame = []
+    for k in range(first, first + FRAME_SAMPLES):
+        t_s = k / BASEBAND_HZ - n / rate_hz
+        near = abs(t_s) <= support_s
+        x = np.minimum(abs(t_s[near]) / support_s, 1)
+        window = np.i0(KAISER_SHAPE * np.sqrt(1 - x**2)) / np.i0(KAISER_SHAPE)
+        taps = 2 * CUTOFF_HZ / rate_hz * np.sinc(2 * CUTOFF_HZ * t_s[near]) * window
+        frame.append(2 * np.sum(taps * turned[near]))
+    return np.stack([np.real(frame), np.imag(frame)], axis=1).ravel()
+
+
+def vectors_at(rate_hz: int) -> dict[str, object]:
+    sound = room_sound(rate_hz)
+    chirp = make_chirp(ChirpParameters(), rate_hz)
+    echo_rate_sound = to_echo_rate(Audio(sound[None], rate_hz))
+    envelope = matched_envelope(echo_rate_sound, chirp)
+    found = find_arrivals(envelope, RATES_HZ[0] // 10, EchoParameters())
+    first = round(0.138 * BASEBAND_HZ)
+    return {
+        "sound": sound.tolist(),
+        "chirp": chirp.samples.tolist(),
+        "envelope": envelope_at(sound, rate_hz)[:6000].tolist(),
+        "arrivals_s": (found.samples / RATES_HZ[0]).tolist(),
+        "baseband": {
+            "first": first,
+            "iq": baseband_by_definition(sound, rate_hz, first).tolist(),
+        },
+    }
+
+
+@pytest.fixture(scope="session")
+def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """What Python computes, for the modules of the page to compare with."""
+    file = tmp_path_factory.mktemp("vectors") / "vectors.json"
+    given = {str(rate_hz): vectors_at(rate_hz) for rate_hz in RATES_HZ}
+    file.write_text(json.dumps({"chirp": describe_chirp(), **given}))
+    return file
+
+
+def run_node(*arguments: object, **environment: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(node), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, **environment},
+    )
+
+
+@needs_node
+@pytest.mark.parametrize("file", sorted(HERE.glob("*.test.mjs")), ids=lambda file: file.stem)
+def test_the_modules_of_the_page(file: Path, vectors: Path) -> None:
+    done = run_node("--test", file, ELFSLAM_VECTORS=str(vectors))
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "# fail 0" in done.stdout
+
+
+CUT = """
+import { readFileSync, writeFileSync } from "node:fs";
+const { makeFramer } = await import(process.argv[1] + "/phone/framer.js");
+const { makeChirp, CHIRP } = await import(process.argv[1] + "/phone/chirp.js");
+const { wavHeader } = await import(process.argv[1] + "/phone/sound_files.js");
+const [, , soundFile, folder, rate, kind, scale] = process.argv;
+const rateHz = Number(rate);
+const bytes = readFileSync(soundFile);
+const sound = new Float32Array(bytes.buffer, bytes.byteOffset, bytes.length / 4);
+const framer = makeFramer({
+  rateHz, chirp: makeChirp(CHIRP, rateHz), period: rateHz / 10, kind, scale: Number(scale),
+});
+const { frames } = framer.push(0, sound);
+const [table, file] = kind === "whole" ? ["frames.csv", "frames.wav"] : ["baseband.csv", "baseband.iq"];
+const head = kind === "whole" ? [wavHeader(rateHz)] : [];
+writeFileSync(`${folder}/${file}`, Buffer.concat([...head, ...frames.map((frame) => frame.bytes)]));
+writeFileSync(`${folder}/${table}`, "t_s\\n" + frames.map((frame) => frame.row).join(""));
+"""
+
+
+def cut_in_node(folder: Path, rate_hz: int, kind: str, scale: float) -> None:
+    """What the page would keep of the sound, as files of a recording."""
+    sound_file = folder / "sound.f32"
+    sound_file.write_bytes(room_sound(rate_hz).tobytes())
+    script = ["--input-type=module", "--eval", CUT]
+    done = run_node(*script, PAGES.as_uri(), sound_file, folder, rate_hz, kind, scale)
+    assert done.returncode == 0, done.stderr
+
+
+def manifest_of(rate_hz: int, kind: str, scale: float) -> dict[str, object]:
+    manifest: dict[str, object] = {
+        "format_version": 1,
+        "chirp": describe_chirp(),
+        "audio": {"rate_hz": rate_hz, "channels": 1, "samples": round(SOUND_S * rate_hz)},
+    }
+    if kind == "baseband":
+        manifest["baseband"] = {
+            "rate_hz": BASEBAND_HZ,
+            "centre_hz": CENTRE_HZ,
+            "frame_samples": FRAME_SAMPLES,
+            "scale": scale,
+            "source_rate_hz": rate_hz,
+            "lead_s": 0.005,
+        }
+    return manifest
+
+
+@needs_node
+@pytest.mark.parametrize("kind", ["baseband", "whole"])
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_what_the_page_keeps_is_the_sound_in_the_band(
+    tmp_path: Path, rate_hz: int, kind: str
+) -> None:
+    scale = 0.3 / 32767
+    cut_in_node(tmp_path, rate_hz, kind, scale)
+    (tmp_path / "recording.json").write_text(json.dumps(manifest_of(rate_hz, kind, scale)))
+    audio = read_recording(tmp_path).audio
+    assert audio is not None
+    assert audio.rate_hz == rate_hz
+    assert snr_in_band_db(audio.samples[0], rate_hz) > 55
+
+
+def snr_in_band_db(kept: np.ndarray, rate_hz: int) -> float:
+    """Level of the first frames' echoes over what differs from the sound itself, 15 to 20 kHz."""
+    taps = signal.firwin(1001, (15_000, 20_000), pass_zero=False, fs=rate_hz)
+    sound = signal.fftconvolve(room_sound(rate_hz), taps, mode="same")
+    told = signal.fftconvolve(kept, taps, mode="same")
+    power, off = 0.0, 0.0
+    for frame in range(2, 9):
+        start = round((0.043 + 0.1 * frame - 0.005 + 0.013) * rate_hz)
+        stretch = slice(start, start + round(0.054 * rate_hz))
+        power += float(np.sum(sound[stretch] ** 2))
+        off += float(np.sum((sound[stretch] - told[stretch]) ** 2))
+    return 10 * np.log10(power / off)

@@ -1,0 +1,242 @@
+"""Resumable uploads: what is acknowledged is there, whatever comes in between."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+from pathlib import Path
+
+import pytest
+from starlette.testclient import TestClient
+
+from elfslam.serve.services import Services
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
+TUS = {"Tus-Resumable": "1.0.0"}
+PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
+DATA = bytes(range(256)) * 40
+
+
+def coded(text: str) -> str:
+    return base64.b64encode(text.encode()).decode()
+
+
+def begun(client: TestClient) -> str:
+    return str(client.post("/api/recordings", json={"name": "walk"}).json()["id"])
+
+
+def upload(client: TestClient, recording: str, name: str = "wifi.csv", **headers: str) -> str:
+    """Begin an upload; its address."""
+    told = f"recording {coded(recording)},filename {coded(name)}"
+    length = {} if "Upload-Length" in headers else {"Upload-Defer-Length": "1"}
+    answer = client.post(
+        "/api/uploads", headers={**TUS, "Upload-Metadata": told, **length, **headers}
+    )
+    assert answer.status_code == 201, answer.text
+    assert answer.headers["tus-resumable"] == "1.0.0"
+    return str(answer.headers["location"])
+
+
+def append(client: TestClient, place: str, offset: int, data: bytes, **headers: str) -> int:
+    sent = {**PIECE, "Upload-Offset": str(offset), **headers}
+    return client.patch(place, headers=sent, content=data).status_code
+
+
+def offset_of(client: TestClient, place: str) -> int:
+    return int(client.head(place, headers=TUS).headers["upload-offset"])
+
+
+@pytest.fixture
+def place(owner: TestClient) -> str:
+    return upload(owner, begun(owner), **{"Upload-Length": str(len(DATA))})
+
+
+def on_disk(services: Services, place: str) -> bytes:
+    return (services.settings.uploads_folder / place.rpartition("/")[2]).read_bytes()
+
+
+def test_what_is_spoken_is_said(owner: TestClient) -> None:
+    answer = owner.options("/api/uploads")
+    assert answer.status_code == 204
+    assert answer.headers["tus-version"] == "1.0.0"
+    assert "creation-defer-length" in answer.headers["tus-extension"]
+    assert answer.headers["tus-checksum-algorithm"] == "sha256,sha1"
+
+
+def test_pieces_become_the_file(owner: TestClient, services: Services, place: str) -> None:
+    assert append(owner, place, 0, DATA[:5000]) == 204
+    assert offset_of(owner, place) == 5000
+    assert append(owner, place, 5000, DATA[5000:]) == 204
+    assert on_disk(services, place) == DATA
+    head = owner.head(place, headers=TUS).headers
+    assert head["upload-length"] == str(len(DATA))
+    assert head["cache-control"] == "no-store"
+    assert "GMT" in head["upload-expires"]
+    assert f"filename {coded('wifi.csv')}" in head["upload-metadata"]
+
+
+def test_reordered_and_repeated_pieces_are_refused(
+    owner: TestClient, services: Services, place: str
+) -> None:
+    assert append(owner, place, 5000, DATA[5000:]) == 409
+    assert append(owner, place, 0, DATA[:5000]) == 204
+    assert append(owner, place, 0, DATA[:5000]) == 409
+    assert on_disk(services, place) == DATA[:5000]
+
+
+def test_more_than_was_said_is_refused(owner: TestClient, services: Services, place: str) -> None:
+    assert append(owner, place, 0, DATA + b"more") == 413
+    assert on_disk(services, place) == b""
+
+
+@pytest.mark.parametrize("algorithm", ["sha256", "sha1"])
+def test_a_checked_piece(owner: TestClient, services: Services, place: str, algorithm: str) -> None:
+    digest = base64.b64encode(hashlib.new(algorithm, DATA[:100]).digest()).decode()
+    checked = {"Upload-Checksum": f"{algorithm} {digest}"}
+    assert append(owner, place, 0, DATA[1:101], **checked) == 460
+    assert on_disk(services, place) == b""
+    assert append(owner, place, 0, DATA[:100], **checked) == 204
+    assert on_disk(services, place) == DATA[:100]
+    assert sorted(path.name for path in services.settings.uploads_folder.iterdir()) == [
+        place.rpartition("/")[2]
+    ]
+
+
+@pytest.mark.parametrize("checksum", ["md5 AAAA", "sha256 not-base64!", "sha256"])
+def test_an_unknown_checksum_is_refused(owner: TestClient, place: str, checksum: str) -> None:
+    wanted = 460 if checksum == "sha256" else 400
+    assert append(owner, place, 0, DATA, **{"Upload-Checksum": checksum}) == wanted
+
+
+def test_a_deferred_length_is_said_once(owner: TestClient) -> None:
+    place = upload(owner, begun(owner))
+    assert owner.head(place, headers=TUS).headers["upload-defer-length"] == "1"
+    assert append(owner, place, 0, DATA) == 204
+    assert append(owner, place, len(DATA), b"", **{"Upload-Length": "10"}) == 409
+    assert append(owner, place, len(DATA), b"end", **{"Upload-Length": str(len(DATA) + 3)}) == 204
+    assert owner.head(place, headers=TUS).headers["upload-length"] == str(len(DATA) + 3)
+    assert append(owner, place, len(DATA) + 3, b"", **{"Upload-Length": str(len(DATA) + 9)}) == 409
+
+
+def test_creation_with_upload(owner: TestClient, services: Services) -> None:
+    told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(DATA))}
+    answer = owner.post("/api/uploads", headers=headers, content=DATA[:700])
+    assert answer.status_code == 201
+    assert answer.headers["upload-offset"] == "700"
+    assert on_disk(services, answer.headers["location"]) == DATA[:700]
+
+
+def test_termination_deletes(owner: TestClient, services: Services, place: str) -> None:
+    assert append(owner, place, 0, DATA) == 204
+    assert owner.delete(place, headers=TUS).status_code == 204
+    assert owner.head(place, headers=TUS).status_code == 404
+    assert list(services.settings.uploads_folder.iterdir()) == []
+
+
+def test_one_writer_at_a_time(owner: TestClient, services: Services, place: str) -> None:
+    with services.busy.alone([place.rpartition("/")[2]]):
+        assert append(owner, place, 0, DATA) == 423
+        assert owner.delete(place, headers=TUS).status_code == 423
+    assert append(owner, place, 0, DATA) == 204
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Tus-Resumable": "0.2.2"}, 412),
+        ({"Content-Type": "application/octet-stream"}, 415),
+        ({"Upload-Offset": "-1"}, 422),
+        ({"Upload-Offset": "many"}, 422),
+        ({"Upload-Offset": str(2**70)}, 422),
+    ],
+)
+def test_headers_that_are_wrong(
+    owner: TestClient, place: str, headers: dict[str, str], status: int
+) -> None:
+    sent = {**PIECE, "Upload-Offset": "0", **headers}
+    answer = owner.patch(place, headers=sent, content=DATA)
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+NAMES = [
+    "../../etc/passwd",
+    "/etc/passwd",
+    "..",
+    "audio.flac/../x",
+    "audio.flac\x00",
+    "AUDIO.FLAC",
+    "C:\\audio.flac",
+    "'; DROP TABLE uploads; --",
+    "audio\u202e.flac",
+    "",
+    "../walk\x00.zip",
+    "\x1b[2J.zip",
+]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_tricks_in_names_are_refused(owner: TestClient, services: Services, name: str) -> None:
+    pair = f",recording {coded(begun(owner))}" if not name.endswith(".zip") else ""
+    told = f"filename {coded(name)}{pair}"
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": "1"}
+    answer = owner.post("/api/uploads", headers=headers)
+    assert answer.status_code == 400
+    assert list(services.settings.uploads_folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "metadata", ["filename ???", "filename", "a YQ==,a YQ==", "x" * 5000, "filename /w=="]
+)
+def test_metadata_that_is_none(owner: TestClient, metadata: str) -> None:
+    headers = {**TUS, "Upload-Metadata": metadata, "Upload-Length": "1"}
+    assert owner.post("/api/uploads", headers=headers).status_code == 400
+
+
+@pytest.mark.parametrize(
+    "length",
+    [{}, {"Upload-Length": "5", "Upload-Defer-Length": "1"}, {"Upload-Defer-Length": "2"}],
+)
+def test_a_length_or_none_yet(owner: TestClient, length: dict[str, str]) -> None:
+    told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"
+    answer = owner.post("/api/uploads", headers={**TUS, "Upload-Metadata": told, **length})
+    assert answer.status_code == 400
+
+
+def test_two_gigabytes_are_refused_before_they_come(owner: TestClient, place: str) -> None:
+    huge = {"Content-Length": str(2 * 2**30)}
+    assert append(owner, place, 0, b"", **huge) == 413
+    assert owner.post("/api/recordings", headers=huge, content=b"{}").status_code == 413
+    told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": str(2 * 2**30)}
+    assert owner.post("/api/uploads", headers=headers).status_code == 413
+
+
+def test_another_users_upload_is_not_there(
+    owner: TestClient, guest: TestClient, place: str
+) -> None:
+    assert guest.head(place, headers=TUS).status_code == 404
+    assert append(guest, place, 0, DATA) == 404
+    assert guest.delete(place, headers=TUS).status_code == 404
+    told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": "1"}
+    assert guest.post("/api/uploads", headers=headers).status_code == 404
+
+
+def test_a_method_in_a_header(owner: TestClient, services: Services, place: str) -> None:
+    sent = {**PIECE, "Upload-Offset": "0", "X-HTTP-Method-Override": "PATCH"}
+    assert owner.post(place, headers=sent, content=DATA[:9]).status_code == 204
+    assert on_disk(services, place) == DATA[:9]
+    assert owner.post("/api/me", headers={"X-HTTP-Method-Override": "GET"}).status_code == 405
+
+
+def test_a_piece_left_by_a_kill_is_not_taken_for_ours(
+    owner: TestClient, services: Services, place: str
+) -> None:
+    left: Path = services.settings.uploads_folder / (place.rpartition("/")[2] + ".piece")
+    left.write_bytes(b"left over")
+    digest = base64.b64encode(hashlib.sha256(DATA).digest()).decode()
+    assert append(owner, place, 0, DATA, **{"Upload-Checksum": f"sha256 {digest}"}) == 204
+    assert on_disk(services, place) == DATA
