@@ -4,11 +4,14 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo test fast lint coverage pretrain web-check clean
+.PHONY: demo serve test fast lint coverage pretrain web-check clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
 	$(BIN)/elfslam demo demo
+
+serve: $(VENV)/.installed-serve $(VENV)/.kernels
+	$(BIN)/elfslam serve
 
 test: lint $(VENV)/.kernels
 	$(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
@@ -33,6 +36,10 @@ web-check: $(VENV)/.installed $(VENV)/.kernels
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable .
+	touch $@
+
+$(VENV)/.installed-serve: $(VENV)/.installed
+	$(INSTALL) --editable ".[serve,learn,images,parquet]"
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
