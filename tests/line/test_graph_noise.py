@@ -19,7 +19,7 @@ from elfslam.line.graph.solve import solve
 LAPS, LAP = 8, 40
 TRUE_SIGMA = np.array([0.05, 0.03, 0.01])
 CLOSURE_SIGMA = np.array([0.1, 0.1, 0.1])
-PARAMETERS = GraphParameters(noise_prior=0.0, least_step_noise=0.01)
+PARAMETERS = GraphParameters(noise_prior=0.0, least_weighed_noise=0.01, least_step_noise=0.01)
 
 
 def walked(seed: int, stated: F64, *, closing: bool = True) -> tuple[PoseGraph, F64]:
@@ -40,7 +40,7 @@ def walked(seed: int, stated: F64, *, closing: bool = True) -> tuple[PoseGraph, 
 def told(graph: PoseGraph, parameters: GraphParameters = PARAMETERS) -> F64:
     """The sigmas (3) of steps that the loops tell."""
     poses = solve(graph, [graph.initial], parameters)
-    weighed, _ = with_own_noise(graph, poses, parameters)
+    _, weighed = with_own_noise(graph, poses, parameters)
     steps = edges_of(weighed, ~weighed.is_closure)
     return 1 / np.sqrt(np.diagonal(steps.information[5]))
 
@@ -83,22 +83,31 @@ def test_the_prior_speaks_for_what_was_stated_and_the_floor_holds() -> None:
     npt.assert_allclose(told(graph, held), 2 * TRUE_SIGMA, rtol=1e-6)
 
 
+def test_poses_lean_on_steps_no_more_than_they_may() -> None:
+    graph, _ = walked(0, 4 * TRUE_SIGMA)
+    start = solve(graph, [graph.initial], PARAMETERS)
+    careful = dataclasses.replace(PARAMETERS, least_weighed_noise=1.0)
+    poses, weighed = with_own_noise(graph, start, careful)
+    npt.assert_allclose(poses, start, atol=1e-3)
+    assert weighed.information[5, 0, 0] > 1.5 * graph.information[5, 0, 0]
+
+
 def test_a_step_that_is_less_sure_than_the_others_keeps_what_it_has_beyond() -> None:
     graph, _ = walked(0, TRUE_SIGMA)
     information = graph.information.copy()
     information[0, 2, 2] = 1 / 0.3**2
     doubtful = dataclasses.replace(graph, information=information)
     poses = solve(doubtful, [doubtful.initial], PARAMETERS)
-    weighed, _ = with_own_noise(doubtful, poses, PARAMETERS)
+    _, weighed = with_own_noise(doubtful, poses, PARAMETERS)
     assert 1 / np.sqrt(weighed.information[0, 2, 2]) == pytest.approx(0.3, rel=0.01)
 
 
 def test_closures_and_graphs_without_any_stay_as_they_are() -> None:
     graph, _ = walked(0, 2 * TRUE_SIGMA)
-    weighed, _ = with_own_noise(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
+    _, weighed = with_own_noise(graph, solve(graph, [graph.initial], PARAMETERS), PARAMETERS)
     kept = graph.information[graph.is_closure]
     npt.assert_array_equal(weighed.information[weighed.is_closure], kept)
     alone, _ = walked(0, TRUE_SIGMA, closing=False)
-    same, poses = with_own_noise(alone, alone.initial, PARAMETERS)
+    poses, same = with_own_noise(alone, alone.initial, PARAMETERS)
     assert same is alone
     npt.assert_array_equal(poses, alone.initial)

@@ -30,22 +30,24 @@ SETTLING_STEPS = 10
 
 def with_own_noise(
     graph: PoseGraph, poses: F64, parameters: GraphParameters
-) -> tuple[PoseGraph, F64]:
-    """The graph with steps as noisy as its closures find them, and the poses (n, 3) it then gives.
+) -> tuple[F64, PoseGraph]:
+    """The poses (n, 3) that steps as noisy as the closures find them give, and how sure those are.
 
-    One factor for the variances of all steps in each of forward, left and turn. `poses` solve the
-    graph as it is. As it was where it has no closures.
+    One factor for the variances of all steps in each of forward, left and turn. Steps err alike
+    too, so poses lean on them less than the uncertainty of the graph that comes back would allow.
+    `poses` solve the graph as it is. Both as they were where it has no closures.
     """
-    if not graph.is_closure.any():
-        return graph, poses
+    if not (parameters.noise_rounds and graph.is_closure.any()):
+        return poses, graph
     pattern = pattern_of(graph.edges, len(poses))
     weighed, factor = graph, np.ones(3)
     for _ in range(parameters.noise_rounds):
-        told = variance_factors(weighed, poses, parameters)
-        factor = np.maximum(factor * told, parameters.least_step_noise**2)
+        told = factor * variance_factors(weighed, poses, parameters)
+        factor = np.maximum(told, parameters.least_weighed_noise**2)
         weighed = _with_step_variances(graph, factor)
         poses, _ = settle(weighed, poses, pattern, parameters.anchor_sigma, SETTLING_STEPS)
-    return weighed, poses
+    told = factor * variance_factors(weighed, poses, parameters)
+    return poses, _with_step_variances(graph, np.maximum(told, parameters.least_step_noise**2))
 
 
 def variance_factors(graph: PoseGraph, poses: F64, parameters: GraphParameters) -> F64:

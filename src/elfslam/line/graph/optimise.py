@@ -36,7 +36,7 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
         believed = believing(graph, kept)
         if kept.any():
             poses = solve(believed, [poses, rotation_first(believed)], parameters)
-            believed, poses = with_own_noise(believed, poses, parameters)
+            poses, believed = with_own_noise(believed, poses, parameters)
         covariance = marginals(believed, poses, parameters.anchor_sigma)
         covariance = covariance + scale_covariance(poses, graph.scale_sigma)
         if not (np.isfinite(poses).all() and np.isfinite(covariance).all()):
