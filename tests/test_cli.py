@@ -14,13 +14,14 @@ import soundfile
 from PIL import Image
 
 from elfslam.base.grid import resampled
-from elfslam.base.values import FloorMap
+from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli import main
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.phyphox_experiment import phyphox_experiment
-from elfslam.data.recordings import read_recording
+from elfslam.data.recordings import read_recording, write_recording
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.score.truth import read_truth
 from elfslam.studies import catalogue
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
@@ -363,6 +364,8 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["marks", "{walk}", "{tmp}/none.csv", "M1"], "truth.tum"),
+        (["marks", "{tmp}/none", "{tmp}/none.csv", "M1"], "is no folder"),
         (["import", "phyphox", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "ronin", "{walk}", "{tmp}/out"], "acce.txt"),
         (["import", "getsensordata", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
@@ -395,6 +398,23 @@ def test_a_phyphox_experiment_is_written(tmp_path: Path, elfslam: Elfslam) -> No
     assert (code, out) == (0, "")
     assert "3 minutes takes about 346 MB" in err
     assert (tmp_path / "e.phyphox").read_bytes() == phyphox_experiment(ChirpParameters(), 3.0)
+
+
+def test_marks_give_a_walk_its_truth(tmp_path: Path, elfslam: Elfslam) -> None:
+    t_s = np.arange(3000) / 100
+    moving = ((t_s > 4) & (t_s < 14)) | ((t_s > 17) & (t_s < 26))
+    accel = np.column_stack([0 * t_s, 0 * t_s, 9.81 + 3 * moving * np.sin(12 * t_s)])
+    recording = Recording("walk", "phone", imu=Imu(t_s, accel, 0 * accel))
+    write_recording(recording, tmp_path / "walk")
+    (tmp_path / "marks.csv").write_text("name,x_m,y_m\nM1,1,2\nM2,9.5,2\n")
+    given = ("marks", tmp_path / "walk", tmp_path / "marks.csv", "M1", "M2", "M1")
+    assert elfslam(*given)[0] == 0
+    truth = read_truth(tmp_path / "walk")
+    np.testing.assert_allclose(truth.t_s, [2, 15.5, 28], atol=0.6)
+    np.testing.assert_array_equal(truth.world_from_body[:, :2], [[1, 2], [9.5, 2], [1, 2]])
+    code, _, err = elfslam(*given)
+    assert code == 2
+    assert "is there already" in err
 
 
 def test_help_is_no_error(elfslam: Elfslam) -> None:

@@ -13,7 +13,13 @@ from elfslam.cli.exports import anchor_command, export_command
 from elfslam.cli.maps import locate_command, map_command, merge_command
 from elfslam.cli.scores import score, show, study
 from elfslam.cli.server import invite_command, serve_command
-from elfslam.cli.walks import demo, import_command, phyphox_command, simulate_command
+from elfslam.cli.walks import (
+    demo,
+    import_command,
+    marks_command,
+    phyphox_command,
+    simulate_command,
+)
 from elfslam.console import DONE, INTERRUPTED, exit_code_of
 
 app = typer.Typer(
@@ -29,6 +35,7 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "simulate": simulate_command,
     "import": import_command,
     "phyphox": phyphox_command,
+    "marks": marks_command,
     "map": map_command,
     "merge": merge_command,
     "locate": locate_command,

@@ -8,6 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
+from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
 from elfslam.cli.options import (
     AsJson,
@@ -21,8 +22,10 @@ from elfslam.cli.options import (
 from elfslam.console import print_rows, progress_bar, say
 from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
+from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
-from elfslam.data.recordings import write_recording
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import (
     line_only,
@@ -130,3 +133,25 @@ def phyphox_command(
         partial.write_bytes(made)
     megabytes = minutes * 60 * RATE_HZ * BYTES_PER_SAMPLE / 1e6
     say(f"wrote {out}; a walk of {minutes:g} minutes takes about {megabytes:.0f} MB on Android")
+
+
+def marks_command(
+    walk: Annotated[Path, typer.Argument(help="The recording's folder; waypoints.csv goes there.")],
+    marks: Annotated[Path, typer.Argument(help="CSV name,x_m,y_m of the marks on the floor.")],
+    visited: Annotated[list[str], typer.Argument(help="Names of the marks, as stood on.")],
+) -> None:
+    """Give a walk its truth: the marks that the walker stood still on, in that order."""
+    if not walk.is_dir():
+        raise InputError(f"{walk}: is no folder; unpack the recording first")
+    taken = [name for name in TRUTH_FILES if (walk / name).exists()]
+    if taken:
+        raise InputError(f"{walk / taken[0]}: is there already; delete it to write another")
+    imu = read_recording(walk).imu
+    if imu is None:
+        raise InputError(
+            f"{walk}: has no motion to find the pauses in; write waypoints.csv by hand"
+        )
+    truth = stood_on(imu, read_marks(marks), visited)
+    write_truth(truth, walk)
+    span = f"{truth.t_s[0]:.0f} to {truth.t_s[-1]:.0f} s"
+    say(f"wrote {walk / WAYPOINTS}: {len(truth.t_s)} marks, {span}")
