@@ -122,7 +122,7 @@ test("a recording knows its own map, and no floor that it is part of", () => {
   assert.equal(mappingOf("s", KNOWN).map, undefined);
   assert.equal(isMoving(KNOWN), false);
   assert.equal(isMoving({ ...KNOWN, jobs: [{ state: "queued" }] }), true);
-  assert.equal(isMoving({ ...KNOWN, recordings: [{ state: "receiving" }] }), true);
+  assert.equal(isMoving({ ...KNOWN, recordings: [{ state: "receiving" }] }), false, "an upload left lying");
 });
 
 test("facts that are not numbers are not known", () => {

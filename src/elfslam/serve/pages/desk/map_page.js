@@ -19,11 +19,13 @@ import { firstState } from "./viewer/state.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
+/** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened `receive`
+ * takes dropped files, or does not want them */
 
 /**
  * The page of a map, in `root`. Throws Problem where there is no such map.
  * @param {Desk} desk @param {string} id @param {HTMLElement} root
- * @returns {Promise<{changed: () => void, leave: () => void}>}
+ * @returns {Promise<Opened>}
  */
 export async function openMap(desk, id, root) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
@@ -69,11 +71,19 @@ export async function openMap(desk, id, root) {
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
   const changed = () => void loadLocated(desk, id, seen, state, fillPanel);
+  const hide = () => void plan.save();
+  window.addEventListener("pagehide", hide);
   changed();
   return {
     changed,
+    receive(files) {
+      const image = files.find((file) => /^image\/(png|jpeg)$/.test(file.type));
+      if (image) void plan.upload(image);
+      return image !== undefined;
+    },
     leave() {
-      void plan.save();
+      window.removeEventListener("pagehide", hide);
+      hide();
       canvas.leave();
     },
   };

@@ -15,6 +15,6 @@ export function meetingPart({ facts }) {
     h("th", { scope: "row" }, `${one} and ${other}`), h("td", null, String(places)),
     h("td", null, Number.isFinite(resemblance) ? Number(resemblance).toFixed(2) : "–"), h("td", null, outcome)));
   return [part("How they met", [
-    h("div", { class: "scroll" }, h("table", { class: "meetings" }, h("thead", null, h("tr", null, head)), h("tbody", null, rows))),
+    h("div", { class: "scroll" }, h("table", { class: "meetings", "aria-label": "How they met" }, h("thead", null, h("tr", null, head)), h("tbody", null, rows))),
     refused.map(([name, why]) => h("p", { class: "problem" }, `${name}: ${why}`))])];
 }
