@@ -37,9 +37,9 @@ from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 WORLD = "studio"
 WALKS = {
-    "Studio, first walk": (100, 3),
-    "Studio, second walk": (101, 3),
-    "Studio, third walk": (102, 3),
+    "First walk": (100, 3),
+    "Second walk": (101, 3),
+    "Third walk": (102, 3),
 }
 VISITOR = ("A visitor", (200, 1))
 PIXELS_PER_M = 80
@@ -168,7 +168,9 @@ def put_plan(client: httpx.Client, floor: str, truths: dict[str, Truth]) -> None
 def where(walks: list[dict[str, Any]], truths: dict[str, Truth]) -> tuple[float, float, float]:
     """The pose of the world in the map: the best rigid fit of true places to mapped ones."""
     mapped = np.vstack([walk["xy_m"] for walk in walks])
-    true = np.vstack([truth_at(truths[walk["name"]], walk["t_s"]) for walk in walks])
+    true = np.vstack(
+        [truth_at(truths[walk["name"].rpartition("-")[0]], walk["t_s"]) for walk in walks]
+    )
     middle_map, middle_true = mapped.mean(axis=0), true.mean(axis=0)
     one, other = (true - middle_true) @ [1, 1j], (mapped - middle_map) @ [1, 1j]
     heading_rad = float(np.angle(np.vdot(one, other)))

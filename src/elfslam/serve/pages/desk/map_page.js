@@ -34,7 +34,7 @@ export async function openMap(desk, id, root) {
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
-  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: fillPanel, showAll: canvas.showAll });
+  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
   let legend = legendOf(scene, state);
   canvas.stage.append(legend);
 
@@ -48,14 +48,17 @@ export async function openMap(desk, id, root) {
   const downloads = part("Downloads", h("p", { class: "soft" }, "Asking the server…"));
   const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), "Locate a recording");
   const parts = new Map();
-  function fillPanel() {
-    for (const [name, make] of Object.entries({
-      layers: () => layerPart(scene, state, redraw),
-      walks: () => walkPart(scene, state, redraw),
-      located: () => locatedPart(state, redraw, locate),
-      plan: () => plan.part(),
-    })) {
-      const now = make();
+  const makers = {
+    layers: () => layerPart(scene, state, redraw),
+    walks: () => walkPart(scene, state, redraw),
+    located: () => locatedPart(state, redraw, locate),
+    plan: () => plan.part(),
+  };
+
+  /** @param {(keyof typeof makers)[]} names the parts to be made anew; the others keep their focus */
+  function fillPanel(...names) {
+    for (const name of names) {
+      const now = makers[name]();
       if (parts.has(name)) parts.get(name).replaceWith(now);
       else panel.append(now);
       parts.set(name, now);
@@ -63,14 +66,14 @@ export async function openMap(desk, id, root) {
     redraw();
   }
 
-  fillPanel();
+  fillPanel("layers", "walks", "located", "plan");
   panel.append(...meetingPart(map), downloads);
   root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
-  const changed = () => void loadLocated(desk, id, seen, state, fillPanel);
+  const changed = () => void loadLocated(desk, id, seen, state, () => fillPanel("layers", "located"));
   const hide = () => void plan.save();
   window.addEventListener("pagehide", hide);
   changed();
@@ -128,7 +131,7 @@ async function locateHere(desk, map) {
 
 /** The walks located in this map that are not shown yet. @param {Desk} desk @param {string} id
  * @param {Set<string>} seen @param {import("./viewer/state.js").State} state @param {() => void} fillPanel */
-async function loadLocated(desk, id, seen, state, fillPanel) {
+async function loadLocated(desk, id, seen, state, () => fillPanel("layers", "located")) {
   const jobs = desk.known.jobs.filter((job) => job.kind === "locate" && job.state === "done" && job.given.map === id && !seen.has(job.id));
   for (const job of jobs) {
     seen.add(job.id);
