@@ -131,7 +131,7 @@ async function locateHere(desk, map) {
 
 /** The walks located in this map that are not shown yet. @param {Desk} desk @param {string} id
  * @param {Set<string>} seen @param {import("./viewer/state.js").State} state @param {() => void} fillPanel */
-async function loadLocated(desk, id, seen, state, () => fillPanel("layers", "located")) {
+async function loadLocated(desk, id, seen, state, fillPanel) {
   const jobs = desk.known.jobs.filter((job) => job.kind === "locate" && job.state === "done" && job.given.map === id && !seen.has(job.id));
   for (const job of jobs) {
     seen.add(job.id);
