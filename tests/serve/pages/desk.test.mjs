@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { commonName, mapJob, sensesOf } from "../../../src/elfslam/serve/pages/desk/asking.js";
 import { queryOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
 import {
-  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, plural, secondsBetween,
+  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, plural, secondsBetween, withoutMarks,
 } from "../../../src/elfslam/serve/pages/desk/format.js";
 import { factsOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import { PACE, nextWait } from "../../../src/elfslam/serve/pages/desk/polling.js";
@@ -29,6 +29,14 @@ test("numbers as people read them, a dash where nothing is known", () => {
   assert.equal(formatCount(1234567), "1,234,567");
   assert.equal(plural(1, "walk"), "1 walk");
   assert.equal(plural(1200, "walk"), "1,200 walks");
+});
+
+test("marks of a merge are left out, but where they tell namesakes apart", () => {
+  const shown = (...names) => [...withoutMarks(names).values()];
+  assert.deepEqual(shown("hall-3fa9c1", "yard-0b1c2d"), ["hall", "yard"]);
+  assert.deepEqual(shown("hall-3fa9c1", "hall-0b1c2d", "attic"), ["hall-3fa9c1", "hall-0b1c2d", "attic"]);
+  assert.deepEqual(shown("hall-3fa9c1", "hall"), ["hall-3fa9c1", "hall"]);
+  assert.deepEqual(shown("-3fa9c1", "walk-two"), ["-3fa9c1", "walk-two"]);
 });
 
 test("times without a zone are UTC, as the database keeps them", () => {
@@ -122,7 +130,7 @@ test("a recording knows its own map, and no floor that it is part of", () => {
   assert.equal(mappingOf("s", KNOWN).map, undefined);
   assert.equal(isMoving(KNOWN), false);
   assert.equal(isMoving({ ...KNOWN, jobs: [{ state: "queued" }] }), true);
-  assert.equal(isMoving({ ...KNOWN, recordings: [{ state: "receiving" }] }), true);
+  assert.equal(isMoving({ ...KNOWN, recordings: [{ state: "receiving" }] }), false, "an upload left lying");
 });
 
 test("facts that are not numbers are not known", () => {

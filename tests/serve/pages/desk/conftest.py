@@ -27,6 +27,7 @@ from elfslam.serve.database import (
     Recording,
     RecordingFile,
     RecordingState,
+    User,
     transaction,
 )
 from elfslam.serve.services import Services, open_services
@@ -161,6 +162,22 @@ class serving:  # noqa: N801
     def __exit__(self, *_: object) -> None:
         self._process.terminate()
         self._process.communicate(timeout=30)
+
+
+@pytest.fixture
+def serve_at() -> Callable[..., serving]:
+    """A server process of a test's own."""
+    return serving
+
+
+@pytest.fixture
+def person_at() -> Callable[..., Person]:
+    """Somebody on such a server."""
+
+    def at(services: Services, url: str, user: User, token: str) -> Person:
+        return Person(services, url, user.id, token)
+
+    return at
 
 
 @pytest.fixture

@@ -121,9 +121,7 @@ def test_mapping_asks_by_what_and_where_it_began(
     assert job["given"]["start_pose"] == pytest.approx([1.5, 0, 3.14159265], abs=1e-6)
 
 
-def test_chosen_maps_are_merged(
-    person: Any, open_desk: Open, run_folder: Path, asked: Any
-) -> None:
+def test_chosen_maps_are_merged(person: Any, open_desk: Open, run_folder: Path, asked: Any) -> None:
     wanted = [person.plant_map(f"hall, {k}", run_folder) for k in ("first", "second")]
     person.plant_map("elsewhere", run_folder)
     page = open_desk(person, "#/maps")

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.data.geographic import parse_origin
 from elfslam.data.tum import read_tum
 from elfslam.exporting import Format, Told, export
-from elfslam.data.geographic import parse_origin
 from elfslam.serve import blobs
 from elfslam.serve.database import JobFile, JobKind, JobState, transaction
 
@@ -131,7 +131,9 @@ def test_under_the_finger_is_a_footstep_with_its_time_and_sigma(
     page.mouse.move(box["x"] + x, box["y"] + y)
     tip = page.locator(".tip")
     tip.wait_for()
-    told = re.search(r"at (\d+):(\d+) · footstep (\d+) · x ([-\d.]+), y ([-\d.]+) m · ±", tip.inner_text())
+    told = re.search(
+        r"at (\d+):(\d+) · footstep (\d+) · x ([-\d.]+), y ([-\d.]+) m · ±", tip.inner_text()
+    )
     assert told is not None
     found = int(told[3]) - 1
     assert np.linalg.norm(poses[found, :2] - poses[step, :2]) < 12 / px_per_m(page)
@@ -172,8 +174,14 @@ def test_two_fingers_zoom(person: Any, open_desk: Open, map_id: str) -> None:
     middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
 
     def fingers(kind: str, apart_px: float) -> None:
-        places = [{"x": middle[0] + side * apart_px, "y": middle[1], "id": k} for k, side in enumerate((-1, 1))]
-        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": [] if kind == "touchEnd" else places})
+        places = [
+            {"x": middle[0] + side * apart_px, "y": middle[1], "id": k}
+            for k, side in enumerate((-1, 1))
+        ]
+        touch.send(
+            "Input.dispatchTouchEvent",
+            {"type": kind, "touchPoints": [] if kind == "touchEnd" else places},
+        )
 
     fingers("touchStart", 40)
     for apart_px in (50, 60, 70, 80):
@@ -326,7 +334,9 @@ def test_a_located_walk_is_drawn_with_its_status(
     job = person.plant_job(JobKind.LOCATE, JobState.DONE, given=given)
     kept = blobs.put(person.services.settings.blobs_folder, file)
     with transaction(person.services.sessions) as session:
-        session.add(JobFile(job_id=job, name="fixes.csv", sha256=kept.sha256, size_bytes=kept.size_bytes))
+        session.add(
+            JobFile(job_id=job, name="fixes.csv", sha256=kept.sha256, size_bytes=kept.size_bytes)
+        )
     page = opened(open_desk(person), map_id)
     page.get_by_text("1 located, 1 several places sound alike, 1 unknown place").wait_for()
     place, box = px_of(page, run_folder, (x, y + 0.5)), canvas_box(page)
@@ -373,10 +383,24 @@ def large_view() -> dict[str, Any]:
         xy = np.column_stack([40 * np.cos(angle) + k * 0.5, 22 * np.sin(angle)])
         xy += generator.normal(0, 0.2, xy.shape)
         sigma = 0.2 + 0.4 * np.abs(np.sin(angle / 9))
-        walks.append({"name": f"walk {k}", "t_s": np.arange(1000.0).tolist(), "xy_m": xy.tolist(), "sigma_m": sigma.tolist()})
+        walks.append(
+            {
+                "name": f"walk {k}",
+                "t_s": np.arange(1000.0).tolist(),
+                "xy_m": xy.tolist(),
+                "sigma_m": sigma.tolist(),
+            }
+        )
     ends = np.array([walk["xy_m"] for walk in walks]).reshape(-1, 2)[::2]
     closures = np.hstack([ends, ends + generator.normal(0, 0.5, ends.shape)])
-    return {"kind": "run", "bounds_m": [-40, -22, 45, 22], "walks": walks, "dead_reckoning": [], "closures": closures.tolist(), "coverage": None}
+    return {
+        "kind": "run",
+        "bounds_m": [-40, -22, 45, 22],
+        "walks": walks,
+        "dead_reckoning": [],
+        "closures": closures.tolist(),
+        "coverage": None,
+    }
 
 
 def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_folder: Path) -> None:

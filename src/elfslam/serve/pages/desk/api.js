@@ -5,19 +5,19 @@ import { NO_ANSWER, Problem } from "../shared/api.js";
 export { Problem };
 
 /**
- * @typedef {{method?: string, json?: unknown, body?: BodyInit, headers?: Record<string, string>}} Request
+ * @typedef {{method?: string, json?: unknown, body?: BodyInit, headers?: Record<string, string>, keepalive?: boolean}} Request
  */
 
 /**
  * The answer to a request. Throws Problem. A 401 is also told to the page ("elfslam:signed-out").
  * @param {string} path @param {Request} [request] @returns {Promise<Response>}
  */
-export async function ask(path, { method = "GET", json, body, headers = {} } = {}) {
+export async function ask(path, { method = "GET", json, body, headers = {}, keepalive = false } = {}) {
   const sent = json === undefined ? headers : { ...headers, "Content-Type": "application/json" };
   const content = json === undefined ? body : JSON.stringify(json);
   let answer;
   try {
-    answer = await fetch(path, { method, headers: sent, body: content });
+    answer = await fetch(path, { method, headers: sent, body: content, keepalive });
   } catch {
     throw new Problem(NO_ANSWER, 0);
   }

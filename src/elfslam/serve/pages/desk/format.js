@@ -79,3 +79,14 @@ export function fileName(name) {
   const safe = name.normalize("NFC").replace(/[^\p{L}\p{N}._ -]+/gu, "-").replace(/\s+/g, "_");
   return safe.replace(/^[.-]+|[.-]+$/g, "").slice(0, 80) || "map";
 }
+
+/**
+ * Names without the marks that a merge puts behind them to tell namesakes apart ("hall-3fa9c1"),
+ * unless that would make two of them alike.
+ * @param {string[]} names @returns {Map<string, string>} from the name to what is shown
+ */
+export function withoutMarks(names) {
+  const bare = names.map((name) => name.replace(/-[0-9a-f]{6}$/, ""));
+  const alone = (/** @type {string} */ name) => bare.filter((each) => each === name).length === 1;
+  return new Map(names.map((name, at) => [name, bare[at] && alone(bare[at]) ? bare[at] : name]));
+}

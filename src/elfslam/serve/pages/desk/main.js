@@ -32,7 +32,7 @@ const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "P
 /** @param {import("./session.js").Me} me */
 function openDesk(me) {
   const main = one("main");
-  /** @type {{changed: () => void, leave: () => void} | null} */
+  /** @type {import("./map_page.js").Opened | null} */
   let map = null;
   let shown = "";
 
@@ -109,17 +109,18 @@ function openDesk(me) {
   }
 
   for (const [name, actions] of Object.entries(ACTIONS)) {
-    const deeds = actions(desk);
+    const deeds = /** @type {Record<string, (id: string, element: HTMLElement) => void>} */ (actions(desk));
     onActions(main, Object.fromEntries(Object.entries(deeds).map(([action, deed]) =>
       [action, (id, element) => pageOf(location.hash).name === name && deed(id, element)])));
   }
-  main.addEventListener("change", (event) => {
+  main.addEventListener("change", (/** @type {Event} */ event) => {
     const input = /** @type {HTMLInputElement} */ (event.target);
     if (input.name !== "recordings" || !input.files) return;
     desk.uploads.send(input.files);
     input.value = "";
   });
   onDrop((files) => {
+    if (map?.receive(files)) return;
     if (pageOf(location.hash).name !== "recordings") location.hash = "#/recordings";
     desk.uploads.send(files);
   });

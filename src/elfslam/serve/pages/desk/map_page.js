@@ -19,11 +19,13 @@ import { firstState } from "./viewer/state.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
+/** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened `receive`
+ * takes dropped files, or does not want them */
 
 /**
  * The page of a map, in `root`. Throws Problem where there is no such map.
  * @param {Desk} desk @param {string} id @param {HTMLElement} root
- * @returns {Promise<{changed: () => void, leave: () => void}>}
+ * @returns {Promise<Opened>}
  */
 export async function openMap(desk, id, root) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
@@ -32,7 +34,7 @@ export async function openMap(desk, id, root) {
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
-  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: fillPanel, showAll: canvas.showAll });
+  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
   let legend = legendOf(scene, state);
   canvas.stage.append(legend);
 
@@ -46,14 +48,17 @@ export async function openMap(desk, id, root) {
   const downloads = part("Downloads", h("p", { class: "soft" }, "Asking the server…"));
   const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), "Locate a recording");
   const parts = new Map();
-  function fillPanel() {
-    for (const [name, make] of Object.entries({
-      layers: () => layerPart(scene, state, redraw),
-      walks: () => walkPart(scene, state, redraw),
-      located: () => locatedPart(state, redraw, locate),
-      plan: () => plan.part(),
-    })) {
-      const now = make();
+  const makers = {
+    layers: () => layerPart(scene, state, redraw),
+    walks: () => walkPart(scene, state, redraw),
+    located: () => locatedPart(state, redraw, locate),
+    plan: () => plan.part(),
+  };
+
+  /** @param {(keyof typeof makers)[]} names the parts to be made anew; the others keep their focus */
+  function fillPanel(...names) {
+    for (const name of names) {
+      const now = makers[name]();
       if (parts.has(name)) parts.get(name).replaceWith(now);
       else panel.append(now);
       parts.set(name, now);
@@ -61,19 +66,27 @@ export async function openMap(desk, id, root) {
     redraw();
   }
 
-  fillPanel();
+  fillPanel("layers", "walks", "located", "plan");
   panel.append(...meetingPart(map), downloads);
   root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
-  const changed = () => void loadLocated(desk, id, seen, state, fillPanel);
+  const changed = () => void loadLocated(desk, id, seen, state, () => fillPanel("layers", "located"));
+  const hide = () => void plan.save();
+  window.addEventListener("pagehide", hide);
   changed();
   return {
     changed,
+    receive(files) {
+      const image = files.find((file) => /^image\/(png|jpeg)$/.test(file.type));
+      if (image) void plan.upload(image);
+      return image !== undefined;
+    },
     leave() {
-      void plan.save();
+      window.removeEventListener("pagehide", hide);
+      hide();
       canvas.leave();
     },
   };

@@ -9,10 +9,10 @@ import { poll } from "./polling.js";
 /** @typedef {{recordings: Recording[], jobs: Job[], maps: Map_[], loaded: boolean}} Known */
 
 /**
- * Keep `known` fresh. @param {(known: Known) => void} changed
+ * Keep `known` fresh. @param {() => void} fresh after every answer: what is "just now" grows older
  * @param {(problem: unknown | null) => void} tell each outcome of asking
  */
-export function keepKnown(changed, tell) {
+export function keepKnown(fresh, tell) {
   /** @type {Known} */
   const known = { recordings: [], jobs: [], maps: [], loaded: false };
   let last = "";
@@ -22,17 +22,19 @@ export function keepKnown(changed, tell) {
       ["/api/recordings", "/api/jobs", "/api/maps"].map((path) => askJson(path)));
     Object.assign(known, { recordings: newest(recordings), jobs: newest(jobs), maps: newest(maps), loaded: true });
     const now = JSON.stringify([recordings, jobs, maps]);
-    if (now !== last) changed(known);
+    const differs = now !== last;
     last = now;
-    return isMoving(known);
+    fresh();
+    return differs || isMoving(known);
   }
 
   return { known, now: poll(question, tell).now };
 }
 
-/** Whether anything may soon be different. @param {Known} known */
-export function isMoving({ recordings, jobs }) {
-  return jobs.some((job) => isOpen(job)) || recordings.some((recording) => recording.state === "receiving");
+/** Whether the server is at work. An upload that was left lying does not move.
+ * @param {{jobs: Job[]}} known */
+export function isMoving({ jobs }) {
+  return jobs.some(isOpen);
 }
 
 /** @param {Job} job */

@@ -93,7 +93,7 @@ export function walkPart(scene, state, changed) {
   const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, "Shown")),
     ["Walk", "Length", "Time", "Sigma"].map((name) => h("th", { scope: "col" }, name)));
   return part(plural(scene.walks.length, "walk"), h("div", { class: "scroll" },
-    h("table", { class: "walks" }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
+    h("table", { class: "walks", "aria-label": "Walks" }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
 }
 
 /** @param {State} state @param {() => void} changed @param {any} locate the button that locates another */

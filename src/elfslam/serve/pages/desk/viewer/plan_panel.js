@@ -71,7 +71,7 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
     if (!dirty || !state.plan) return;
     dirty = false;
     const json = state.plan.placement;
-    const well = await orSay(() => ask(`${path}/placement`, { method: "PUT", json }));
+    const well = await orSay(() => ask(`${path}/placement`, { method: "PUT", json, keepalive: true }));
     dirty ||= !well;
     status.textContent = well ? "Saved" : "Not saved; change it again to retry";
   }
@@ -154,7 +154,7 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
     return shown;
   }
 
-  return { load, place, save, part: () => part("Floor plan", body()) };
+  return { load, place, save, upload, part: () => part("Floor plan", body()) };
 }
 
 /** The image with light and dark exchanged. @param {HTMLImageElement} image */

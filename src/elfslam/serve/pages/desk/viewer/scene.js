@@ -1,5 +1,6 @@
 // A map as the viewer needs it: walks with their lengths, paths and an index of every footstep.
 
+import { withoutMarks } from "../format.js";
 import { stretches } from "./band.js";
 import { limitsOf } from "./colours.js";
 import { indexOf } from "./nearest.js";
@@ -23,14 +24,16 @@ import { around, boundsOf } from "./projection.js";
 
 /** @param {Given} given */
 export function sceneOf(given) {
-  const walks = given.walks.map(walkOf);
+  const shown = withoutMarks(given.walks.map((walk) => walk.name));
+  const named = (/** @type {{name: string}} */ { name }) => shown.get(name) ?? name;
+  const walks = given.walks.map((walk) => walkOf({ ...walk, name: named(walk) }));
   const points = walks.flatMap((walk) => walk.xy_m);
   const first = firstRows(walks);
   const bounds_m = around(given.bounds_m ?? null, boundsOf(points)) ?? /** @type {Bounds} */ ([-1, -1, 1, 1]);
   return {
     kind: given.kind,
     walks,
-    reckoned: given.dead_reckoning,
+    reckoned: given.dead_reckoning.map((walk) => ({ ...walk, name: named(walk) })),
     closures: given.closures,
     coverage: given.coverage,
     limits: {
