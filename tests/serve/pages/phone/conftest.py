@@ -112,12 +112,11 @@ class Server:
         """Where it listens."""
         return self.address.split("#")[0].rstrip("/").rpartition(":")[2]
 
-    def ask(self, path: str) -> httpx.Response:
+    def ask(self, path: str, method: str = "GET") -> httpx.Response:
         """What it answers its owner."""
         url, token = self.address.split("#token=")
-        answer = httpx.get(
-            url.rstrip("/") + path, headers={"Authorization": f"Bearer {token}"}, timeout=30
-        )
+        header = {"Authorization": f"Bearer {token}"}
+        answer = httpx.request(method, url.rstrip("/") + path, headers=header, timeout=30)
         return answer.raise_for_status()
 
     def recordings(self) -> list[dict[str, Any]]:
@@ -132,13 +131,21 @@ class Server:
         return next(folder.rglob("recording.json")).parent
 
 
-@pytest.fixture
-def server(tmp_path: Path) -> Iterator[Server]:
+@pytest.fixture(scope="module")
+def running_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Server]:
     """A real server that makes no maps."""
-    running = Server(tmp_path / "data")
+    running = Server(tmp_path_factory.mktemp("server") / "data")
     running.start()
     yield running
     running.stop()
+
+
+@pytest.fixture
+def server(running_server: Server) -> Iterator[Server]:
+    """That server, without recordings."""
+    yield running_server
+    for told in running_server.recordings():
+        running_server.ask(f"/api/recordings/{told['id']}", "DELETE")
 
 
 @dataclass
