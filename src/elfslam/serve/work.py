@@ -50,6 +50,7 @@ STAGES = {
 NICENESS = 10
 """The server itself goes first."""
 DISK_FULL = "the server's disk is full; free some space there, then retry"
+NO_SPACE = {errno.ENOSPC: DISK_FULL, errno.EDQUOT: DISK_FULL, errno.EFBIG: None}
 
 Json = dict[str, Any]
 Announce = Callable[[str, float | None], None]
@@ -75,14 +76,18 @@ def _result(folder: Path, task: Json, announce: Announce) -> Json:
     except ElfslamError as error:
         return {"facts": None, "problem": in_words(error, folder)}
     except MemoryError:
-        most = task["limits"]["bytes"] / 2**30
-        return {"facts": None, "problem": f"needs more than {most:.1f} GiB of memory; cut it up"}
+        return {"facts": None, "problem": _too_large(task)}
     except OSError as error:
         traceback.print_exc()
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if error.errno not in NO_SPACE:
             raise
-        return {"facts": None, "problem": DISK_FULL}
+        return {"facts": None, "problem": NO_SPACE[error.errno] or _too_large(task)}
     return {"facts": facts, "problem": problem}
+
+
+def _too_large(task: Json) -> str:
+    most = task["limits"]["bytes"] / 2**30
+    return f"needs more than the {most:.2g} GiB that a job may take; cut the recording up"
 
 
 def in_words(error: ElfslamError, folder: Path) -> str:
@@ -132,8 +137,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
     }
-    # NaN is no JSON.
-    return json.loads(json.dumps(facts, default=str)), None
+    return facts, None
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
@@ -173,7 +177,7 @@ def _tell(told: TextIO, doing: str, share: float | None) -> None:
 
 
 def _say(told: TextIO, line: Json) -> None:
-    told.write(json.dumps(line) + "\n")
+    told.write(json.dumps(line, default=str) + "\n")
 
 
 def _limit(limits: Json) -> None:

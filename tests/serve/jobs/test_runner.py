@@ -100,6 +100,7 @@ def test_a_walk_becomes_the_map_that_the_command_makes_of_it(
         assert (ours / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes(), name
 
 
+@pytest.mark.slow
 def test_maps_are_merged_and_a_walk_is_located(
     owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
 ) -> None:
@@ -119,6 +120,7 @@ def test_maps_are_merged_and_a_walk_is_located(
     assert left_over(services) == []
 
 
+@pytest.mark.slow
 def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
     owner: TestClient, remember: Remember, ended: Wait
 ) -> None:
@@ -143,6 +145,7 @@ def test_what_a_recording_lacks_is_said_in_a_line_without_our_folders(
     assert left_over(services) == []
 
 
+@pytest.mark.slow
 def test_a_cancel_in_the_middle_leaves_nothing(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -164,6 +167,7 @@ def test_a_cancel_in_the_middle_leaves_nothing(
     assert sorted(services.settings.blobs_folder.glob("*/*")) == before
 
 
+@pytest.mark.slow
 def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -183,7 +187,6 @@ def test_a_job_that_takes_too_long_is_stopped(
     owner: TestClient, remember: Remember, ended: Wait, monkeypatch: pytest.MonkeyPatch,
     services: Services,
 ) -> None:  # fmt: skip
-    monkeypatch.setattr(child, "COMMAND", ("sleep", "60", "-"))
     monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
     limits = replace(services.settings.limits, job_s=0.5)
     object.__setattr__(services.settings, "limits", limits)
@@ -192,6 +195,19 @@ def test_a_job_that_takes_too_long_is_stopped(
     assert "took longer" in job["problem"]
 
 
+@pytest.mark.slow
+def test_a_job_that_takes_too_much_memory_fails_alone(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    limits = replace(services.settings.limits, job_bytes=2**20)
+    object.__setattr__(services.settings, "limits", limits)
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "one")))
+    assert job["state"] == "failed"
+    assert "than the 0.00098 GiB" in job["problem"] or "ended in the middle" in job["problem"]
+    assert left_over(services) == []
+
+
+@pytest.mark.slow
 def test_a_server_that_stops_gives_its_job_to_the_next(
     app: FastAPI, remember: Remember, ended: Wait, owner: TestClient, services: Services,
     anyone: TestClient,
