@@ -7,7 +7,7 @@ Usage, from the root of the project:
 Uploads: one file goes up in pieces while the server is killed and started again; the offset
 after each start may not lie below what was acknowledged. Completions: a recording that has come
 whole is completed while the server is killed; afterwards it is completed again, and there must
-be one ready recording and one job.
+be one ready recording and one job. Mappings: see `mapping_kills.py`.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
+from mapping_kills import kill_mappings
 from served import PIECE, TUS, completion, metadata, start, walk_files
 
 from elfslam.console import print_rows
@@ -147,6 +148,7 @@ def completed_again(
 KILLS: dict[str, Callable[[Path, int, int], list[Row]]] = {
     "uploads": kill_uploads,
     "completions": kill_completions,
+    "mappings": kill_mappings,
 }
 """What the server may be doing when it is killed."""
 
