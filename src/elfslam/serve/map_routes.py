@@ -139,7 +139,8 @@ def view_map(map_id: str, user: Me, services: Here) -> Response:
                 view = view_of(folder)
             except ElfslamError as error:
                 raise Problem(422, str(error).replace(str(folder), name)) from error
-    return Response(json.dumps(view, allow_nan=False), media_type="application/json")
+    content = json.dumps(view, allow_nan=False, separators=(",", ":"))
+    return Response(content, media_type="application/json")
 
 
 @router.get(

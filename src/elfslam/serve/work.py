@@ -50,7 +50,6 @@ STAGES = {
 NICENESS = 10
 """The server itself goes first."""
 DISK_FULL = "the server's disk is full; free some space there, then retry"
-NO_SPACE = {errno.ENOSPC: DISK_FULL, errno.EDQUOT: DISK_FULL, errno.EFBIG: None}
 
 Json = dict[str, Any]
 Announce = Callable[[str, float | None], None]
@@ -74,20 +73,24 @@ def _result(folder: Path, task: Json, announce: Announce) -> Json:
     try:
         facts, problem = WORK[task["kind"]](folder, task, announce)
     except ElfslamError as error:
-        return {"facts": None, "problem": in_words(error, folder)}
-    except MemoryError:
-        return {"facts": None, "problem": _too_large(task)}
-    except OSError as error:
+        problem = _no_space(error.__cause__, task) or in_words(error, folder)
+        return {"facts": None, "problem": problem}
+    except (MemoryError, OSError) as error:
         traceback.print_exc()
-        if error.errno not in NO_SPACE:
+        if (problem := _no_space(error, task)) is None:
             raise
-        return {"facts": None, "problem": NO_SPACE[error.errno] or _too_large(task)}
+        return {"facts": None, "problem": problem}
     return {"facts": facts, "problem": problem}
 
 
-def _too_large(task: Json) -> str:
-    most = task["limits"]["bytes"] / 2**30
-    return f"needs more than the {most:.2g} GiB that a job may take; cut the recording up"
+def _no_space(error: BaseException | None, task: Json) -> str | None:
+    """What to say of an error where memory or disk did not suffice."""
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return DISK_FULL
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
+        most = task["limits"]["bytes"] / 2**30
+        return f"needs more than the {most:.2g} GiB that a job may take; cut the recording up"
+    return None
 
 
 def in_words(error: ElfslamError, folder: Path) -> str:

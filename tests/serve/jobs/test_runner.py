@@ -8,7 +8,6 @@ import signal
 import time
 import zipfile
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from starlette.testclient import TestClient
 from elfslam.data.fixes_files import read_fixes
 from elfslam.mapping import MapJob, map_into
 from elfslam.senses import Settings
-from elfslam.serve import child
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services
 
@@ -181,30 +179,6 @@ def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
     owner.post(f"/api/jobs/{job_id}/retry")
     job = ended(owner, job_id)
     assert (job["state"], job["attempts"]) == ("done", 1)
-
-
-def test_a_job_that_takes_too_long_is_stopped(
-    owner: TestClient, remember: Remember, ended: Wait, monkeypatch: pytest.MonkeyPatch,
-    services: Services,
-) -> None:  # fmt: skip
-    monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
-    limits = replace(services.settings.limits, job_s=0.5)
-    object.__setattr__(services.settings, "limits", limits)
-    job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute")))
-    assert job["state"] == "failed"
-    assert "took longer" in job["problem"]
-
-
-@pytest.mark.slow
-def test_a_job_that_takes_too_much_memory_fails_alone(
-    owner: TestClient, remember: Remember, ended: Wait, services: Services
-) -> None:
-    limits = replace(services.settings.limits, job_bytes=2**20)
-    object.__setattr__(services.settings, "limits", limits)
-    job = ended(owner, start(owner, kind="map", recording=remember(owner, "one")))
-    assert job["state"] == "failed"
-    assert "than the 0.00098 GiB" in job["problem"] or "ended in the middle" in job["problem"]
-    assert left_over(services) == []
 
 
 @pytest.mark.slow
