@@ -26,6 +26,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.values import FixStatus
 from elfslam.data.fixes_files import write_fixes
+from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.joining import merge_into
@@ -119,7 +120,7 @@ def _facts_of_run(run: slam.Run) -> Json:
         "walks": 1,
         "footsteps": len(t_s),
         "duration_s": round(float(t_s[-1] - t_s[0]), 2),
-        "distance_m": round(float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum()), 2),
+        "distance_m": round(_length_m(xy_m), 2),
         "closures": len(run.closures.i),
         "closures_kept": kept_closures(run),
         "status": run.trajectory.status,
@@ -136,6 +137,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
     facts = {
         "walks": len(floor_map.sources),
         "spots": len(floor_map.xy_m),
+        "distance_m": round(sum(_length_m(line) for _, line in walk_lines(floor_map)), 2),
         "pairs": made.pairs,
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
@@ -168,6 +170,10 @@ def _problem_of(check: Callable[[], None]) -> str | None:
     except NoAnswerError as failure:
         return str(failure)
     return None
+
+
+def _length_m(xy_m: F64) -> float:
+    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
 
 
 def _bounds(xy_m: F64) -> list[float]:

@@ -111,6 +111,10 @@ def test_maps_are_merged_and_a_walk_is_located(
     assert (floor["name"], floor["kind"]) == ("the studio", "floor")
     assert floor["sources"] == recordings
     assert floor["facts"]["walks"] == 2
+    told = [owner.get(f"/api/maps/{each}").json()["facts"]["distance_m"] for each in maps]
+    assert floor["facts"]["distance_m"] == pytest.approx(sum(told), rel=0.1)
+    again = ended(owner, start(owner, kind="merge", maps=[floor["id"], maps[0]]))
+    assert "in the map already" in again["problem"]
     located = ended(owner, start(owner, kind="locate", recording=recordings[1], map=floor["id"]))
     assert located["problem"] is None
     (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{located['id']}/fixes.csv").content)
