@@ -2,12 +2,12 @@
 
 Usage, from the root of the project:
 
-    python benchmarks/server_kills.py [--rounds 20] [--seed 0]
+    python benchmarks/server_kills.py [--rounds 20] [--seed 0] [--only uploads]
 
 Uploads: one file goes up in pieces while the server is killed and started again; the offset
 after each start may not lie below what was acknowledged. Completions: a recording that has come
 whole is completed while the server is killed; afterwards it is completed again, and there must
-be one ready recording and one job.
+be one ready recording and one job. Mappings: see `mapping_kills.py`.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 import httpx
-from served import PIECE, TUS, completion, metadata, start, walk_files
+from mapping_kills import kill_mappings
+from served import PIECE, TUS, Served, completion, metadata, start, walk_files
 
 from elfslam.console import print_rows
 
 PIECE_BYTES = 20_000
-SLOWEST_S = 4.0
 Row = dict[str, object]
 
 
-def killed_after(served: object, delay_s: float) -> threading.Timer:
+def killed_after(served: Served, delay_s: float) -> threading.Timer:
     """Kill a server after a while."""
-    timer = threading.Timer(delay_s, served.kill)  # type: ignore[attr-defined]
+    timer = threading.Timer(delay_s, served.kill)
     timer.start()
     return timer
 
@@ -44,29 +44,38 @@ def kill_uploads(folder: Path, rounds: int, seed: int) -> list[Row]:
     """One upload, over so many kills."""
     generator = random.Random(seed)
     whole = generator.randbytes(PIECE_BYTES * 25 * (rounds + 1))
-    data, rows, place, acknowledged = folder / "uploads", [], "", 0
-    for round_ in range(rounds):
+    data, acknowledged, place = folder / "uploads", [0], ""
+    found: list[int] = []
+    for _ in range(rounds):
         served = start(data)
         with served.client() as client:
             place = place or begin(client, len(whole))
-            found = offset_of(client, place)
-            rows and rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
-            acknowledged = send(client, place, whole, found, generator.randint(1, 20))
-            delay_s = generator.uniform(0, 0.05)
-            timer = killed_after(served, delay_s)
-            acknowledged = send(client, place, whole, acknowledged, len(whole))
+            found.append(offset_of(client, place))
+            offset = send(client, place, whole, found[-1], generator.randint(1, 20))
+            timer = killed_after(served, generator.uniform(0, 0.05))
+            acknowledged.append(send(client, place, whole, offset, len(whole)))
             timer.join()
-        row: Row = {"killed while": "uploading", "round": round_ + 1, "acknowledged": acknowledged}
-        rows.append(row)
     served = start(data)
     with served.client() as client:
-        found = offset_of(client, place)
-        rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
-        send(client, place, whole, found, len(whole))
+        found.append(offset_of(client, place))
+        send(client, place, whole, found[-1], len(whole))
     served.kill()
     kept = (data / "uploads" / place.rpartition("/")[2]).read_bytes()
     same = hashlib.sha256(kept).digest() == hashlib.sha256(whole).digest()
-    return [{**row, "resumed": same} for row in rows]
+    pairs = zip(acknowledged[1:], found[1:], strict=True)
+    return [row("uploading", k, told, there, resumed=same) for k, (told, there) in enumerate(pairs)]
+
+
+def row(doing: str, round_: int, acknowledged: int, found: int, *, resumed: bool) -> Row:
+    """One kill, in the table."""
+    return {
+        "killed while": doing,
+        "round": round_ + 1,
+        "acknowledged": acknowledged,
+        "found": found,
+        "lost": max(0, acknowledged - found),
+        "resumed": resumed,
+    }
 
 
 def begin(client: httpx.Client, length: int, name: str = "audio.flac", walk: str = "") -> str:
@@ -103,25 +112,39 @@ def kill_completions(folder: Path, rounds: int, seed: int) -> list[Row]:
     generator = random.Random(seed)
     files = walk_files(folder / "walk", 2.0)
     data, rows = folder / "completions", []
-    whole_bytes = sum(map(len, files.values()))
+    taken_s = seconds_of_completion(folder / "whole", files)
     for round_ in range(rounds):
         served = start(data)
         with served.client() as client:
-            walk = client.post("/api/recordings", json={"name": f"walk {round_}"}).json()["id"]
-            for name, content in files.items():
-                send(client, begin(client, len(content), name, walk), content, 0, len(content))
-            delay_s = generator.uniform(0, SLOWEST_S)
-            timer = killed_after(served, delay_s)
+            walk = sent(client, files)
+            timer = killed_after(served, generator.uniform(0, 1.5 * taken_s))
             with contextlib.suppress(httpx.TransportError):
                 client.post(f"/api/recordings/{walk}/complete", json=completion(files))
             timer.join()
-        rows.append(completed_again(data, walk, files, round_, whole_bytes))
+        rows.append(completed_again(data, walk, files, round_))
     return rows
 
 
-def completed_again(
-    data: Path, walk: str, files: dict[str, bytes], round_: int, whole_bytes: int
-) -> Row:
+def seconds_of_completion(data: Path, files: dict[str, bytes]) -> float:
+    """How long a completion takes that is not killed."""
+    served = start(data)
+    with served.client() as client:
+        walk, begin_s = sent(client, files), time.monotonic()
+        client.post(f"/api/recordings/{walk}/complete", json=completion(files))
+        taken_s = time.monotonic() - begin_s
+    served.kill()
+    return taken_s
+
+
+def sent(client: httpx.Client, files: dict[str, bytes]) -> str:
+    """The id of a recording whose files have all come."""
+    walk = str(client.post("/api/recordings", json={"name": "walk"}).json()["id"])
+    for name, content in files.items():
+        send(client, begin(client, len(content), name, walk), content, 0, len(content))
+    return walk
+
+
+def completed_again(data: Path, walk: str, files: dict[str, bytes], round_: int) -> Row:
     """What is there after the kill, and after the completion was asked for again."""
     served = start(data)
     with served.client() as client:
@@ -134,19 +157,14 @@ def completed_again(
         asked = "select count(*) from jobs where json_extract(given, '$.recording') = ?"
         (jobs,) = database.execute(asked, (walk,)).fetchone()
     ready = again.status_code == 200 and again.json()["state"] == "ready" and jobs == 1
-    return {
-        "killed while": f"completing, {before['state']}",
-        "round": round_ + 1,
-        "acknowledged": whole_bytes,
-        "found": found,
-        "lost": max(0, whole_bytes - found),
-        "resumed": ready,
-    }
+    whole_bytes = sum(map(len, files.values()))
+    return row(f"completing, {before['state']}", round_, whole_bytes, found, resumed=ready)
 
 
 KILLS: dict[str, Callable[[Path, int, int], list[Row]]] = {
     "uploads": kill_uploads,
     "completions": kill_completions,
+    "mappings": kill_mappings,
 }
 """What the server may be doing when it is killed."""
 
