@@ -103,11 +103,7 @@ async def begin_upload(
     checksum = tus.parse_checksum(upload_checksum)
     upload = await run_in_threadpool(begin, services, user, wanted)
     if content_type:
-        tus.check_content_type(content_type)
-        with services.busy.alone([upload.id]):
-            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
-            file = file_of(services.settings, upload.id)
-            await append(file, request.receive, room, checksum)
+        await _append_at_once(services, upload, request, content_type, checksum)
     headers = await _headers_when_written(services, upload)
     return Response(status_code=201, headers={"Location": f"{UPLOADS}/{upload.id}", **headers})
 
@@ -179,6 +175,25 @@ def end_upload(upload_id: str, user: Me, services: Here) -> Response:
     with services.busy.alone([upload_id]):
         forget_upload(services, upload_id)
     return Response(status_code=204)
+
+
+async def _append_at_once(
+    services: Services,
+    upload: Upload,
+    request: Request,
+    content_type: str,
+    checksum: tus.Checksum | None,
+) -> None:
+    """The body of a creation; where it fails there is no upload, as nobody heard of it."""
+    try:
+        tus.check_content_type(content_type)
+        with services.busy.alone([upload.id]):
+            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
+            file = file_of(services.settings, upload.id)
+            await append(file, request.receive, room, checksum)
+    except BaseException:
+        forget_upload(services, upload.id)
+        raise
 
 
 def _claimed(request: Request) -> int:
