@@ -34,20 +34,22 @@ def with_own_noise(
     """The poses (n, 3) that steps as noisy as the closures find them give, and how sure those are.
 
     One factor for the variances of all steps in each of forward, left and turn. Steps err alike
-    too, so poses lean on them less than the uncertainty of the graph that comes back would allow.
-    `poses` solve the graph as it is. Both as they were where it has no closures.
+    too, by their scale: poses lean on none of them more than was stated, while the uncertainty of
+    the graph that comes back is as told. `poses` solve the graph as it is. Both as they were where
+    it has no closures.
     """
     if not (parameters.noise_rounds and graph.is_closure.any()):
         return poses, graph
     pattern = pattern_of(graph.edges, len(poses))
-    weighed, factor = graph, np.ones(3)
+    told, factor, trial = graph, np.ones(3), poses
     for _ in range(parameters.noise_rounds):
-        told = factor * variance_factors(weighed, poses, parameters)
-        factor = np.maximum(told, parameters.least_weighed_noise**2)
-        weighed = _with_step_variances(graph, factor)
-        poses, _ = settle(weighed, poses, pattern, parameters.anchor_sigma, SETTLING_STEPS)
-    told = factor * variance_factors(weighed, poses, parameters)
-    return poses, _with_step_variances(graph, np.maximum(told, parameters.least_step_noise**2))
+        factor = factor * variance_factors(told, trial, parameters)
+        factor = np.maximum(factor, parameters.least_step_noise**2)
+        told = _with_step_variances(graph, factor)
+        trial, _ = settle(told, trial, pattern, parameters.anchor_sigma, SETTLING_STEPS)
+    leaning = _with_step_variances(graph, np.maximum(factor, 1.0))
+    poses, _ = settle(leaning, poses, pattern, parameters.anchor_sigma, SETTLING_STEPS)
+    return poses, told
 
 
 def variance_factors(graph: PoseGraph, poses: F64, parameters: GraphParameters) -> F64:

@@ -41,11 +41,12 @@ class GraphParameters:
         low=0.0,
         high=1e6,
     )
-    least_weighed_noise: float = parameter(
-        0.5, "", "poses lean on steps as on this share of their stated noise, no more", low=0.01
-    )
     least_step_noise: float = parameter(
-        0.25, "", "steps are held for no more exact than this share of it", low=0.01, high=1.0
+        0.25,
+        "",
+        "steps are held for no surer than by this share of their sigmas",
+        low=0.01,
+        high=1.0,
     )
     anchor_sigma: float = parameter(1e-3, "m, rad", "sigma of the start pose", low=1e-6, high=10.0)
     iterations: int = parameter(100, "", "most iterations of the solver", low=1, high=10_000)
