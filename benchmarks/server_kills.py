@@ -2,12 +2,12 @@
 
 Usage, from the root of the project:
 
-    python benchmarks/server_kills.py [--rounds 20] [--seed 0]
+    python benchmarks/server_kills.py [--rounds 20] [--seed 0] [--only uploads]
 
 Uploads: one file goes up in pieces while the server is killed and started again; the offset
 after each start may not lie below what was acknowledged. Completions: a recording that has come
 whole is completed while the server is killed; afterwards it is completed again, and there must
-be one ready recording and one job.
+be one ready recording and one job. Mappings: see `mapping_kills.py`.
 """
 
 from __future__ import annotations
@@ -16,57 +16,65 @@ import argparse
 import contextlib
 import hashlib
 import random
-import sqlite3
 import tempfile
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import httpx
-from served import PIECE, TUS, completion, metadata, start, walk_files
+from mapping_kills import kill_mappings
+from served import PIECE, TUS, Served, completion, metadata, start, walk_files
 
-from elfslam.console import print_rows
+from elfslam.console import print_rows, say
 
 PIECE_BYTES = 20_000
-SLOWEST_S = 4.0
 Row = dict[str, object]
 
 
-def killed_after(served: object, delay_s: float) -> threading.Timer:
+def killed_after(served: Served, delay_s: float) -> threading.Timer:
     """Kill a server after a while."""
-    timer = threading.Timer(delay_s, served.kill)  # type: ignore[attr-defined]
+    timer = threading.Timer(delay_s, served.kill)
     timer.start()
     return timer
 
 
-def kill_uploads(folder: Path, rounds: int, seed: int) -> list[Row]:
-    """One upload, over so many kills."""
+def kill_uploads(folder: Path, rounds: int, seed: int) -> Iterator[Row]:
+    """One upload, over so many kills; after each what is there is the beginning of the file."""
     generator = random.Random(seed)
     whole = generator.randbytes(PIECE_BYTES * 25 * (rounds + 1))
-    data, rows, place, acknowledged = folder / "uploads", [], "", 0
-    for round_ in range(rounds):
-        served = start(data)
-        with served.client() as client:
-            place = place or begin(client, len(whole))
-            found = offset_of(client, place)
-            rows and rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
-            acknowledged = send(client, place, whole, found, generator.randint(1, 20))
-            delay_s = generator.uniform(0, 0.05)
-            timer = killed_after(served, delay_s)
-            acknowledged = send(client, place, whole, acknowledged, len(whole))
-            timer.join()
-        row: Row = {"killed while": "uploading", "round": round_ + 1, "acknowledged": acknowledged}
-        rows.append(row)
-    served = start(data)
+    served = start(folder / "uploads")
     with served.client() as client:
-        found = offset_of(client, place)
-        rows[-1].update({"found": found, "lost": max(0, acknowledged - found)})
+        place = begin(client, len(whole))
+    file, found = folder / "uploads" / "uploads" / place.rpartition("/")[2], 0
+    for round_ in range(rounds):
+        with served.client() as client:
+            offset = send(client, place, whole, found, generator.randint(1, 20))
+            timer = killed_after(served, generator.uniform(0, 0.05))
+            acknowledged = send(client, place, whole, offset, len(whole))
+            timer.join()
+        served = start(folder / "uploads")
+        with served.client() as client:
+            found = offset_of(client, place)
+        resumed = file.read_bytes() == whole[:found]
+        yield row("uploading", round_, acknowledged, found, resumed=resumed)
+    with served.client() as client:
         send(client, place, whole, found, len(whole))
     served.kill()
-    kept = (data / "uploads" / place.rpartition("/")[2]).read_bytes()
-    same = hashlib.sha256(kept).digest() == hashlib.sha256(whole).digest()
-    return [{**row, "resumed": same} for row in rows]
+    if hashlib.sha256(file.read_bytes()).digest() != hashlib.sha256(whole).digest():
+        raise SystemExit("what went up is not what is there")
+
+
+def row(doing: str, round_: int, acknowledged: int, found: int, *, resumed: bool) -> Row:
+    """One kill, in the table."""
+    return {
+        "killed while": doing,
+        "round": round_ + 1,
+        "acknowledged": acknowledged,
+        "found": found,
+        "lost": max(0, acknowledged - found),
+        "resumed": resumed,
+    }
 
 
 def begin(client: httpx.Client, length: int, name: str = "audio.flac", walk: str = "") -> str:
@@ -98,55 +106,57 @@ def send(client: httpx.Client, place: str, whole: bytes, offset: int, pieces: in
     return offset
 
 
-def kill_completions(folder: Path, rounds: int, seed: int) -> list[Row]:
+def kill_completions(folder: Path, rounds: int, seed: int) -> Iterator[Row]:
     """So many recordings, each completed by a server that is killed meanwhile."""
-    generator = random.Random(seed)
+    generator, data = random.Random(seed), folder / "completions"
     files = walk_files(folder / "walk", 2.0)
-    data, rows = folder / "completions", []
-    whole_bytes = sum(map(len, files.values()))
+    served = start(data)
+    taken_s = seconds_of_completion(served, files)
     for round_ in range(rounds):
-        served = start(data)
         with served.client() as client:
-            walk = client.post("/api/recordings", json={"name": f"walk {round_}"}).json()["id"]
-            for name, content in files.items():
-                send(client, begin(client, len(content), name, walk), content, 0, len(content))
-            delay_s = generator.uniform(0, SLOWEST_S)
-            timer = killed_after(served, delay_s)
+            walk = sent(client, files)
+            timer = killed_after(served, generator.uniform(0, 1.5 * taken_s))
             with contextlib.suppress(httpx.TransportError):
                 client.post(f"/api/recordings/{walk}/complete", json=completion(files))
             timer.join()
-        rows.append(completed_again(data, walk, files, round_, whole_bytes))
-    return rows
+        served = start(data)
+        yield completed_again(served, walk, files, round_)
+    served.kill()
 
 
-def completed_again(
-    data: Path, walk: str, files: dict[str, bytes], round_: int, whole_bytes: int
-) -> Row:
+def seconds_of_completion(served: Served, files: dict[str, bytes]) -> float:
+    """How long a completion takes that is not killed."""
+    with served.client() as client:
+        walk, begin_s = sent(client, files), time.monotonic()
+        client.post(f"/api/recordings/{walk}/complete", json=completion(files))
+        return time.monotonic() - begin_s
+
+
+def sent(client: httpx.Client, files: dict[str, bytes]) -> str:
+    """The id of a recording whose files have all come."""
+    walk = str(client.post("/api/recordings", json={"name": "walk"}).json()["id"])
+    for name, content in files.items():
+        send(client, begin(client, len(content), name, walk), content, 0, len(content))
+    return walk
+
+
+def completed_again(served: Served, walk: str, files: dict[str, bytes], round_: int) -> Row:
     """What is there after the kill, and after the completion was asked for again."""
-    served = start(data)
     with served.client() as client:
         before = client.get(f"/api/recordings/{walk}").json()
         found = sum(entry["size_bytes"] for entry in before["files"])
         found += sum(entry["offset_bytes"] for entry in before["uploads"])
         again = client.post(f"/api/recordings/{walk}/complete", json=completion(files))
-    served.kill()
-    with sqlite3.connect(data / "elfslam.sqlite") as database:
-        asked = "select count(*) from jobs where json_extract(given, '$.recording') = ?"
-        (jobs,) = database.execute(asked, (walk,)).fetchone()
-    ready = again.status_code == 200 and again.json()["state"] == "ready" and jobs == 1
-    return {
-        "killed while": f"completing, {before['state']}",
-        "round": round_ + 1,
-        "acknowledged": whole_bytes,
-        "found": found,
-        "lost": max(0, whole_bytes - found),
-        "resumed": ready,
-    }
+        jobs = client.get("/api/jobs", params={"recording": walk}).json()
+    ready = again.status_code == 200 and again.json()["state"] == "ready" and len(jobs) == 1
+    whole_bytes = sum(map(len, files.values()))
+    return row(f"completing, {before['state']}", round_, whole_bytes, found, resumed=ready)
 
 
-KILLS: dict[str, Callable[[Path, int, int], list[Row]]] = {
+KILLS: dict[str, Callable[[Path, int, int], Iterable[Row]]] = {
     "uploads": kill_uploads,
     "completions": kill_completions,
+    "mappings": kill_mappings,
 }
 """What the server may be doing when it is killed."""
 
@@ -161,12 +171,12 @@ def main() -> None:
     begin_s, rows = time.monotonic(), []
     with tempfile.TemporaryDirectory() as folder:
         for name in [known.only] if known.only else list(KILLS):
-            rows += KILLS[name](Path(folder), known.rounds, known.seed)
+            for kill in KILLS[name](Path(folder), known.rounds, known.seed):
+                rows.append(kill)
+                say(", ".join(f"{key} {cell}" for key, cell in kill.items()))
     print_rows(rows, title="The server, killed", as_json=False)
-    lost, resumed = (
-        sum(int(str(row["lost"])) for row in rows),
-        sum(row["resumed"] is True for row in rows),
-    )
+    lost = sum(int(str(kill["lost"])) for kill in rows)
+    resumed = sum(kill["resumed"] is True for kill in rows)
     spent_s = time.monotonic() - begin_s
     print(
         f"{len(rows)} kills in {spent_s:.0f} s: {lost} acknowledged bytes lost, {resumed} resumed"

@@ -16,7 +16,7 @@ from schemathesis.checks import CHECKS, load_all_checks
 from schemathesis.generation import GenerationMode
 
 Start = Callable[..., Any]
-EXAMPLES = 4
+EXAMPLES = 3
 """Of each operation, good ones and as many bad ones."""
 OFTEN = {"token_requests_per_s": 1e6, "address_requests_per_s": 1e6, "users": 10_000}
 KNOWN_STATUSES = {200, 201, 202, 204, 206, 304, 400, 401, 403, 404, 405, 406, 408, 409}

@@ -128,6 +128,17 @@ def test_creation_with_upload(owner: TestClient, services: Services) -> None:
     assert on_disk(services, answer.headers["location"]) == DATA[:700]
 
 
+def test_a_creation_whose_body_is_refused_leaves_nothing(
+    owner: TestClient, services: Services
+) -> None:
+    told = f"recording {coded(begun(owner))},filename {coded('wifi.csv')}"
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": "3"}
+    answer = owner.post("/api/uploads", headers=headers, content=DATA)
+    assert answer.status_code == 413
+    assert owner.get("/api/recordings").json()[0]["uploads"] == []
+    assert list(services.settings.uploads_folder.iterdir()) == []
+
+
 def test_termination_deletes(owner: TestClient, services: Services, place: str) -> None:
     assert append(owner, place, 0, DATA) == 204
     assert owner.delete(place, headers=TUS).status_code == 204

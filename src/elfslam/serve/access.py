@@ -42,7 +42,7 @@ def user_of_token(session: Session, token: str) -> User | None:
     return user if user and hmac.compare_digest(user.token_sha256, wanted) else None
 
 
-def given_token(
+async def given_token(
     bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
     cookie: Annotated[str | None, Security(IN_COOKIE)],
 ) -> str:
@@ -67,7 +67,7 @@ Me = Annotated[User, Depends(current_user)]
 """A route's parameter: the user who asks."""
 
 
-def owner(user: Me) -> User:
+async def owner(user: Me) -> User:
     """The user who asks, if they own the server. Raises Problem 403."""
     if not user.is_owner:
         raise Problem(403, "only the owner of this server may do that; ask them")

@@ -86,11 +86,17 @@ def _news(process: subprocess.Popen[bytes]) -> Iterator[dict[str, Any] | None]:
                 if not came:
                     return
                 *lines, rest = (rest + came).split(b"\n")
-                latest = json.loads(lines[-1]) if lines else latest
+                latest = _read(lines[-1]) if lines else latest
             ended = latest is not None and "problem" in latest
             if ended or time.monotonic() >= due_s:
                 yield latest
                 latest, due_s = None, time.monotonic() + PATIENCE_S
+
+
+def _read(line: bytes) -> dict[str, Any]:
+    """A line of JSON; numbers that are none are nothing, for neither browsers nor SQL know them."""
+    read: dict[str, Any] = json.loads(line, parse_constant=lambda name: None)
+    return read
 
 
 def _why(code: int) -> str:

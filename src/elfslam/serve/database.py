@@ -13,11 +13,16 @@ from enum import StrEnum
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Engine, ForeignKey, create_engine, event
-from sqlalchemy.engine import Connection
+from sqlalchemy.engine import Connection, make_url
+from sqlalchemy.exc import ArgumentError, DBAPIError
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
 from sqlalchemy.types import TypeDecorator
 
+from elfslam.base.errors import InputError, StoreError
+
 Sessions = sessionmaker[Session]
+CONNECTIONS = 20
+"""As many are kept open, and ten more are opened when those are in use."""
 
 
 class RecordingState(StrEnum):
@@ -196,13 +201,37 @@ def open_database(url: str) -> Engine:
     """The database at an SQLAlchemy URL, its tables made where they are missing.
 
     SQLite writes ahead and syncs every commit, so that what was acknowledged survives a kill.
+    Raises InputError for a URL that is none, StoreError where the database does not answer.
     """
-    engine = create_engine(url, pool_pre_ping=True)
+    try:
+        engine = create_engine(url, pool_pre_ping=True, pool_size=CONNECTIONS)
+    except (ArgumentError, ModuleNotFoundError, TypeError) as error:
+        raise InputError(
+            f"database {_hidden(url)}: {error}; wanted such as postgresql+psycopg://USER@HOST/NAME"
+        ) from error
     if engine.dialect.name == "sqlite":
         event.listen(engine, "connect", _as_careful_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
-    Base.metadata.create_all(engine)
+    try:
+        Base.metadata.create_all(engine)
+    except DBAPIError as error:
+        raise StoreError(
+            f"database {_hidden(url)}: cannot be opened ({_first_line(error.orig)}); is it there, "
+            "and may you write to it?"
+        ) from error
     return engine
+
+
+def _hidden(url: str) -> str:
+    """A URL without its password."""
+    try:
+        return make_url(url).render_as_string(hide_password=True)
+    except ArgumentError:
+        return repr(url[:40])
+
+
+def _first_line(error: object) -> str:
+    return str(error).strip().partition("\n")[0]
 
 
 def _as_careful_sqlite(connection: Any, _record: object) -> None:

@@ -37,14 +37,13 @@ def upload_bytes(settings: ServerSettings, upload_id: str) -> int:
 
 
 def used_bytes(services: Services, session: Session, user_id: str) -> int:
-    """What lies here of a user: recordings, maps, and what is on its way."""
-    recordings = (
-        select(func.sum(RecordingFile.size_bytes)).join(Recording).filter_by(user_id=user_id)
-    )
-    maps = select(func.sum(MapFile.size_bytes)).join(Map).filter_by(user_id=user_id)
+    """What lies here of a user: recordings, maps, what jobs made, and what is on its way."""
+    kept = 0
+    for table, of in ((RecordingFile, Recording), (MapFile, Map), (JobFile, Job)):
+        mine = select(func.sum(table.size_bytes)).join(of).where(of.user_id == user_id)
+        kept += int(session.scalar(mine) or 0)
     uploads = session.scalars(select(Upload.id).filter_by(user_id=user_id))
-    on_the_way = sum(upload_bytes(services.settings, name) for name in uploads)
-    return int(session.scalar(recordings) or 0) + int(session.scalar(maps) or 0) + on_the_way
+    return kept + sum(upload_bytes(services.settings, name) for name in uploads)
 
 
 def drop_unnamed(services: Services, sha256s: Iterable[str]) -> None:

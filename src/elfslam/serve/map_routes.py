@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
@@ -11,7 +12,7 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
 from elfslam.base.errors import ElfslamError
@@ -108,7 +109,8 @@ def list_maps(user: Me, services: Here) -> list[MapBody]:
     """Your maps, the newest first."""
     found = select(Map).where(Map.user_id == user.id).order_by(Map.created_utc.desc(), Map.id)
     with reading(services.sessions) as session:
-        return [body_of(session, each) for each in session.scalars(found)]
+        files = _files(session, Map.user_id == user.id)
+        return [_body(each, files[each.id]) for each in session.scalars(found)]
 
 
 @router.get("/maps/{map_id}", operation_id="get_map")
@@ -137,7 +139,8 @@ def view_map(map_id: str, user: Me, services: Here) -> Response:
                 view = view_of(folder)
             except ElfslamError as error:
                 raise Problem(422, str(error).replace(str(folder), name)) from error
-    return Response(json.dumps(view, allow_nan=False), media_type="application/json")
+    content = json.dumps(view, allow_nan=False, separators=(",", ":"))
+    return Response(content, media_type="application/json")
 
 
 @router.get(
@@ -193,13 +196,21 @@ def export_map(
 
 def body_of(session: Session, each: Map) -> MapBody:
     """A map as the API tells it."""
-    rows = select(MapFile).where(MapFile.map_id == each.id, MapFile.name != FLOOR_PLAN)
-    files = [
-        FileBody.model_validate(row, from_attributes=True)
-        for row in session.scalars(rows.order_by(MapFile.name))
-    ]
+    return _body(each, _files(session, Map.id == each.id)[each.id])
+
+
+def _body(each: Map, files: list[FileBody]) -> MapBody:
     told = {name: getattr(each, name) for name in MapBody.model_fields if name != "files"}
     return MapBody(**told, files=files)
+
+
+def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[FileBody]]:
+    """The files of some maps' folders, by the map."""
+    rows = select(MapFile).join(Map).where(of_maps, MapFile.name != FLOOR_PLAN)
+    found: dict[str, list[FileBody]] = defaultdict(list)
+    for row in session.scalars(rows.order_by(MapFile.name)):
+        found[row.map_id].append(FileBody.model_validate(row, from_attributes=True))
+    return found
 
 
 def my_map(session: Session, user: User, map_id: str) -> Map:

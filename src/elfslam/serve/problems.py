@@ -13,6 +13,7 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
 from pydantic import BaseModel
 from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
 from elfslam.base.errors import InputError, ParameterError, StoreError
@@ -96,8 +97,9 @@ def install_problems(app: FastAPI) -> None:
     app.add_exception_handler(RequestValidationError, _of_validation)
     for kind in (InputError, ParameterError, StoreError):
         app.add_exception_handler(kind, _of_input)
-    app.add_exception_handler(OSError, _of_disk_or_bug)
-    app.add_exception_handler(OperationalError, _of_disk_or_bug)
+    app.add_exception_handler(OSError, _of_disk)
+    for away in (OperationalError, PoolTimeout):
+        app.add_exception_handler(away, _of_database)
     app.add_exception_handler(Exception, _of_bug)
 
 
@@ -120,13 +122,18 @@ async def _of_input(_request: Request, error: Exception) -> JSONResponse:
     return problem_response(422, str(error))
 
 
-async def _of_disk_or_bug(request: Request, error: Exception) -> JSONResponse:
+async def _of_disk(request: Request, error: Exception) -> JSONResponse:
     if is_disk_full(error):
         full = disk_full()
         return problem_response(full.status_code, full.detail, full.headers)
-    if isinstance(error, OperationalError) and "locked" in str(error).lower():
-        return problem_response(503, "the database is busy; try again", {"Retry-After": "2"})
     return await _of_bug(request, error)
+
+
+async def _of_database(request: Request, error: Exception) -> JSONResponse:
+    if is_disk_full(error):
+        return await _of_disk(request, error)
+    LOG.error("%s %s: the database", request.method, request.url.path, exc_info=error)
+    return problem_response(503, "the database does not answer; try again", {"Retry-After": "5"})
 
 
 async def _of_bug(request: Request, error: Exception) -> JSONResponse:

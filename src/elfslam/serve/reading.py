@@ -28,7 +28,7 @@ class Found:
 
 def read_apart(folder: Path, limits: Limits) -> Found:
     """What a process of its own finds in a folder. Raises Problem 503 where that was killed."""
-    command = [sys.executable, "-m", READER, str(folder), str(limits.reading_bytes)]
+    command = [sys.executable, "-P", "-m", READER, str(folder), str(limits.reading_bytes)]
     try:
         done = subprocess.run(
             command, capture_output=True, timeout=limits.reading_s, check=False, text=True

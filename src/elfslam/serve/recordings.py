@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
 from datetime import datetime
 from typing import Annotated, Any
 from urllib.parse import quote
@@ -118,7 +119,7 @@ def list_recordings(user: Me, services: Here) -> list[RecordingBody]:
     newest = (Recording.created_utc.desc(), Recording.id)
     with reading(services.sessions) as session:
         mine = session.scalars(select(Recording).filter_by(user_id=user.id).order_by(*newest))
-        return [_body(services, session, recording) for recording in mine]
+        return _bodies(services, session, mine.all())
 
 
 @router.get("/{recording_id}", operation_id="get_recording")
@@ -165,7 +166,7 @@ def download_recording(recording_id: str, user: Me, services: Here) -> Streaming
     """The recording's folder as a .zip, which `elfslam map` reads."""
     with reading(services.sessions) as session:
         recording = my_recording(session, user, recording_id)
-        files = list(_files(session, recording))
+        files = list(_files(session, [recording]))
     if recording.state == RecordingState.RECEIVING:
         raise Problem(409, "this recording is still being received; complete it first")
     folder = services.settings.blobs_folder
@@ -203,36 +204,48 @@ def _complete(
         return _body(services, session, recording)
 
 
-def _files(session: Session, recording: Recording) -> Iterable[RecordingFile]:
-    mine = select(RecordingFile).filter_by(recording_id=recording.id)
+def _files(session: Session, recordings: Sequence[Recording]) -> Iterable[RecordingFile]:
+    ids = [recording.id for recording in recordings]
+    mine = select(RecordingFile).where(RecordingFile.recording_id.in_(ids))
     return session.scalars(mine.order_by(RecordingFile.name))
 
 
 def _body(services: Services, session: Session, recording: Recording) -> RecordingBody:
-    uploads = session.scalars(
-        select(Upload)
-        .filter_by(recording_id=recording.id, finished=False)
-        .order_by(Upload.created_utc, Upload.id)
-    )
-    return RecordingBody(
-        id=recording.id,
-        name=recording.name,
-        device=recording.device,
-        state=RecordingState(recording.state),
-        refusal=recording.refusal,
-        facts=recording.facts,
-        files=[
-            FileBody(name=file.name, size_bytes=file.size_bytes, sha256=file.sha256)
-            for file in _files(session, recording)
-        ],
-        uploads=[
-            UploadBody(
-                id=upload.id,
-                file_name=upload.file_name,
-                offset_bytes=upload_bytes(services.settings, upload.id),
-                length_bytes=upload.length_bytes,
-            )
-            for upload in uploads
-        ],
-        created_utc=recording.created_utc,
+    return _bodies(services, session, [recording])[0]
+
+
+def _bodies(
+    services: Services, session: Session, recordings: Sequence[Recording]
+) -> list[RecordingBody]:
+    """Recordings as the API tells them, in a few queries however many they are."""
+    ids = [recording.id for recording in recordings]
+    open_ones = select(Upload).filter_by(finished=False).where(Upload.recording_id.in_(ids))
+    files, uploads = defaultdict(list), defaultdict(list)
+    for file in _files(session, recordings):
+        told = FileBody(name=file.name, size_bytes=file.size_bytes, sha256=file.sha256)
+        files[file.recording_id].append(told)
+    for upload in session.scalars(open_ones.order_by(Upload.created_utc, Upload.id)):
+        uploads[upload.recording_id].append(_on_its_way(services, upload))
+    return [
+        RecordingBody(
+            id=recording.id,
+            name=recording.name,
+            device=recording.device,
+            state=RecordingState(recording.state),
+            refusal=recording.refusal,
+            facts=recording.facts,
+            files=files[recording.id],
+            uploads=uploads[recording.id],
+            created_utc=recording.created_utc,
+        )
+        for recording in recordings
+    ]
+
+
+def _on_its_way(services: Services, upload: Upload) -> UploadBody:
+    return UploadBody(
+        id=upload.id,
+        file_name=upload.file_name,
+        offset_bytes=upload_bytes(services.settings, upload.id),
+        length_bytes=upload.length_bytes,
     )

@@ -35,6 +35,8 @@ OWNER_TOKEN = "owner.token"
 LAST_URL = "url"
 STOP_S = 10
 """How long requests that are being answered may go on when the server is stopped."""
+KEEP_ALIVE_S = 60
+"""A phone that sends a piece now and then keeps its connection."""
 MOST_CONNECTIONS = 500
 
 
@@ -62,6 +64,7 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
         server_header=False,
         proxy_headers=listening.plain_http,
         timeout_graceful_shutdown=STOP_S,
+        timeout_keep_alive=KEEP_ALIVE_S,
         limit_concurrency=MOST_CONNECTIONS,
     )
     if not listening.plain_http:

@@ -70,8 +70,8 @@ def open_services(settings: ServerSettings) -> Services:
     )
 
 
-def services_of(request: Request) -> Services:
-    """The services of the app that answers."""
+async def services_of(request: Request) -> Services:
+    """The services of the app that answers; waits for nothing, so it needs no thread."""
     services = request.app.state.services
     assert isinstance(services, Services)
     return services

@@ -122,7 +122,26 @@ def mine(services: Services, user: User, upload_id: str) -> Upload:
     return upload
 
 
-def at_offset(services: Services, user: User, upload_id: str, offset: int) -> Upload:
+@dataclass(frozen=True)
+class Appended:
+    """What somebody wants to add: where, of how much in all if that was deferred, how much."""
+
+    offset_bytes: int
+    length_bytes: int | None
+    claimed_bytes: int
+
+
+def ready_to_append(
+    services: Services, user: User, upload_id: str, wanted: Appended
+) -> tuple[Upload, Room]:
+    """An upload and the room it has. Raises Problem 404, 409, 413, 507."""
+    upload = _at_offset(services, user, upload_id, wanted.offset_bytes)
+    if wanted.length_bytes is not None:
+        _declare_length(services, upload, wanted.length_bytes)
+    return upload, room_for(services, upload, wanted.claimed_bytes)
+
+
+def _at_offset(services: Services, user: User, upload_id: str, offset: int) -> Upload:
     """An upload that has come so far. Raises Problem 404, 409."""
     upload = mine(services, user, upload_id)
     come = _offset_bytes(services.settings, upload)
@@ -135,7 +154,7 @@ def at_offset(services: Services, user: User, upload_id: str, offset: int) -> Up
     return upload
 
 
-def declare_length(services: Services, upload: Upload, length: int) -> None:
+def _declare_length(services: Services, upload: Upload, length: int) -> None:
     """Keep the length that was deferred. Raises Problem 409, 413."""
     come = upload_bytes(services.settings, upload.id)
     if length < come:

@@ -20,13 +20,13 @@ from elfslam.serve.holdings import upload_bytes
 from elfslam.serve.problems import WRONG_CHECKSUM, problems
 from elfslam.serve.services import Here, Services
 from elfslam.serve.upload_store import (
-    at_offset,
+    Appended,
     begin,
-    declare_length,
     file_of,
     forget_upload,
     headers_of,
     mine,
+    ready_to_append,
     room_for,
     wanted_of,
 )
@@ -54,7 +54,7 @@ TOLD = _described(
 BEGUN = {**TOLD, **_described(Location="where the bytes go")}
 
 
-def speaks_tus(tus_resumable: Annotated[str, Header()] = "") -> None:
+async def speaks_tus(tus_resumable: Annotated[str, Header()] = "") -> None:
     """Refuse a client of another version of the protocol."""
     tus.check_version(tus_resumable)
 
@@ -103,11 +103,7 @@ async def begin_upload(
     checksum = tus.parse_checksum(upload_checksum)
     upload = await run_in_threadpool(begin, services, user, wanted)
     if content_type:
-        tus.check_content_type(content_type)
-        with services.busy.alone([upload.id]):
-            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
-            file = file_of(services.settings, upload.id)
-            await append(file, request.receive, room, checksum)
+        await _append_at_once(services, upload, request, content_type, checksum)
     headers = await _headers_when_written(services, upload)
     return Response(status_code=201, headers={"Location": f"{UPLOADS}/{upload.id}", **headers})
 
@@ -156,12 +152,14 @@ async def append_to_upload(
     """Add bytes at the offset; the answer comes when they are safe on the disk."""
     tus.check_content_type(content_type)
     checksum = tus.parse_checksum(upload_checksum)
-    await run_in_threadpool(mine, services, user, upload_id)
     with services.busy.alone([upload_id]):
-        upload = await run_in_threadpool(at_offset, services, user, upload_id, upload_offset)
-        if upload_length is not None:
-            await run_in_threadpool(declare_length, services, upload, upload_length)
-        room = await run_in_threadpool(room_for, services, upload, _claimed(request))
+        upload, room = await run_in_threadpool(
+            ready_to_append,
+            services,
+            user,
+            upload_id,
+            Appended(upload_offset, upload_length, _claimed(request)),
+        )
         await append(file_of(services.settings, upload_id), request.receive, room, checksum)
     return Response(status_code=204, headers=await _headers_when_written(services, upload))
 
@@ -179,6 +177,25 @@ def end_upload(upload_id: str, user: Me, services: Here) -> Response:
     with services.busy.alone([upload_id]):
         forget_upload(services, upload_id)
     return Response(status_code=204)
+
+
+async def _append_at_once(
+    services: Services,
+    upload: Upload,
+    request: Request,
+    content_type: str,
+    checksum: tus.Checksum | None,
+) -> None:
+    """The body of a creation; where it fails there is no upload, as nobody heard of it."""
+    try:
+        tus.check_content_type(content_type)
+        with services.busy.alone([upload.id]):
+            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
+            file = file_of(services.settings, upload.id)
+            await append(file, request.receive, room, checksum)
+    except BaseException:
+        forget_upload(services, upload.id)
+        raise
 
 
 def _claimed(request: Request) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap
 from elfslam.data.geojson_files import sigma_m, walk_lines
 from elfslam.data.map_files import read_map
@@ -38,9 +39,12 @@ def view_of(folder: Path) -> Json:
     `walks` and `dead_reckoning` are lines (`t_s` is empty where only places are known, `sigma_m`
     per axis), `closures` are those that hold, `coverage` tells square by square how many walks
     passed (`walks`) and how sure their places are (`sigma_m`, null where nobody passed). Lengths
-    are in metres, to a millimetre. Raises InputError or StoreError where a file is damaged.
+    are in metres, to a millimetre. Raises StoreError where a file is missing or damaged.
     """
-    return _floor_view(folder) if is_merged(folder) else _run_view(folder)
+    try:
+        return _floor_view(folder) if is_merged(folder) else _run_view(folder)
+    except (InputError, ValueError, TypeError, LookupError) as cause:
+        raise StoreError(f"{folder}: is no whole map ({cause}); make it again") from cause
 
 
 def _run_view(folder: Path) -> Json:

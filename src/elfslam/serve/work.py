@@ -26,6 +26,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.values import FixStatus
 from elfslam.data.fixes_files import write_fixes
+from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.joining import merge_into
@@ -73,16 +74,24 @@ def _result(folder: Path, task: Json, announce: Announce) -> Json:
     try:
         facts, problem = WORK[task["kind"]](folder, task, announce)
     except ElfslamError as error:
-        return {"facts": None, "problem": in_words(error, folder)}
-    except MemoryError:
-        most = task["limits"]["bytes"] / 2**30
-        return {"facts": None, "problem": f"needs more than {most:.1f} GiB of memory; cut it up"}
-    except OSError as error:
+        problem = _no_space(error.__cause__, task) or in_words(error, folder)
+        return {"facts": None, "problem": problem}
+    except (MemoryError, OSError) as error:
         traceback.print_exc()
-        if error.errno not in (errno.ENOSPC, errno.EDQUOT):
+        if (problem := _no_space(error, task)) is None:
             raise
-        return {"facts": None, "problem": DISK_FULL}
+        return {"facts": None, "problem": problem}
     return {"facts": facts, "problem": problem}
+
+
+def _no_space(error: BaseException | None, task: Json) -> str | None:
+    """What to say of an error where memory or disk did not suffice."""
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return DISK_FULL
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
+        most = task["limits"]["bytes"] / 2**30
+        return f"needs more than the {most:.2g} GiB that a job may take; cut the recording up"
+    return None
 
 
 def in_words(error: ElfslamError, folder: Path) -> str:
@@ -111,7 +120,7 @@ def _facts_of_run(run: slam.Run) -> Json:
         "walks": 1,
         "footsteps": len(t_s),
         "duration_s": round(float(t_s[-1] - t_s[0]), 2),
-        "distance_m": round(float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum()), 2),
+        "distance_m": round(_length_m(xy_m), 2),
         "closures": len(run.closures.i),
         "closures_kept": kept_closures(run),
         "status": run.trajectory.status,
@@ -128,12 +137,12 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
     facts = {
         "walks": len(floor_map.sources),
         "spots": len(floor_map.xy_m),
+        "distance_m": round(sum(_length_m(line) for _, line in walk_lines(floor_map)), 2),
         "pairs": made.pairs,
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
     }
-    # NaN is no JSON.
-    return json.loads(json.dumps(facts, default=str)), None
+    return facts, None
 
 
 def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
@@ -163,6 +172,10 @@ def _problem_of(check: Callable[[], None]) -> str | None:
     return None
 
 
+def _length_m(xy_m: F64) -> float:
+    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
+
+
 def _bounds(xy_m: F64) -> list[float]:
     corners = np.array([xy_m.min(axis=0), xy_m.max(axis=0)])
     return [float(value) for value in np.round(corners, 3).ravel()]
@@ -173,7 +186,7 @@ def _tell(told: TextIO, doing: str, share: float | None) -> None:
 
 
 def _say(told: TextIO, line: Json) -> None:
-    told.write(json.dumps(line) + "\n")
+    told.write(json.dumps(line, default=str) + "\n")
 
 
 def _limit(limits: Json) -> None:

@@ -45,9 +45,9 @@ PATIENCE_S = 120.0
 
 
 @pytest.fixture
-def settings(tmp_path: Path) -> ServerSettings:
+def settings(tmp_path: Path, database_url: str) -> ServerSettings:
     """A data folder that does not exist yet; jobs run."""
-    return ServerSettings(tmp_path / "data", secure_cookie=False)
+    return ServerSettings(tmp_path / "data", database_url, secure_cookie=False)
 
 
 @pytest.fixture(scope="session")

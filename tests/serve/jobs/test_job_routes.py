@@ -18,16 +18,19 @@ from elfslam.serve.results import keep
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
 
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
 FACTS: Json = {"counts": {"OK": 1}}
 
 
 @pytest.fixture
-def settings(tmp_path: Path) -> ServerSettings:
+def settings(tmp_path: Path, database_url: str) -> ServerSettings:
     """A server that queues jobs and works on none."""
     limits = replace(Limits(), jobs=5)
-    return ServerSettings(tmp_path / "data", secure_cookie=False, run_jobs=False, limits=limits)
+    return ServerSettings(
+        tmp_path / "data", database_url, limits, secure_cookie=False, run_jobs=False
+    )
 
 
 @pytest.fixture

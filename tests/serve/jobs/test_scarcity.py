@@ -1,0 +1,110 @@
+"""Jobs while something lacks: the disk's space, memory, time, or the database's attention."""
+
+from __future__ import annotations
+
+import sqlite3
+import subprocess
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from elfslam.serve import child
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.work import DISK_FULL
+
+Json = dict[str, Any]
+Remember = Callable[[TestClient, str], str]
+Wait = Callable[[TestClient, str], Json]
+MEBIBYTE = 2**20
+LONGER_S = 12.0
+"""SQLite waits for 10 s for somebody who writes."""
+
+
+@pytest.fixture(params=[2, 5], ids=["for what is given", "for what is made"])
+def small_work(settings: ServerSettings, request: pytest.FixtureRequest) -> Iterator[Path]:
+    """The folder of scratch on a disk too small for a job; skips the test where none is made."""
+    place = settings.work_folder
+    place.mkdir(parents=True)
+    size = request.param * MEBIBYTE
+    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(place)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("a small file system cannot be mounted here")
+    yield place
+    subprocess.run(["umount", "--lazy", str(place)], check=False, capture_output=True)
+
+
+def start(client: TestClient, recording: str) -> str:
+    answer = client.post("/api/jobs", json={"kind": "map", "recording": recording})
+    assert answer.status_code == 202, answer.text
+    return str(answer.json()["id"])
+
+
+def allow(services: Services, **limits: float) -> None:
+    """Change the limits of a server that runs."""
+    allowed = replace(services.settings.limits, **limits)  # type: ignore[arg-type]
+    object.__setattr__(services.settings, "limits", allowed)
+
+
+def left_over(services: Services) -> list[str]:
+    return [item.name for item in services.settings.work_folder.iterdir()]
+
+
+@pytest.mark.slow
+def test_a_full_disk_fails_the_job_until_there_is_room(
+    small_work: Path, owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    job_id = start(owner, remember(owner, "one"))
+    job = ended(owner, job_id)
+    assert (job["state"], job["problem"], job["gave"]) == ("failed", DISK_FULL, {})
+    assert left_over(services) == []
+    subprocess.run(["umount", str(small_work)], check=True)
+    owner.post(f"/api/jobs/{job_id}/retry")
+    assert ended(owner, job_id)["state"] == "done"
+
+
+@pytest.mark.slow
+def test_a_database_that_is_busy_for_long_stops_no_job(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    job_id = start(owner, remember(owner, "mute"))
+    other = sqlite3.connect(services.settings.data_folder / "elfslam.sqlite", isolation_level=None)
+    while owner.get(f"/api/jobs/{job_id}").json()["state"] == "queued":
+        time.sleep(0.02)
+    other.execute("BEGIN IMMEDIATE")
+    time.sleep(LONGER_S)
+    assert owner.get(f"/api/jobs/{job_id}").json()["state"] == "running"
+    other.execute("ROLLBACK")
+    other.close()
+    job = ended(owner, job_id)
+    assert (job["state"], job["attempts"]) == ("done", 1)
+
+
+@pytest.mark.slow
+def test_a_job_that_takes_too_much_memory_fails_alone(
+    owner: TestClient, remember: Remember, ended: Wait, services: Services
+) -> None:
+    allow(services, job_bytes=MEBIBYTE)
+    job = ended(owner, start(owner, remember(owner, "one")))
+    assert job["state"] == "failed"
+    assert "than the 0.00098 GiB" in job["problem"] or "ended in the middle" in job["problem"]
+    assert left_over(services) == []
+
+
+def test_a_job_that_takes_too_long_is_stopped(
+    owner: TestClient,
+    remember: Remember,
+    ended: Wait,
+    services: Services,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
+    allow(services, job_s=0.5)
+    job = ended(owner, start(owner, remember(owner, "mute")))
+    assert job["state"] == "failed"
+    assert "took longer" in job["problem"]

@@ -1,0 +1,56 @@
+"""The verbs of the server on the command line."""
+
+from __future__ import annotations
+
+import builtins
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+from typer.testing import CliRunner
+
+from elfslam.base.errors import InputError
+from elfslam.cli import app as command
+from elfslam.serve.app import create_app
+from elfslam.serve.settings import ServerSettings
+
+RUNNER = CliRunner()
+
+
+def test_an_invitation_opens_the_door(tmp_path: Path) -> None:
+    said = RUNNER.invoke(command, ["invite", "Zoë", "--data", str(tmp_path / "data")])
+    assert said.exit_code == 0
+    token = said.stdout.splitlines()[0].partition("#token=")[2]
+    app = create_app(ServerSettings(tmp_path / "data"))
+    client = TestClient(app, client=("127.0.0.1", 1))
+    told = client.get("/api/me", headers={"Authorization": f"Bearer {token}"}).json()
+    assert (told["name"], told["is_owner"]) == ("Zoë", False)
+    app.state.services.engine.dispose()
+
+
+def test_serving_beyond_the_network_wants_a_word(tmp_path: Path) -> None:
+    said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path), "--host", "0.0.0.0"])
+    assert isinstance(said.exception, InputError)
+    assert "--allow-public" in str(said.exception)
+
+
+@pytest.mark.parametrize("words", [["serve"], ["invite", "Zoë"]])
+def test_without_the_extra_one_line_says_what_to_install(
+    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real = builtins.__import__
+
+    def without(name: str, *rest: Any, **more: Any) -> Any:
+        if name.partition(".")[0] == "fastapi":
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+        return real(name, *rest, **more)
+
+    for name in [name for name in sys.modules if name.startswith("elfslam.serve")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(builtins, "__import__", without)
+    said = RUNNER.invoke(command, [*words, "--data", str(tmp_path / "data")])
+    assert isinstance(said.exception, InputError)
+    assert "pip install 'elfslam[serve]'" in str(said.exception)
+    assert not (tmp_path / "data").exists()

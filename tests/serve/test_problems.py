@@ -1,0 +1,77 @@
+"""Errors as problem+json: one line for people, and no word too much."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator
+
+import pytest
+from fastapi import FastAPI
+from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
+from starlette.testclient import TestClient
+
+from elfslam.base.errors import InputError
+from elfslam.serve.problems import MEDIA_TYPE, Problem, install_problems, problems
+
+ERRORS = {
+    "/problem": Problem(423, "wait", {"Retry-After": "1"}),
+    "/input": InputError("audio.flac: is cut off; copy the file again"),
+    "/full": OSError(errno.ENOSPC, "No space left on device"),
+    "/quota": OSError(errno.EDQUOT, "Disk quota exceeded"),
+    "/full-database": OperationalError("insert", {}, Exception("database or disk is full")),
+    "/away": OperationalError("insert", {}, Exception("server closed the connection")),
+    "/waited": PoolTimeout("QueuePool limit"),
+    "/bug": ZeroDivisionError("secret"),
+    "/file": FileNotFoundError(2, "No such file", "/secret"),
+}
+STATUSES = {
+    "/problem": 423,
+    "/input": 422,
+    "/full": 507,
+    "/quota": 507,
+    "/full-database": 507,
+    "/away": 503,
+    "/waited": 503,
+    "/bug": 500,
+    "/file": 500,
+}
+
+
+@pytest.fixture
+def client() -> Iterator[TestClient]:
+    app = FastAPI()
+    install_problems(app)
+    for path in ERRORS:
+        app.get(path)(raising(path))
+    return TestClient(app, raise_server_exceptions=False)
+
+
+def raising(path: str) -> object:
+    def route() -> None:
+        raise ERRORS[path]
+
+    return route
+
+
+@pytest.mark.parametrize("path", list(ERRORS))
+def test_every_error_is_a_problem(client: TestClient, path: str) -> None:
+    answer = client.get(path)
+    assert answer.status_code == STATUSES[path]
+    assert answer.headers["content-type"] == MEDIA_TYPE
+    told = answer.json()
+    assert told["status"] == STATUSES[path]
+    assert told["title"]
+    assert "\n" not in told["detail"]
+    assert "secret" not in answer.text
+
+
+def test_what_the_routes_say(client: TestClient) -> None:
+    assert client.get("/input").json()["detail"] == str(ERRORS["/input"])
+    assert client.get("/problem").headers["retry-after"] == "1"
+
+
+def test_what_a_route_declares() -> None:
+    declared = problems(404, 460)
+    assert declared[460]["description"] == "Checksum Mismatch"
+    assert list(declared[404]["content"]) == [MEDIA_TYPE]
