@@ -38,7 +38,8 @@ export class Stuck extends Error {}
 export async function sendWalk(sent, keeper, names, tell, signal) {
   const progress = { sent: {}, trouble: null };
   const report = (change) => tell(Object.assign(progress, change));
-  const note = (name, bytes) => report({ sent: { ...progress.sent, [name]: bytes } });
+  const note = (name, bytes) =>
+    report({ sent: { ...progress.sent, [name]: bytes }, trouble: null });
   const tried = (work) => persist(work, report, signal);
   await tried(() => createRecording(sent));
   const filled = await Promise.all(

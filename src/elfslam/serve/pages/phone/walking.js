@@ -125,7 +125,9 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
 
 /** Nothing more is added: the manifest is written, and the walk may be finished by any page. */
 export async function closeWalk(sent, keeper, software) {
-  await keeper.ask(appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software)));
+  const order = appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software));
+  sent.sizes["recording.json"] = order.parts[0][1].length;
+  await keeper.ask(order);
   sent.state.isOver = true;
   await sent.save();
 }

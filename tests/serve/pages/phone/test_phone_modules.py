@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import subprocess
-from functools import cache
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -20,29 +20,15 @@ from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, t
 from elfslam.world.simulate import describe_chirp
 
 HERE = Path(__file__).parent
-PAGES = HERE.parents[2] / "src" / "elfslam" / "serve" / "pages"
+PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
 RATES_HZ = (44_100, 48_000)
 SOUND_S = 1.45
+RoomSound = Callable[[int, float], np.ndarray]
 BASEBAND_HZ, CENTRE_HZ, FRAME_SAMPLES = 6300, 17_500.0, 504
 HALF_SUPPORT_S, KAISER_SHAPE, CUTOFF_HZ = 0.004, 8.0, 2825.0
 
 node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
-
-
-@cache
-def room_sound(rate_hz: int) -> np.ndarray:
-    """Chirps every 100 ms with echoes and noise, the first direct arrival after 43 ms."""
-    chirp = make_chirp(ChirpParameters(), rate_hz).samples
-    generator = np.random.default_rng(7)
-    sound = 1e-4 * generator.standard_normal(round(SOUND_S * rate_hz))
-    direct = 0.043 * rate_hz + np.arange(13) * 0.1 * rate_hz
-    for start in np.round(direct).astype(int):
-        sound[start : start + len(chirp)] += 0.15 * chirp
-        for delay_s, gain in ((0.004, 0.02), (0.0093, 0.05), (0.021, 0.012), (0.037, 0.004)):
-            echo = start + round(delay_s * rate_hz)
-            sound[echo : echo + len(chirp)] += gain * chirp
-    return np.asarray(sound, dtype=np.float32)
 
 
 def envelope_at(sound: np.ndarray, rate_hz: int) -> np.ndarray:
@@ -72,8 +58,7 @@ def baseband_by_definition(sound: np.ndarray, rate_hz: int, first: int) -> np.nd
     return np.stack([np.real(frame), np.imag(frame)], axis=1).ravel()
 
 
-def vectors_at(rate_hz: int) -> dict[str, object]:
-    sound = room_sound(rate_hz)
+def vectors_at(sound: np.ndarray, rate_hz: int) -> dict[str, object]:
     chirp = make_chirp(ChirpParameters(), rate_hz)
     echo_rate_sound = to_echo_rate(Audio(sound[None], rate_hz))
     envelope = matched_envelope(echo_rate_sound, chirp)
@@ -92,10 +77,10 @@ def vectors_at(rate_hz: int) -> dict[str, object]:
 
 
 @pytest.fixture(scope="session")
-def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def vectors(tmp_path_factory: pytest.TempPathFactory, room_sound: RoomSound) -> Path:
     """What Python computes, for the modules of the page to compare with."""
     file = tmp_path_factory.mktemp("vectors") / "vectors.json"
-    given = {str(rate_hz): vectors_at(rate_hz) for rate_hz in RATES_HZ}
+    given = {str(hz): vectors_at(room_sound(hz, SOUND_S), hz) for hz in RATES_HZ}
     file.write_text(json.dumps({"chirp": describe_chirp(), **given}))
     return file
 
@@ -139,10 +124,10 @@ writeFileSync(`${folder}/${table}`, "t_s\\n" + frames.map((frame) => frame.row).
 """
 
 
-def cut_in_node(folder: Path, rate_hz: int, kind: str, scale: float) -> None:
+def cut_in_node(folder: Path, sound: np.ndarray, rate_hz: int, kind: str, scale: float) -> None:
     """What the page would keep of the sound, as files of a recording."""
     sound_file = folder / "sound.f32"
-    sound_file.write_bytes(room_sound(rate_hz).tobytes())
+    sound_file.write_bytes(sound.tobytes())
     script = ["--input-type=module", "--eval", CUT]
     done = run_node(*script, PAGES.as_uri(), sound_file, folder, rate_hz, kind, scale)
     assert done.returncode == 0, done.stderr
@@ -170,21 +155,21 @@ def manifest_of(rate_hz: int, kind: str, scale: float) -> dict[str, object]:
 @pytest.mark.parametrize("kind", ["baseband", "whole"])
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 def test_what_the_page_keeps_is_the_sound_in_the_band(
-    tmp_path: Path, rate_hz: int, kind: str
+    tmp_path: Path, room_sound: RoomSound, rate_hz: int, kind: str
 ) -> None:
-    scale = 0.3 / 32767
-    cut_in_node(tmp_path, rate_hz, kind, scale)
+    scale, sound = 0.3 / 32767, room_sound(rate_hz, SOUND_S)
+    cut_in_node(tmp_path, sound, rate_hz, kind, scale)
     (tmp_path / "recording.json").write_text(json.dumps(manifest_of(rate_hz, kind, scale)))
     audio = read_recording(tmp_path).audio
     assert audio is not None
     assert audio.rate_hz == rate_hz
-    assert snr_in_band_db(audio.samples[0], rate_hz) > 55
+    assert snr_in_band_db(sound, audio.samples[0], rate_hz) > 55
 
 
-def snr_in_band_db(kept: np.ndarray, rate_hz: int) -> float:
+def snr_in_band_db(sound: np.ndarray, kept: np.ndarray, rate_hz: int) -> float:
     """Level of the first frames' echoes over what differs from the sound itself, 15 to 20 kHz."""
     taps = signal.firwin(1001, (15_000, 20_000), pass_zero=False, fs=rate_hz)
-    sound = signal.fftconvolve(room_sound(rate_hz), taps, mode="same")
+    sound = signal.fftconvolve(sound, taps, mode="same")
     told = signal.fftconvolve(kept, taps, mode="same")
     power, off = 0.0, 0.0
     for frame in range(2, 9):

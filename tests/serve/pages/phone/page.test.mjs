@@ -3,20 +3,20 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { eventTime, fitClocks, readClocks, soundTime } from "../../../src/elfslam/serve/pages/phone/clocks.js";
-import { parseStart, walkKey } from "../../../src/elfslam/serve/pages/phone/form.js";
-import { NO_FACTS, deviceIn, manifestOf } from "../../../src/elfslam/serve/pages/phone/manifest.js";
-import { cutsFor, lastTime } from "../../../src/elfslam/serve/pages/phone/mending.js";
+import { eventTime, fitClocks, readClocks, soundTime } from "../../../../src/elfslam/serve/pages/phone/clocks.js";
+import { parseStart, walkKey } from "../../../../src/elfslam/serve/pages/phone/form.js";
+import { NO_FACTS, deviceIn, manifestOf } from "../../../../src/elfslam/serve/pages/phone/manifest.js";
+import { cutsFor, lastTime } from "../../../../src/elfslam/serve/pages/phone/mending.js";
 import {
   NO_STEPS, accelerationOf, accelerationSign, countStep, describeMotion, tableRow, turningOf,
-} from "../../../src/elfslam/serve/pages/phone/motion.js";
-import { joined } from "../../../src/elfslam/serve/pages/phone/shelf_database.js";
-import { toPcm, wavHeader } from "../../../src/elfslam/serve/pages/phone/sound_files.js";
-import { troubleOf } from "../../../src/elfslam/serve/pages/phone/troubles.js";
-import { judge, summarise } from "../../../src/elfslam/serve/pages/phone/verdicts.js";
-import { makeMotionLog } from "../../../src/elfslam/serve/pages/phone/walking.js";
-import { tokenIn } from "../../../src/elfslam/serve/pages/shared/api.js";
-import { formatBytes, formatDuration } from "../../../src/elfslam/serve/pages/shared/format.js";
+} from "../../../../src/elfslam/serve/pages/phone/motion.js";
+import { joined } from "../../../../src/elfslam/serve/pages/phone/shelf_database.js";
+import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/sound_files.js";
+import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js";
+import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
+import { makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
+import { tokenIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
+import { formatBytes, formatDuration } from "../../../../src/elfslam/serve/pages/shared/format.js";
 
 const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 18_1 like Mac OS X) AppleWebKit/605.1.15 Version/18.1";
 const ANDROID = "Mozilla/5.0 (Linux; Android 14; Pixel 8) AppleWebKit/537.36 Chrome/130.0 Mobile Safari/537.36";

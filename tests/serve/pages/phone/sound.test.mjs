@@ -5,14 +5,14 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
-import { RULES } from "../../../src/elfslam/serve/pages/phone/arrivals.js";
-import { makeBaseband, scaleFor, toInt16 } from "../../../src/elfslam/serve/pages/phone/baseband.js";
-import { CHIRP, makeChirp, periodSamples } from "../../../src/elfslam/serve/pages/phone/chirp.js";
-import { analyticSignal, complexZeros, fourierOf } from "../../../src/elfslam/serve/pages/phone/fourier.js";
-import { makeFramer } from "../../../src/elfslam/serve/pages/phone/framer.js";
-import { earliest, makeMatchedFilter, median } from "../../../src/elfslam/serve/pages/phone/matched_filter.js";
-import { measure } from "../../../src/elfslam/serve/pages/phone/probe.js";
-import { makeStream } from "../../../src/elfslam/serve/pages/phone/stream.js";
+import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
+import { makeBaseband, scaleFor, toInt16 } from "../../../../src/elfslam/serve/pages/phone/baseband.js";
+import { CHIRP, makeChirp, periodSamples } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
+import { analyticSignal, complexZeros, fourierOf } from "../../../../src/elfslam/serve/pages/phone/fourier.js";
+import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
+import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
+import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
+import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 const RATES_HZ = [44100, 48000];

@@ -1,0 +1,113 @@
+"""Pictures of the phone page, light and dark, into docs/phone/.
+
+    python benchmarks/phone_screenshots.py [FOLDER]
+
+A real server, a real browser, and the simulated room of acoustic_loop.py. Needs chromium, pulseaudio, pillow
+and the `test` extra.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from acoustic_loop import in_time, pulse_audio, room_between
+from browser_walk import PERMISSIONS, Course, MotionSensors, browsing, plan_course, serving
+from PIL import Image
+
+from elfslam.world.world_file import load_world
+
+FOLDER = Path(__file__).resolve().parents[1] / "docs" / "phone"
+SIZE = {"width": 375, "height": 740}
+STATES = ("start", "probe", "name", "record", "sent", "unfinished", "no_network")
+SETTLING_S = 0.4
+
+
+def main() -> None:
+    folder = Path(sys.argv[1]) if len(sys.argv) > 1 else FOLDER
+    folder.mkdir(parents=True, exist_ok=True)
+    course = plan_course(load_world("studio"), 107, 1)
+    with tempfile.TemporaryDirectory() as name:
+        scratch = Path(name)
+        with (
+            serving(scratch / "data") as address,
+            in_time(),
+            pulse_audio(scratch) as environment,
+            room_between(environment, course.responses, scratch),
+            browsing(environment) as browser,
+        ):
+            for scheme in ("light", "dark"):
+                context = browser.new_context(
+                    permissions=list(PERMISSIONS),
+                    viewport=SIZE,
+                    device_scale_factor=2,
+                    has_touch=True,
+                    reduced_motion="reduce",
+                    color_scheme=scheme,
+                )
+                photograph(context.new_page(), address, course, scratch / scheme)
+                context.close()
+        for state in STATES:
+            side_by_side([scratch / f"{scheme}_{state}.png" for scheme in ("light", "dark")],
+                         folder / f"{state}.png")
+
+
+def photograph(page: Any, address: str, course: Course, prefix: Path) -> None:
+    """Every state of the page, in the order in which a walker sees them."""
+
+    def shoot(state: str, *, whole: bool = False) -> None:
+        page.wait_for_timeout(1000 * SETTLING_S)
+        page.screenshot(path=f"{prefix}_{state}.png", full_page=whole)
+
+    page.on("dialog", lambda dialog: dialog.accept())
+    page.goto(address)
+    shoot("start")
+    sensors = MotionSensors(page)
+    page.click("#allow")
+    walk_for(page, sensors, course, 4.0)
+    page.wait_for_selector("#checks li")
+    shoot("probe", whole=True)
+    page.click("#go-on")
+    page.fill("#walk-name", "Ground floor, twice around")
+    page.click("text=Start and sound")
+    shoot("name", whole=True)
+    page.click("text=Start walking")
+    walk_for(page, sensors, course, 9.0)
+    shoot("record")
+    page.context.set_offline(True)
+    walk_for(page, sensors, course, 4.0)
+    shoot("no_network")
+    page.context.set_offline(False)
+    page.reload()
+    page.wait_for_selector("#unfinished-walks li")
+    shoot("unfinished")
+    page.click("text=Continue sending")
+    page.get_by_text("map is being made").wait_for(timeout=120_000)
+    shoot("sent")
+
+
+def walk_for(page: Any, sensors: MotionSensors, course: Course, seconds: float) -> None:
+    """Move as the walker does."""
+    begun_s = time.monotonic()
+    while (now_s := time.monotonic() - begun_s) < seconds:
+        sensors.read(course.imu, 3.0 + now_s)
+
+
+def side_by_side(files: list[Path], out: Path) -> None:
+    """Light beside dark, in few colours so that the file stays small."""
+    pictures = [Image.open(file).convert("RGB") for file in files]
+    height = max(picture.height for picture in pictures)
+    both = Image.new("RGB", (sum(picture.width for picture in pictures), height), "#7f8a85")
+    at = 0
+    for picture in pictures:
+        both.paste(picture, (at, 0))
+        at += picture.width
+    small = both.resize((both.width * 3 // 5, both.height * 3 // 5), Image.Resampling.LANCZOS)
+    small.quantize(64, dither=Image.Dither.NONE).save(out, optimize=True)
+
+
+if __name__ == "__main__":
+    main()

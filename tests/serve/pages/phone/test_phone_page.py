@@ -1,0 +1,344 @@
+"""The phone page in Chromium: pairs, probes, records and sends to a real server process."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+from scipy import signal
+
+from elfslam.data.recordings import read_recording
+from elfslam.world.simulate import describe_chirp
+
+RATE_HZ = 44_100
+HEIGHTS_PX = 48
+Heard = tuple[Path, np.ndarray]
+
+pytestmark = pytest.mark.slow
+
+
+def in_band(sound: np.ndarray) -> np.ndarray:
+    """What lies well within 15 to 20 kHz of it."""
+    taps = signal.firwin(401, (15_400, 19_600), pass_zero=False, fs=RATE_HZ)
+    return np.asarray(signal.fftconvolve(sound, taps, mode="same"))
+
+
+def difference_db(kept: np.ndarray, frame_starts_s: np.ndarray, heard: np.ndarray) -> np.ndarray:
+    """Level of what was heard over what of it was kept otherwise, in the band, of every 5th frame.
+
+    The fake microphone plays its file round and round; a frame is compared with that place in it
+    from which it differs least: on a busy machine the browser itself may lose some samples.
+    """
+    round_and_round = in_band(np.tile(heard / 32768, 2))
+    told = in_band(kept)
+    length = round(0.066 * RATE_HZ)
+    levels = []
+    for start in np.round((frame_starts_s[1:-1:5] + 0.007) * RATE_HZ).astype(int):
+        frame = told[start : start + length]
+        at = place_of(frame, round_and_round)
+        wanted = round_and_round[at : at + length]
+        levels.append(10 * np.log10(np.sum(wanted**2) / np.sum((frame - wanted) ** 2)))
+    return np.array(levels)
+
+
+def place_of(pattern: np.ndarray, sound: np.ndarray) -> int:
+    """Where the sound differs least from the pattern."""
+    match = signal.correlate(sound, pattern, mode="valid")
+    power = np.concatenate([[0.0], np.cumsum(sound**2)])
+    return int(np.argmin(power[len(pattern) :] - power[: -len(pattern)] - 2 * match))
+
+
+def test_the_code_pairs_the_phone_and_leaves_no_token_behind(phone: Any, server: Any) -> None:
+    phone.open()
+    phone.wait_for(lambda: "token" not in phone.page.url, "the token is gone")
+    assert not phone.page.is_visible("#problem")
+    cookie = phone.page.context.cookies()[0]
+    assert (cookie["httpOnly"], cookie["sameSite"]) == (True, "Strict")
+    phone.page.goto(server.address.split("#")[0])
+    phone.walk(0.5)
+    assert not phone.page.is_visible("#problem")
+
+
+def test_a_phone_without_the_code_is_told_how_to_pair(phone: Any, server: Any) -> None:
+    phone.page.goto(server.address.split("#")[0] + "#token=wrong")
+    phone.wait_for_text("#problem", "Scan the code")
+    assert "wrong" not in phone.page.url
+
+
+def test_the_probe_says_in_words_what_the_phone_can_do(phone: Any) -> None:
+    phone.open()
+    phone.move()
+    said = phone.allow()
+    checks = phone.page.locator("#checks li")
+    verdicts = [checks.nth(k).get_attribute("data-verdict") for k in range(checks.count())]
+    assert (said, verdicts) == ("This phone can do it.", ["pass"] * 7)
+    assert "44.1 kHz" in checks.nth(0).inner_text()
+    assert "are off" in checks.nth(1).inner_text()
+    assert "20 of 20" in checks.nth(4).inner_text()
+    assert "9.8 m/s²" in checks.nth(5).inner_text()
+    assert phone.page.locator("#bands strong").count() == 5
+
+
+def test_a_computer_without_motion_sensors_is_told_so(phone: Any) -> None:
+    phone.open()
+    assert "Not yet: motion" in phone.allow()
+    assert phone.text("#go-on") == "Walk all the same"
+
+
+def finished(phone: Any, server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
+    """Stop the walk and fetch what the server has then."""
+    phone.page.click("#stop")
+    phone.wait_for_text("#finish-said", "map is being made")
+    return fetched(server, folder)
+
+
+def fetched(server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
+    (told,) = server.recordings()
+    assert told["state"] == "ready"
+    return server.download(told["id"], folder / "fetched"), told
+
+
+def test_what_was_heard_and_moved_is_what_the_server_has(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.begin("Once around")
+    phone.walk(6)
+    assert phone.text("#heard") in ("100 %", "99 %", "98 %")
+    folder, told = finished(phone, server, tmp_path)
+    manifest = json.loads((folder / "recording.json").read_text())
+    recording = read_recording(folder)
+    assert (told["name"], recording.name) == ("Once around", "Once around")
+    assert manifest["chirp"] == describe_chirp()
+    assert manifest["capture"]["frames"] == len(np.loadtxt(folder / "baseband.csv", skiprows=1))
+    assert manifest["start_pose"] is None
+    assert recording.audio is not None
+    starts_s = np.loadtxt(folder / "baseband.csv", skiprows=1)
+    assert len(starts_s) > 50
+    assert difference_db(recording.audio.samples[0], starts_s, heard[1]).min() > 45
+    check_motion(folder, starts_s[-1])
+
+
+def check_motion(folder: Path, end_s: float) -> None:
+    """60 readings a second, rounded as browsers do, to the end of the page's own chirps.
+
+    The fake microphone goes on hearing chirps a little longer.
+    """
+    accelerometer = np.loadtxt(folder / "accelerometer.csv", delimiter=",", skiprows=1)
+    gyroscope = np.loadtxt(folder / "gyroscope.csv", delimiter=",", skiprows=1)
+    assert np.allclose(accelerometer[:, 1:], (0.3, 1.2, 9.7), atol=1e-6)
+    assert np.allclose(gyroscope[:, 1:], np.deg2rad((5.7, -11.5, 17.2)), atol=1e-6)
+    assert 0 <= accelerometer[0, 0] < 0.5
+    assert abs(accelerometer[-1, 0] - end_s - 0.08) < 0.6
+    assert 45 < len(accelerometer) / end_s < 65
+
+
+def test_the_whole_sound_is_kept_to_the_bit(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.open()
+    phone.move()
+    phone.allow()
+    phone.page.click("#go-on")
+    phone.page.click("text=Start and sound")
+    phone.page.click("text=Whole sound")
+    for field, value in (("x", "1.5"), ("y", "-2"), ("heading", "90")):
+        phone.page.fill(f"#start-{field}", value)
+    phone.page.click("text=Start walking")
+    phone.walk(4)
+    folder, _ = finished(phone, server, tmp_path)
+    manifest = json.loads((folder / "recording.json").read_text())
+    assert manifest["start_pose"] == pytest.approx([1.5, -2, np.pi / 2])
+    frames = soundfile.read(folder / "frames.wav", dtype="int16")[0].reshape(-1, 3528)
+    round_and_round = np.tile(heard[1], 2).astype(float)
+    start = place_of(frames[3].astype(float), round_and_round)
+    assert (abs(round_and_round[start : start + 3528] - frames[3]) <= 1).all()
+
+
+def test_a_lost_network_loses_nothing(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.begin()
+    phone.walk(3)
+    phone.page.context.set_offline(True)
+    phone.wait_for_text("#network-said", "No network")
+    before = phone.text("#sent")
+    phone.walk(4)
+    assert phone.text("#sent") == before
+    assert phone.text("#kept") != before
+    phone.page.context.set_offline(False)
+    phone.wait_for_text("#network-said", "Connected")
+    folder, _ = finished(phone, server, tmp_path)
+    check_sound(folder, heard)
+
+
+def check_sound(folder: Path, heard: Heard) -> None:
+    audio = read_recording(folder).audio
+    assert audio is not None
+    starts_s = np.loadtxt(folder / "baseband.csv", skiprows=1)
+    assert np.diff(starts_s).max() < 0.19
+    assert difference_db(audio.samples[0], starts_s, heard[1]).min() > 45
+
+
+def test_a_walk_without_network_is_sent_when_it_is_back(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.open()
+    phone.move()
+    phone.allow()
+    phone.page.context.set_offline(True)
+    phone.start()
+    phone.walk(4)
+    phone.page.click("#stop")
+    phone.wait_for_text("#finish-trouble", "No network")
+    assert server.recordings() == []
+    phone.page.context.set_offline(False)
+    phone.wait_for_text("#finish-said", "map is being made")
+    check_sound(fetched(server, tmp_path)[0], heard)
+
+
+@pytest.mark.parametrize("shelf", ["files", "database"])
+def test_a_walk_outlives_its_page(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path, shelf: str
+) -> None:
+    """In browsers without a file system of their own the database keeps the bytes."""
+    if shelf == "database":
+        absent = "export async function openFileShelf() { return null; }"
+        phone.page.context.route(
+            "**/shelf_files.js",
+            lambda route: route.fulfill(body=absent, content_type="text/javascript"),
+        )
+    phone.begin("Broken off")
+    phone.walk(6.5)
+    phone.page.reload()
+    phone.wait_for_text("#unfinished", "Broken off")
+    phone.page.click("text=Continue sending")
+    phone.wait_for_text("#finish-said", "map is being made")
+    folder, _ = fetched(server, tmp_path)
+    check_sound(folder, heard)
+    assert len(np.loadtxt(folder / "baseband.csv", skiprows=1)) > 45
+    phone.page.goto(server.address.split("#")[0])
+    phone.walk(1)
+    assert not phone.page.is_visible("#unfinished")
+
+
+def test_an_unfinished_walk_can_be_discarded(phone: Any, server: Any) -> None:
+    phone.begin("Not wanted")
+    phone.walk(4)
+    phone.page.reload()
+    phone.wait_for_text("#unfinished", "Not wanted")
+    phone.page.click("#unfinished >> text=Discard")
+    phone.page.click("dialog >> text=Keep it")
+    assert phone.page.is_visible("#unfinished")
+    phone.page.click("#unfinished >> text=Discard")
+    phone.page.click("dialog >> text='Discard'")
+    phone.wait_for(lambda: not phone.page.is_visible("#unfinished"), "the walk is gone")
+    phone.wait_for(lambda: server.recordings() == [], "it is gone on the server")
+    phone.page.reload()
+    phone.walk(1)
+    assert not phone.page.is_visible("#unfinished")
+
+
+def test_a_killed_server_is_waited_for(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.begin()
+    phone.walk(3)
+    port = server.port
+    server.stop()
+    phone.wait_for_text("#network-said", "No network")
+    phone.walk(2)
+    server.start(port)
+    phone.wait_for_text("#network-said", "Connected")
+    folder, _ = finished(phone, server, tmp_path)
+    check_sound(folder, heard)
+
+
+def test_a_full_disk_of_the_server_is_told_and_waited_for(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    refusal = json.dumps({"status": 507, "detail": "the disk is full"})
+
+    def refuse(route: Any) -> None:
+        if route.request.method != "PATCH":
+            route.continue_()
+            return
+        route.fulfill(status=507, body=refusal, content_type="application/problem+json")
+
+    phone.begin()
+    phone.walk(3)
+    phone.page.route("**/api/uploads/*", refuse)
+    phone.wait_for_text("#network-said", "disk is full")
+    phone.page.unroute("**/api/uploads/*")
+    folder, _ = finished(phone, server, tmp_path)
+    check_sound(folder, heard)
+
+
+def test_a_full_phone_ends_the_walk_and_keeps_it(
+    phone: Any, server: Any, heard: Heard, tmp_path: Path
+) -> None:
+    phone.begin()
+    phone.walk(5)
+    origin = server.address.split("/#")[0]
+    given = {"origin": origin, "quotaSize": 150_000}
+    phone.sensors.send("Storage.overrideQuotaForOrigin", given)
+    phone.wait_for_text("#problem", "no room left")
+    phone.sensors.send("Storage.overrideQuotaForOrigin", {"origin": origin})
+    phone.wait_for(lambda: phone.page.is_visible("#finish"), "the walk has ended")
+    phone.wait_for_text("#finish-said", "map is being made")
+    check_sound(fetched(server, tmp_path)[0], heard)
+
+
+@pytest.mark.parametrize("width_px", [320, 390, 1280])
+def test_every_view_fits_and_every_target_is_large(phone: Any, width_px: int) -> None:
+    phone.page.set_viewport_size({"width": width_px, "height": 640})
+    phone.open()
+    phone.move()
+    phone.page.click("text=Before you start")
+    check_layout(phone)
+    phone.allow()
+    check_layout(phone)
+    phone.page.click("#go-on")
+    phone.page.click("text=Start and sound")
+    check_layout(phone)
+    phone.page.click("text=Start walking")
+    phone.walk(2)
+    check_layout(phone)
+    phone.page.click("#stop")
+    phone.wait_for(lambda: phone.page.is_visible("#finish"), "the walk has ended")
+    check_layout(phone)
+
+
+def check_layout(phone: Any) -> None:
+    """Nothing is wider than the page; whatever is tapped is at least 48 px high, and has a name."""
+    page = phone.page
+    wide = page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth")
+    assert wide <= 0
+    for target in page.locator("button:visible, summary:visible, .bar a:visible, .choice:visible").all():
+        box = target.bounding_box()
+        assert box["height"] >= HEIGHTS_PX, target.inner_text()
+        assert box["width"] >= HEIGHTS_PX, target.inner_text()
+        assert target.inner_text().strip() or target.get_attribute("aria-label")
+    for entry in page.locator("input:visible").all():
+        assert entry.evaluate("(element) => element.labels.length") == 1
+
+
+def test_the_page_is_used_by_keyboard_alone(phone: Any) -> None:
+    phone.open()
+    phone.move()
+    phone.page.locator("#allow").focus()
+    phone.page.keyboard.press("Enter")
+    phone.page.wait_for_selector("#checks li")
+    assert phone.page.evaluate("() => document.activeElement.id") == "probe-title"
+    for wanted in ("go-on", "walk-name"):
+        for _ in range(4):
+            phone.page.keyboard.press("Tab")
+            if phone.page.evaluate("() => document.activeElement.id") == wanted:
+                break
+        assert phone.page.evaluate("() => document.activeElement.id") == wanted
+        phone.page.keyboard.press("Enter")
+    phone.wait_for(lambda: phone.page.is_visible("#stop"), "the walk begins")
+    assert phone.page.evaluate("() => document.activeElement.id") == "record-title"
