@@ -16,6 +16,9 @@ const BAND_SIGMAS = [2, 1.5, 1, 0.5];
 const BAND_ALPHA = 0.08;
 const GRID_PX = 90;
 
+/** @type {WeakMap<HTMLCanvasElement, HTMLCanvasElement>} */
+const SHEETS = new WeakMap();
+
 /** Everything that is switched on. @param {CanvasRenderingContext2D} context @param {Scene} scene
  * @param {State} state @param {Palette} palette @param {number} density device pixels per pixel */
 export function draw(context, scene, state, palette, density) {
@@ -27,7 +30,7 @@ export function draw(context, scene, state, palette, density) {
   if (layers.plan) drawPlan(context, state);
   if (layers.coverage) drawCoverage(context, scene, state, paths);
   inMetres(context, state, density);
-  if (layers.uncertainty) drawBands(context, scene, state, palette, paths);
+  if (layers.uncertainty && !state.hurried) drawBands(context, scene, state, palette, paths);
   if (layers.reckoning) drawReckoned(context, scene, state, palette, paths);
   if (layers.trajectories) drawWalks(context, scene, state, palette, paths);
   if (layers.closures) stroke(context, paths.closures, palette.closure, 1.75, state, Math.min(0.75, Math.max(0.2, 600 / scene.closures.length)));
@@ -104,12 +107,20 @@ function drawCoverage(context, { coverage }, { coverageBy, view, size }, paths) 
   context.restore();
 }
 
+/** Another canvas of the same size, made once. @param {HTMLCanvasElement} canvas */
+function sheetFor(canvas) {
+  const sheet = SHEETS.get(canvas) ?? document.createElement("canvas");
+  SHEETS.set(canvas, sheet);
+  if (sheet.width !== canvas.width) sheet.width = canvas.width;
+  if (sheet.height !== canvas.height) sheet.height = canvas.height;
+  return sheet;
+}
+
 /** From two sigmas inwards, ever stronger; overlaps do not add up.
  * @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
  * @param {Palette} palette @param {Paths} paths */
 function drawBands(context, scene, state, palette, paths) {
-  const { canvas } = context;
-  const sheet = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+  const sheet = sheetFor(context.canvas);
   const ink = /** @type {CanvasRenderingContext2D} */ (sheet.getContext("2d"));
   for (const sigmas of BAND_SIGMAS) {
     ink.setTransform(1, 0, 0, 1, 0, 0);
