@@ -43,7 +43,7 @@ WALKS = {
 }
 VISITOR = ("A visitor", (200, 1))
 PIXELS_PER_M = 80
-COLOURS = 128
+COLOURS = 256
 LONGEST_S = 1200
 COMMAND = [
     sys.executable,

@@ -16,6 +16,8 @@ import { focusAt, nextFocus, tell } from "./telling.js";
 /** @typedef {import("./scene.js").Scene} Scene */
 
 const BAR_PX = 140;
+const MANY_FOOTSTEPS = 3000;
+const CALM_MS = 150;
 const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all, square brackets step along a walk.";
 
 /**
@@ -37,6 +39,7 @@ export function mountCanvas(scene, state, name, told) {
   const context = canvas.getContext("2d");
   let palette = paletteOf(document.documentElement);
   let frame = 0;
+  let calm = 0;
 
   function redraw() {
     frame ||= requestAnimationFrame(paint);
@@ -83,6 +86,12 @@ export function mountCanvas(scene, state, name, told) {
 
   function turnTo(/** @type {import("./projection.js").View} */ view) {
     state.view = view;
+    state.hurried = scene.index.points.length > MANY_FOOTSTEPS;
+    clearTimeout(calm);
+    calm = setTimeout(() => {
+      state.hurried = false;
+      redraw();
+    }, CALM_MS);
     redraw();
   }
 
@@ -137,6 +146,7 @@ export function mountCanvas(scene, state, name, told) {
     sizes.disconnect();
     theme.removeEventListener("change", repaint);
     cancelAnimationFrame(frame);
+    clearTimeout(calm);
   };
   return { stage, canvas, redraw, showAll, leave, setFocus };
 }

@@ -1,88 +1,28 @@
 // The map on a canvas, layer over layer. Paths are kept in metres; the canvas does the rest.
 
-import { colourAt, css, timeColour } from "./colours.js";
+import { css, timeColour } from "./colours.js";
+import { pathsOf, SHADES } from "./paths.js";
 import { imageMatrix } from "./placement.js";
 import { scaleBar, toMap, toScreen } from "./projection.js";
 
 /** @typedef {import("./projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
 /** @typedef {import("./state.js").State} State */
+/** @typedef {import("./paths.js").Paths} Paths */
 /** @typedef {{dark: boolean, surface: string, ink: string, soft: string, line: string, accent: string, reckoned: string, closure: string, walks: string[]}} Palette */
 
-const SHADES = 24;
 const COVERAGE_ALPHA = 0.62;
 const BAND_SIGMAS = [2, 1.5, 1, 0.5];
 const BAND_ALPHA = 0.08;
 const GRID_PX = 90;
 
-/** @type {WeakMap<Scene, ReturnType<typeof pathsOf>>} */
-const KEPT = new WeakMap();
-
-/** Lines in metres, made once for a map. @param {Scene} scene */
-function pathsOf(scene) {
-  const closures = new Path2D();
-  for (const [x0, y0, x1, y1] of scene.closures) {
-    closures.moveTo(x0, y0);
-    closures.lineTo(x1 + 1e-3, y1); // A line without length is not drawn, not even its round ends.
-  }
-  return {
-    closures,
-    walks: scene.walks.map((walk) => lineOf(walk.xy_m)),
-    bands: scene.walks.map((walk) => walk.bands.map(({ points }) => lineOf(points))),
-    times: scene.walks.map((walk) => timesOf(walk.t_s, walk.xy_m)),
-    reckoned: scene.reckoned.map((walk) => lineOf(walk.xy_m)),
-    coverage: { walks: cellsOf(scene, "walks"), sigma_m: cellsOf(scene, "sigma_m") },
-  };
-}
-
-/** @param {Point[]} points */
-function lineOf(points) {
-  const path = new Path2D();
-  points.forEach(([x, y], at) => (at === 0 ? path.moveTo(x, y) : path.lineTo(x, y)));
-  if (points.length === 1) path.lineTo(points[0][0] + 1e-3, points[0][1]);
-  return path;
-}
-
-/** A walk as lines of one shade of time each; by order where times are not known. @param {number[]} t_s @param {Point[]} xy_m */
-function timesOf(t_s, xy_m) {
-  const shades = Array.from({ length: SHADES }, () => new Path2D());
-  const timed = t_s.length === xy_m.length ? t_s : xy_m.map((_, at) => at);
-  const [start, duration] = [timed[0], Math.max(timed[timed.length - 1] - timed[0], 1e-9)];
-  for (let at = 1; at < xy_m.length; at += 1) {
-    const shade = Math.min(SHADES - 1, Math.floor((SHADES * (timed[at] - start)) / duration));
-    shades[shade].moveTo(...xy_m[at - 1]);
-    shades[shade].lineTo(...xy_m[at]);
-  }
-  return shades;
-}
-
-/** The squares as an image of a pixel each. @param {Scene} scene @param {"walks" | "sigma_m"} what */
-function cellsOf({ coverage, limits }, what) {
-  const between = limits[what];
-  if (!coverage || !between) return null;
-  const [rows, columns] = coverage.shape;
-  const canvas = Object.assign(document.createElement("canvas"), { width: columns, height: rows });
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-  coverage[what].forEach((row, r) => row.forEach((value, c) => {
-    if (value === null || !coverage.walks[r][c]) return;
-    context.fillStyle = css(coverageColour(value, between, what));
-    context.fillRect(c, r, 1, 1);
-  }));
-  return canvas;
-}
-
-/** Yellow is good: many walks, or a small error. @param {number} value
- * @param {{low: number, high: number}} limits @param {"walks" | "sigma_m"} what */
-export function coverageColour(value, { low, high }, what) {
-  const share = (value - low) / (high - low);
-  return colourAt("cividis", what === "walks" ? share : 1 - share);
-}
+/** @type {WeakMap<HTMLCanvasElement, HTMLCanvasElement>} */
+const SHEETS = new WeakMap();
 
 /** Everything that is switched on. @param {CanvasRenderingContext2D} context @param {Scene} scene
  * @param {State} state @param {Palette} palette @param {number} density device pixels per pixel */
 export function draw(context, scene, state, palette, density) {
-  if (!KEPT.has(scene)) KEPT.set(scene, pathsOf(scene));
-  const paths = /** @type {ReturnType<typeof pathsOf>} */ (KEPT.get(scene));
+  const paths = pathsOf(scene);
   const { layers, size } = state;
   context.setTransform(density, 0, 0, density, 0, 0);
   context.clearRect(0, 0, size.width, size.height);
@@ -90,7 +30,7 @@ export function draw(context, scene, state, palette, density) {
   if (layers.plan) drawPlan(context, state);
   if (layers.coverage) drawCoverage(context, scene, state, paths);
   inMetres(context, state, density);
-  if (layers.uncertainty) drawBands(context, scene, state, palette, paths);
+  if (layers.uncertainty && !state.hurried) drawBands(context, scene, state, palette, paths);
   if (layers.reckoning) drawReckoned(context, scene, state, palette, paths);
   if (layers.trajectories) drawWalks(context, scene, state, palette, paths);
   if (layers.closures) stroke(context, paths.closures, palette.closure, 1.75, state, Math.min(0.75, Math.max(0.2, 600 / scene.closures.length)));
@@ -153,7 +93,7 @@ function drawPlan(context, { plan, view, size }) {
 }
 
 /** @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
- * @param {ReturnType<typeof pathsOf>} paths */
+ * @param {Paths} paths */
 function drawCoverage(context, { coverage }, { coverageBy, view, size }, paths) {
   const cells = paths.coverage[coverageBy];
   if (!coverage || !cells) return;
@@ -167,12 +107,20 @@ function drawCoverage(context, { coverage }, { coverageBy, view, size }, paths) 
   context.restore();
 }
 
+/** Another canvas of the same size, made once. @param {HTMLCanvasElement} canvas */
+function sheetFor(canvas) {
+  const sheet = SHEETS.get(canvas) ?? document.createElement("canvas");
+  SHEETS.set(canvas, sheet);
+  if (sheet.width !== canvas.width) sheet.width = canvas.width;
+  if (sheet.height !== canvas.height) sheet.height = canvas.height;
+  return sheet;
+}
+
 /** From two sigmas inwards, ever stronger; overlaps do not add up.
  * @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
- * @param {Palette} palette @param {ReturnType<typeof pathsOf>} paths */
+ * @param {Palette} palette @param {Paths} paths */
 function drawBands(context, scene, state, palette, paths) {
-  const { canvas } = context;
-  const sheet = Object.assign(document.createElement("canvas"), { width: canvas.width, height: canvas.height });
+  const sheet = sheetFor(context.canvas);
   const ink = /** @type {CanvasRenderingContext2D} */ (sheet.getContext("2d"));
   for (const sigmas of BAND_SIGMAS) {
     ink.setTransform(1, 0, 0, 1, 0, 0);
@@ -196,7 +144,7 @@ function drawBands(context, scene, state, palette, paths) {
 }
 
 /** @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
- * @param {Palette} palette @param {ReturnType<typeof pathsOf>} paths */
+ * @param {Palette} palette @param {Paths} paths */
 function drawReckoned(context, scene, state, palette, paths) {
   const shown = new Set(scene.walks.filter((_, at) => !state.hidden.has(at)).map((walk) => walk.name));
   context.setLineDash([6 / state.view.px_per_m, 5 / state.view.px_per_m]);
@@ -207,7 +155,7 @@ function drawReckoned(context, scene, state, palette, paths) {
 }
 
 /** @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
- * @param {Palette} palette @param {ReturnType<typeof pathsOf>} paths */
+ * @param {Palette} palette @param {Paths} paths */
 function drawWalks(context, scene, state, palette, paths) {
   scene.walks.forEach((_, at) => {
     if (state.hidden.has(at)) return;

@@ -3,8 +3,8 @@
 import { h } from "../dom.js";
 import { formatDuration, formatMetres } from "../format.js";
 import { css, timeColour } from "./colours.js";
-import { coverageColour } from "./draw.js";
 import { STATUS_WORDS } from "./fixes.js";
+import { coverageColour } from "./paths.js";
 import { paletteOf } from "./state.js";
 
 /** @typedef {import("./state.js").State} State */

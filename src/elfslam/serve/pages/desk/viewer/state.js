@@ -20,6 +20,7 @@ import { fit } from "./projection.js";
  * @property {Plan | null} plan
  * @property {boolean} placing whether the floor plan can be dragged
  * @property {Located[]} located
+ * @property {boolean} hurried whether a map with very many footsteps is being moved: the band of uncertainty waits
  */
 
 /** @param {import("./scene.js").Scene} scene @returns {State} */
@@ -40,6 +41,7 @@ export function firstState(scene) {
     plan: null,
     placing: false,
     located: [],
+    hurried: false,
   };
 }
 
