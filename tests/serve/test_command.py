@@ -54,3 +54,18 @@ def test_without_the_extra_one_line_says_what_to_install(
     assert isinstance(said.exception, InputError)
     assert "pip install 'elfslam[serve]'" in str(said.exception)
     assert not (tmp_path / "data").exists()
+
+
+@pytest.mark.parametrize("words", [["serve"], ["invite", "Zoë"]])
+def test_a_data_folder_that_is_none(tmp_path: Path, words: list[str]) -> None:
+    (tmp_path / "text").write_text("mine")
+    for folder in ("text", "text/below"):
+        said = RUNNER.invoke(command, [*words, "--data", str(tmp_path / folder)])
+        assert isinstance(said.exception, OSError)
+    assert (tmp_path / "text").read_text() == "mine"
+
+
+def test_a_database_that_is_none_is_said(tmp_path: Path) -> None:
+    said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path), "--database", "nonsense"])
+    assert isinstance(said.exception, InputError)
+    assert "wanted such as postgresql" in str(said.exception)
