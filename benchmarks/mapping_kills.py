@@ -12,6 +12,7 @@ import io
 import random
 import time
 import zipfile
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,14 +46,13 @@ class Sent:
         return sum(self.acknowledged.values())
 
 
-def kill_mappings(folder: Path, rounds: int, seed: int) -> list[Row]:
+def kill_mappings(folder: Path, rounds: int, seed: int) -> Iterator[Row]:
     """So many walks, each with a kill somewhere between its first byte and its map."""
     generator, files = random.Random(seed), simulated(folder / "simulated")
     wanted, whole_s = undisturbed(folder / "undisturbed", files)
-    return [
-        round_of(folder / "mappings", files, wanted, number + 1, generator.uniform(0, whole_s))
-        for number in range(rounds)
-    ]
+    for number in range(rounds):
+        delay_s = generator.uniform(0, whole_s)
+        yield round_of(folder / "mappings", files, wanted, number + 1, delay_s)
 
 
 def round_of(data: Path, files: Files, wanted: Files, number: int, delay_s: float) -> Row:

@@ -11,8 +11,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import CursorResult, select, update
-from sqlalchemy.orm import Session
+from sqlalchemy import CursorResult, Select, func, select, update
+from sqlalchemy.orm import Session, aliased
 
 from elfslam.serve.database import (
     Job,
@@ -54,11 +54,10 @@ def queue_job(session: Session, user_id: str, kind: JobKind, given: dict[str, An
 
 
 def claim(sessions: Sessions) -> Claim | None:
-    """The oldest job that waits, claimed for the caller alone; nothing where none waits."""
+    """The next job, claimed for the caller alone; nothing where none waits."""
     while True:
         with reading(sessions) as session:
-            oldest = select(Job).where(Job.state == JobState.QUEUED)
-            job = session.scalar(oldest.order_by(Job.created_utc, Job.id).limit(1))
+            job = session.scalar(_next())
         if job is None:
             return None
         token = new_id()
@@ -72,6 +71,15 @@ def claim(sessions: Sessions) -> Claim | None:
         with transaction(sessions) as session:
             if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begun):
                 return Claim(job.id, token, job.user_id, JobKind(job.kind), job.given)
+
+
+def _next() -> Select[Job]:
+    """The oldest job of the user none of whose jobs began for the longest time."""
+    other = aliased(Job)
+    begun = select(func.max(other.started_utc)).where(other.user_id == Job.user_id)
+    last = begun.correlate(Job).scalar_subquery()
+    waiting = select(Job).where(Job.state == JobState.QUEUED)
+    return waiting.order_by(last.is_not(None), last, Job.created_utc, Job.id).limit(1)
 
 
 def tell(sessions: Sessions, held: Claim, doing: str, share: float | None) -> bool:

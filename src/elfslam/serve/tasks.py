@@ -97,7 +97,8 @@ def _locate(session: Session, held: Claim) -> Task:
     name, named = _recording(session, held.given["recording"])
     place = _existing(session, held.given["map"])
     folders = {name: named, _name_of(place): folder_of_map(session, place.id)}
-    return {"recording": name, "map": _name_of(place), "mode": held.given["mode"]}, folders
+    told = {"recording": name, "map": _name_of(place), "place": place.name}
+    return {**told, "mode": held.given["mode"]}, folders
 
 
 TASKS: Mapping[JobKind, Callable[[Session, Claim], Task]] = {

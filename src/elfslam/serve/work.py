@@ -157,7 +157,7 @@ def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | N
     (folder / OUT).mkdir()
     write_fixes(fixes, folder / OUT / FIXES)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
-    nowhere = f"{task['recording']}: nowhere in {task['map']}; is it the same place?"
+    nowhere = f"{task['recording']}: nowhere in {task['place']}; is it the same place?"
     return {"counts": counts}, None if counts["OK"] else nowhere
 
 

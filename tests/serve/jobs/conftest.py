@@ -35,13 +35,14 @@ Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
 Wait = Callable[[TestClient, str], Json]
 WALKS = {
-    "one": (107, 2, True),
-    "two": (111, 2, True),
-    "open": (114, 1, True),
-    "mute": (107, 1, False),
+    "one": ("studio", 107, 2, True),
+    "two": ("studio", 111, 2, True),
+    "open": ("studio", 114, 1, True),
+    "mute": ("studio", 107, 1, False),
+    "away": ("hall", 100, 1, True),
 }
-"""Seed and rounds of each walk, and whether it has sound; `open` closes no loop."""
-PATIENCE_S = 120.0
+"""World, seed and rounds of each walk, and whether it has sound; `open` closes no loop."""
+PATIENCE_S = 300.0
 
 
 @pytest.fixture
@@ -53,9 +54,9 @@ def settings(tmp_path: Path, database_url: str) -> ServerSettings:
 @pytest.fixture(scope="session")
 def walks(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Recordings by name, their truth beside them."""
-    folder, studio = tmp_path_factory.mktemp("walks"), load_world("studio")
-    for name, (seed, rounds, sound) in WALKS.items():
-        recording, truth = simulate(studio, seed, rounds=rounds, sound=sound)
+    folder = tmp_path_factory.mktemp("walks")
+    for name, (world, seed, rounds, sound) in WALKS.items():
+        recording, truth = simulate(load_world(world), seed, rounds=rounds, sound=sound)
         played = describe_chirp() if sound else None
         named = replace(recording, name=name)
         write_recording(named, folder / name, chirp_description=played, truth=truth)

@@ -40,7 +40,7 @@ from elfslam.serve.settings import ServerSettings
 app = create_app(ServerSettings(Path(sys.argv[1]), secure_cookie=False))
 uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
 """
-PATIENCE_S = 120.0
+PATIENCE_S = 300.0
 DATED = {"run.json", "timings.json", "report.html"}
 
 

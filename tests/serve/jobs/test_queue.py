@@ -51,9 +51,9 @@ def sessions(url: str) -> Iterator[Sessions]:
     engine.dispose()
 
 
-def queued(sessions: Sessions, count: int) -> list[str]:
+def queued(sessions: Sessions, count: int, name: str = "walker") -> list[str]:
     with transaction(sessions) as session:
-        user = User(name="walker", token_sha256="0" * 64)
+        user = User(name=name, token_sha256=name)
         session.add(user)
         session.flush()
         made = [jobs.queue_job(session, user.id, JobKind.MAP, {"n": n}) for n in range(count)]
@@ -83,6 +83,12 @@ def test_jobs_are_claimed_once_each_and_the_oldest_first(sessions: Sessions) -> 
     job = state_of(sessions, wanted[0])
     assert (job.state, job.attempts) == (JobState.RUNNING, 1)
     assert job.started_utc is not None
+
+
+def test_users_take_turns(sessions: Sessions) -> None:
+    mine, theirs = queued(sessions, 3), queued(sessions, 2, "somebody else")
+    order = [claimed(sessions).job_id for _ in (*mine, *theirs)]
+    assert order == [mine[0], theirs[0], mine[1], theirs[1], mine[2]]
 
 
 def test_processes_and_threads_that_claim_at_once_never_share_a_job(

@@ -123,6 +123,19 @@ def test_maps_are_merged_and_a_walk_is_located(
 
 
 @pytest.mark.slow
+def test_a_walk_elsewhere_is_located_nowhere(
+    owner: TestClient, remember: Remember, keep_map: Remember, ended: Wait, tmp_path: Path
+) -> None:
+    where = {"recording": remember(owner, "away"), "map": keep_map(owner, "one")}
+    job = ended(owner, start(owner, kind="locate", mode="one-shot", **where))
+    assert job["state"] == "failed"
+    assert job["problem"] == "away: nowhere in one; is it the same place?"
+    (tmp_path / "fixes.csv").write_bytes(owner.get(f"/api/jobs/{job['id']}/fixes.csv").content)
+    fixes = read_fixes(tmp_path / "fixes.csv")
+    assert len(fixes.t_s) == job["gave"]["counts"]["UNKNOWN_PLACE"] > 50
+
+
+@pytest.mark.slow
 def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
     owner: TestClient, remember: Remember, ended: Wait
 ) -> None:
