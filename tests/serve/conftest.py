@@ -188,18 +188,19 @@ run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print
 """
 
 
-@pytest.fixture
-def start_server(tmp_path: Path) -> Iterator[Callable[..., Started]]:
+@pytest.fixture(scope="module")
+def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Started]]:
     """Starts real servers on free ports; all are killed at the end."""
     started: list[subprocess.Popen[bytes]] = []
 
-    def start(data: Path = tmp_path / "data", speaks: str = "http", **limits: float) -> Started:
+    def start(data: Path | None = None, speaks: str = "http", **limits: float) -> Started:
+        data = data or tmp_path_factory.mktemp("served") / "data"
         told = data / "authority" / "url"
         told.unlink(missing_ok=True)
         command = [sys.executable, "-c", START, str(data), speaks, repr(limits)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         started.append(process)
-        until_s = time.monotonic() + 60
+        until_s = time.monotonic() + 180
         while not told.is_file():
             assert process.poll() is None, "the server did not start"
             assert time.monotonic() < until_s, "the server takes too long to start"

@@ -8,8 +8,6 @@ import random
 import signal
 import socket
 import ssl
-import subprocess
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -28,7 +26,13 @@ from elfslam.serve.settings import ServerSettings
 Start = Callable[..., Any]
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
-ROUNDS = 4
+ROUNDS = 3
+
+
+@pytest.fixture(scope="module")
+def server(start_server: Start) -> Any:
+    """A server that several tests ask, as long as none of them ends it."""
+    return start_server(silence_s=1.0)
 
 
 def coded(text: str) -> str:
@@ -95,8 +99,7 @@ def resume(client: httpx.Client, place: str, data: bytes, acknowledged: int, pie
     return acknowledged
 
 
-def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(start_server: Start) -> None:
-    server = start_server()
+def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(server: Any) -> None:
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
         place = begin(client, 1_000_000)
         with raw(server.url) as connection:
@@ -113,8 +116,7 @@ def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(start_server: Start) 
         assert offset_of(client, place) == 300_001
 
 
-def test_silence_ends_a_piece(start_server: Start) -> None:
-    server = start_server(silence_s=0.3)
+def test_silence_ends_a_piece(server: Any) -> None:
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
         place = begin(client, 1000)
         with raw(server.url) as connection:
@@ -125,13 +127,12 @@ def test_silence_ends_a_piece(start_server: Start) -> None:
         assert offset_of(client, place) == 300
 
 
-def test_a_stream_of_unknown_length_stops_at_what_was_said(start_server: Start) -> None:
+def test_a_stream_of_unknown_length_stops_at_what_was_said(server: Any) -> None:
     def pieces() -> Iterator[bytes]:
         yield b"x" * 1000
         time.sleep(0.2)
         yield b"more"
 
-    server = start_server()
     with httpx.Client(base_url=server.url, headers=server.bearer) as client:
         place = begin(client, 1000)
         sent = {**PIECE, "Upload-Offset": "0"}
@@ -139,8 +140,7 @@ def test_a_stream_of_unknown_length_stops_at_what_was_said(start_server: Start) 
         assert offset_of(client, place) == 1000
 
 
-def test_two_gigabytes_that_are_claimed_are_refused_at_once(start_server: Start) -> None:
-    server = start_server()
+def test_two_gigabytes_that_are_claimed_are_refused_at_once(server: Any) -> None:
     for path in ("/api/recordings", "/api/uploads", "/nowhere"):
         with raw(server.url) as connection:
             head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Length: {2 * 2**30}\r\n\r\n"
@@ -161,26 +161,6 @@ def test_a_stop_waits_for_the_piece_that_is_coming(start_server: Start) -> None:
         assert b" 204 " in connection.recv(4096)
     server.process.wait(timeout=20)
     assert (server.data / "uploads" / place.rpartition("/")[2]).stat().st_size == 1000
-
-
-def test_two_servers_do_not_share_a_folder(start_server: Start) -> None:
-    server = start_server()
-    other = subprocess.run(
-        [sys.executable, "-c", SECOND, str(server.data)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert other.returncode != 0
-    assert "another server is using it" in other.stderr
-
-
-SECOND = """
-import sys; from pathlib import Path
-from elfslam.serve.running import Listening, run
-from elfslam.serve.settings import ServerSettings
-run(ServerSettings(Path(sys.argv[1])), Listening("127.0.0.1", 0, plain_http=True), print)
-"""
 
 
 def raw(url: str) -> socket.socket:
