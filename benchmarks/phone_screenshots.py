@@ -106,7 +106,7 @@ def side_by_side(files: list[Path], out: Path) -> None:
         both.paste(picture, (at, 0))
         at += picture.width
     small = both.resize((both.width * 3 // 5, both.height * 3 // 5), Image.Resampling.LANCZOS)
-    small.quantize(64, dither=Image.Dither.NONE).save(out, optimize=True)
+    small.quantize(160, dither=Image.Dither.NONE).save(out, optimize=True)
 
 
 if __name__ == "__main__":

@@ -244,6 +244,6 @@ test("the token is taken from the fragment", () => {
 });
 
 test("numbers are written for people", () => {
-  assert.deepEqual([999, 1500, 20000, 1.5e6, 2e7, 3e9].map(formatBytes), ["999 B", "1.5 kB", "20 kB", "1.5 MB", "20 MB", "3.0 GB"]);
+  assert.deepEqual([999, 1500, 20000, 1.5e6, 2e7, 3e9].map(formatBytes).map((text) => text.replace("\u00a0", " ")), ["999 B", "1.5 kB", "20 kB", "1.5 MB", "20 MB", "3.0 GB"]);
   assert.deepEqual([0, 61, 3723].map(formatDuration), ["0:00", "1:01", "1:02:03"]);
 });
