@@ -117,7 +117,8 @@ const framer = makeFramer({
   rateHz, chirp: makeChirp(CHIRP, rateHz), period: rateHz / 10, kind, scale: Number(scale),
 });
 const { frames } = framer.push(0, sound);
-const [table, file] = kind === "whole" ? ["frames.csv", "frames.wav"] : ["baseband.csv", "baseband.iq"];
+const names = { whole: ["frames.csv", "frames.wav"], baseband: ["baseband.csv", "baseband.iq"] };
+const [table, file] = names[kind];
 const head = kind === "whole" ? [wavHeader(rateHz)] : [];
 writeFileSync(`${folder}/${file}`, Buffer.concat([...head, ...frames.map((frame) => frame.bytes)]));
 writeFileSync(`${folder}/${table}`, "t_s\\n" + frames.map((frame) => frame.row).join(""));
