@@ -86,18 +86,14 @@ def pulse_audio(folder: Path) -> Iterator[dict[str, str]]:
         "--use-pid-file=no",
     ]
     quiet = ["--disallow-exit", "--log-level=error", "--realtime=no", "--high-priority=no"]
-    daemon = subprocess.Popen(
-        ["pulseaudio", *options, *quiet],
-        env={**os.environ, **own},
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        _wait_for(socket, daemon)
-        _hurry(daemon.pid)
-        yield environment
-    finally:
-        daemon.terminate()
-        daemon.wait(5)
+    command = ["pulseaudio", *options, *quiet]
+    with subprocess.Popen(command, env={**os.environ, **own}, stderr=subprocess.DEVNULL) as daemon:
+        try:
+            _wait_for(socket, daemon)
+            _hurry(daemon.pid)
+            yield environment
+        finally:
+            daemon.terminate()
 
 
 def _hurry(process: int) -> None:
@@ -143,20 +139,20 @@ def room_between(
     """A room that answers chirp c of the walk by transfer function c (n, FRAME / 2 + 1)."""
     file = folder / "responses.npy"
     np.save(file, responses.astype(np.complex64))
-    process = subprocess.Popen(
-        [sys.executable, __file__, str(file), str(seed)],
+    command = [sys.executable, __file__, str(file), str(seed)]
+    with subprocess.Popen(
+        command,
         env={**environment, "OMP_NUM_THREADS": "1"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-    )
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        yield Room(process)
-    finally:
-        process.terminate()
-        process.wait(5)
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield Room(process)
+        finally:
+            process.terminate()
 
 
 @dataclass

@@ -109,18 +109,16 @@ def serving(data: Path) -> Iterator[str]:
     """A server of its own on plain HTTP; gives the address that pairs."""
     command = "from elfslam.cli import main; main()"
     options = ["serve", "--http", "--port", "0", "--data", str(data)]
-    server = subprocess.Popen(
-        [sys.executable, "-c", command, *options], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert server.stdout is not None
-        address = server.stdout.readline().strip()
-        if not address.startswith("http"):
-            raise RuntimeError(f"the server does not start: {address!r}")
-        yield address
-    finally:
-        server.terminate()
-        server.wait(20)
+    arguments = [sys.executable, "-c", command, *options]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            if not address.startswith("http"):
+                raise RuntimeError(f"the server does not start: {address!r}")
+            yield address
+        finally:
+            server.terminate()
 
 
 @contextmanager
