@@ -1,8 +1,8 @@
 """A loudspeaker, a simulated room and a microphone for a real browser, and no human.
 
-Two null sinks of a private PulseAudio stand for loudspeaker and microphone. A process of its own, the
-room, reads what the browser plays; at every chirp it takes the response of the world at the place where
-the walker is then, convolves, and plays the result into the microphone.
+Two null sinks of a private PulseAudio stand for loudspeaker and microphone. A process of its own,
+the room, reads what the browser plays; at every chirp it takes the response of the world at the
+place where the walker is then, convolves, and plays the result into the microphone.
 
     python benchmarks/acoustic_loop.py RESPONSES.npy     is the room (started by `room_between`)
 """
@@ -51,8 +51,10 @@ def missing_programs() -> list[str]:
 
 @contextmanager
 def in_time() -> Iterator[None]:
-    """What is started within goes before other work, where this user may ask for it: sound that comes
-    late is sound that is lost."""
+    """What is started within goes before other work, where this user may ask for it.
+
+    Sound that comes late is sound that is lost.
+    """
     before = os.sched_getscheduler(0), os.sched_getparam(0)
     with suppress(PermissionError):
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
@@ -75,20 +77,23 @@ def pulse_audio(folder: Path) -> Iterator[dict[str, str]]:
         "PULSE_CONFIG": str(settings),
     }
     environment = {**os.environ, **own, "PULSE_SERVER": f"unix:{socket}"}
-    options = ["-n", "-F", str(script), "--exit-idle-time=-1", "--daemonize=no", "--use-pid-file=no"]
+    options = [
+        "-n",
+        "-F",
+        str(script),
+        "--exit-idle-time=-1",
+        "--daemonize=no",
+        "--use-pid-file=no",
+    ]
     quiet = ["--disallow-exit", "--log-level=error", "--realtime=no", "--high-priority=no"]
-    daemon = subprocess.Popen(
-        ["pulseaudio", *options, *quiet],
-        env={**os.environ, **own},
-        stderr=subprocess.DEVNULL,
-    )
-    try:
-        _wait_for(socket, daemon)
-        _hurry(daemon.pid)
-        yield environment
-    finally:
-        daemon.terminate()
-        daemon.wait(5)
+    command = ["pulseaudio", *options, *quiet]
+    with subprocess.Popen(command, env={**os.environ, **own}, stderr=subprocess.DEVNULL) as daemon:
+        try:
+            _wait_for(socket, daemon)
+            _hurry(daemon.pid)
+            yield environment
+        finally:
+            daemon.terminate()
 
 
 def _hurry(process: int) -> None:
@@ -131,23 +136,23 @@ class Room:
 def room_between(
     environment: dict[str, str], responses: np.ndarray, folder: Path, seed: int = 0
 ) -> Iterator[Room]:
-    """A room that answers chirp c of the walk by the transfer function in row c (n, FRAME / 2 + 1)."""
+    """A room that answers chirp c of the walk by transfer function c (n, FRAME / 2 + 1)."""
     file = folder / "responses.npy"
     np.save(file, responses.astype(np.complex64))
-    process = subprocess.Popen(
-        [sys.executable, __file__, str(file), str(seed)],
+    command = [sys.executable, __file__, str(file), str(seed)]
+    with subprocess.Popen(
+        command,
         env={**environment, "OMP_NUM_THREADS": "1"},
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-    )
-    try:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        yield Room(process)
-    finally:
-        process.terminate()
-        process.wait(5)
+    ) as process:
+        try:
+            assert process.stdout is not None
+            assert process.stdout.readline() == "ready\n"
+            yield Room(process)
+        finally:
+            process.terminate()
 
 
 @dataclass

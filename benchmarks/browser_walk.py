@@ -2,9 +2,10 @@
 
     python benchmarks/browser_walk.py [WORLD] [--seed N] [--rounds N] [--keep FOLDER]
 
-The page plays chirps through a private sound server into the room of acoustic_loop.py, gets its motion
-from the browser's own sensor override, records, and uploads to a server of its own, which maps. Printed is
-the median error of that map, and that of the map of `simulate` with the same world, seed and sensors.
+The page plays chirps through a private sound server into the room of acoustic_loop.py, gets its
+motion from the browser's own sensor override, records, and uploads to a server of its own, which
+maps. Printed is the median error of that map, and that of the map of `simulate` with the same
+world, seed and sensors.
 Needs chromium, pulseaudio and the `test` extra.
 """
 
@@ -12,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import json
 import os
 import shutil
 import subprocess
@@ -30,10 +32,17 @@ import numpy as np
 from acoustic_loop import FRAME, RATE_HZ, in_time, missing_programs, pulse_audio, room_between
 from playwright.sync_api import Browser, Page, sync_playwright
 
-from elfslam.base.values import Imu, Recording, Truth
-from elfslam.data.recordings import read_recording, write_recording
+from elfslam.base.values import Imu, Truth
+from elfslam.data.recordings import write_recording
 from elfslam.data.truth_files import write_truth
-from elfslam.world.circumstances import Circumstances, air_on, device_of, engine_of, reach_of, room_on
+from elfslam.world.circumstances import (
+    Circumstances,
+    air_on,
+    device_of,
+    engine_of,
+    reach_of,
+    room_on,
+)
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, BMI160, BROWSER
 from elfslam.world.imu import read_imu
 from elfslam.world.phone import room_responses
@@ -100,18 +109,16 @@ def serving(data: Path) -> Iterator[str]:
     """A server of its own on plain HTTP; gives the address that pairs."""
     command = "from elfslam.cli import main; main()"
     options = ["serve", "--http", "--port", "0", "--data", str(data)]
-    server = subprocess.Popen(
-        [sys.executable, "-c", command, *options], stdout=subprocess.PIPE, text=True
-    )
-    try:
-        assert server.stdout is not None
-        address = server.stdout.readline().strip()
-        if not address.startswith("http"):
-            raise RuntimeError(f"the server does not start: {address!r}")
-        yield address
-    finally:
-        server.terminate()
-        server.wait(20)
+    arguments = [sys.executable, "-c", command, *options]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            if not address.startswith("http"):
+                raise RuntimeError(f"the server does not start: {address!r}")
+            yield address
+        finally:
+            server.terminate()
 
 
 @contextmanager
@@ -172,7 +179,9 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
     page.click("#stop")
 
 
-def _move_until(page: Page, sensors: MotionSensors, course: Course, done: Any, most_s: float) -> None:
+def _move_until(
+    page: Page, sensors: MotionSensors, course: Course, done: Any, most_s: float
+) -> None:
     until = time.monotonic() + most_s
     while not done():
         if time.monotonic() > until:
@@ -218,26 +227,41 @@ def simulated_twin(world: World, seed: int, rounds: int, folder: Path) -> Path:
     return folder
 
 
-def truth_of(recording: Recording, course: Course, recorded: Path) -> Truth:
+def truth_of(course: Course, recorded: Path) -> Truth:
     """The truth on the recording's clock: the walk begins with its first chirp."""
-    first_s = first_chirp_s(recorded)
-    return Truth(course.truth.t_s + first_s, course.truth.world_from_body)
+    return Truth(course.truth.t_s + first_chirp_s(recorded), course.truth.world_from_body)
 
 
 def first_chirp_s(recorded: Path) -> float:
     """When the first direct arrival was heard."""
-    table = next(file for file in map(recorded.joinpath, ("baseband.csv", "frames.csv")) if file.is_file())
+    table = next(
+        file for file in map(recorded.joinpath, ("baseband.csv", "frames.csv")) if file.is_file()
+    )
     return float(np.loadtxt(table, skiprows=1)[0]) + 0.005
 
 
-def elfslam(*arguments: object) -> None:
-    """Run a verb of the command."""
-    command = "from elfslam.cli import main; main()"
-    subprocess.run([sys.executable, "-c", command, *map(str, arguments)], check=True)
+def elfslam(*arguments: object) -> str:
+    """Run a verb of the command; gives what it prints."""
+    command = [sys.executable, "-c", "from elfslam.cli import main; main()", *map(str, arguments)]
+    return subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True).stdout
+
+
+def errors_of(run: Path, truth: Path) -> dict[str, float]:
+    """Median errors (m) of a map, by alignment, and of dead reckoning where it is aligned."""
+    rows = json.loads(elfslam("score", run, truth, "--json"))
+    found = {row["alignment"]: row["median_m"] for row in rows if row.get("method") == "SLAM"}
+    reckoned = next(
+        row["median_m"]
+        for row in rows
+        if (row.get("method"), row.get("alignment")) == ("dead reckoning", "aligned")
+    )
+    return {**found, "dead reckoning, aligned": reckoned}
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("world", nargs="?", default="studio")
     parser.add_argument("--seed", type=int, default=107)
     parser.add_argument("--rounds", type=int, default=3)
@@ -248,33 +272,42 @@ def main() -> None:
     world = load_world(given.world)
     course = plan_course(world, given.seed, given.rounds)
     print(f"walk of {course.duration_s:.0f} s", flush=True)
-    with tempfile.TemporaryDirectory() as name:
-        folder = given.keep or Path(name)
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = given.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
-        compare(world, course, folder, given.seed, given.rounds)
+        for name, errors in compare(world, course, folder, given.seed, given.rounds).items():
+            told = ", ".join(
+                f"{alignment} {error_m:.2f} m" for alignment, error_m in errors.items()
+            )
+            print(f"{name}: {told}", flush=True)
 
 
-def compare(world: World, course: Course, folder: Path, seed: int, rounds: int) -> None:
-    """Walk by browser, walk by simulation, and print both errors."""
-    with (
-        serving(folder / "data") as address,
-        in_time(),
-        pulse_audio(folder) as environment,
-        room_between(environment, course.responses, folder, seed) as room,
-        browsing(environment) as browser,
-    ):
-        context = browser.new_context(permissions=list(PERMISSIONS), reduced_motion="reduce")
-        page = context.new_page()
-        page.on("pageerror", lambda error: print("page:", error, flush=True))
-        walk_in_browser(page, address, course, room, f"{world.name} {seed}")
-        page.wait_for_function("document.getElementById('finish-said').textContent.includes('map')", timeout=120_000)
-        recorded = download(address, folder)
-        run = finished_map(address, folder)
-    write_truth(truth_of(read_recording(recorded), course, recorded), recorded)
-    elfslam("score", run, recorded)
+def compare(
+    world: World, course: Course, folder: Path, seed: int, rounds: int
+) -> dict[str, dict[str, float]]:
+    """Median errors of the walk by browser and of the same walk simulated."""
+    recorded, run = walk_and_map(course, folder, f"{world.name} {seed}", seed)
+    write_truth(truth_of(course, recorded), recorded)
     twin = simulated_twin(world, seed, rounds, folder / "twin")
     elfslam("map", twin, folder / "twin_run")
-    elfslam("score", folder / "twin_run", twin)
+    return {"browser": errors_of(run, recorded), "simulated": errors_of(folder / "twin_run", twin)}
+
+
+def walk_and_map(course: Course, folder: Path, name: str, seed: int = 0) -> tuple[Path, Path]:
+    """The recording and the map that come of a walk by browser, as folders."""
+    with serving(folder / "data") as address:
+        with (
+            in_time(),
+            pulse_audio(folder) as environment,
+            room_between(environment, course.responses, folder, seed) as room,
+            browsing(environment) as browser,
+        ):
+            context = browser.new_context(permissions=list(PERMISSIONS), reduced_motion="reduce")
+            page = context.new_page()
+            page.on("pageerror", lambda error: print("page:", error, flush=True))
+            walk_in_browser(page, address, course, room, name)
+            page.get_by_text("map is being made").wait_for(timeout=120_000)
+        return download(address, folder), finished_map(address, folder)
 
 
 if __name__ == "__main__":

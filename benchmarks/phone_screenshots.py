@@ -2,8 +2,8 @@
 
     python benchmarks/phone_screenshots.py [FOLDER]
 
-A real server, a real browser, and the simulated room of acoustic_loop.py. Needs chromium, pulseaudio, pillow
-and the `test` extra.
+A real server, a real browser, and the simulated room of acoustic_loop.py. Needs chromium,
+pulseaudio and the `test` extra.
 """
 
 from __future__ import annotations
@@ -51,8 +51,10 @@ def main() -> None:
                 photograph(context.new_page(), address, course, scratch / scheme)
                 context.close()
         for state in STATES:
-            side_by_side([scratch / f"{scheme}_{state}.png" for scheme in ("light", "dark")],
-                         folder / f"{state}.png")
+            side_by_side(
+                [scratch / f"{scheme}_{state}.png" for scheme in ("light", "dark")],
+                folder / f"{state}.png",
+            )
 
 
 def photograph(page: Any, address: str, course: Course, prefix: Path) -> None:
@@ -106,7 +108,9 @@ def side_by_side(files: list[Path], out: Path) -> None:
         both.paste(picture, (at, 0))
         at += picture.width
     small = both.resize((both.width * 3 // 5, both.height * 3 // 5), Image.Resampling.LANCZOS)
-    small.quantize(64, dither=Image.Dither.NONE).save(out, optimize=True)
+    small.quantize(256, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(
+        out, optimize=True
+    )
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ import { joined } from "../../../../src/elfslam/serve/pages/phone/shelf_database
 import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/sound_files.js";
 import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
-import { makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
+import { makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 import { tokenIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
 import { formatBytes, formatDuration } from "../../../../src/elfslam/serve/pages/shared/format.js";
 
@@ -105,6 +105,20 @@ test("motion is kept in order of time, from the start of the recording on", () =
   assert.deepEqual(times, ["0.020000", "0.030000"]);
   assert.deepEqual(rows["accelerometer.csv"].match(/^0\.\d+/gm), times);
   assert.equal(log.take((pageMs) => pageMs)["gyroscope.csv"], "");
+});
+
+test("the way of the sound is known from its first chirp, and followed where it jumps", () => {
+  const late = makeLateness(0.25, 0.1);
+  assert.equal(late.latencyS(), null);
+  late.add(0.2);
+  assert.equal(late.latencyS(), null);
+  for (let c = 0; c < 20; c += 1) late.add(0.25 + 0.1 * c + 0.27);
+  assert.ok(Math.abs(late.latencyS() - 0.27) < 1e-9);
+  for (let c = 20; c < 40; c += 1) late.add(0.25 + 0.1 * c + 0.31);
+  assert.ok(Math.abs(late.latencyS() - 0.31) < 1e-9);
+  for (let c = 43; c < 60; c += 1) late.add(0.25 + 0.1 * c + 0.29);
+  assert.ok(Math.abs(late.latencyS() - 0.29) < 1e-9);
+  assert.ok(Math.abs(late.endS() - (0.25 + 5.9 + 0.29 + 0.075)) < 1e-9);
 });
 
 const EARS = {
@@ -244,6 +258,6 @@ test("the token is taken from the fragment", () => {
 });
 
 test("numbers are written for people", () => {
-  assert.deepEqual([999, 1500, 20000, 1.5e6, 2e7, 3e9].map(formatBytes), ["999 B", "1.5 kB", "20 kB", "1.5 MB", "20 MB", "3.0 GB"]);
+  assert.deepEqual([999, 1500, 20000, 1.5e6, 2e7, 3e9].map(formatBytes).map((text) => text.replace("\u00a0", " ")), ["999 B", "1.5 kB", "20 kB", "1.5 MB", "20 MB", "3.0 GB"]);
   assert.deepEqual([0, 61, 3723].map(formatDuration), ["0:00", "1:01", "1:02:03"]);
 });

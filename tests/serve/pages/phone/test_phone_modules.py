@@ -117,8 +117,8 @@ const framer = makeFramer({
   rateHz, chirp: makeChirp(CHIRP, rateHz), period: rateHz / 10, kind, scale: Number(scale),
 });
 const { frames } = framer.push(0, sound);
-const names = { whole: ["frames.csv", "frames.wav"], band: ["baseband.csv", "baseband.iq"] };
-const [table, file] = names[kind === "whole" ? "whole" : "band"];
+const names = { whole: ["frames.csv", "frames.wav"], baseband: ["baseband.csv", "baseband.iq"] };
+const [table, file] = names[kind];
 const head = kind === "whole" ? [wavHeader(rateHz)] : [];
 writeFileSync(`${folder}/${file}`, Buffer.concat([...head, ...frames.map((frame) => frame.bytes)]));
 writeFileSync(`${folder}/${table}`, "t_s\\n" + frames.map((frame) => frame.row).join(""));

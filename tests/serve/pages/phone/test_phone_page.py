@@ -317,8 +317,9 @@ def check_layout(phone: Any) -> None:
     page = phone.page
     wide = page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth")
     assert wide <= 0
-    touched = "button:visible, summary:visible, .bar a:visible, .choice:visible"
-    for target in page.locator(touched).all():
+    for target in page.locator(
+        "button:visible, summary:visible, .bar a:visible, .choice:visible"
+    ).all():
         box = target.bounding_box()
         assert box["height"] >= HEIGHTS_PX, target.inner_text()
         assert box["width"] >= HEIGHTS_PX, target.inner_text()

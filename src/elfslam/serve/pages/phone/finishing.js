@@ -5,7 +5,8 @@ import { formatBytes, formatDuration } from "../shared/format.js";
 import { SOUND_FILES, MOTION_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
-  at, offer, showFinishFacts, showFinishTrouble, showFinishing, showView, totalBytes,
+  at, offer, showFinishFacts, showFinishTrouble, showFinishing, showStage, showView,
+  totalBytes,
 } from "./view.js";
 
 const GLANCE_MS = 1500;
@@ -41,6 +42,7 @@ export function startSending(sent, keeper) {
  * @param {ReturnType<typeof startSending>} sending
  */
 export async function showSending(sent, keeper, sending) {
+  showStage("Sending the walk");
   showView("finish");
   offer();
   at("finish-name").textContent = sent.state.name;
@@ -79,6 +81,7 @@ function showProgress({ sizes, state }, { sent, trouble }) {
 /** Follows the job that makes the map. What fails here is not lost: the walk is on the server. */
 async function followMap(recording) {
   showFinishTrouble(null);
+  showStage("Making the map");
   showFinishing("The walk is on the server. Its map is being made.", null);
   offer("another");
   let failures = 0;
@@ -99,6 +102,7 @@ async function latestJob(recording) {
 /** @returns {boolean} whether there is nothing more to wait for */
 function showJob(job) {
   if (job.state === "done") {
+    showStage("The map is ready");
     showFinishing("The map is ready.", 1);
     at("see-map").href = `desk.html#/maps/${encodeURIComponent(job.gave.map)}`;
     offer("see-map", "another");
@@ -106,6 +110,7 @@ function showJob(job) {
     return true;
   }
   if (job.state === "failed" || job.state === "cancelled") {
+    showStage("No map yet");
     showFinishing("The walk is on the server, without a map.", 0);
     showFinishTrouble(job.problem ?? "The work was cancelled.");
     offer("another");

@@ -142,8 +142,10 @@ async function walk() {
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
-  const walking = await startWalking({
-    microphone, sound, keeper, clocks, play, sent, software: page.software, heard: showLevel,
+  const given = { microphone, sound, keeper, clocks, play, sent, software: page.software };
+  const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
+    showView("name");
+    throw error;
   });
   const sending = startSending(sent, keeper);
   page.ending = watchWalk(sent, sending, walking);

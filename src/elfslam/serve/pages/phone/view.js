@@ -68,7 +68,7 @@ function checkLine({ name, verdict, said }) {
   return make("li", { data: { verdict } }, [sign, what, make("span", { className: "said" }, [said])]);
 }
 
-const TALLEST_DB = 60;
+const TALLEST_DB = 90;
 
 function bandColumn({ lowHz, snrDb }) {
   const verdict = snrDb < 6 ? "fail" : snrDb < 15 ? "doubt" : "pass";
@@ -119,6 +119,13 @@ export function showFinishing(said, share) {
   if (at("finish-said").textContent !== said) at("finish-said").textContent = said;
   if (share === null) at("finish-progress").removeAttribute("value");
   else at("finish-progress").value = share;
+}
+
+/** Where the walk is by now, as the heading of the last view. @param {string} title */
+export function showStage(title) {
+  if (at("finish-title").textContent === title) return;
+  at("finish-title").textContent = title;
+  document.title = `${title} · elfslam`;
 }
 
 /** @param {string | null} said */

@@ -2,11 +2,13 @@
 
 import { fitClocks, readClocks, soundTime } from "./clocks.js";
 import { NO_FACTS, manifestOf } from "./manifest.js";
+import { median } from "./matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
 
 const CLOCK_EVERY_MS = 200;
-const CLOCK_PAIRS = 600;
+/** Three seconds: where the browser's sound stalls, its clock falls behind, and is followed there. */
+const CLOCK_PAIRS = 15;
 const FLUSH_EVERY_MS = 1000;
 const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
@@ -17,6 +19,8 @@ const LATENCY_PATIENCE_S = 3;
 const TAIL_MS = 400;
 /** What is kept behind a direct arrival. */
 const BEHIND_S = 0.075;
+/** So many arrivals tell how long sound takes through the phone by now. */
+const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
 
 /** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
@@ -89,16 +93,20 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
   const zero = await beginSound(sound, state, walk);
   const chirps = play(FIRST_CHIRP_S);
   sound.on("gap", ({ tS, lostS }) => state.facts.gaps.push({ t_s: tS, lost_s: lostS }));
+  const late = makeLateness((chirps.firstFrame - zero) / rateHz, state.chirp.period_s);
   sound.on("frame", (frame) => {
-    noteFrame(state.facts, frame, (chirps.firstFrame - zero) / rateHz);
+    noteFrame(state.facts, frame);
+    if (frame.isFound) late.add(frame.directS);
+    state.facts.latencyS ??= late.latencyS();
     heard(frame.peak, frame.isFound);
   });
 
   const flush = async (untilS) => {
-    const { latencyS, seconds } = state.facts;
-    if (latencyS === null && seconds < LATENCY_PATIENCE_S && untilS === undefined) return;
+    const isKnown = late.latencyS() !== null || state.facts.seconds > LATENCY_PATIENCE_S;
+    if (!isKnown && untilS === undefined) return;
     const line = clocks.line();
-    const timeOf = (pageMs) => soundTime(line, pageMs) - zero / rateHz + (latencyS ?? 0);
+    const lateS = (late.latencyS() ?? 0) - zero / rateHz;
+    const timeOf = (pageMs) => soundTime(line, pageMs) + lateS;
     const rows = log.take(timeOf, untilS);
     for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
       await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
@@ -108,14 +116,14 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
 
   // Sound and motion end together: what one lasts longer than the other counts as lost.
   const stop = async () => {
-    const lastS = (chirps.stop() - zero) / rateHz + (state.facts.latencyS ?? 0) + BEHIND_S;
-    await pause(1000 * (state.facts.latencyS ?? 0) + TAIL_MS);
+    chirps.stop();
+    await pause(1000 * (late.latencyS() ?? 0) + TAIL_MS);
     stopMotion();
     clearInterval(timer);
     const stopped = sound.answer("stopped");
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
-    await flush(lastS);
+    await flush(late.endS());
     state.facts.seconds = seconds;
     await untilKept(sent, sizes);
     await closeWalk(sent, keeper, software);
@@ -142,12 +150,33 @@ async function beginSound(sound, { kind, scale }, walk) {
   return (await started).zero;
 }
 
-/** @param {number} dueS when the first chirp was played, on the recording's clock */
-function noteFrame(facts, { tS, directS, jumpedS, isFound }, dueS) {
+function noteFrame(facts, { tS, jumpedS, isFound }) {
   facts.frames += 1;
   if (!isFound) facts.missed += 1;
   if (jumpedS !== 0) facts.jumps.push({ t_s: tS, by_s: jumpedS });
-  if (isFound && facts.latencyS === null && directS > dueS) facts.latencyS = directS - dueS;
+}
+
+/**
+ * How long sound takes from playing to hearing, followed from chirp to chirp: it jumps where the browser
+ * loses sound. The first chirp that is heard is the first that was played.
+ * @param {number} dueS when that was due, on the recording's clock
+ * @param {number} periodS
+ */
+export function makeLateness(dueS, periodS) {
+  let recent = [];
+  let lastS = null;
+  const add = (directS) => {
+    if (directS < dueS) return;
+    const before = recent.length > 0 ? median(recent) : directS - dueS;
+    const count = Math.round((directS - dueS - before) / periodS);
+    recent = [...recent, directS - dueS - count * periodS].slice(-RECENT);
+    lastS = directS;
+  };
+  return {
+    add,
+    latencyS: () => (recent.length > 0 ? median(recent) : null),
+    endS: () => (lastS === null ? undefined : lastS + BEHIND_S),
+  };
 }
 
 function everySecond(context, zero, sent, flush) {

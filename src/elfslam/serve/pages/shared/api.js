@@ -50,12 +50,19 @@ export function tokenIn(fragment) {
 }
 
 /**
- * Pair with the token in the address bar, if there is one, and take it out of there. Raises Problem.
+ * Pair with the token in the address bar, if there is one, and take it out of there as soon as the server
+ * has answered. Raises Problem.
  * @param {Location} location @param {History} history
  */
 export async function openSession(location, history) {
   const token = tokenIn(location.hash);
   if (token === null) return;
-  history.replaceState(null, "", location.pathname + location.search);
-  await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+  const forget = () => history.replaceState(null, "", location.pathname + location.search);
+  try {
+    await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+  } catch (error) {
+    if (error.status !== 0) forget();
+    throw error;
+  }
+  forget();
 }

@@ -1,7 +1,11 @@
 /** Numbers as people read them. */
 
-/** @param {number} bytes @returns {string} */
+/** @param {number} bytes @returns {string} number and unit stay on one line */
 export function formatBytes(bytes) {
+  return told(bytes).replace(" ", "\u00a0");
+}
+
+function told(bytes) {
   if (bytes < 1000) return `${bytes} B`;
   if (bytes < 1e6) return `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB`;
   if (bytes < 1e9) return `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;

@@ -1,0 +1,61 @@
+"""The whole way with no human: the page plays, a simulated room answers, the server maps."""
+
+from __future__ import annotations
+
+import importlib
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elfslam.world.world_file import load_world
+
+BENCHMARKS = Path(__file__).resolve().parents[4] / "benchmarks"
+SEED, ROUNDS = 107, 3
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def browser_walk() -> Iterator[Any]:
+    """benchmarks/browser_walk.py, which has the long form; skips where a program is missing."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(BENCHMARKS)
+        yield importlib.import_module("browser_walk")
+    for name in ("browser_walk", "acoustic_loop"):
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Course, recording, and the errors of both maps."""
+    absent = browser_walk.missing_programs() + ([] if browser_walk.CHROMIUM else ["chromium"])
+    if absent:
+        names = ", ".join(absent)
+        pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
+    folder = tmp_path_factory.mktemp("loop")
+    world = load_world("studio")
+    course = browser_walk.plan_course(world, SEED, ROUNDS)
+    errors = browser_walk.compare(world, course, folder, SEED, ROUNDS)
+    return course, next(folder.glob("recorded/**/recording.json")).parent, errors
+
+
+def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
+    course, recorded, _ = compared
+    told = json.loads((recorded / "recording.json").read_text())["capture"]
+    assert told["frames"] == pytest.approx(10 * course.duration_s, abs=8)
+    assert told["missed"] < 0.02 * told["frames"]
+    assert told["steps"] == pytest.approx(course.motion.steps[-1], rel=0.1)
+    turns = np.loadtxt(recorded / "gyroscope.csv", delimiter=",", skiprows=1)
+    assert len(turns) / course.duration_s == pytest.approx(60, rel=0.1)
+
+
+def test_its_map_is_as_good_as_that_of_the_walk_without_a_browser(compared: Any) -> None:
+    errors = compared[2]
+    assert errors["browser"]["aligned"] < 0.6 * errors["browser"]["dead reckoning, aligned"]
+    assert errors["browser"]["aligned"] < errors["simulated"]["aligned"] + 0.15
