@@ -19,12 +19,20 @@ async function kept(walk, name) {
   return open.get(key);
 }
 
+/** All parts are kept, or none. */
 async function append({ walk, parts }) {
   const sizes = {};
-  for (const [name, bytes] of parts) {
-    const file = await kept(walk, name);
-    await file.append(bytes);
-    sizes[name] = file.size;
+  const before = [];
+  try {
+    for (const [name, bytes] of parts) {
+      const file = await kept(walk, name);
+      before.push([file, file.size]);
+      await file.append(bytes);
+      sizes[name] = file.size;
+    }
+  } catch (error) {
+    for (const [file, size] of before) await file.truncate(size);
+    throw error;
   }
   self.postMessage({ is: "kept", walk, sizes });
 }
@@ -62,8 +70,9 @@ const orders = {
   append,
   list,
   remove,
-  save: async ({ walk, state }) => {
-    await (await kept(walk, STATE)).replace(new TextEncoder().encode(JSON.stringify(state)));
+  save: async ({ walk, state, reserve }) => {
+    const text = JSON.stringify(state) + " ".repeat(reserve);
+    await (await kept(walk, STATE)).replace(new TextEncoder().encode(text));
   },
   read: async ({ walk, name, start, end }) => (await kept(walk, name)).read(start, end),
   truncate: async ({ walk, name, size }) => (await kept(walk, name)).truncate(size),

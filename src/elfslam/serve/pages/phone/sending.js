@@ -19,7 +19,7 @@ const LEAST_WAIT_S = 1;
  *   walk: string,
  *   state: import("./manifest.js").Walk,
  *   sizes: Record<string, number>,
- *   save: () => Promise<void>,
+ *   save: (reserve?: number) => Promise<void>,
  * }} Sent a walk on its way: its key, what is known of it, how much of each file is there
  * @typedef {{sent: Record<string, number>, trouble: string | null}} Progress
  */

@@ -20,9 +20,13 @@ export async function findUnfinished(keeper) {
   return walks;
 }
 
+/** Bytes held beside the state of a walk, so that it can be closed when the phone is full. */
+const RESERVE = 1 << 15;
+
 /** @returns {import("./sending.js").Sent} */
 export function makeSent(keeper, walk, state, sizes) {
-  return { walk, state, sizes, save: () => keeper.ask({ do: "save", walk, state }) };
+  const save = (reserve = state.isOver ? 0 : RESERVE) => keeper.ask({ do: "save", walk, state, reserve });
+  return { walk, state, sizes, save };
 }
 
 /** A walk that nobody stopped is cut to what is whole, and closed. */

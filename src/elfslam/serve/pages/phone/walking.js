@@ -123,7 +123,7 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
     const stopped = sound.answer("stopped");
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
-    await flush(late.endS());
+    await flush(late.endS()).catch(() => {}); // a full phone keeps what it has
     state.facts.seconds = seconds;
     await untilKept(sent, sizes);
     await closeWalk(sent, keeper, software);
@@ -135,6 +135,7 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
 export async function closeWalk(sent, keeper, software) {
   const order = appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software));
   sent.sizes["recording.json"] = order.parts[0][1].length;
+  await sent.save(0);
   await keeper.ask(order);
   sent.state.isOver = true;
   await sent.save();
