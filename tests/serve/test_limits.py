@@ -12,6 +12,7 @@ import pytest
 import soundfile
 from starlette.testclient import TestClient
 
+from elfslam.serve import reading
 from elfslam.serve.access import new_token
 from elfslam.serve.app import create_app
 from elfslam.serve.problems import Problem
@@ -121,7 +122,7 @@ def test_reading_has_an_end(tmp_path: Path) -> None:
 
 
 def test_a_reader_that_dies_is_no_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("elfslam.serve.reading.READER", "elfslam.no_such_reader")
+    monkeypatch.setattr(reading, "READER", "elfslam.no_such_reader")
     with pytest.raises(Problem) as refused:
         read_apart(tmp_path, Limits())
     assert refused.value.status_code == 503

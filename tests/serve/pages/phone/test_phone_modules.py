@@ -25,7 +25,7 @@ RATES_HZ = (44_100, 48_000)
 SOUND_S = 1.45
 RoomSound = Callable[[int, float], np.ndarray]
 BASEBAND_HZ, CENTRE_HZ, FRAME_SAMPLES = 6300, 17_500.0, 504
-HALF_SUPPORT_S, KAISER_SHAPE, CUTOFF_HZ = 0.004, 8.0, 2825.0
+HALF_SUPPORT_S, KAISER_SHAPE, CUTOFF_HZ = 0.004, 8.0, 3150.0
 
 node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")

@@ -7,7 +7,6 @@
  */
 
 export const BASEBAND = { rateHz: 6300, centreHz: 17500, frameSamples: 504, leadS: 0.005 };
-const FLAT_HZ = 2500;
 const KAISER_SHAPE = 8;
 const HALF_SUPPORT_S = 0.004;
 const LARGEST_INT16 = 32767;
@@ -48,12 +47,12 @@ export function toInt16(frame, scale) {
 }
 
 /**
- * What one step of the 16 bits stands for, when the direct sound has this amplitude: 18 dB above it are
- * left for louder sounds, and full scale is never exceeded.
+ * What one step of the 16 bits stands for, when the direct sound has this amplitude: 6 dB above it are
+ * left for louder sounds, and full scale is never exceeded. More would drown the echoes in rounding.
  * @param {number} peak
  */
 export function scaleFor(peak) {
-  const top = Number.isFinite(peak) && peak > 0 ? Math.min(8 * peak, 1) : 1;
+  const top = Number.isFinite(peak) && peak > 0 ? Math.min(2 * peak, 1) : 1;
   return top / LARGEST_INT16;
 }
 
@@ -78,10 +77,9 @@ function makePhases(rateHz, up, half) {
 
 /** 2 h at the time step / (rateHz up). */
 function impulseResponse(step, rateHz, up, half) {
-  const widthHz = FLAT_HZ + BASEBAND.rateHz / 2;
-  const x = (Math.PI * widthHz * step) / (rateHz * up);
+  const x = (Math.PI * BASEBAND.rateHz * step) / (rateHz * up);
   const sinc = step === 0 ? 1 : Math.sin(x) / x;
-  return ((2 * widthHz) / rateHz) * sinc * kaiser(step / half);
+  return ((2 * BASEBAND.rateHz) / rateHz) * sinc * kaiser(step / half);
 }
 
 function kaiser(x) {
