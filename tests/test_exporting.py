@@ -11,18 +11,20 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base.choices import Format, Modality
 from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.data.facts import ENCODER, FACTS, read_facts
 from elfslam.data.g2o import read_g2o
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.imdf import Place, read_imdf
 from elfslam.data.imdf_rules import faults_of
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.recordings import write_recording
-from elfslam.data.runs import ENCODER, FACTS, read_facts, read_run
+from elfslam.data.runs import read_run
 from elfslam.data.tum import read_tum
-from elfslam.exporting import Format, Told, export, map_of
+from elfslam.exporting import Told, export, map_of
 from elfslam.mapping import MapJob, map_into
-from elfslam.senses import Modality, Settings
+from elfslam.senses import Settings
 from elfslam.world.simulate import load_world, simulate
 
 PLACE = Place("Studio", "museum", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)

@@ -7,10 +7,11 @@ from pathlib import Path
 import pytest
 
 from elfslam import mapping
+from elfslam.base.choices import Modality
 from elfslam.base.errors import StoreError
 from elfslam.data.recordings import write_recording
 from elfslam.mapping import MapJob, map_into, map_many
-from elfslam.senses import Modality, Settings
+from elfslam.senses import Settings
 from elfslam.world.simulate import load_world, simulate
 
 JOB = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=False)

@@ -13,6 +13,7 @@ import pytest
 
 from elfslam import slam
 from elfslam.base.arrays import F32, F64
+from elfslam.base.choices import Mode
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.parameters import digest, load, rows
@@ -232,9 +233,9 @@ def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
     assert (lost.status == FixStatus.OK).mean() < 0.2
 
 
-@pytest.mark.parametrize("mode", [slam.Mode.TRAJECTORY, slam.Mode.TRACK])
+@pytest.mark.parametrize("mode", [Mode.TRAJECTORY, Mode.TRACK])
 def test_with_footsteps_another_walk_is_located_better(
-    run: Run, encoder: Encoder, mode: slam.Mode
+    run: Run, encoder: Encoder, mode: Mode
 ) -> None:
     assert run.floor_map is not None
     recording, truth = simulate(load_world("studio"), seed=8, rounds=1)

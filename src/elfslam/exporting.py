@@ -6,15 +6,16 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from enum import StrEnum
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.choices import Format
 from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.values import FloorMap
+from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_file
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
@@ -23,7 +24,7 @@ from elfslam.data.imdf import Place, write_imdf
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.parquet_files import write_parquet
 from elfslam.data.ros_map import write_ros_map
-from elfslam.data.runs import ENCODER, FACTS, read_run
+from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
 from elfslam.data.tum import write_tum
 from elfslam.line.graph import build_graph
@@ -34,18 +35,6 @@ COVERAGE = "quality.csv"
 
 FINEST_M, COARSEST_M = 0.01, 1.0
 """Pixels of an image; what is coarser than a person shows nothing."""
-
-
-class Format(StrEnum):
-    """What a run or a map can become."""
-
-    TUM = "tum"
-    G2O = "g2o"
-    ONNX = "onnx"
-    GEOJSON = "geojson"
-    IMDF = "imdf"
-    ROS = "ros"
-    PARQUET = "parquet"
 
 
 @dataclass(frozen=True)

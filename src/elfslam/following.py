@@ -12,10 +12,11 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import compose
 from elfslam.base.grid import FloorGrid
 from elfslam.base.values import FloorMap, Trajectory
+from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_folder
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.runs import ENCODER, FACTS, read_run
+from elfslam.data.runs import read_run
 from elfslam.data.tum import write_tum
 from elfslam.exporting import map_of
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, anchor, placed, standing

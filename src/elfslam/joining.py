@@ -10,10 +10,11 @@ from pathlib import Path
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import FloorMap, Trajectory
+from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder, refuse_occupied
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, is_merged, write_merged
-from elfslam.data.runs import ENCODER, read_run
+from elfslam.data.runs import read_run
 from elfslam.line.alignment import Alignment
 from elfslam.line.quality import map_quality
 from elfslam.mapping import versions

@@ -10,18 +10,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from elfslam import __version__, slam
+from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Echoes, FloorMap, Recording
+from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import ENCODER, FACTS, digest_of, write_run
+from elfslam.data.runs import digest_of, write_run
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.line.graph import build_graph, judge
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
-from elfslam.senses import Modality, Settings, sense_of
+from elfslam.senses import Settings, sense_of
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned

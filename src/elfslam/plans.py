@@ -14,12 +14,12 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.grid import FloorGrid, outlines, signed_area
 from elfslam.base.values import FloorMap
+from elfslam.data.facts import ENCODER
 from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
 from elfslam.data.folders import new_folder
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.runs import ENCODER
 from elfslam.exporting import map_of
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
 from elfslam.score.figures import FloorPlan

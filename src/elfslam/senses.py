@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from enum import StrEnum
 
-from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.choices import Modality
+from elfslam.base.errors import InputError
 from elfslam.base.values import AnySimilarity, Odometry, Recording
 from elfslam.baselines.emr import EMR_CLOSURES, EmrParameters, emr_similarity
 from elfslam.baselines.magnetic import (
@@ -46,30 +46,6 @@ class Settings(Parameters):
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
     floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)
     phone: PhoneParameters = field(default_factory=PhoneParameters)
-
-
-class Modality(StrEnum):
-    """What closes the loops."""
-
-    ELF = "elf"
-    WIFI = "wifi"
-    MAGNETIC = "magnetic"
-    EMR = "emr"
-    MOTION = "motion"
-
-
-def parse_modalities(text: str | None) -> tuple[Modality, ...]:
-    """The modalities in "elf,magnetic", none where nothing is said. Raises ParameterError."""
-    names = [] if text is None else [name.strip() for name in text.split(",")]
-    known = [item.value for item in Modality]
-    for name in names:
-        if name not in known:
-            raise ParameterError(f"--by: wanted {', '.join(known)}, got {name!r}; name one or some")
-    if len(set(names)) < len(names):
-        raise ParameterError(f"--by: got {text!r}; name each modality once")
-    if Modality.MOTION in names and len(names) > 1:
-        raise ParameterError("--by: motion closes no loops; name it alone or leave it out")
-    return tuple(Modality(name) for name in names)
 
 
 def sense_of(modality: Modality, known: Settings) -> Sense:

@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field, fields
-from enum import StrEnum
 from functools import partial
 
 import numpy as np
 
 from elfslam.base.arrays import F32
+from elfslam.base.choices import Mode
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
@@ -72,14 +72,6 @@ class Parameters:
     locate: LocateParameters = field(default_factory=LocateParameters)
     segments: SegmentParameters = field(default_factory=SegmentParameters)
     track: TrackParameters = field(default_factory=TrackParameters)
-
-
-class Mode(StrEnum):
-    """How a phone is located: from sound alone, or with its footsteps too."""
-
-    ONE_SHOT = "one-shot"
-    TRAJECTORY = "trajectory"
-    TRACK = "track"
 
 
 @dataclass(frozen=True, eq=False)

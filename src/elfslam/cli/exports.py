@@ -9,13 +9,14 @@ import numpy as np
 import typer
 
 from elfslam.base.arrays import F64
+from elfslam.base.choices import Format
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.cli.options import ParameterFile, Setting
 from elfslam.console import say
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
-from elfslam.exporting import Format, Told, export
+from elfslam.exporting import Told, export
 from elfslam.following import Start, follow_into
 from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, Placement
 from elfslam.plans import Plan, anchor_into, read_plan

@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from elfslam import slam
+from elfslam.base.choices import Mode, parse_modalities
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
@@ -23,10 +24,10 @@ from elfslam.cli.options import (
     say_refused,
 )
 from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.facts import read_facts
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import read_facts
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.line.phone import learn_phone
@@ -42,7 +43,7 @@ from elfslam.mapping import (
     refuse_unclosed,
 )
 from elfslam.merging import MergeParameters
-from elfslam.senses import Settings, parse_modalities
+from elfslam.senses import Settings
 
 
 def map_command(
@@ -97,8 +98,8 @@ def locate_command(
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
     encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
     mode: Annotated[
-        slam.Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
-    ] = slam.Mode.ONE_SHOT,
+        Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
+    ] = Mode.ONE_SHOT,
     seed: Annotated[int, typer.Option(help="Of the tracker's draws.")] = 0,
     phone_walk: Annotated[
         Path | None, typer.Option(help="A walk of this phone in the map, to learn how it hears.")

@@ -11,9 +11,10 @@ import typer
 from elfslam.base.errors import InputError
 from elfslam.cli.options import AsJson, Plan, drawn_plan
 from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.folders import new_file
-from elfslam.data.runs import FACTS, read_facts, read_run
+from elfslam.data.runs import read_run
 from elfslam.line.feature import load_encoder
 from elfslam.score.errors import alignment_of
 from elfslam.score.report import write_report

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.values import FloorMap, Trajectory
+from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.runs import ENCODER
 from elfslam.data.tum import write_tum
 from elfslam.line.quality import MapQuality
 

@@ -23,6 +23,7 @@ from elfslam.base.values import (
     Similarity,
     Trajectory,
 )
+from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import MAP, read_map, write_map
 from elfslam.data.npz import read_npz, write_npz
@@ -32,7 +33,7 @@ from elfslam.data.truth_files import TRUTH_FILES
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.slam import Run
 
-FACTS, TIMINGS, ENCODER = "run.json", "timings.json", "encoder.onnx"
+TIMINGS = "timings.json"
 SIMILARITY = "similarity.npz"
 CLOSURE_COLUMNS = ("i", "j", "t_i_s", "t_j_s", "score", "weight", "x_m", "y_m", "heading_rad")
 UNCERTAINTY = (
@@ -82,11 +83,6 @@ def read_run(folder: Path) -> Run:
         raise StoreError(f"{folder}: is no whole run ({cause}); map the recording again") from cause
 
 
-def read_facts(folder: Path) -> dict[str, Any]:
-    """What run.json says: parameters, digests, versions. Raises StoreError."""
-    return _read_json(folder / FACTS)
-
-
 def digest_of(path: Path) -> str:
     """SHA-256 over the names and contents of a recording's files, the same for its .zip.
 
@@ -104,7 +100,7 @@ def digest_of(path: Path) -> str:
 
 
 def _read_run(folder: Path) -> Run:
-    facts, timings = read_facts(folder), _read_json(folder / TIMINGS)
+    facts, timings = read_facts(folder), read_object(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
@@ -136,16 +132,6 @@ def _read_run(folder: Path) -> Run:
 def _write_json(file: Path, content: Mapping[str, object]) -> None:
     text = json.dumps(dict(content), indent=2, ensure_ascii=False, default=str)
     file.write_text(text + "\n", encoding="utf-8")
-
-
-def _read_json(file: Path) -> dict[str, Any]:
-    try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as cause:
-        raise StoreError(f"{file}: is missing or damaged ({cause}); map again") from cause
-    if not isinstance(content, dict):
-        raise StoreError(f"{file}: wanted a JSON object; map the recording again")
-    return content
 
 
 def _write_closures(run: Run, file: Path) -> None:

@@ -12,9 +12,8 @@ from pydantic import BaseModel, Field, field_validator
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from elfslam import slam
+from elfslam.base.choices import Modality, Mode, parse_modalities
 from elfslam.base.errors import ParameterError
-from elfslam.senses import Modality, parse_modalities
 from elfslam.serve import blobs, jobs
 from elfslam.serve.access import Me, known_id, not_found
 from elfslam.serve.database import (
@@ -31,10 +30,10 @@ from elfslam.serve.database import (
 )
 from elfslam.serve.derived import forget_given
 from elfslam.serve.holdings import drop_unnamed, used_bytes
+from elfslam.serve.job_folder import FIXES
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here, Services
 from elfslam.serve.texts import Line
-from elfslam.serve.work import FIXES
 
 router = APIRouter(tags=["jobs"])
 FARTHEST_M = 1e6
@@ -75,7 +74,7 @@ class LocateWanted(BaseModel):
     kind: Literal["locate"]
     recording: Id
     map: Id
-    mode: slam.Mode = slam.Mode.ONE_SHOT
+    mode: Mode = Mode.ONE_SHOT
 
 
 Wanted = Annotated[MapWanted | MergeWanted | LocateWanted, Body(discriminator="kind")]

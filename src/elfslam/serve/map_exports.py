@@ -6,20 +6,24 @@ import re
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, Field
 
+from elfslam.base.choices import Format
 from elfslam.base.errors import ElfslamError, ParameterError
+from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import Place
-from elfslam.data.runs import ENCODER, FACTS
-from elfslam.exporting import Format, Told, export
 from elfslam.serve.problems import Problem
 from elfslam.serve.sending import ZIP, pieces, unfolded
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.tasks import Named, file_name
 from elfslam.serve.texts import Line
 from elfslam.serve.zips import packed
+
+if TYPE_CHECKING:
+    from elfslam.exporting import Told
 
 BINARY = "application/octet-stream"
 FILES = {
@@ -67,6 +71,8 @@ def exported(
     settings: ServerSettings, name: str, named: Named, to: Format, asked: Asked
 ) -> tuple[Iterator[bytes], str, str]:
     """A map as the pieces of a file, that file's name and media type. Raises Problem 422."""
+    from elfslam.exporting import export
+
     suffix, media_type = FILES[to]
     light = {file: sha256 for file, sha256 in named.items() if file not in HEAVY}
     with unfolded(settings, light) as folder:
@@ -85,6 +91,8 @@ def exported(
 
 def told(asked: Asked, to: Format) -> Told:
     """What was asked for, as an export takes it. Raises ParameterError, naming what is missing."""
+    from elfslam.exporting import Told
+
     origin = None if asked.origin is None else parse_origin(asked.origin)
     pixel_m = Told.pixel_m if asked.resolution_m is None else asked.resolution_m
     return Told(origin, _place(asked) if to is Format.IMDF else None, pixel_m)

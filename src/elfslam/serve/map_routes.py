@@ -15,8 +15,8 @@ from pydantic import BaseModel
 from sqlalchemy import ColumnElement, select
 from sqlalchemy.orm import Session
 
+from elfslam.base.choices import Format
 from elfslam.base.errors import ElfslamError
-from elfslam.exporting import Format
 from elfslam.serve import blobs
 from elfslam.serve.access import Me, known_id, not_found
 from elfslam.serve.database import Map, MapFile, User, reading, transaction

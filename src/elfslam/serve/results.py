@@ -15,10 +15,10 @@ from elfslam.serve.blobs import Blob
 from elfslam.serve.child import Result
 from elfslam.serve.database import JobFile, JobKind, Map, MapFile, Recording, new_id, transaction
 from elfslam.serve.holdings import drop_unnamed
+from elfslam.serve.job_folder import OUT
 from elfslam.serve.jobs import Claim, finish
 from elfslam.serve.services import Services
 from elfslam.serve.tasks import maps_to_merge
-from elfslam.serve.work import OUT
 
 RUN, FLOOR = "run", "floor"
 JOINED = " + "

@@ -23,12 +23,12 @@ from elfslam.base.errors import InputError
 from elfslam.serve.child import LOG as CHILD_LOG
 from elfslam.serve.child import run_child
 from elfslam.serve.database import transaction
+from elfslam.serve.job_folder import DISK_FULL
 from elfslam.serve.jobs import Claim, claim, finish, give_back, holds, queue_interrupted, tell
 from elfslam.serve.problems import is_disk_full
 from elfslam.serve.results import keep
 from elfslam.serve.services import Services
 from elfslam.serve.tasks import lay_out
-from elfslam.serve.work import DISK_FULL
 
 LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"

@@ -22,9 +22,9 @@ from elfslam.serve.database import (
     RecordingFile,
     reading,
 )
+from elfslam.serve.job_folder import GIVEN, TASK
 from elfslam.serve.jobs import Claim
 from elfslam.serve.services import Services
-from elfslam.serve.work import GIVEN, TASK
 
 FLOOR_PLAN = "floor-plan"
 """The one file of a map that is not part of its folder."""

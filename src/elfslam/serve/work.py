@@ -23,6 +23,7 @@ import numpy as np
 
 from elfslam import slam
 from elfslam.base.arrays import F64
+from elfslam.base.choices import Modality, Mode
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.values import FixStatus
 from elfslam.data.fixes_files import write_fixes
@@ -32,10 +33,9 @@ from elfslam.data.recordings import read_recording
 from elfslam.joining import merge_into
 from elfslam.mapping import MapJob, encoder_of, kept_closures, map_into, refuse_unclosed
 from elfslam.merging import MergeParameters
-from elfslam.senses import Modality, Settings
+from elfslam.senses import Settings
+from elfslam.serve.job_folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
 
-TASK, GIVEN, OUT = "task.json", "given", "out"
-FIXES = "fixes.csv"
 ENCODER = "compact"
 STAGES = {
     "motion": 0.02,
@@ -50,7 +50,6 @@ STAGES = {
 """Roughly how much of the work lies behind when a stage of mapping begins."""
 NICENESS = 10
 """The server itself goes first."""
-DISK_FULL = "the server's disk is full; free some space there, then retry"
 
 Json = dict[str, Any]
 Announce = Callable[[str, float | None], None]
@@ -153,7 +152,7 @@ def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | N
     recording = read_recording(folder / GIVEN / task["recording"], known.chirp)
     announce("locating", 0.2)
     encoder = encoder_of(place, floor_map)
-    fixes = slam.locate(recording, floor_map, encoder, known, mode=slam.Mode(task["mode"]))
+    fixes = slam.locate(recording, floor_map, encoder, known, mode=Mode(task["mode"]))
     (folder / OUT).mkdir()
     write_fixes(fixes, folder / OUT / FIXES)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}

@@ -6,8 +6,9 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
+from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.map_files import MAP, read_map
-from elfslam.data.runs import FACTS, read_facts, read_run
+from elfslam.data.runs import read_run
 from elfslam.score.report import write_map_page, write_report
 from elfslam.score.world_page import write_world_page
 from elfslam.studies.world_plan import world_plan

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F32
+from elfslam.base.choices import Modality, Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Orientation, Recording
 from elfslam.baselines.magnetic import level_by_gravity
 from elfslam.baselines.rival_maps import (
@@ -25,8 +26,8 @@ from elfslam.baselines.rival_maps import (
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.line.locate import fixes_of
 from elfslam.line.segments import locate_by_segments
-from elfslam.senses import Modality, Settings, sense_of
-from elfslam.slam import Mode, Run, map_by
+from elfslam.senses import Settings, sense_of
+from elfslam.slam import Run, map_by
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.localization_table import localization_page, localization_rows
 from elfslam.studies.located import (

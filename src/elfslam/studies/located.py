@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
+from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Truth
 from elfslam.line.feature import Encoder, encoder_for, extract_features
@@ -17,7 +18,6 @@ from elfslam.score.errors import fix_distances, summarise
 from elfslam.senses import Settings
 from elfslam.slam import (
     Adapt,
-    Mode,
     Run,
     as_shipped,
     footstep_likeness,

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.choices import Modality
 from elfslam.base.values import (
     NO_CLOSURES,
     AnySimilarity,
@@ -31,7 +32,7 @@ from elfslam.score.alignment import AS_DECLARED, Alignment, match, placement
 from elfslam.score.closure_score import score_closures
 from elfslam.score.coverage import trajectory_coverage
 from elfslam.score.errors import path_length_m, placed_errors, summarise
-from elfslam.senses import Modality, Settings, sense_of
+from elfslam.senses import Settings, sense_of
 from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.mapping_table import mapping_page, mapping_rows

@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.choices import Mode
 from elfslam.line.feature import Encoder, calibrated
 from elfslam.line.locate import locate_one_shot
 from elfslam.senses import Settings
-from elfslam.slam import Mode
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.localization import shipped
 from elfslam.studies.located import (

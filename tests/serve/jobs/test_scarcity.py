@@ -14,9 +14,9 @@ import pytest
 from starlette.testclient import TestClient
 
 from elfslam.serve import child
+from elfslam.serve.job_folder import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.work import DISK_FULL
 
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.base.choices import Modality
 from elfslam.data.recordings import write_recording
 from elfslam.mapping import MapJob, map_into
-from elfslam.senses import Modality, Settings
+from elfslam.senses import Settings
 from elfslam.serve import blobs
 from elfslam.serve.database import (
     Job,

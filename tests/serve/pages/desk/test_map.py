@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.base.choices import Format
 from elfslam.data.geographic import parse_origin
 from elfslam.data.tum import read_tum
-from elfslam.exporting import Format, Told, export
+from elfslam.exporting import Told, export
 from elfslam.serve import blobs
 from elfslam.serve.database import JobFile, JobKind, JobState, transaction
 

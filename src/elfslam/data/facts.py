@@ -1,0 +1,27 @@
+"""What a run says of itself, and the names of the files in its folder that others ask for."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from elfslam.base.errors import StoreError
+
+FACTS, ENCODER = "run.json", "encoder.onnx"
+
+
+def read_facts(folder: Path) -> dict[str, Any]:
+    """What run.json says: parameters, digests, versions. Raises StoreError."""
+    return read_object(folder / FACTS)
+
+
+def read_object(file: Path) -> dict[str, Any]:
+    """The JSON object in a file of a run. Raises StoreError where it is missing or damaged."""
+    try:
+        content = json.loads(file.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as cause:
+        raise StoreError(f"{file}: is missing or damaged ({cause}); map again") from cause
+    if not isinstance(content, dict):
+        raise StoreError(f"{file}: wanted a JSON object; map the recording again")
+    return content
