@@ -19,7 +19,7 @@ from elfslam.data.recordings import write_recording
 
 START = """
 import sys; from pathlib import Path
-from elfslam.serve.running import Listening, run
+from elfslam.serve.network.running import Listening, run
 from elfslam.serve.settings import ServerSettings
 settings = ServerSettings(Path(sys.argv[1]), run_jobs=sys.argv[3] == "jobs")
 run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)

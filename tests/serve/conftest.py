@@ -21,11 +21,11 @@ from fastapi import FastAPI
 
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.recordings import write_recording
-from elfslam.serve.access import new_token
 from elfslam.serve.app import create_app
+from elfslam.serve.people.access import new_token
+from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.users import add_user, set_owner_token
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -181,7 +181,7 @@ class Started:
 
 START = """
 import sys; from pathlib import Path
-from elfslam.serve.running import Listening, run
+from elfslam.serve.network.running import Listening, run
 from elfslam.serve.settings import Limits, ServerSettings
 settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=Limits(**eval(sys.argv[3])))
 run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)

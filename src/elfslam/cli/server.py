@@ -32,7 +32,7 @@ def serve_command(
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
     with _extra():
-        from elfslam.serve.running import Listening, run
+        from elfslam.serve.network.running import Listening, run
         from elfslam.serve.settings import ServerSettings
     settings = ServerSettings(
         data.expanduser(),
@@ -51,7 +51,7 @@ def invite_command(
 ) -> None:
     """Let somebody else use the server; prints the address that pairs their phone."""
     with _extra():
-        from elfslam.serve.running import invite, qr_lines
+        from elfslam.serve.network.running import invite, qr_lines
         from elfslam.serve.settings import ServerSettings
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *qr_lines(url), f"{known} scans this once; it is not shown again."]:

@@ -12,22 +12,19 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
-from elfslam.serve import (
-    floor_plan_routes,
-    job_routes,
-    map_routes,
-    recordings,
-    uploads,
-    users,
-)
-from elfslam.serve.access import current_user
-from elfslam.serve.guards import Guard
+from elfslam.serve.jobs import routes as job_routes
+from elfslam.serve.jobs.runner import run_jobs
+from elfslam.serve.maps import floor_plans as floor_plan_routes
+from elfslam.serve.maps import routes as map_routes
 from elfslam.serve.pages import install_pages
+from elfslam.serve.people import users
+from elfslam.serve.people.access import current_user
+from elfslam.serve.people.guards import Guard
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.runner import run_jobs
+from elfslam.serve.receiving import recordings, uploads
 from elfslam.serve.services import Here, Services, open_services
 from elfslam.serve.settings import ServerSettings, told_limits
-from elfslam.serve.sweeps import sweeping
+from elfslam.serve.store.sweeps import sweeping
 
 ROUTERS: tuple[APIRouter, ...] = (
     users.router,

@@ -12,10 +12,10 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 from sqlalchemy import Engine
 
-from elfslam.serve.database import Sessions, open_database, sessions_of
+from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
-from elfslam.serve.rates import Rates
 from elfslam.serve.settings import ServerSettings, prepare_folders
+from elfslam.serve.store.database import Sessions, open_database, sessions_of
 
 
 class Busy:

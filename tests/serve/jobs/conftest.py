@@ -16,8 +16,10 @@ from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.mapping import write_reported_run
 from elfslam.merging import MergeParameters
-from elfslam.serve import blobs
-from elfslam.serve.database import (
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
     Map,
     MapFile,
     Recording,
@@ -26,8 +28,6 @@ from elfslam.serve.database import (
     new_id,
     transaction,
 )
-from elfslam.serve.services import Services
-from elfslam.serve.settings import ServerSettings
 from elfslam.slam import Parameters, map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 

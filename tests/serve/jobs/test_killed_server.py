@@ -24,11 +24,11 @@ from elfslam.mapping import MapJob, map_into
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.truth import read_truth
 from elfslam.senses import Settings
-from elfslam.serve.access import new_token
+from elfslam.serve.jobs.work import STAGES
+from elfslam.serve.people.access import new_token
+from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.users import set_owner_token
-from elfslam.serve.work import STAGES
 
 Json = dict[str, Any]
 SERVE = """

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 from sqlalchemy import select
 
-from elfslam.serve import jobs
-from elfslam.serve.database import (
+from elfslam.serve.jobs import queue as jobs
+from elfslam.serve.store.database import (
     Job,
     JobKind,
     JobState,
@@ -27,8 +27,8 @@ from elfslam.serve.database import (
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 CLAIM_ALL = """
 import sys
-from elfslam.serve.database import open_database, sessions_of
-from elfslam.serve.jobs import claim
+from elfslam.serve.store.database import open_database, sessions_of
+from elfslam.serve.jobs.queue import claim
 sessions = sessions_of(open_database(sys.argv[1]))
 print("ready", flush=True)
 sys.stdin.readline()

@@ -70,7 +70,10 @@ def children_of(services: Services) -> list[int]:
             line = entry.read_bytes()
         except OSError:
             continue
-        if b"elfslam.serve.work" in line and str(services.settings.work_folder).encode() in line:
+        if (
+            b"elfslam.serve.jobs.work" in line
+            and str(services.settings.work_folder).encode() in line
+        ):
             found.append(int(entry.parent.name))
     return found
 

@@ -14,7 +14,7 @@ from elfslam.base.values import Closures, Odometry, Recording, Trajectory
 from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
 from elfslam.data.tum import read_tum
-from elfslam.serve.view import MOST_CLOSURES, Json, view_of
+from elfslam.serve.maps.view import MOST_CLOSURES, Json, view_of
 from elfslam.slam import Run, no_similarity
 
 TWO_HOURS = 14_400

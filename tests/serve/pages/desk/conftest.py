@@ -18,8 +18,11 @@ from elfslam.base.choices import Modality
 from elfslam.data.recordings import write_recording
 from elfslam.mapping import MapJob, map_into
 from elfslam.senses import Settings
-from elfslam.serve import blobs
-from elfslam.serve.database import (
+from elfslam.serve.people.users import add_user
+from elfslam.serve.services import Services, open_services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
     Job,
     JobKind,
     JobState,
@@ -31,9 +34,6 @@ from elfslam.serve.database import (
     User,
     transaction,
 )
-from elfslam.serve.services import Services, open_services
-from elfslam.serve.settings import ServerSettings
-from elfslam.serve.users import add_user
 from elfslam.world.simulate import load_world, simulate
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.database import JobKind, JobState
+from elfslam.serve.store.database import JobKind, JobState
 
 Open = Callable[..., Any]
 ACTIVE = "document.activeElement"

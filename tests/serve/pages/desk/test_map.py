@@ -20,8 +20,8 @@ from elfslam.base.choices import Format
 from elfslam.data.geographic import parse_origin
 from elfslam.data.tum import read_tum
 from elfslam.exporting import Told, export
-from elfslam.serve import blobs
-from elfslam.serve.database import JobFile, JobKind, JobState, transaction
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import JobFile, JobKind, JobState, transaction
 
 Open = Callable[..., Any]
 LINE_PX = 3.0

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 
 from elfslam.data.recordings import write_recording
+from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.users import add_user
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 LONGEST_MS = 300_000

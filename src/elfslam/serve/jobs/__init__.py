@@ -1,0 +1,1 @@
+"""Work in the background: a queue, and a process for each job."""

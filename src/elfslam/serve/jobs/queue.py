@@ -1,0 +1,171 @@
+"""The queue of jobs: what may become of which state, each change one compare-and-set.
+
+    queued -> running -> done | failed | cancelled      failed, cancelled -> queued (retry)
+
+Whoever runs a job holds a `Claim`; whatever is told with a claim that was lost (to a cancel, a
+deletion or another runner) changes nothing and says so.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import CursorResult, Select, func, select, update
+from sqlalchemy.orm import Session, aliased
+
+from elfslam.serve.store.database import (
+    Job,
+    JobKind,
+    JobState,
+    Sessions,
+    new_id,
+    now_utc,
+    reading,
+    transaction,
+)
+
+MOST_ATTEMPTS = 3
+"""Begun this often and never ended: the job itself may be what kills the server."""
+INTERRUPTED = (
+    f"the server stopped {MOST_ATTEMPTS} times while it worked on this; "
+    "look into its log, then retry"
+)
+OPEN = (JobState.QUEUED, JobState.RUNNING)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """The right to work on a job, until somebody cancels it."""
+
+    job_id: str
+    token: str
+    user_id: str
+    kind: JobKind
+    given: dict[str, Any]
+
+
+def queue_job(session: Session, user_id: str, kind: JobKind, given: dict[str, Any]) -> Job:
+    """A new job, which a runner will find."""
+    job = Job(id=new_id(), user_id=user_id, kind=kind, given=given, created_utc=now_utc())
+    session.add(job)
+    session.flush()
+    return job
+
+
+def claim(sessions: Sessions) -> Claim | None:
+    """The next job, claimed for the caller alone; nothing where none waits."""
+    while True:
+        with reading(sessions) as session:
+            job = session.scalar(_next())
+        if job is None:
+            return None
+        token = new_id()
+        begun = {
+            "state": JobState.RUNNING,
+            "claim": token,
+            "attempts": Job.attempts + 1,
+            "doing": "starting",
+            "started_utc": now_utc(),
+        }
+        with transaction(sessions) as session:
+            if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begun):
+                return Claim(job.id, token, job.user_id, JobKind(job.kind), job.given)
+
+
+def _next() -> Select[Job]:
+    """The oldest job of the user none of whose jobs began for the longest time."""
+    other = aliased(Job)
+    begun = select(func.max(other.started_utc)).where(other.user_id == Job.user_id)
+    last = begun.correlate(Job).scalar_subquery()
+    waiting = select(Job).where(Job.state == JobState.QUEUED)
+    return waiting.order_by(last.is_not(None), last, Job.created_utc, Job.id).limit(1)
+
+
+def tell(sessions: Sessions, held: Claim, doing: str, share: float | None) -> bool:
+    """Say how far the work is; whether the claim still holds."""
+    with transaction(sessions) as session:
+        return _set(session, _held(held), {"doing": doing, "share": share})
+
+
+def holds(sessions: Sessions, held: Claim) -> bool:
+    """Whether the claim still holds."""
+    with reading(sessions) as session:
+        return session.scalar(select(Job.id).where(*_held(held))) is not None
+
+
+def finish(session: Session, held: Claim, gave: dict[str, Any], problem: str | None = None) -> bool:
+    """End a job, done or with the problem that stopped it; whether the claim still held.
+
+    What the job gave is to be stored in the same transaction, after this.
+    """
+    end = {
+        "state": JobState.DONE if problem is None else JobState.FAILED,
+        "share": 1.0 if problem is None else None,
+        "gave": gave,
+        "problem": problem,
+        **_ended(),
+    }
+    return _set(session, _held(held), end)
+
+
+def give_back(sessions: Sessions, held: Claim) -> bool:
+    """Queue a job again that was not at fault; whether the claim still held."""
+    again = {**_waiting(), "attempts": Job.attempts - 1}
+    with transaction(sessions) as session:
+        return _set(session, _held(held), again)
+
+
+def cancel(session: Session, job_id: str) -> bool:
+    """Cancel a job that waits or runs; whether it did either, or was cancelled before."""
+    ended = {"state": JobState.CANCELLED, "share": None, **_ended()}
+    done = _set(session, (Job.id == job_id, Job.state.in_(OPEN)), ended)
+    return done or session.scalar(select(Job.state).where(Job.id == job_id)) == JobState.CANCELLED
+
+
+def retry(session: Session, job_id: str) -> bool:
+    """Queue a job again that failed or was cancelled; whether it was either.
+
+    What it gave before is the caller's to delete, in the same transaction.
+    """
+    again = {**_waiting(), "attempts": 0, "gave": {}, "problem": None, "finished_utc": None}
+    ended = Job.state.in_((JobState.FAILED, JobState.CANCELLED))
+    return _set(session, (Job.id == job_id, ended), again)
+
+
+def queue_interrupted(sessions: Sessions) -> int:
+    """Queue again what ran when the server died, but not for ever; how many jobs that were.
+
+    Only to be called where nobody can be running any job of this database.
+    """
+    running = Job.state == JobState.RUNNING
+    with transaction(sessions) as session:
+        failed = {"state": JobState.FAILED, "share": None, "problem": INTERRUPTED, **_ended()}
+        given_up = session.execute(
+            update(Job).where(running, Job.attempts >= MOST_ATTEMPTS).values(failed)
+        )
+        queued = session.execute(update(Job).where(running).values(_waiting()))
+        return _count(given_up) + _count(queued)
+
+
+def _held(held: Claim) -> tuple[Any, ...]:
+    return Job.id == held.job_id, Job.claim == held.token, Job.state == JobState.RUNNING
+
+
+def _waiting() -> dict[str, Any]:
+    return {"state": JobState.QUEUED, "claim": None, "doing": "", "share": None}
+
+
+def _ended() -> dict[str, Any]:
+    return {"claim": None, "doing": "", "finished_utc": now_utc()}
+
+
+def _set(session: Session, where: tuple[Any, ...], values: dict[str, Any]) -> bool:
+    statement = update(Job).where(*where).values(values)
+    changed = session.execute(statement.execution_options(synchronize_session=False))
+    return _count(changed) == 1
+
+
+def _count(result: Any) -> int:
+    assert isinstance(result, CursorResult)
+    return int(result.rowcount)

@@ -1,0 +1,100 @@
+"""What a job made becomes a map, or fixes: all files first, then all rows at once.
+
+Whoever is killed in between leaves files that nobody names; the next start sweeps them away.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from elfslam.serve.jobs.child import Result
+from elfslam.serve.jobs.folder import OUT
+from elfslam.serve.jobs.queue import Claim, finish
+from elfslam.serve.jobs.tasks import maps_to_merge
+from elfslam.serve.services import Services
+from elfslam.serve.store import blobs
+from elfslam.serve.store.blobs import Blob
+from elfslam.serve.store.database import (
+    JobFile,
+    JobKind,
+    Map,
+    MapFile,
+    Recording,
+    new_id,
+    transaction,
+)
+from elfslam.serve.store.holdings import drop_unnamed
+
+RUN, FLOOR = "run", "floor"
+JOINED = " + "
+MOST_NAME = 120
+
+
+def keep(services: Services, held: Claim, folder: Path, result: Result) -> bool:
+    """Keep what lies in a job's folder and end the job; whether the claim still held.
+
+    A job may fail and yet leave something: dead reckoning where no loop closed, say.
+    """
+    store = services.settings.blobs_folder
+    made: dict[str, Blob] = {}
+    with blobs.locked(store):
+        if result.facts is not None:
+            made = blobs.put_folder(store, folder / OUT)
+        with transaction(services.sessions) as session:
+            gave, map_id = _gave(held, result)
+            kept = finish(session, held, gave, result.problem)
+            if kept and map_id is not None and result.facts is not None:
+                _add_map(session, held, map_id, result.facts, made)
+            elif kept:
+                _add_files(session, held, made)
+    if not kept:
+        drop_unnamed(services, [blob.sha256 for blob in made.values()])
+    return kept
+
+
+def _gave(held: Claim, result: Result) -> tuple[dict[str, Any], str | None]:
+    """What the job says that it gave, and the id of its map where it gives one."""
+    if result.facts is None:
+        return {}, None
+    if held.kind is JobKind.LOCATE:
+        return {"fixes": held.job_id, **result.facts}, None
+    map_id = new_id()
+    return {"map": map_id}, map_id
+
+
+def _add_map(
+    session: Session, held: Claim, map_id: str, facts: dict[str, Any], made: dict[str, Blob]
+) -> None:
+    name, sources = _origin(session, held)
+    kind = RUN if held.kind is JobKind.MAP else FLOOR
+    session.add(
+        Map(id=map_id, user_id=held.user_id, name=name, kind=kind, sources=sources, facts=facts)
+    )
+    session.flush()
+    session.add_all(
+        MapFile(map_id=map_id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
+        for name, blob in made.items()
+    )
+
+
+def _add_files(session: Session, held: Claim, made: dict[str, Blob]) -> None:
+    session.add_all(
+        JobFile(job_id=held.job_id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
+        for name, blob in made.items()
+    )
+
+
+def _origin(session: Session, held: Claim) -> tuple[str, list[str]]:
+    """The name of a map and the recordings that it came from, each once.
+
+    What a claim works on is there as long as the claim holds: deleting it ends the job.
+    """
+    if held.kind is JobKind.MAP:
+        recording = session.get_one(Recording, held.given["recording"])
+        return recording.name, [recording.id]
+    maps = maps_to_merge(session, held)
+    named = held.given.get("name") or JOINED.join(each.name for each in maps)[:MOST_NAME]
+    return named, list(dict.fromkeys(source for each in maps for source in each.sources))

@@ -1,0 +1,234 @@
+"""Routes of jobs: what is to be done in the background, how far it is, and what came of it."""
+
+from __future__ import annotations
+
+import math
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Body
+from fastapi.responses import FileResponse
+from pydantic import BaseModel, Field, field_validator
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from elfslam.base.choices import Modality, Mode, parse_modalities
+from elfslam.base.errors import ParameterError
+from elfslam.serve.jobs import queue as jobs
+from elfslam.serve.jobs.folder import FIXES
+from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.problems import Problem, problems
+from elfslam.serve.services import Here, Services
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
+    Job,
+    JobFile,
+    JobKind,
+    JobState,
+    Map,
+    Recording,
+    RecordingState,
+    User,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.derived import forget_given
+from elfslam.serve.store.holdings import drop_unnamed, used_bytes
+from elfslam.serve.texts import Line
+
+router = APIRouter(tags=["jobs"])
+FARTHEST_M = 1e6
+MOST_MAPS = 100
+Id = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
+
+
+class MapWanted(BaseModel):
+    """Make a map of a recording; `by` nothing means by echoes where there is sound."""
+
+    kind: Literal["map"]
+    recording: Id
+    by: list[Modality] = Field(default_factory=list, max_length=len(Modality))
+    start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
+
+    @field_validator("by")
+    @classmethod
+    def _known_together(cls, by: list[Modality]) -> list[Modality]:
+        try:
+            parse_modalities(",".join(by) or None)
+        except ParameterError as error:
+            raise ValueError(str(error).removeprefix("--by: ")) from error
+        return by
+
+
+class MergeWanted(BaseModel):
+    """Make one floor map of several runs, or of a floor map and runs."""
+
+    kind: Literal["merge"]
+    maps: list[Id] = Field(min_length=2, max_length=MOST_MAPS)
+    name: Line | None = None
+
+
+class LocateWanted(BaseModel):
+    """Say where a recording was in a map."""
+
+    kind: Literal["locate"]
+    recording: Id
+    map: Id
+    mode: Mode = Mode.ONE_SHOT
+
+
+Wanted = Annotated[MapWanted | MergeWanted | LocateWanted, Body(discriminator="kind")]
+
+
+class JobBody(BaseModel):
+    """A job, and how far it is."""
+
+    id: str
+    kind: JobKind
+    state: JobState
+    given: dict[str, Any]
+    gave: dict[str, Any]
+    doing: str
+    share: float | None
+    attempts: int
+    problem: str | None
+    created_utc: datetime
+    started_utc: datetime | None
+    finished_utc: datetime | None
+
+
+@router.post("/jobs", status_code=202, operation_id="queue_job", responses=problems(409, 507))
+def queue_job(wanted: Wanted, user: Me, services: Here) -> JobBody:
+    """Queue a job: map a recording, merge maps, or locate a recording in a map."""
+    with transaction(services.sessions) as session:
+        _check_given(session, user, wanted)
+        refuse_too_many(services, session, user)
+        given = wanted.model_dump(mode="json", exclude={"kind"})
+        job = jobs.queue_job(session, user.id, JobKind(wanted.kind), given)
+    services.jobs_wanted.set()
+    return body_of(job)
+
+
+@router.get("/jobs", operation_id="list_jobs")
+def list_jobs(
+    user: Me, services: Here, recording: str | None = None, state: JobState | None = None
+) -> list[JobBody]:
+    """Your jobs, the newest first; those of one recording, or in one state."""
+    found = select(Job).where(Job.user_id == user.id)
+    if recording is not None:
+        found = found.where(Job.given["recording"].as_string() == known_id(recording, "recording"))
+    if state is not None:
+        found = found.where(Job.state == state)
+    with reading(services.sessions) as session:
+        rows = session.scalars(found.order_by(Job.created_utc.desc(), Job.id))
+        return [body_of(job) for job in rows]
+
+
+@router.get("/jobs/{job_id}", operation_id="get_job")
+def get_job(job_id: str, user: Me, services: Here) -> JobBody:
+    """One of your jobs."""
+    with reading(services.sessions) as session:
+        return body_of(_mine(session, user, job_id))
+
+
+@router.post("/jobs/{job_id}/cancel", operation_id="cancel_job", responses=problems(409))
+def cancel_job(job_id: str, user: Me, services: Here) -> JobBody:
+    """Stop a job that waits or runs; nothing of it is left."""
+    with transaction(services.sessions) as session:
+        job = _mine(session, user, job_id)
+        if not jobs.cancel(session, job.id):
+            raise Problem(409, f"the job has {job.state} already and cannot be cancelled")
+        session.refresh(job)
+        return body_of(job)
+
+
+@router.post("/jobs/{job_id}/retry", operation_id="retry_job", responses=problems(409))
+def retry_job(job_id: str, user: Me, services: Here) -> JobBody:
+    """Queue a job again that failed or was cancelled; what it left is deleted."""
+    with transaction(services.sessions) as session:
+        job = _mine(session, user, job_id)
+        refuse_too_many(services, session, user)
+        named = forget_given(session, job) if job.state == JobState.FAILED else []
+        if not jobs.retry(session, job.id):
+            raise Problem(
+                409, f"the job is {job.state}; only what failed or was cancelled is retried"
+            )
+        session.refresh(job)
+        answer = body_of(job)
+    drop_unnamed(services, named)
+    services.jobs_wanted.set()
+    return answer
+
+
+@router.get(
+    "/jobs/{job_id}/fixes.csv",
+    operation_id="get_fixes",
+    response_class=FileResponse,
+    responses={200: {"content": {"text/csv": {}}}},
+)
+def get_fixes(job_id: str, user: Me, services: Here) -> FileResponse:
+    """Where a recording was, as `elfslam locate` writes it."""
+    with reading(services.sessions) as session:
+        _mine(session, user, job_id)
+        file = session.get(JobFile, (job_id, FIXES))
+    if file is None:
+        raise Problem(404, "this job gave no fixes; wait for it, or look at its problem")
+    kept = blobs.blob_path(services.settings.blobs_folder, file.sha256)
+    return FileResponse(kept, media_type="text/csv", filename=FIXES)
+
+
+def body_of(job: Job) -> JobBody:
+    """A job as the API tells it."""
+    return JobBody.model_validate(job, from_attributes=True)
+
+
+def refuse_too_many(services: Services, session: Session, user: User) -> None:
+    """Raise Problem 429 or 413 where a user may not queue another job."""
+    limits = services.settings.limits
+    waiting = select(func.count()).where(Job.user_id == user.id, Job.state.in_(jobs.OPEN))
+    if (session.scalar(waiting) or 0) >= limits.jobs:
+        raise Problem(
+            429, f"{limits.jobs} jobs wait already; let some end first", {"Retry-After": "60"}
+        )
+    refuse_full(services, session, user)
+
+
+def refuse_full(services: Services, session: Session, user: User) -> None:
+    """Raise Problem 413 where a user may not keep anything more here."""
+    limits = services.settings.limits
+    if used_bytes(services, session, user.id) >= limits.user_bytes:
+        full = math.floor(limits.user_bytes / 2**30)
+        raise Problem(413, f"your {full} GiB on this server are full; delete something first")
+
+
+def _check_given(
+    session: Session, user: User, wanted: MapWanted | MergeWanted | LocateWanted
+) -> None:
+    """Refuse what is not there, not yours, or not ready."""
+    if isinstance(wanted, MergeWanted):
+        if len(set(wanted.maps)) < len(wanted.maps):
+            raise Problem(422, "maps: one is named twice; name each map once")
+        for map_id in wanted.maps:
+            _check_map(session, user, map_id)
+        return
+    recording = session.get(Recording, wanted.recording)
+    if recording is None or recording.user_id != user.id:
+        raise not_found("recording")
+    if recording.state != RecordingState.READY:
+        raise Problem(409, f"the recording is {recording.state}; it must be ready first")
+    if isinstance(wanted, LocateWanted):
+        _check_map(session, user, wanted.map)
+
+
+def _check_map(session: Session, user: User, map_id: str) -> None:
+    found = session.get(Map, map_id)
+    if found is None or found.user_id != user.id:
+        raise not_found("map")
+
+
+def _mine(session: Session, user: User, job_id: str) -> Job:
+    job = session.get(Job, known_id(job_id, "job"))
+    if job is None or job.user_id != user.id:
+        raise not_found("job")
+    return job

@@ -1,0 +1,134 @@
+"""What a job is to work on, laid out as files: recordings and maps by name, and the task."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from elfslam.base.errors import InputError
+from elfslam.serve.jobs.folder import GIVEN, TASK
+from elfslam.serve.jobs.queue import Claim
+from elfslam.serve.services import Services
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
+    JobKind,
+    Map,
+    MapFile,
+    Recording,
+    RecordingFile,
+    reading,
+)
+
+FLOOR_PLAN = "floor-plan"
+"""The one file of a map that is not part of its folder."""
+UNSAFE = re.compile(r"[^\w\- ]+")
+MOST_NAME = 60
+ID_CHARACTERS = 6
+
+Named = dict[str, str]
+"""SHA-256 by the name of a file."""
+Task = tuple[dict[str, Any], dict[str, Named]]
+"""What is to be done, and the folders that it needs by name."""
+
+
+def lay_out(services: Services, held: Claim, folder: Path) -> None:
+    """Fill a job's folder. Raises InputError where what it works on is gone, OSError."""
+    limits = services.settings.limits
+    with reading(services.sessions) as session:
+        task, folders = TASKS[held.kind](session, held)
+    for name, named in folders.items():
+        try:
+            blobs.link_into(folder / GIVEN / name, services.settings.blobs_folder, named)
+        except FileNotFoundError as cause:
+            raise gone(name) from cause
+    told = {**task, "kind": held.kind, "limits": {"bytes": limits.job_bytes}}
+    (folder / TASK).write_text(json.dumps(told), encoding="utf-8")
+
+
+def folder_of_map(session: Session, map_id: str) -> Named:
+    """The files of a map's folder."""
+    rows = select(MapFile.name, MapFile.sha256).where(
+        MapFile.map_id == map_id, MapFile.name != FLOOR_PLAN
+    )
+    return {row.name: row.sha256 for row in session.execute(rows)}
+
+
+def maps_to_merge(session: Session, held: Claim) -> list[Map]:
+    """In the order in which they were walked: the first gives the frame."""
+    maps = [_existing(session, map_id) for map_id in held.given["maps"]]
+    return sorted(maps, key=lambda each: (_walked(session, each), each.id))
+
+
+def file_name(text: str) -> str:
+    """A name for people as the name of a file, on any system."""
+    return UNSAFE.sub("_", text).strip(" _")[:MOST_NAME].strip() or "unnamed"
+
+
+def gone(what: str) -> InputError:
+    """The refusal of a job whose input was deleted."""
+    return InputError(f"{what} was deleted; make a new job of what is there")
+
+
+def _map(session: Session, held: Claim) -> Task:
+    name, named = _recording(session, held.given["recording"])
+    task = {
+        "recording": name,
+        "by": held.given.get("by") or [],
+        "start_pose": held.given.get("start_pose"),
+    }
+    return task, {name: named}
+
+
+def _merge(session: Session, held: Claim) -> Task:
+    folders = {
+        _name_of(each): folder_of_map(session, each.id) for each in maps_to_merge(session, held)
+    }
+    return {"maps": list(folders)}, folders
+
+
+def _locate(session: Session, held: Claim) -> Task:
+    name, named = _recording(session, held.given["recording"])
+    place = _existing(session, held.given["map"])
+    folders = {name: named, _name_of(place): folder_of_map(session, place.id)}
+    told = {"recording": name, "map": _name_of(place), "place": place.name}
+    return {**told, "mode": held.given["mode"]}, folders
+
+
+TASKS: Mapping[JobKind, Callable[[Session, Claim], Task]] = {
+    JobKind.MAP: _map,
+    JobKind.MERGE: _merge,
+    JobKind.LOCATE: _locate,
+}
+
+
+def _recording(session: Session, recording_id: str) -> tuple[str, Named]:
+    recording = session.get(Recording, recording_id)
+    if recording is None:
+        raise gone("the recording")
+    rows = select(RecordingFile.name, RecordingFile.sha256).filter_by(recording_id=recording_id)
+    return file_name(recording.name), {row.name: row.sha256 for row in session.execute(rows)}
+
+
+def _existing(session: Session, map_id: str) -> Map:
+    found = session.get(Map, map_id)
+    if found is None:
+        raise gone("a map")
+    return found
+
+
+def _name_of(each: Map) -> str:
+    """Two walks of one name are told apart, and one walk is known again wherever it is merged."""
+    return f"{file_name(each.name)}-{each.id[:ID_CHARACTERS]}"
+
+
+def _walked(session: Session, each: Map) -> datetime:
+    """When the oldest recording of a map began to come in, or else when the map was made."""
+    times = select(Recording.created_utc).where(Recording.id.in_(each.sources))
+    return min(session.scalars(times), default=each.created_utc)

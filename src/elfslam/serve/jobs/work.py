@@ -1,0 +1,211 @@
+"""The process of one job: `python -m elfslam.serve.jobs.work FOLDER`.
+
+The folder holds `task.json` and, under `given/`, recordings and maps by name; what is made goes to
+`out/`. A line of JSON on the standard output for each thing that is being done, one at the end for
+what came of it. The process ends when its standard input does: with the server.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+import sys
+import threading
+import traceback
+from collections.abc import Callable, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+from elfslam import slam
+from elfslam.base.arrays import F64
+from elfslam.base.choices import Modality, Mode
+from elfslam.base.errors import ElfslamError, NoAnswerError
+from elfslam.base.values import FixStatus
+from elfslam.data.fixes_files import write_fixes
+from elfslam.data.geojson_files import walk_lines
+from elfslam.data.map_files import read_map
+from elfslam.data.recordings import read_recording
+from elfslam.joining import merge_into
+from elfslam.mapping import MapJob, encoder_of, kept_closures, map_into, refuse_unclosed
+from elfslam.merging import MergeParameters
+from elfslam.senses import Settings
+from elfslam.serve.jobs.folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
+
+ENCODER = "compact"
+STAGES = {
+    "motion": 0.02,
+    "echoes": 0.05,
+    "step length": 0.3,
+    "features": 0.45,
+    "similarity": 0.6,
+    "closures": 0.65,
+    "graph": 0.75,
+    "map": 0.95,
+}
+"""Roughly how much of the work lies behind when a stage of mapping begins."""
+NICENESS = 10
+"""The server itself goes first."""
+
+Json = dict[str, Any]
+Announce = Callable[[str, float | None], None]
+Work = Callable[[Path, Json, Announce], tuple[Json, str | None]]
+"""Gives facts, and the problem of an honest failure that leaves something behind."""
+
+
+def main() -> None:
+    """Work on the task of a folder."""
+    told = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
+    os.dup2(2, 1)  # whatever a library prints must not look like ours
+    threading.Thread(target=_end_with_the_server, daemon=True).start()
+    folder = Path(sys.argv[1])
+    task = json.loads((folder / TASK).read_text(encoding="utf-8"))
+    _limit(task["limits"])
+    _say(told, _result(folder, task, partial(_tell, told)))
+
+
+def _result(folder: Path, task: Json, announce: Announce) -> Json:
+    """What came of the task; what a user cannot act on is raised."""
+    try:
+        facts, problem = WORK[task["kind"]](folder, task, announce)
+    except ElfslamError as error:
+        problem = _no_space(error.__cause__, task) or in_words(error, folder)
+        return {"facts": None, "problem": problem}
+    except (MemoryError, OSError) as error:
+        traceback.print_exc()
+        if (problem := _no_space(error, task)) is None:
+            raise
+        return {"facts": None, "problem": problem}
+    return {"facts": facts, "problem": problem}
+
+
+def _no_space(error: BaseException | None, task: Json) -> str | None:
+    """What to say of an error where memory or disk did not suffice."""
+    if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+        return DISK_FULL
+    if isinstance(error, MemoryError) or getattr(error, "errno", None) == errno.EFBIG:
+        most = task["limits"]["bytes"] / 2**30
+        return f"needs more than the {most:.2g} GiB that a job may take; cut the recording up"
+    return None
+
+
+def in_words(error: ElfslamError, folder: Path) -> str:
+    """The line of an error, without the paths of this server."""
+    line = " ".join(str(error).split())
+    return line.replace(f"{folder / GIVEN}/", "").replace(f"{folder}/", "")
+
+
+def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
+    """As `elfslam map` does."""
+    by = tuple(Modality(name) for name in task["by"])
+    start = None if task["start_pose"] is None else tuple(map(float, task["start_pose"]))
+    job = MapJob(by, start, ENCODER, Settings(), overwrite=False)  # type: ignore[arg-type]
+
+    def stage(what: str, share: float | None) -> None:
+        name = what.rpartition(": ")[2]
+        announce(name, STAGES.get(name) if share is None else share)
+
+    run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
+    return _facts_of_run(run), _problem_of(lambda: refuse_unclosed(run))
+
+
+def _facts_of_run(run: slam.Run) -> Json:
+    xy_m, t_s = run.trajectory.world_from_body[:, :2], run.trajectory.t_s
+    return {
+        "walks": 1,
+        "footsteps": len(t_s),
+        "duration_s": round(float(t_s[-1] - t_s[0]), 2),
+        "distance_m": round(_length_m(xy_m), 2),
+        "closures": len(run.closures.i),
+        "closures_kept": kept_closures(run),
+        "status": run.trajectory.status,
+        "by": run.similarity.kind,
+        "bounds_m": _bounds(xy_m),
+    }
+
+
+def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
+    """As `elfslam merge` does."""
+    paths = [folder / GIVEN / name for name in task["maps"]]
+    made = merge_into(folder / OUT, paths, MergeParameters(), announce)
+    floor_map = made.floor_map
+    facts = {
+        "walks": len(floor_map.sources),
+        "spots": len(floor_map.xy_m),
+        "distance_m": round(sum(_length_m(line) for _, line in walk_lines(floor_map)), 2),
+        "pairs": made.pairs,
+        "refused": made.refused,
+        "bounds_m": _bounds(floor_map.xy_m),
+    }
+    return facts, None
+
+
+def _locate(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
+    """As `elfslam locate` does."""
+    known, place = Settings(), folder / GIVEN / task["map"]
+    announce("reading", 0.0)
+    floor_map = read_map(place)
+    recording = read_recording(folder / GIVEN / task["recording"], known.chirp)
+    announce("locating", 0.2)
+    encoder = encoder_of(place, floor_map)
+    fixes = slam.locate(recording, floor_map, encoder, known, mode=Mode(task["mode"]))
+    (folder / OUT).mkdir()
+    write_fixes(fixes, folder / OUT / FIXES)
+    counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
+    nowhere = f"{task['recording']}: nowhere in {task['place']}; is it the same place?"
+    return {"counts": counts}, None if counts["OK"] else nowhere
+
+
+WORK: Mapping[str, Work] = {"map": _map, "merge": _merge, "locate": _locate}
+
+
+def _problem_of(check: Callable[[], None]) -> str | None:
+    try:
+        check()
+    except NoAnswerError as failure:
+        return str(failure)
+    return None
+
+
+def _length_m(xy_m: F64) -> float:
+    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
+
+
+def _bounds(xy_m: F64) -> list[float]:
+    corners = np.array([xy_m.min(axis=0), xy_m.max(axis=0)])
+    return [float(value) for value in np.round(corners, 3).ravel()]
+
+
+def _tell(told: TextIO, doing: str, share: float | None) -> None:
+    _say(told, {"doing": doing, "share": share})
+
+
+def _say(told: TextIO, line: Json) -> None:
+    told.write(json.dumps(line, default=str) + "\n")
+
+
+def _limit(limits: Json) -> None:
+    os.nice(NICENESS)
+    for what, most in (
+        (resource.RLIMIT_DATA, limits["bytes"]),
+        (resource.RLIMIT_FSIZE, limits["bytes"]),
+        (resource.RLIMIT_CORE, 0),
+    ):
+        hard = resource.getrlimit(what)[1]
+        allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
+        resource.setrlimit(what, (allowed, allowed))
+
+
+def _end_with_the_server() -> None:
+    """Nobody is left who would want the result."""
+    while os.read(0, 1):
+        pass
+    os._exit(1)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Maps: looked at, laid on floor plans, taken home."""

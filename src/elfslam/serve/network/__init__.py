@@ -1,0 +1,1 @@
+"""Where the server listens, and why browsers believe it."""

@@ -1,0 +1,101 @@
+"""Who asks: a user by their pairing token, in a header or in a cookie."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import math
+import re
+import secrets
+from typing import Annotated
+
+from fastapi import Depends, Security
+from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.problems import Problem
+from elfslam.serve.services import Here
+from elfslam.serve.settings import COOKIE
+from elfslam.serve.store.database import User, reading
+
+TOKEN_BYTES = 32
+ID = re.compile(r"[0-9a-f]{32}")
+BEARER = HTTPBearer(auto_error=False, description="The pairing token of the QR code.")
+IN_COOKIE = APIKeyCookie(name=COOKIE, auto_error=False, description="The same, as a cookie.")
+
+
+def new_token() -> str:
+    """A pairing token: 32 random bytes."""
+    return secrets.token_urlsafe(TOKEN_BYTES)
+
+
+def token_sha256(token: str) -> str:
+    """What the database keeps of a token."""
+    return hashlib.sha256(token.encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def user_of_token(session: Session, token: str) -> User | None:
+    """Whose token that is."""
+    wanted = token_sha256(token)
+    user = session.scalar(select(User).where(User.token_sha256 == wanted))
+    return user if user and hmac.compare_digest(user.token_sha256, wanted) else None
+
+
+async def given_token(
+    bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
+    cookie: Annotated[str | None, Security(IN_COOKIE)],
+) -> str:
+    """The token of a request; that of the header counts. Raises Problem 401."""
+    token = bearer.credentials if bearer else cookie
+    if not token:
+        raise _unknown("no pairing token was sent; open the address of the QR code again")
+    return token
+
+
+def current_user(token: Annotated[str, Depends(given_token)], services: Here) -> User:
+    """The user who asks. Raises Problem 401 for an unknown token, 429 for too many requests."""
+    with reading(services.sessions) as session:
+        user = user_of_token(session, token)
+    if user is None:
+        raise _unknown("this pairing token is not known here; ask for a new one")
+    refuse_haste(services.token_rates.take(user.id))
+    return user
+
+
+Me = Annotated[User, Depends(current_user)]
+"""A route's parameter: the user who asks."""
+
+
+async def owner(user: Me) -> User:
+    """The user who asks, if they own the server. Raises Problem 403."""
+    if not user.is_owner:
+        raise Problem(403, "only the owner of this server may do that; ask them")
+    return user
+
+
+Owner = Annotated[User, Depends(owner)]
+"""A route's parameter: the owner, who asks."""
+
+
+def refuse_haste(wait_s: float) -> None:
+    """Raise Problem 429 where somebody has to wait."""
+    if wait_s > 0:
+        seconds = max(1, math.ceil(wait_s))
+        raise Problem(429, f"too many requests; wait {seconds} s", {"Retry-After": str(seconds)})
+
+
+def known_id(text: str, what: str) -> str:
+    """An id as we make them. Raises Problem 404 for anything else."""
+    if not ID.fullmatch(text):
+        raise not_found(what)
+    return text
+
+
+def not_found(what: str) -> Problem:
+    """The refusal for what is not there, or is somebody else's."""
+    return Problem(404, f"there is no such {what} here; it may have been deleted")
+
+
+def _unknown(detail: str) -> Problem:
+    return Problem(401, detail, {"WWW-Authenticate": "Bearer"})

@@ -1,0 +1,159 @@
+"""Routes of users: who I am, and whom the owner lets in."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Request, Response
+from pydantic import BaseModel
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.people.access import (
+    Me,
+    Owner,
+    given_token,
+    known_id,
+    new_token,
+    not_found,
+    token_sha256,
+)
+from elfslam.serve.problems import Problem, problems
+from elfslam.serve.services import Here, Services
+from elfslam.serve.settings import COOKIE, told_limits
+from elfslam.serve.store.database import User, reading, transaction
+from elfslam.serve.store.holdings import delete_user, used_bytes
+from elfslam.serve.texts import Line
+
+router = APIRouter(tags=["users"])
+ONE_YEAR_S = 365 * 24 * 3600
+
+
+class MeBody(BaseModel):
+    """Who asks, and what they may."""
+
+    id: str
+    name: str
+    is_owner: bool
+    used_bytes: int
+    limits: dict[str, float]
+
+
+class UserBody(BaseModel):
+    """A user, as the owner sees them."""
+
+    id: str
+    name: str
+    is_owner: bool
+    created_utc: datetime
+
+
+class NewUser(BaseModel):
+    """Whom to let in."""
+
+    name: Line
+
+
+class Invitation(BaseModel):
+    """The token of a new user: told once, kept nowhere."""
+
+    id: str
+    name: str
+    token: str
+    url: str
+
+
+@router.post("/session", status_code=204, operation_id="begin_session")
+def begin_session(
+    _user: Me, token: Annotated[str, Depends(given_token)], services: Here
+) -> Response:
+    """Keep the token of the Authorization header as a cookie that scripts cannot read."""
+    response = Response(status_code=204)
+    response.set_cookie(
+        COOKIE,
+        token,
+        max_age=ONE_YEAR_S,
+        httponly=True,
+        secure=services.settings.secure_cookie,
+        samesite="strict",
+    )
+    return response
+
+
+@router.delete("/session", status_code=204, operation_id="end_session")
+def end_session(_user: Me, services: Here) -> Response:
+    """Forget the cookie on this device; the token stays valid."""
+    response = Response(status_code=204)
+    response.delete_cookie(
+        COOKIE, httponly=True, secure=services.settings.secure_cookie, samesite="strict"
+    )
+    return response
+
+
+@router.get("/me", operation_id="who_am_i")
+def who_am_i(user: Me, services: Here) -> MeBody:
+    """The user whose token was sent, what they use and what they may."""
+    with reading(services.sessions) as session:
+        used = used_bytes(services, session, user.id)
+    limits = told_limits(services.settings.limits)
+    return MeBody(
+        id=user.id, name=user.name, is_owner=user.is_owner, used_bytes=used, limits=limits
+    )
+
+
+@router.get("/users", operation_id="list_users")
+def list_users(_owner: Owner, services: Here) -> list[UserBody]:
+    """Everybody who has a token (owner only)."""
+    with reading(services.sessions) as session:
+        users = session.scalars(select(User).order_by(User.created_utc, User.id))
+        return [UserBody.model_validate(user, from_attributes=True) for user in users]
+
+
+@router.post("/users", status_code=201, operation_id="invite_user", responses=problems(409))
+def invite_user(given: NewUser, _owner: Owner, services: Here, request: Request) -> Invitation:
+    """Let somebody in: their token is in the answer and nowhere else (owner only)."""
+    user, token = add_user(services, given.name)
+    url = f"{request.base_url}#token={token}"
+    return Invitation(id=user.id, name=user.name, token=token, url=url)
+
+
+@router.delete(
+    "/users/{user_id}", status_code=204, operation_id="delete_user", responses=problems(409)
+)
+def remove_user(user_id: str, mine: Owner, services: Here) -> Response:
+    """Delete a user with all their recordings, maps and jobs (owner only)."""
+    if known_id(user_id, "user") == mine.id:
+        raise Problem(409, "the owner cannot be deleted; delete the data folder instead")
+    with reading(services.sessions) as session:
+        if session.get(User, user_id) is None:
+            raise not_found("user")
+    delete_user(services, user_id)
+    return Response(status_code=204)
+
+
+def add_user(services: Services, name: str) -> tuple[User, str]:
+    """A new user and their token. Raises Problem 409 where there are too many."""
+    token, most = new_token(), services.settings.limits.users
+    with transaction(services.sessions) as session:
+        if count_users(session) >= most:
+            raise Problem(409, f"there are {most} users already; delete one first")
+        user = User(name=name, token_sha256=token_sha256(token))
+        session.add(user)
+    return user, token
+
+
+def count_users(session: Session) -> int:
+    """How many users there are."""
+    return session.scalar(select(func.count()).select_from(User)) or 0
+
+
+def set_owner_token(services: Services, token: str) -> User:
+    """The owner, made where there is none, with this token from now on."""
+    with transaction(services.sessions) as session:
+        user = session.scalar(select(User).filter_by(is_owner=True))
+        if user is None:
+            user = User(name="owner", token_sha256="", is_owner=True)
+            session.add(user)
+        user.token_sha256 = token_sha256(token)
+    return user

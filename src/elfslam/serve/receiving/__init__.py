@@ -1,0 +1,1 @@
+"""From bytes that come to a recording that can be read."""

@@ -1,0 +1,173 @@
+"""From what was uploaded to a recording: checked, read, kept, and a map job queued.
+
+Everything that counts happens in one commit. Whoever is killed before it finds the uploads as
+they were and does it again; whoever is killed after it finds the recording, and the files of
+uploads without a row are swept when the server starts.
+"""
+
+from __future__ import annotations
+
+import secrets
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import delete, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.people.access import not_found
+from elfslam.serve.problems import Problem
+from elfslam.serve.receiving.reading import Found, read_apart
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.blobs import Blob
+from elfslam.serve.store.database import (
+    Job,
+    JobKind,
+    Recording,
+    RecordingFile,
+    RecordingState,
+    Upload,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.holdings import drop_unnamed, upload_bytes
+
+Begin = Callable[[Session], Recording | None]
+SCRATCH = "reading-"
+"""So begin the names of folders in work/ that recordings are read in."""
+
+
+@dataclass(frozen=True)
+class Promised:
+    """A file as the client has it."""
+
+    name: str
+    size_bytes: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Come:
+    """A file that has come whole."""
+
+    name: str
+    path: Path
+    blob: Blob
+
+
+def complete(
+    services: Services, recording_id: str, files: list[Promised], *, wants_map: bool
+) -> None:
+    """Make a recording of its uploads. Raises Problem 409 where something is missing.
+
+    What cannot be read becomes a refused recording. A recording that is complete stays as it is.
+    """
+    with reading(services.sessions) as session:
+        state = session.scalar(select(Recording.state).filter_by(id=recording_id))
+        uploads = list(session.scalars(select(Upload).filter_by(recording_id=recording_id)))
+    if state != RecordingState.RECEIVING:
+        return
+    with services.busy.alone([recording_id, *(upload.id for upload in uploads)]):
+        come = [_come(services.settings, promised, uploads) for promised in files]
+        with scratch(services.settings) as folder:
+            for file in come:
+                blobs.link_or_copy(file.path, folder / file.name)
+            found = read_apart(folder, services.settings.limits)
+        begin = partial(_receiving, recording_id=recording_id)
+        keep(services, come, found, begin, wants_map=wants_map)
+        for upload in uploads:
+            (services.settings.uploads_folder / upload.id).unlink(missing_ok=True)
+
+
+def _come(settings: ServerSettings, promised: Promised, uploads: list[Upload]) -> Come:
+    """A promised file, found among the uploads. Raises Problem 409."""
+    named = [upload for upload in uploads if upload.file_name == promised.name]
+    sizes = {upload.id: upload_bytes(settings, upload.id) for upload in named}
+    whole = [name for name, size in sizes.items() if size == promised.size_bytes]
+    if not whole:
+        most = max(sizes.values(), default=0)
+        raise Problem(
+            409,
+            f"{promised.name}: {most} of {promised.size_bytes} bytes have come; send the rest",
+        )
+    for name in whole:
+        path = settings.uploads_folder / name
+        blob = blobs.blob_of(path)
+        if blob.sha256 == promised.sha256:
+            return Come(promised.name, path, blob)
+    raise Problem(
+        409,
+        f"{promised.name}: came with SHA-256 {blob.sha256:.12}…, promised {promised.sha256:.12}…; "
+        "delete its upload and send it again",
+    )
+
+
+@contextmanager
+def scratch(settings: ServerSettings) -> Iterator[Path]:
+    """An empty folder that is gone afterwards."""
+    folder = settings.work_folder / f"{SCRATCH}{secrets.token_hex(8)}"
+    folder.mkdir(mode=0o700)
+    try:
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def keep(
+    services: Services, come: list[Come], found: Found, begin: Begin, *, wants_map: bool
+) -> None:
+    """Keep the files of a recording and say what it is, in one commit.
+
+    `begin` gives the row of the recording that still waits for this, or None where none does.
+    """
+    folder = services.settings.blobs_folder
+    try:
+        with blobs.locked(folder):
+            for file in come:
+                blobs.place(folder, file.path, file.blob)
+            with transaction(services.sessions) as session:
+                recording = begin(session)
+                if recording is not None:
+                    _describe(session, recording, come, found)
+                    if wants_map and not found.refusal:
+                        session.add(map_job(recording))
+    except BaseException:
+        drop_unnamed(services, [file.blob.sha256 for file in come])
+        raise
+    services.jobs_wanted.set()
+
+
+def _receiving(session: Session, recording_id: str) -> Recording | None:
+    """The row of a recording, kept from others until the commit. Raises Problem 404."""
+    recording = session.get(Recording, recording_id, with_for_update=True)
+    if recording is None:
+        raise not_found("recording")
+    return recording if recording.state == RecordingState.RECEIVING else None
+
+
+def _describe(session: Session, recording: Recording, come: list[Come], found: Found) -> None:
+    for file in come:
+        size_bytes, sha256 = file.blob.size_bytes, file.blob.sha256
+        row = {"name": file.name, "sha256": sha256, "size_bytes": size_bytes}
+        session.add(RecordingFile(recording_id=recording.id, **row))
+    told = {key: fact for key, fact in found.facts.items() if key not in ("name", "device")}
+    size_bytes = sum(file.blob.size_bytes for file in come)
+    recording.facts = {**told, **recording.facts, "bytes": size_bytes}
+    recording.state = RecordingState.REFUSED if found.refusal else RecordingState.READY
+    recording.refusal = found.refusal
+    session.execute(delete(Upload).filter_by(recording_id=recording.id, finished=False))
+
+
+def map_job(recording: Recording) -> Job:
+    """The job that maps a recording."""
+    given: dict[str, Any] = {"recording": recording.id}
+    start_pose = recording.facts.get("start_pose")
+    if start_pose is not None:
+        given["start_pose"] = start_pose
+    return Job(user_id=recording.user_id, kind=JobKind.MAP, given=given)

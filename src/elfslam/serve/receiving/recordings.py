@@ -1,0 +1,251 @@
+"""Routes of recordings: begin one, complete it, look at it, fetch it, delete it."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from typing import Annotated, Any
+from urllib.parse import quote
+
+from anyio import to_thread
+from fastapi import APIRouter, Response
+from fastapi.responses import StreamingResponse
+from pydantic import AfterValidator, BaseModel, Field
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.people.access import Me, known_id, not_found
+from elfslam.serve.problems import Problem, problems
+from elfslam.serve.receiving.completing import Promised, complete
+from elfslam.serve.services import Here, Services
+from elfslam.serve.store.blobs import blob_path
+from elfslam.serve.store.database import (
+    Recording,
+    RecordingFile,
+    RecordingState,
+    Upload,
+    User,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.folder_files import FILE_NAMES
+from elfslam.serve.store.holdings import delete_recording, upload_bytes
+from elfslam.serve.store.zips import packed
+from elfslam.serve.texts import Line
+
+router = APIRouter(prefix="/recordings", tags=["recordings"])
+FARTHEST = 1e6
+Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+
+
+class NewRecording(BaseModel):
+    """A walk that begins."""
+
+    name: Line
+    device: Line = "unknown"
+    start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
+
+
+class FileBody(BaseModel):
+    """One file of a recording's folder."""
+
+    name: str
+    size_bytes: int = Field(ge=0, le=2**53)
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
+
+class UploadBody(BaseModel):
+    """A file that is on its way."""
+
+    id: str
+    file_name: str
+    offset_bytes: int
+    length_bytes: int | None
+
+
+class RecordingBody(BaseModel):
+    """A recording, as its user sees it."""
+
+    id: str
+    name: str
+    device: str
+    state: RecordingState
+    refusal: str | None
+    facts: dict[str, Any]
+    files: list[FileBody]
+    uploads: list[UploadBody]
+    created_utc: datetime
+
+
+def _known_names(files: list[FileBody]) -> list[FileBody]:
+    names = [file.name for file in files]
+    if unknown := sorted(set(names) - FILE_NAMES):
+        raise ValueError(f"{unknown[0]!r:.60} is no file of a recording folder")
+    if len(set(names)) < len(names):
+        raise ValueError("a file is named twice")
+    return files
+
+
+class Completion(BaseModel):
+    """What should have come."""
+
+    files: Annotated[
+        list[FileBody],
+        Field(min_length=1, max_length=len(FILE_NAMES)),
+        AfterValidator(_known_names),
+    ]
+    map: bool = True
+
+
+@router.post("", status_code=201, operation_id="begin_recording", responses=problems(409))
+def begin_recording(given: NewRecording, user: Me, services: Here) -> RecordingBody:
+    """Begin a recording, to which files are then uploaded."""
+    most = services.settings.limits.recordings
+    with transaction(services.sessions) as session:
+        count = select(func.count()).select_from(Recording).filter_by(user_id=user.id)
+        if (session.scalar(count) or 0) >= most:
+            raise Problem(409, f"you have {most} recordings; delete one first")
+        facts = {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
+        recording = Recording(user_id=user.id, name=given.name, device=given.device, facts=facts)
+        session.add(recording)
+        session.flush()
+        return _body(services, session, recording)
+
+
+@router.get("", operation_id="list_recordings")
+def list_recordings(user: Me, services: Here) -> list[RecordingBody]:
+    """Your recordings, the newest first."""
+    newest = (Recording.created_utc.desc(), Recording.id)
+    with reading(services.sessions) as session:
+        mine = session.scalars(select(Recording).filter_by(user_id=user.id).order_by(*newest))
+        return _bodies(services, session, mine.all())
+
+
+@router.get("/{recording_id}", operation_id="get_recording")
+def get_recording(recording_id: str, user: Me, services: Here) -> RecordingBody:
+    """One recording and what is still on its way."""
+    with reading(services.sessions) as session:
+        return _body(services, session, my_recording(session, user, recording_id))
+
+
+@router.delete("/{recording_id}", status_code=204, operation_id="delete_recording")
+def remove_recording(recording_id: str, user: Me, services: Here) -> Response:
+    """Delete a recording and its files."""
+    with reading(services.sessions) as session:
+        my_recording(session, user, recording_id)
+    delete_recording(services, recording_id)
+    return Response(status_code=204)
+
+
+@router.post(
+    "/{recording_id}/complete",
+    operation_id="complete_recording",
+    responses=problems(409, 423),
+)
+async def complete_recording(
+    recording_id: str, given: Completion, user: Me, services: Here
+) -> RecordingBody:
+    """Say what the uploads should amount to: they are checked, read, kept, and mapped.
+
+    Asked again it answers the same. 409 says which file has not come whole, 422 why the reader
+    refused the folder.
+    """
+    return await to_thread.run_sync(
+        _complete, services, user, recording_id, given, limiter=services.readers
+    )
+
+
+@router.get(
+    "/{recording_id}/recording.zip",
+    operation_id="download_recording",
+    response_class=StreamingResponse,
+    responses={**problems(409), 200: {"content": {"application/zip": {}}}},
+)
+def download_recording(recording_id: str, user: Me, services: Here) -> StreamingResponse:
+    """The recording's folder as a .zip, which `elfslam map` reads."""
+    with reading(services.sessions) as session:
+        recording = my_recording(session, user, recording_id)
+        files = list(_files(session, [recording]))
+    if recording.state == RecordingState.RECEIVING:
+        raise Problem(409, "this recording is still being received; complete it first")
+    folder = services.settings.blobs_folder
+    try:
+        pieces = packed({file.name: blob_path(folder, file.sha256) for file in files})
+    except FileNotFoundError as error:
+        raise not_found("recording") from error
+    name = quote(f"{recording.name}.zip", safe="")
+    return StreamingResponse(
+        pieces,
+        media_type="application/zip",
+        headers={"Content-Disposition": f"attachment; filename*=UTF-8''{name}"},
+    )
+
+
+def my_recording(session: Session, user: User, recording_id: str) -> Recording:
+    """A recording of the user's. Raises Problem 404."""
+    recording = session.get(Recording, known_id(recording_id, "recording"))
+    if recording is None or recording.user_id != user.id:
+        raise not_found("recording")
+    return recording
+
+
+def _complete(
+    services: Services, user: User, recording_id: str, given: Completion
+) -> RecordingBody:
+    promised = [Promised(file.name, file.size_bytes, file.sha256) for file in given.files]
+    with reading(services.sessions) as session:
+        my_recording(session, user, recording_id)
+    complete(services, recording_id, promised, wants_map=given.map)
+    with reading(services.sessions) as session:
+        recording = my_recording(session, user, recording_id)
+        if recording.refusal is not None:
+            raise Problem(422, recording.refusal)
+        return _body(services, session, recording)
+
+
+def _files(session: Session, recordings: Sequence[Recording]) -> Iterable[RecordingFile]:
+    ids = [recording.id for recording in recordings]
+    mine = select(RecordingFile).where(RecordingFile.recording_id.in_(ids))
+    return session.scalars(mine.order_by(RecordingFile.name))
+
+
+def _body(services: Services, session: Session, recording: Recording) -> RecordingBody:
+    return _bodies(services, session, [recording])[0]
+
+
+def _bodies(
+    services: Services, session: Session, recordings: Sequence[Recording]
+) -> list[RecordingBody]:
+    """Recordings as the API tells them, in a few queries however many they are."""
+    ids = [recording.id for recording in recordings]
+    open_ones = select(Upload).filter_by(finished=False).where(Upload.recording_id.in_(ids))
+    files, uploads = defaultdict(list), defaultdict(list)
+    for file in _files(session, recordings):
+        told = FileBody(name=file.name, size_bytes=file.size_bytes, sha256=file.sha256)
+        files[file.recording_id].append(told)
+    for upload in session.scalars(open_ones.order_by(Upload.created_utc, Upload.id)):
+        uploads[upload.recording_id].append(_on_its_way(services, upload))
+    return [
+        RecordingBody(
+            id=recording.id,
+            name=recording.name,
+            device=recording.device,
+            state=RecordingState(recording.state),
+            refusal=recording.refusal,
+            facts=recording.facts,
+            files=files[recording.id],
+            uploads=uploads[recording.id],
+            created_utc=recording.created_utc,
+        )
+        for recording in recordings
+    ]
+
+
+def _on_its_way(services: Services, upload: Upload) -> UploadBody:
+    return UploadBody(
+        id=upload.id,
+        file_name=upload.file_name,
+        offset_bytes=upload_bytes(services.settings, upload.id),
+        length_bytes=upload.length_bytes,
+    )

@@ -1,0 +1,211 @@
+"""Routes of resumable uploads: tus 1.0 with creation, deferred lengths, checksums and termination.
+
+The offset of an upload is the length of its file. A byte that was acknowledged is on the disk.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+from starlette.concurrency import run_in_threadpool
+
+from elfslam.serve.people.access import Me
+from elfslam.serve.people.guards import TUS_VERSION, UPLOADS
+from elfslam.serve.problems import WRONG_CHECKSUM, problems
+from elfslam.serve.receiving import tus
+from elfslam.serve.receiving.appending import append
+from elfslam.serve.receiving.upload_store import (
+    Appended,
+    begin,
+    file_of,
+    forget_upload,
+    headers_of,
+    mine,
+    ready_to_append,
+    room_for,
+    wanted_of,
+)
+from elfslam.serve.receiving.whole_uploads import finish_whole
+from elfslam.serve.services import Here, Services
+from elfslam.serve.store.database import Upload
+from elfslam.serve.store.folder_files import is_whole
+from elfslam.serve.store.holdings import upload_bytes
+
+router = APIRouter(prefix="/uploads", tags=["uploads"])
+LARGEST = 2**53
+OWN_STATUSES = problems(408, 409, 412, 415, 423, WRONG_CHECKSUM)
+
+
+def _described(**headers: str) -> dict[str, Any]:
+    """Headers of a response, for the OpenAPI description."""
+    return {
+        name.replace("_", "-"): {"description": text, "schema": {"type": "string"}}
+        for name, text in headers.items()
+    }
+
+
+TOLD = _described(
+    Upload_Offset="bytes that are on the disk",
+    Upload_Length="bytes in all, where that was said",
+    Upload_Expires="when it is deleted if nothing is added",
+    Elfslam_Recording="the recording that came of a .zip",
+)
+BEGUN = {**TOLD, **_described(Location="where the bytes go")}
+
+
+async def speaks_tus(tus_resumable: Annotated[str, Header()] = "") -> None:
+    """Refuse a client of another version of the protocol."""
+    tus.check_version(tus_resumable)
+
+
+SPEAKS_TUS = [Depends(speaks_tus)]
+Bytes = Annotated[int | None, Header(ge=0, le=LARGEST)]
+
+
+@router.options("", status_code=204, operation_id="describe_uploads")
+def describe_uploads(_user: Me, services: Here) -> Response:
+    """What of the tus protocol is spoken here."""
+    return Response(
+        status_code=204,
+        headers={
+            "Tus-Version": TUS_VERSION,
+            "Tus-Max-Size": str(services.settings.limits.file_bytes),
+            "Tus-Extension": tus.EXTENSIONS,
+            "Tus-Checksum-Algorithm": ",".join(tus.ALGORITHMS),
+        },
+    )
+
+
+@router.post(
+    "",
+    status_code=201,
+    operation_id="begin_upload",
+    response_class=Response,
+    responses={**OWN_STATUSES, 201: {"headers": BEGUN, "description": "Send the bytes there"}},
+    dependencies=SPEAKS_TUS,
+)
+async def begin_upload(
+    request: Request,
+    user: Me,
+    services: Here,
+    upload_metadata: Annotated[str, Header()] = "",
+    upload_length: Bytes = None,
+    upload_defer_length: Annotated[str | None, Header()] = None,
+    upload_checksum: Annotated[str | None, Header()] = None,
+    content_type: Annotated[str, Header()] = "",
+) -> Response:
+    """Begin the upload of one file; `Location` says where its bytes go.
+
+    `Upload-Metadata` names the `recording` and the `filename`, or a `filename` ending in .zip.
+    """
+    wanted = wanted_of(tus.parse_metadata(upload_metadata), upload_length, upload_defer_length)
+    checksum = tus.parse_checksum(upload_checksum)
+    upload = await run_in_threadpool(begin, services, user, wanted)
+    if content_type:
+        await _append_at_once(services, upload, request, content_type, checksum)
+    headers = await _headers_when_written(services, upload)
+    return Response(status_code=201, headers={"Location": f"{UPLOADS}/{upload.id}", **headers})
+
+
+@router.head(
+    "/{upload_id}",
+    operation_id="look_at_upload",
+    response_class=Response,
+    responses={**OWN_STATUSES, 200: {"headers": TOLD, "description": "How far it has come"}},
+    dependencies=SPEAKS_TUS,
+)
+async def look_at_upload(upload_id: str, user: Me, services: Here) -> Response:
+    """How much of an upload is on the disk: go on from there."""
+    upload = await run_in_threadpool(mine, services, user, upload_id)
+    headers = await _headers_when_written(services, upload)
+    length = upload.length_bytes
+    headers |= {"Upload-Defer-Length": "1"} if length is None else {"Upload-Length": str(length)}
+    told = {"filename": upload.file_name}
+    if upload.recording_id and not is_whole(upload.file_name):
+        told["recording"] = upload.recording_id
+    return Response(headers={**headers, "Upload-Metadata": tus.metadata(told)})
+
+
+@router.patch(
+    "/{upload_id}",
+    status_code=204,
+    operation_id="append_to_upload",
+    responses={**OWN_STATUSES, 204: {"headers": TOLD, "description": "It is on the disk"}},
+    dependencies=SPEAKS_TUS,
+    openapi_extra={
+        "requestBody": {
+            "content": {tus.CONTENT_TYPE: {"schema": {"type": "string", "format": "binary"}}}
+        }
+    },
+)
+async def append_to_upload(
+    upload_id: str,
+    request: Request,
+    user: Me,
+    services: Here,
+    upload_offset: Annotated[int, Header(ge=0, le=LARGEST)],
+    upload_length: Bytes = None,
+    upload_checksum: Annotated[str | None, Header()] = None,
+    content_type: Annotated[str, Header()] = "",
+) -> Response:
+    """Add bytes at the offset; the answer comes when they are safe on the disk."""
+    tus.check_content_type(content_type)
+    checksum = tus.parse_checksum(upload_checksum)
+    with services.busy.alone([upload_id]):
+        upload, room = await run_in_threadpool(
+            ready_to_append,
+            services,
+            user,
+            upload_id,
+            Appended(upload_offset, upload_length, _claimed(request)),
+        )
+        await append(file_of(services.settings, upload_id), request.receive, room, checksum)
+    return Response(status_code=204, headers=await _headers_when_written(services, upload))
+
+
+@router.delete(
+    "/{upload_id}",
+    status_code=204,
+    operation_id="end_upload",
+    responses=OWN_STATUSES,
+    dependencies=SPEAKS_TUS,
+)
+def end_upload(upload_id: str, user: Me, services: Here) -> Response:
+    """Give an upload up; what had come is deleted."""
+    mine(services, user, upload_id)
+    with services.busy.alone([upload_id]):
+        forget_upload(services, upload_id)
+    return Response(status_code=204)
+
+
+async def _append_at_once(
+    services: Services,
+    upload: Upload,
+    request: Request,
+    content_type: str,
+    checksum: tus.Checksum | None,
+) -> None:
+    """The body of a creation; where it fails there is no upload, as nobody heard of it."""
+    try:
+        tus.check_content_type(content_type)
+        with services.busy.alone([upload.id]):
+            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
+            file = file_of(services.settings, upload.id)
+            await append(file, request.receive, room, checksum)
+    except BaseException:
+        forget_upload(services, upload.id)
+        raise
+
+
+def _claimed(request: Request) -> int:
+    return int(request.headers.get("content-length", "0"))
+
+
+async def _headers_when_written(services: Services, upload: Upload) -> dict[str, str]:
+    """Headers that say how far an upload has come; a whole recording is made when it is all."""
+    whole = is_whole(upload.file_name) and upload.length_bytes is not None and not upload.finished
+    if whole and upload_bytes(services.settings, upload.id) == upload.length_bytes:
+        with services.busy.alone([upload.id]):
+            upload = await finish_whole(services, upload.id)
+    return await run_in_threadpool(headers_of, services, upload)

@@ -1,0 +1,75 @@
+"""Whole recordings as one .zip: unpacked, read and kept when the last byte is in."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+
+from anyio import to_thread
+from sqlalchemy.orm import Session
+
+from elfslam.base.errors import InputError
+from elfslam.serve.people.access import not_found
+from elfslam.serve.receiving.completing import Come, keep, scratch
+from elfslam.serve.receiving.reading import Found, read_apart
+from elfslam.serve.services import Services
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import Recording, Upload, reading
+from elfslam.serve.store.zips import unpack_recording
+from elfslam.serve.texts import as_line
+
+
+async def finish_whole(services: Services, upload_id: str) -> Upload:
+    """The upload, now that its recording was made, ready or refused."""
+    return await to_thread.run_sync(make_recording, services, upload_id, limiter=services.readers)
+
+
+def make_recording(services: Services, upload_id: str) -> Upload:
+    """Make the recording of an upload that has come whole; done already, it stays as it is."""
+    upload = _row(services, upload_id)
+    if upload.finished:
+        return upload
+    path = services.settings.uploads_folder / upload_id
+    with scratch(services.settings) as folder:
+        found = _found(services, path, folder)
+        come = [Come(file.name, file, blobs.blob_of(file)) for file in sorted(folder.iterdir())]
+        begin = partial(_begin, upload_id=upload_id, found=found)
+        keep(services, come, found, begin, wants_map=upload.wants_map)
+    path.unlink(missing_ok=True)
+    return _row(services, upload_id)
+
+
+def _row(services: Services, upload_id: str) -> Upload:
+    with reading(services.sessions) as session:
+        upload = session.get(Upload, upload_id)
+    if upload is None:
+        raise not_found("upload")
+    return upload
+
+
+def _found(services: Services, path: Path, folder: Path) -> Found:
+    try:
+        unpack_recording(path, folder, services.settings.limits)
+    except InputError as error:
+        for file in folder.iterdir():
+            file.unlink()
+        return Found(refusal=str(error))
+    return read_apart(folder, services.settings.limits)
+
+
+def _begin(session: Session, *, upload_id: str, found: Found) -> Recording:
+    """The row of a new recording, to which the upload belongs from now on. Raises Problem 404."""
+    upload = session.get(Upload, upload_id, with_for_update=True)
+    if upload is None:
+        raise not_found("upload")
+    stem = upload.file_name.rpartition(".")[0]
+    recording = Recording(
+        user_id=upload.user_id,
+        name=as_line(found.facts.get("name", stem), stem),
+        device=as_line(found.facts.get("device", ""), "unknown"),
+        facts={},
+    )
+    session.add(recording)
+    session.flush()
+    upload.recording_id, upload.finished = recording.id, True
+    return recording

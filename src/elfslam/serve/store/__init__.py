@@ -1,0 +1,1 @@
+"""What the server remembers: rows, files, and how they go."""

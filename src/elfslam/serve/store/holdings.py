@@ -1,0 +1,92 @@
+"""What users hold: how much it is, and how it is deleted so that nothing is left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
+    Job,
+    JobFile,
+    Map,
+    MapFile,
+    Recording,
+    RecordingFile,
+    Upload,
+    User,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.derived import forget_recording
+
+NAMERS = (RecordingFile, MapFile, JobFile)
+"""The tables whose rows name blobs."""
+
+
+def upload_bytes(settings: ServerSettings, upload_id: str) -> int:
+    """How much of an upload has come."""
+    try:
+        return (settings.uploads_folder / upload_id).stat().st_size
+    except FileNotFoundError:
+        return 0
+
+
+def used_bytes(services: Services, session: Session, user_id: str) -> int:
+    """What lies here of a user: recordings, maps, what jobs made, and what is on its way."""
+    kept = 0
+    for table, of in ((RecordingFile, Recording), (MapFile, Map), (JobFile, Job)):
+        mine = select(func.sum(table.size_bytes)).join(of).where(of.user_id == user_id)
+        kept += int(session.scalar(mine) or 0)
+    uploads = session.scalars(select(Upload.id).filter_by(user_id=user_id))
+    return kept + sum(upload_bytes(services.settings, name) for name in uploads)
+
+
+def drop_unnamed(services: Services, sha256s: Iterable[str]) -> None:
+    """Delete those blobs that no row names any more; call it after the commit."""
+    folder = services.settings.blobs_folder
+    with blobs.locked(folder), reading(services.sessions) as session:
+        blobs.delete(folder, [name for name in set(sha256s) if not is_named(session, name)])
+
+
+def is_named(session: Session, sha256: str) -> bool:
+    """Whether a row names a blob."""
+    return any(
+        session.scalar(select(table.sha256).filter_by(sha256=sha256).limit(1)) for table in NAMERS
+    )
+
+
+def delete_recording(services: Services, recording_id: str) -> None:
+    """Delete a recording, its uploads, what came of it alone, and every blob only they name."""
+    with transaction(services.sessions) as session:
+        recording = session.get(Recording, recording_id)
+        if recording is None:
+            return
+        named = forget_recording(session, recording.user_id, recording_id)
+        named += session.scalars(select(RecordingFile.sha256).filter_by(recording_id=recording_id))
+        uploads = list(session.scalars(select(Upload.id).filter_by(recording_id=recording_id)))
+        session.execute(delete(Recording).where(Recording.id == recording_id))
+    _clear(services, uploads, named)
+
+
+def delete_user(services: Services, user_id: str) -> None:
+    """Delete a user and all that is theirs."""
+    with transaction(services.sessions) as session:
+        of_recordings = select(RecordingFile.sha256).join(Recording).filter_by(user_id=user_id)
+        of_maps = select(MapFile.sha256).join(Map).filter_by(user_id=user_id)
+        of_jobs = select(JobFile.sha256).join(Job).filter_by(user_id=user_id)
+        tables = of_recordings, of_maps, of_jobs
+        named = [sha256 for table in tables for sha256 in session.scalars(table)]
+        uploads = list(session.scalars(select(Upload.id).filter_by(user_id=user_id)))
+        session.execute(delete(User).where(User.id == user_id))
+    _clear(services, uploads, named)
+
+
+def _clear(services: Services, uploads: Iterable[str], named: Iterable[str]) -> None:
+    for name in uploads:
+        (services.settings.uploads_folder / name).unlink(missing_ok=True)
+    drop_unnamed(services, named)

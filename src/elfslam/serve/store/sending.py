@@ -1,0 +1,54 @@
+"""Blobs laid out to be read for a moment, and files that are made to be sent once."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO
+from urllib.parse import quote
+
+from fastapi.responses import StreamingResponse
+
+from elfslam.serve.receiving.completing import scratch
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+
+CHUNK_BYTES = 2**18
+ZIP = "application/zip"
+
+
+@contextmanager
+def unfolded(settings: ServerSettings, named: Mapping[str, str]) -> Iterator[Path]:
+    """Blobs (their SHA-256 by name) as a folder to be read, for a moment.
+
+    Raises FileNotFoundError where one was deleted just now.
+    """
+    with scratch(settings) as around:
+        folder = around / "map"
+        folder.mkdir()
+        blobs.link_into(folder, settings.blobs_folder, named)
+        yield folder
+
+
+@contextmanager
+def scratch_file(settings: ServerSettings, content: bytes) -> Iterator[Path]:
+    """A file with that content, for a moment."""
+    with scratch(settings) as folder:
+        file = folder / "file"
+        file.write_bytes(content)
+        yield file
+
+
+def pieces(file: IO[bytes]) -> Iterator[bytes]:
+    """An open file in pieces, closed at its end."""
+    with file:
+        while chunk := file.read(CHUNK_BYTES):
+            yield chunk
+
+
+def sent(content: Iterator[bytes], name: str, media_type: str) -> StreamingResponse:
+    """Pieces of a file as a download of that name."""
+    disposition = f"attachment; filename*=UTF-8''{quote(name)}"
+    headers = {"Content-Disposition": disposition}
+    return StreamingResponse(content, headers=headers, media_type=media_type)

@@ -1,0 +1,137 @@
+"""Recordings as zips: what comes is unpacked with care, what goes is packed as it is sent."""
+
+from __future__ import annotations
+
+import io
+import shutil
+import stat
+import struct
+import zipfile
+import zlib
+from collections.abc import Iterator, Mapping
+from contextlib import ExitStack
+from pathlib import Path, PurePosixPath
+from typing import Any, BinaryIO
+
+from elfslam.base.errors import InputError
+from elfslam.serve.problems import is_disk_full
+from elfslam.serve.receiving.appending import refuse_full_disk
+from elfslam.serve.settings import Limits
+from elfslam.serve.store.folder_files import FILE_NAMES
+
+MOST_ENTRIES = 1000
+COPY_BYTES = 2**18
+EPOCH = (1980, 1, 1, 0, 0, 0)
+"""The date of every entry: the same files give the same bytes."""
+BROKEN = (
+    zipfile.BadZipFile,
+    zlib.error,
+    struct.error,
+    EOFError,
+    RuntimeError,
+    ValueError,
+    OverflowError,
+    LookupError,
+)
+MACOSX = "__MACOSX"
+
+
+def unpack_recording(path: Path, folder: Path, limits: Limits) -> None:
+    """The files of a recording in a .zip, at its top or in its one folder, put into `folder`.
+
+    Other files are left out. Raises InputError for a broken or hostile zip, OSError ENOSPC.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for name, entry in chosen_entries(archive, limits).items():
+                refuse_full_disk(folder, entry.file_size, limits.free_bytes)
+                with archive.open(entry) as source, (folder / name).open("xb") as target:
+                    shutil.copyfileobj(source, target, COPY_BYTES)
+    except (*BROKEN, OSError) as error:
+        if is_disk_full(error):
+            raise
+        raise InputError(f"the .zip is not whole ({error}); pack it again") from error
+
+
+def chosen_entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipInfo]:
+    """The entries that are files of a recording, by name. Raises InputError."""
+    entries = archive.infolist()
+    if len(entries) > MOST_ENTRIES:
+        raise InputError(f"the .zip has {len(entries)} entries, wanted at most {MOST_ENTRIES}")
+    chosen: dict[str, zipfile.ZipInfo] = {}
+    folders = set()
+    for entry in entries:
+        path = _checked(entry)
+        if entry.is_dir() or path.name not in FILE_NAMES or path.parts[0] == MACOSX:
+            continue
+        if len(path.parts) > 2 or path.name in chosen:
+            raise InputError(f"the .zip holds several {path.name}; pack one recording alone")
+        chosen[path.name] = entry
+        folders.add(path.parent)
+    if len(folders) > 1:
+        raise InputError("the .zip holds several folders; pack one recording alone")
+    _check_sizes(chosen, limits)
+    return chosen
+
+
+def _checked(entry: zipfile.ZipInfo) -> PurePosixPath:
+    """Where an entry lies in its zip. Raises InputError where that is a trick."""
+    path = PurePosixPath(entry.filename)
+    tricks = path.is_absolute() or ".." in path.parts or "\\" in entry.filename or not path.parts
+    if tricks or ":" in path.parts[0]:
+        raise InputError(f"the .zip holds {entry.filename!r:.60}, which leads out of it; refused")
+    if stat.S_ISLNK(entry.external_attr >> 16):
+        raise InputError(f"the .zip holds a link, {entry.filename!r:.60}; pack the file itself")
+    if entry.flag_bits & 0x1:
+        raise InputError("the .zip has a password; pack it without")
+    return path
+
+
+def _check_sizes(chosen: Mapping[str, zipfile.ZipInfo], limits: Limits) -> None:
+    for name, entry in chosen.items():
+        if entry.file_size > limits.file_bytes:
+            raise InputError(f"{name} unpacks to more than {limits.file_bytes} bytes; cut it")
+    whole = sum(entry.file_size for entry in chosen.values())
+    if whole > limits.recording_bytes:
+        raise InputError(f"the .zip unpacks to more than {limits.recording_bytes} bytes; cut it")
+
+
+class _Sink(io.RawIOBase):
+    """Collects what a zip writes until it is sent."""
+
+    def __init__(self) -> None:
+        self._parts: list[bytes] = []
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: Any) -> int:
+        self._parts.append(bytes(data))
+        return len(self._parts[-1])
+
+    def take(self) -> bytes:
+        """What was written since the last time."""
+        taken, self._parts = b"".join(self._parts), []
+        return taken
+
+
+def packed(files: Mapping[str, Path]) -> Iterator[bytes]:
+    """A .zip of files by name, piece by piece; nothing is held but one piece.
+
+    The files are opened at once, so that one deleted meanwhile is still sent. Raises OSError.
+    """
+    with ExitStack() as opening:
+        streams = {name: opening.enter_context(path.open("rb")) for name, path in files.items()}
+        return _packing(streams, opening.pop_all())
+
+
+def _packing(streams: Mapping[str, BinaryIO], opened: ExitStack) -> Iterator[bytes]:
+    sink = _Sink()
+    with opened, zipfile.ZipFile(sink, "w") as archive:
+        for name, stream in streams.items():
+            entry = zipfile.ZipInfo(name, EPOCH)
+            with stream, archive.open(entry, "w", force_zip64=True) as target:
+                while chunk := stream.read(COPY_BYTES):
+                    target.write(chunk)
+                    yield sink.take()
+    yield sink.take()

@@ -1,0 +1,235 @@
+"""A real server: HTTPS with its own authority, killed and started again, stopped in time."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import random
+import signal
+import socket
+import ssl
+import threading
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.serve.network.addresses import checked_hosts
+from elfslam.serve.network.running import Listening, greeting, invite, owner_token, qr_lines, run
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+
+Start = Callable[..., Any]
+TUS = {"Tus-Resumable": "1.0.0"}
+PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
+ROUNDS = 3
+
+
+@pytest.fixture(scope="module")
+def server(start_server: Start) -> Any:
+    """A server that several tests ask, as long as none of them ends it."""
+    return start_server(silence_s=1.0)
+
+
+def coded(text: str) -> str:
+    return base64.b64encode(text.encode()).decode()
+
+
+def begin(client: httpx.Client, length: int) -> str:
+    """An upload of so many bytes; its address."""
+    made = client.post("/api/recordings", json={"name": "walk"}).json()["id"]
+    told = f"recording {coded(made)},filename {coded('audio.flac')}"
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": str(length)}
+    return str(client.post("/api/uploads", headers=headers).headers["location"])
+
+
+def test_https_with_the_authoritys_certificate(start_server: Start) -> None:
+    server = start_server(speaks="https")
+    trusted = ssl.create_default_context(cafile=str(server.data / "authority" / "authority.pem"))
+    with httpx.Client(base_url=server.url, verify=trusted, headers=server.bearer) as client:
+        assert client.get("/api/me").json()["is_owner"] is True
+        pem = client.get("/authority.pem")
+        assert pem.content == (server.data / "authority" / "authority.pem").read_bytes()
+        answer = client.post("/api/session")
+        assert "; Secure" in answer.headers["set-cookie"]
+        assert "server" not in answer.headers
+    with pytest.raises(httpx.ConnectError, match="CERTIFICATE_VERIFY_FAILED"):
+        httpx.get(server.url)
+
+
+def test_a_kill_loses_nothing_that_was_acknowledged(start_server: Start) -> None:
+    generator = random.Random(7)
+    data = generator.randbytes(4_000_000)
+    server, place, acknowledged = start_server(), "", 0
+    for pieces in [generator.randint(2, 15) for _ in range(ROUNDS)]:
+        with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+            place = place or begin(client, len(data))
+            acknowledged = resume(client, place, data, acknowledged, pieces)
+            killer = threading.Timer(generator.uniform(0, 0.03), server.process.kill)
+            killer.start()
+            acknowledged = resume(client, place, data, acknowledged, len(data))
+        assert acknowledged < len(data), "killed too late"
+        killer.join()
+        server.process.wait()
+        server = start_server(server.data)
+    with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+        assert resume(client, place, data, acknowledged, len(data)) == len(data)
+    kept = (server.data / "uploads" / place.rpartition("/")[2]).read_bytes()
+    assert hashlib.sha256(kept).digest() == hashlib.sha256(data).digest()
+
+
+def resume(client: httpx.Client, place: str, data: bytes, acknowledged: int, pieces: int) -> int:
+    """Send so many pieces, or until the server is gone; how much it acknowledged in all."""
+    try:
+        offset = offset_of(client, place)
+        assert offset >= acknowledged
+        for _ in range(pieces):
+            if offset == len(data):
+                break
+            sent = {**PIECE, "Upload-Offset": str(offset)}
+            answer = client.patch(place, headers=sent, content=data[offset : offset + 40_000])
+            assert answer.status_code == 204, answer.text
+            offset = acknowledged = int(answer.headers["upload-offset"])
+    except httpx.TransportError:
+        pass
+    return acknowledged
+
+
+def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(server: Any) -> None:
+    with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+        place = begin(client, 1_000_000)
+        with raw(server.url) as connection:
+            connection.sendall(request(place, server.token, 900_000) + b"x" * 300_000)
+            wait_until(lambda: offset_of(client, place) == 300_000)
+            assert (
+                client.patch(
+                    place, headers={**PIECE, "Upload-Offset": "300000"}, content=b"y"
+                ).status_code
+                == 423
+            )
+        more = {**PIECE, "Upload-Offset": "300000"}
+        wait_until(lambda: client.patch(place, headers=more, content=b"y").status_code == 204)
+        assert offset_of(client, place) == 300_001
+
+
+def test_silence_ends_a_piece(server: Any) -> None:
+    with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+        place = begin(client, 1000)
+        with raw(server.url) as connection:
+            connection.sendall(request(place, server.token, 900) + b"x" * 300)
+            answer = connection.recv(4096)
+        assert b" 408 " in answer
+        assert b"application/problem+json" in answer
+        assert offset_of(client, place) == 300
+
+
+def test_a_stream_of_unknown_length_stops_at_what_was_said(server: Any) -> None:
+    def pieces() -> Iterator[bytes]:
+        yield b"x" * 1000
+        time.sleep(0.2)
+        yield b"more"
+
+    with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+        place = begin(client, 1000)
+        sent = {**PIECE, "Upload-Offset": "0"}
+        assert client.patch(place, headers=sent, content=pieces()).status_code == 413
+        assert offset_of(client, place) == 1000
+
+
+def test_two_gigabytes_that_are_claimed_are_refused_at_once(server: Any) -> None:
+    for path in ("/api/recordings", "/api/uploads", "/nowhere"):
+        with raw(server.url) as connection:
+            head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Length: {2 * 2**30}\r\n\r\n"
+            connection.sendall(head.encode())
+            assert b" 413 " in connection.recv(4096)
+
+
+def test_a_stop_waits_for_the_piece_that_is_coming(start_server: Start) -> None:
+    server = start_server()
+    with httpx.Client(base_url=server.url, headers=server.bearer) as client:
+        place = begin(client, 1000)
+    with raw(server.url) as connection:
+        connection.sendall(request(place, server.token, 1000) + b"x" * 400)
+        time.sleep(0.3)
+        server.process.send_signal(signal.SIGTERM)
+        time.sleep(0.3)
+        connection.sendall(b"x" * 600)
+        assert b" 204 " in connection.recv(4096)
+    server.process.wait(timeout=20)
+    assert (server.data / "uploads" / place.rpartition("/")[2]).stat().st_size == 1000
+
+
+def raw(url: str) -> socket.socket:
+    parts = urlsplit(url)
+    return socket.create_connection((str(parts.hostname), parts.port or 0), timeout=20)
+
+
+def request(place: str, token: str, length: int, offset: int = 0) -> bytes:
+    lines = [
+        f"PATCH {place} HTTP/1.1",
+        "Host: 127.0.0.1",
+        f"Authorization: Bearer {token}",
+        *(f"{name}: {value}" for name, value in PIECE.items()),
+        f"Upload-Offset: {offset}",
+        f"Content-Length: {length}",
+    ]
+    return ("\r\n".join(lines) + "\r\n\r\n").encode()
+
+
+def offset_of(client: httpx.Client, place: str) -> int:
+    return int(client.head(place, headers=TUS).headers["upload-offset"])
+
+
+def wait_until(holds: Callable[[], bool], seconds: float = 10.0) -> None:
+    until_s = time.monotonic() + seconds
+    while not holds():
+        assert time.monotonic() < until_s, "waited in vain"
+        time.sleep(0.05)
+
+
+def test_the_owner_keeps_the_token_until_it_is_renewed(services: Services) -> None:
+    first = owner_token(services)
+    assert owner_token(services) == first
+    assert (services.settings.authority_folder / "owner.token").stat().st_mode & 0o077 == 0
+    assert owner_token(services, renewed=True) != first
+
+
+def test_the_greeting_shows_the_address_and_its_code() -> None:
+    lines = greeting("https://10.0.0.7:8443/", "abc", secure=True)
+    assert lines[0] == "https://10.0.0.7:8443/#token=abc"
+    assert "https://10.0.0.7:8443/authority.pem" in lines[-1]
+    assert len({len(line) for line in qr_lines(lines[0])}) == 1
+
+
+def test_an_invitation_is_an_address_with_a_token(settings: ServerSettings) -> None:
+    name, url = invite(settings, " Zoë ")
+    assert name == "Zoë"
+    assert "#token=" in url
+    with pytest.raises(InputError, match="printable"):
+        invite(settings, "a\nb")
+
+
+def test_plain_http_stays_on_this_machine(settings: ServerSettings) -> None:
+    with pytest.raises(InputError, match="this machine alone"):
+        run(settings, Listening("10.1.2.3", 0, plain_http=True), print)
+
+
+def test_public_addresses_want_a_word() -> None:
+    for host in ("0.0.0.0", "8.8.8.8", "::"):
+        with pytest.raises(InputError, match="--allow-public"):
+            checked_hosts(host, allow_public=False)
+        assert checked_hosts(host, allow_public=True) == [host]
+    assert checked_hosts(None, allow_public=False)[-1] == "127.0.0.1"
+
+
+def test_a_port_in_use_is_said(settings: ServerSettings) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match=f"port {port}: cannot listen"):
+            run(settings, Listening("127.0.0.1", port, plain_http=True), print)

@@ -1,0 +1,165 @@
+"""What every request passes: whence it comes, how often, and what headers the answer has."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+from starlette.datastructures import Headers
+from starlette.testclient import TestClient
+
+from elfslam.serve.app import create_app
+from elfslam.serve.people.guards import is_local, same_origin
+from elfslam.serve.people.rates import MOST_BUCKETS, Rates
+from elfslam.serve.settings import Limits, ServerSettings
+
+
+@pytest.mark.parametrize(
+    ("host", "local"),
+    [
+        ("127.0.0.1", True),
+        ("192.168.1.20", True),
+        ("10.0.0.3", True),
+        ("172.31.255.1", True),
+        ("172.32.0.1", False),
+        ("8.8.8.8", False),
+        ("100.64.0.1", False),
+        ("::1", True),
+        ("fe80::1%eth0", True),
+        ("fd12::1", True),
+        ("2001:db8::1", False),
+        ("::ffff:192.168.1.20", True),
+        ("::ffff:8.8.8.8", False),
+        ("testclient", False),
+        ("", False),
+    ],
+)
+def test_who_is_local(host: str, local: bool) -> None:
+    assert is_local(host) is local
+
+
+def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path: Path) -> None:
+    stranger = TestClient(app, client=("8.8.8.8", 1000))
+    answer = stranger.get("/api/version")
+    assert answer.status_code == 403
+    assert "own network" in answer.json()["detail"]
+    open_app = create_app(replace(settings, data_folder=tmp_path / "open", allow_public=True))
+    assert TestClient(open_app, client=("8.8.8.8", 1000)).get("/api/version").is_success
+
+
+@pytest.mark.parametrize(
+    ("headers", "same"),
+    [
+        ({}, True),
+        ({"origin": "https://10.0.0.1:8443", "host": "10.0.0.1:8443"}, True),
+        ({"origin": "https://10.0.0.1:8444", "host": "10.0.0.1:8443"}, False),
+        ({"origin": "https://evil.example", "host": "10.0.0.1:8443"}, False),
+        ({"origin": "null", "host": "10.0.0.1:8443"}, False),
+        ({"origin": "", "host": ""}, False),
+        ({"origin": "https://[::1", "host": "x"}, False),
+        ({"sec-fetch-site": "cross-site"}, False),
+        ({"sec-fetch-site": "same-site"}, False),
+    ],
+)
+def test_whose_page_it_was(headers: dict[str, str], same: bool) -> None:
+    assert same_origin(Headers(headers)) is same
+
+
+def test_other_sites_cannot_act(owner: TestClient) -> None:
+    foreign = {"Origin": "https://evil.example"}
+    made = owner.post("/api/recordings", json={"name": "walk"}, headers=foreign)
+    assert made.status_code == 403
+    assert owner.get("/api/recordings", headers=foreign).json() == []
+
+
+def test_every_answer_is_guarded(anyone: TestClient) -> None:
+    for path in ("/", "/api/version", "/api/nowhere", "/nowhere.js"):
+        headers = anyone.get(path).headers
+        assert "default-src 'self'" in headers["content-security-policy"]
+        assert "unsafe-inline" not in headers["content-security-policy"]
+        assert headers["x-content-type-options"] == "nosniff"
+        assert headers["referrer-policy"] == "no-referrer"
+        assert "microphone=(self)" in headers["permissions-policy"]
+
+
+@pytest.mark.parametrize(("path", "status"), [("/api/nowhere", 404), ("/nowhere.js", 404)])
+def test_what_is_not_there_is_a_problem(anyone: TestClient, path: str, status: int) -> None:
+    answer = anyone.get(path)
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+def test_a_wrong_method_is_said(anyone: TestClient) -> None:
+    answer = anyone.put("/api/version")
+    assert answer.status_code == 405
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+@pytest.mark.parametrize("path", ["/../settings.py", "/%2e%2e/settings.py", "/..%2fsettings.py"])
+def test_pages_do_not_lead_out(anyone: TestClient, path: str) -> None:
+    assert anyone.get(path).status_code == 404
+
+
+def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None:
+    pages = tmp_path / "pages"
+    pages.mkdir()
+    for name in ("phone.html", "desk.html", "a.js", "a.mjs", "a.wasm"):
+        (pages / name).write_text(name)
+    client = TestClient(create_app(replace(settings, pages_folder=pages)), client=("127.0.0.1", 1))
+    assert client.get("/").text == "phone.html"
+    assert client.get("/desk").text == "desk.html"
+    assert client.get("/a.js").headers["content-type"].startswith("text/javascript")
+    assert client.get("/a.mjs").headers["content-type"].startswith("text/javascript")
+    assert client.get("/a.wasm").headers["content-type"] == "application/wasm"
+    assert client.get("/a.js").headers["cache-control"] == "no-cache"
+
+
+def limited(settings: ServerSettings, **limits: float) -> TestClient:
+    given = Limits(**limits)  # type: ignore[arg-type]
+    return TestClient(create_app(replace(settings, limits=given)), client=("127.0.0.1", 1))
+
+
+def test_haste_is_refused_by_address(settings: ServerSettings) -> None:
+    client = limited(settings, address_requests_per_s=0.01, burst_s=300.0)
+    answers = [client.get("/api/version") for _ in range(4)]
+    assert [answer.status_code for answer in answers] == [200, 200, 200, 429]
+    assert 0 < int(answers[-1].headers["retry-after"]) <= 100
+
+
+def test_haste_is_refused_by_token(settings: ServerSettings) -> None:
+    from elfslam.serve.people.access import new_token
+    from elfslam.serve.people.users import set_owner_token
+
+    client, token = limited(settings, token_requests_per_s=0.01, burst_s=200.0), new_token()
+    set_owner_token(client.app.state.services, token)  # type: ignore[attr-defined]
+    mine = {"Authorization": f"Bearer {token}"}
+    codes = [client.get("/api/me", headers=mine).status_code for _ in range(3)]
+    assert codes == [200, 200, 429]
+    assert client.get("/api/version").status_code == 200
+
+
+def test_a_bucket_fills_as_time_goes_by() -> None:
+    now_s = [0.0]
+    rates = Rates(2.0, 1.5, lambda: now_s[0])
+    assert [rates.take("a") for _ in range(4)] == [0, 0, 0, 0.5]
+    assert rates.take("b") == 0
+    now_s[0] = 0.5
+    assert rates.take("a") == 0
+    assert rates.take("a") > 0
+
+
+def test_buckets_are_bounded() -> None:
+    now_s = [0.0]
+    rates = Rates(1.0, 1.0, lambda: now_s[0])
+    for k in range(MOST_BUCKETS + 10):
+        rates.take(str(k))
+    assert len(rates._buckets) <= MOST_BUCKETS
+
+
+def test_wrong_tokens(anyone: TestClient) -> None:
+    for token in ("x", "", "é", "a" * 5000, "' OR 1=1 --"):
+        header = {"Authorization": f"Bearer {token}".encode()}
+        assert anyone.get("/api/me", headers=header).status_code == 401  # type: ignore[arg-type]
+    assert anyone.get("/api/me", headers={"Authorization": "Basic eDp5"}).status_code == 401

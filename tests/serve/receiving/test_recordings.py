@@ -1,0 +1,290 @@
+"""Recordings: completed when all has come, refused in words, fetched whole, deleted for good."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import soundfile
+from sqlalchemy import select
+from starlette.testclient import TestClient
+
+from elfslam.data.recordings import read_recording
+from elfslam.serve.problems import Problem
+from elfslam.serve.receiving.completing import Come, keep
+from elfslam.serve.receiving.reading import Found
+from elfslam.serve.services import Services
+from elfslam.serve.store.blobs import blob_of
+from elfslam.serve.store.database import Job, reading
+
+TUS = {"Tus-Resumable": "1.0.0"}
+PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
+Files = Mapping[str, bytes]
+BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+
+
+def coded(text: str) -> str:
+    return base64.b64encode(text.encode()).decode()
+
+
+def begun(client: TestClient, **more: Any) -> str:
+    answer = client.post("/api/recordings", json={"name": "walk", **more})
+    assert answer.status_code == 201
+    assert answer.json()["state"] == "receiving"
+    return str(answer.json()["id"])
+
+
+def send(client: TestClient, told: str, data: bytes) -> str:
+    """One file whole, with its creation; its address."""
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(data))}
+    answer = client.post("/api/uploads", headers=headers, content=data)
+    assert answer.status_code == 201, answer.text
+    return str(answer.headers["location"])
+
+
+def send_all(client: TestClient, recording: str, files: Files) -> None:
+    for name, data in files.items():
+        send(client, f"recording {coded(recording)},filename {coded(name)}", data)
+
+
+def completion(files: Files, **more: Any) -> dict[str, Any]:
+    return {
+        "files": [
+            {"name": name, "size_bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
+            for name, data in files.items()
+        ],
+        **more,
+    }
+
+
+def jobs(services: Services) -> list[Job]:
+    with reading(services.sessions) as session:
+        return list(session.scalars(select(Job)))
+
+
+def zipped(files: Files, folder: str = "") -> bytes:
+    made = io.BytesIO()
+    with zipfile.ZipFile(made, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            archive.writestr(folder + name, data)
+    return made.getvalue()
+
+
+def blobs_of(services: Services) -> list[Path]:
+    return list(services.settings.blobs_folder.glob("*/*"))
+
+
+@BOTH
+def test_a_walk_goes_in_and_comes_out(
+    owner: TestClient, guest: TestClient, services: Services, walk_files: Files, tmp_path: Path
+) -> None:
+    name = begun(owner, device="phone", start_pose=[1, 2, 0.5])
+    send_all(owner, name, walk_files)
+    answer = owner.post(f"/api/recordings/{name}/complete", json=completion(walk_files))
+    assert answer.status_code == 200, answer.text
+    ready = answer.json()
+    assert ready["state"] == "ready"
+    assert ready["facts"]["duration_s"] == pytest.approx(0.8)
+    assert ready["facts"]["bytes"] == sum(map(len, walk_files.values()))
+    assert ready["facts"]["sensors"] == ["imu"]
+    assert ready["uploads"] == []
+    assert {file["name"] for file in ready["files"]} == set(walk_files)
+    assert [job.given for job in jobs(services)] == [
+        {"recording": name, "start_pose": [1.0, 2.0, 0.5]}
+    ]
+    assert list(services.settings.uploads_folder.iterdir()) == []
+    assert list(services.settings.work_folder.iterdir()) == []
+
+    again = owner.post(f"/api/recordings/{name}/complete", json=completion(walk_files))
+    assert again.json() == ready
+    assert len(jobs(services)) == 1
+
+    fetched = owner.get(f"/api/recordings/{name}/recording.zip")
+    (tmp_path / "walk.zip").write_bytes(fetched.content)
+    assert read_recording(tmp_path / "walk.zip").device == "test phone"
+    assert owner.get("/api/me").json()["used_bytes"] == ready["facts"]["bytes"]
+
+    for method, path in (("GET", ""), ("DELETE", ""), ("GET", "/recording.zip")):
+        assert guest.request(method, f"/api/recordings/{name}{path}").status_code == 404
+    wanted = completion(walk_files)
+    assert guest.post(f"/api/recordings/{name}/complete", json=wanted).status_code == 404
+    assert guest.get("/api/recordings").json() == []
+
+    assert owner.delete(f"/api/recordings/{name}").status_code == 204
+    assert blobs_of(services) == []
+    assert owner.get("/api/recordings").json() == []
+
+
+def test_what_two_share_stays_until_both_are_gone(
+    owner: TestClient, guest: TestClient, services: Services, walk_files: Files
+) -> None:
+    names = []
+    for client in (owner, guest):
+        names.append(begun(client))
+        send_all(client, names[-1], walk_files)
+        wanted = completion(walk_files, map=False)
+        assert client.post(f"/api/recordings/{names[-1]}/complete", json=wanted).is_success
+    assert jobs(services) == []
+    assert len(blobs_of(services)) == len(walk_files)
+    owner.delete(f"/api/recordings/{names[0]}")
+    assert len(blobs_of(services)) == len(walk_files)
+    theirs = guest.get("/api/me").json()["id"]
+    assert owner.delete(f"/api/users/{theirs}").status_code == 204
+    assert blobs_of(services) == []
+
+
+def test_what_is_missing_is_said(owner: TestClient, walk_files: Files) -> None:
+    name = begun(owner)
+    told = f"recording {coded(name)},filename {coded('recording.json')}"
+    send(owner, told, walk_files["recording.json"][:-1])
+    wanted = completion({"recording.json": walk_files["recording.json"]})
+    answer = owner.post(f"/api/recordings/{name}/complete", json=wanted)
+    assert answer.status_code == 409
+    size = len(walk_files["recording.json"])
+    assert f"recording.json: {size - 1} of {size} bytes" in answer.json()["detail"]
+    assert owner.get(f"/api/recordings/{name}").json()["state"] == "receiving"
+
+
+def test_a_file_that_came_changed_is_said(owner: TestClient, services: Services) -> None:
+    name = begun(owner)
+    send(owner, f"recording {coded(name)},filename {coded('recording.json')}", b"{}")
+    answer = owner.post(
+        f"/api/recordings/{name}/complete", json=completion({"recording.json": b"[]"})
+    )
+    assert answer.status_code == 409
+    assert "SHA-256" in answer.json()["detail"]
+    assert blobs_of(services) == []
+
+
+def test_what_cannot_be_read_is_refused_in_the_readers_words(
+    owner: TestClient, services: Services, walk_files: Files
+) -> None:
+    name = begun(owner)
+    files = {**walk_files, "gyroscope.csv": walk_files["gyroscope.csv"].replace(b"t_s,x", b"t_s,q")}
+    send_all(owner, name, files)
+    wanted = completion(files)
+    answer = owner.post(f"/api/recordings/{name}/complete", json=wanted)
+    assert answer.status_code == 422
+    detail = answer.json()["detail"]
+    assert detail.startswith("gyroscope.csv")
+    assert str(services.settings.data_folder) not in detail
+    kept = owner.get(f"/api/recordings/{name}").json()
+    assert (kept["state"], kept["refusal"]) == ("refused", detail)
+    assert owner.post(f"/api/recordings/{name}/complete", json=wanted).json() == answer.json()
+    assert jobs(services) == []
+
+
+def test_a_wrong_rate_is_refused(owner: TestClient) -> None:
+    sound = io.BytesIO()
+    soundfile.write(sound, np.zeros(22_050), 22_050, format="WAV")
+    files = {"recording.json": b'{"format_version": 1}', "audio.wav": sound.getvalue()}
+    name = begun(owner)
+    send_all(owner, name, files)
+    answer = owner.post(f"/api/recordings/{name}/complete", json=completion(files))
+    assert answer.status_code == 422
+    assert "22050" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        {"files": []},
+        {"files": [{"name": "x.csv", "size_bytes": 1, "sha256": "0" * 64}]},
+        {"files": [{"name": "wifi.csv", "size_bytes": 1, "sha256": "0" * 64}] * 2},
+        {"files": [{"name": "wifi.csv", "size_bytes": -1, "sha256": "0" * 64}]},
+        {"files": [{"name": "wifi.csv", "size_bytes": 1, "sha256": "../../etc"}]},
+    ],
+)
+def test_completions_that_are_none(owner: TestClient, body: dict[str, Any]) -> None:
+    assert owner.post(f"/api/recordings/{begun(owner)}/complete", json=body).status_code == 422
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        b'{"name": "\\ud800"}',
+        b'{"name": "a\\u0000b"}',
+        b'{"name": "  "}',
+        b'{"name": "walk\\u202e"}',
+        b'{"name": "w", "start_pose": [1e999, 0, 0]}',
+        b'{"name": "w", "start_pose": [NaN, 0, 0]}',
+        b'{"name": "w", "start_pose": [1, 2]}',
+        b'{"name": "' + b"w" * 200 + b'"}',
+        b"[]",
+    ],
+)
+def test_names_that_are_none(owner: TestClient, body: bytes) -> None:
+    sent = {"Content-Type": "application/json"}
+    assert owner.post("/api/recordings", content=body, headers=sent).status_code == 422
+    assert owner.get("/api/recordings").json() == []
+
+
+@BOTH
+def test_a_name_is_only_a_name(owner: TestClient) -> None:
+    name = "Robert'); DROP TABLE recordings;-- ../../é"
+    begun(owner, name=name)
+    assert [mine["name"] for mine in owner.get("/api/recordings").json()] == [name]
+
+
+@BOTH
+def test_a_whole_recording_as_a_zip(
+    owner: TestClient, services: Services, walk_files: Files
+) -> None:
+    place = send(owner, f"filename {coded('walk.zip')}", zipped(walk_files, "walk/"))
+    head = owner.head(place, headers=TUS).headers
+    assert head["upload-offset"] == head["upload-length"]
+    made = owner.get(f"/api/recordings/{head['elfslam-recording']}").json()
+    assert (made["state"], made["name"], made["device"]) == (
+        "ready",
+        "round the table",
+        "test phone",
+    )
+    assert len(jobs(services)) == 1
+    assert list(services.settings.uploads_folder.iterdir()) == []
+
+
+def test_a_zip_that_is_none_is_a_refused_recording(owner: TestClient) -> None:
+    place = send(owner, f"filename {coded('walk.zip')}", b"PK\x03\x04 not quite")
+    made = owner.head(place, headers=TUS).headers["elfslam-recording"]
+    kept = owner.get(f"/api/recordings/{made}").json()
+    assert kept["state"] == "refused"
+    assert "not whole" in kept["refusal"]
+    assert kept["files"] == []
+
+
+def test_a_zip_whose_recording_was_not_made_before_a_kill(
+    owner: TestClient, services: Services
+) -> None:
+    data = b"PK\x03\x04 not quite"
+    headers = {
+        **TUS,
+        "Upload-Metadata": f"filename {coded('w.zip')}",
+        "Upload-Length": str(len(data)),
+    }
+    place = owner.post("/api/uploads", headers=headers).headers["location"]
+    (services.settings.uploads_folder / place.rpartition("/")[2]).write_bytes(data)
+    first = owner.head(place, headers=TUS).headers["elfslam-recording"]
+    assert owner.head(place, headers=TUS).headers["elfslam-recording"] == first
+    assert len(owner.get("/api/recordings").json()) == 1
+
+
+@BOTH
+def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
+    services: Services,
+) -> None:
+    path = services.settings.uploads_folder / "x"
+    path.write_bytes(b"x")
+
+    def gone(_session: object) -> None:
+        raise Problem(404, "gone")
+
+    with pytest.raises(Problem):
+        keep(services, [Come("wifi.csv", path, blob_of(path))], Found(), gone, wants_map=True)
+    assert blobs_of(services) == []

@@ -1,0 +1,144 @@
+"""The tables, in SQLite and in PostgreSQL alike."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterator
+from datetime import UTC, timedelta
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Engine, delete, func, select
+from sqlalchemy.exc import IntegrityError
+
+from elfslam.serve.store.database import (
+    Job,
+    JobState,
+    Recording,
+    RecordingFile,
+    Sessions,
+    Upload,
+    User,
+    now_utc,
+    open_database,
+    reading,
+    sessions_of,
+    transaction,
+)
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+WRITERS, ROUNDS = 6, 15
+
+
+@pytest.fixture
+def engine(database_url: str, tmp_path: Path) -> Iterator[Engine]:
+    made = open_database(database_url or f"sqlite:///{tmp_path / 'elfslam.sqlite'}")
+    yield made
+    made.dispose()
+
+
+@pytest.fixture
+def sessions(engine: Engine) -> Sessions:
+    return sessions_of(engine)
+
+
+def added_user(sessions: Sessions, token: str = "t") -> str:
+    with transaction(sessions) as session:
+        user = User(name="Zoë 🦇", token_sha256=token)
+        session.add(user)
+    return user.id
+
+
+def test_times_come_back_in_utc(sessions: Sessions) -> None:
+    added = added_user(sessions)
+    with reading(sessions) as session:
+        user = session.get(User, added)
+    assert user is not None
+    assert user.name == "Zoë 🦇"
+    assert user.created_utc.tzinfo is UTC
+    assert abs(user.created_utc - now_utc()) < timedelta(minutes=1)
+
+
+def test_a_user_takes_everything_along(sessions: Sessions) -> None:
+    user = added_user(sessions)
+    with transaction(sessions) as session:
+        recording = Recording(user_id=user, name="walk", facts={"start_pose": [1, 2, 0.5]})
+        session.add(recording)
+        session.flush()
+        file = {"name": "wifi.csv", "sha256": "0" * 64, "size_bytes": 2**40}
+        session.add(RecordingFile(recording_id=recording.id, **file))
+        session.add(Upload(user_id=user, recording_id=recording.id, file_name="wifi.csv"))
+        session.add(Job(user_id=user, kind="map", given={"recording": recording.id}))
+    with reading(sessions) as session:
+        assert session.scalar(select(RecordingFile.size_bytes)) == 2**40
+        assert session.scalar(select(Recording.facts)) == {"start_pose": [1, 2, 0.5]}
+        assert session.scalar(select(Job.state)) == JobState.QUEUED
+    with transaction(sessions) as session:
+        session.execute(delete(User))
+    with reading(sessions) as session:
+        for table in (Recording, RecordingFile, Upload, Job):
+            assert session.scalar(select(func.count()).select_from(table)) == 0
+
+
+def add_and_fail(sessions: Sessions) -> None:
+    with transaction(sessions) as session:
+        session.add(User(name="x", token_sha256="other"))
+        session.flush()
+        raise RuntimeError("too late")
+
+
+def test_what_fails_is_undone_whole(sessions: Sessions) -> None:
+    added_user(sessions, "same")
+    with pytest.raises(IntegrityError):
+        added_user(sessions, "same")
+    with pytest.raises(RuntimeError, match="too late"):
+        add_and_fail(sessions)
+    with reading(sessions) as session:
+        assert session.scalar(select(func.count()).select_from(User)) == 1
+
+
+def test_nobody_writes_for_a_user_who_is_gone(sessions: Sessions) -> None:
+    with pytest.raises(IntegrityError), transaction(sessions) as session:
+        session.add(Recording(user_id="0" * 32, name="walk"))
+
+
+def test_writers_wait_for_each_other(sessions: Sessions) -> None:
+    """Each reads a number and writes the next: none is lost, and nobody fails."""
+    user, failed = added_user(sessions), []
+
+    def write() -> None:
+        try:
+            for _ in range(ROUNDS):
+                with transaction(sessions) as session:
+                    row = session.get(User, user, with_for_update=True)
+                    assert row is not None
+                    count = int(row.token_sha256.removeprefix("t") or 0)
+                    row.token_sha256 = f"t{count + 1}"
+        except Exception as error:
+            failed.append(error)
+
+    writers = [threading.Thread(target=write) for _ in range(WRITERS)]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    assert failed == []
+    with reading(sessions) as session:
+        assert session.scalar(select(User.token_sha256)) == f"t{WRITERS * ROUNDS}"
+
+
+def test_a_reader_does_not_wait_for_a_writer(sessions: Sessions) -> None:
+    added_user(sessions)
+    with transaction(sessions) as writing:
+        writing.add(User(name="x", token_sha256="x"))
+        writing.flush()
+        with reading(sessions) as session:
+            assert session.scalar(select(func.count()).select_from(User)) == 1
+
+
+def test_a_database_is_opened_again(engine: Engine, sessions: Sessions) -> None:
+    added = added_user(sessions)
+    again = open_database(engine.url.render_as_string(hide_password=False))
+    with reading(sessions_of(again)) as session:
+        assert session.get(User, added) is not None
+    again.dispose()
