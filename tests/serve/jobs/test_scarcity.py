@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from elfslam.serve.jobs import child
 from elfslam.serve.jobs.folder import DISK_FULL
-from elfslam.serve.jobs.queue import child
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 
