@@ -46,9 +46,10 @@ from elfslam.world.circumstances import (
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, BMI160, BROWSER
 from elfslam.world.imu import read_imu
 from elfslam.world.phone import room_responses
-from elfslam.world.recorder import _poses
+from elfslam.world.recorder import phone_poses
 from elfslam.world.scene import scene_of
-from elfslam.world.simulate import _truth, describe_chirp, simulate
+from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.simulate import truth_of as truth_of_motion
 from elfslam.world.walker import Motion, random_walker, walk
 from elfslam.world.world_file import World, load_world
 
@@ -92,7 +93,7 @@ def plan_course(world: World, seed: int, rounds: int) -> Course:
     today = Circumstances()
     device = device_of(today)
     t_s = np.arange(0.0, motion.t_s[-1], 0.1)
-    poses = _poses(walker, motion, world, 0, seed, t_s)
+    poses = phone_poses(walker, motion, world, 0, seed, t_s)
     responses = room_responses(
         scene_of(room_on(world, today)), device, poses, air_on(world, 0), reach_of(today),
         engine_of(today, 1),
@@ -101,7 +102,7 @@ def plan_course(world: World, seed: int, rounds: int) -> Course:
     transfer = np.zeros((len(t_s), FRAME // 2 + 1), dtype=np.complex64)
     first = round(BAND_LOW_HZ / BIN_HZ)
     transfer[:, first : first + BAND_BINS] = band
-    return Course(motion, imu, _truth(motion), transfer)
+    return Course(motion, imu, truth_of_motion(motion), transfer)
 
 
 @contextmanager

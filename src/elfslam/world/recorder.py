@@ -80,7 +80,7 @@ def record_walk(
     total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
     starts = np.arange(latency, total - frame, frame)
     stream = np.zeros(total, dtype=np.float32)
-    poses = _poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
+    poses = phone_poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
     if circumstances.engine != "images":
         poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
@@ -102,7 +102,9 @@ def record_walk(
     return Audio(record(stream, stage.device, generator)[None, :], rate_hz)
 
 
-def _poses(walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64) -> Poses:
+def phone_poses(
+    walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64
+) -> Poses:
     """The phone at each of the times, and who else is about."""
     at = np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1)
     velocity = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)[at]

@@ -57,7 +57,7 @@ def simulate(
         audio = record_walk(world, today, walker, motion, rate_hz, seed, generator, progress)
     phone = f"{today.device}, {grade.name}"
     recording = Recording(name=world.name, device=phone, audio=audio, imu=imu, **readings)
-    return recording, _truth(motion)
+    return recording, truth_of(motion)
 
 
 def describe_chirp() -> dict[str, object]:
@@ -72,7 +72,8 @@ def describe_chirp() -> dict[str, object]:
     }
 
 
-def _truth(motion: Motion) -> Truth:
+def truth_of(motion: Motion) -> Truth:
+    """Where the walker was, and which way they went, as often as it is scored."""
     step = round(KINEMATICS_RATE_HZ / TRUTH_RATE_HZ)
     poses = np.column_stack([motion.position_m[:, :2], motion.heading_rad])
     return Truth(motion.t_s[::step], poses[::step])
