@@ -16,6 +16,9 @@ from elfslam.world.world_file import load_world
 
 BENCHMARKS = Path(__file__).resolve().parents[4] / "benchmarks"
 SEED, ROUNDS = 107, 3
+ATTEMPTS = 3
+BROKEN = "breaks tell"
+"""What the server says of sound that broke off too often: it came late on a busy machine."""
 
 pytestmark = pytest.mark.slow
 
@@ -38,11 +41,20 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
     if absent:
         names = ", ".join(absent)
         pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
-    folder = tmp_path_factory.mktemp("loop")
     world = load_world("studio")
     course = browser_walk.plan_course(world, SEED, ROUNDS)
-    errors = browser_walk.compare(world, course, folder, SEED, ROUNDS)
-    return course, next(folder.glob("recorded/**/recording.json")).parent, errors
+    said = ""
+    for _ in range(ATTEMPTS):
+        folder = tmp_path_factory.mktemp("loop")
+        try:
+            errors = browser_walk.compare(world, course, folder, SEED, ROUNDS)
+        except RuntimeError as error:
+            said = str(error)
+            if BROKEN not in said:
+                raise
+        else:
+            return course, next(folder.glob("recorded/**/recording.json")).parent, errors
+    pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times: {said}")
 
 
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
