@@ -12,6 +12,7 @@ const CLOCK_PAIRS = 15;
 const FLUSH_EVERY_MS = 1000;
 const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
+const FRAME_S = 0.08;
 const AHEAD_MS = 300;
 /** Without a chirp by then, motion is timed as if sound took no time. */
 const LATENCY_PATIENCE_S = 3;
@@ -94,9 +95,11 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
   const chirps = play(FIRST_CHIRP_S);
   sound.on("gap", ({ tS, lostS }) => state.facts.gaps.push({ t_s: tS, lost_s: lostS }));
   const late = makeLateness((chirps.firstFrame - zero) / rateHz, state.chirp.period_s);
+  let keptUntilS = 0;
   sound.on("frame", (frame) => {
     noteFrame(state.facts, frame);
     if (frame.isFound) late.add(frame.directS);
+    keptUntilS = frame.tS + FRAME_S;
     state.facts.latencyS ??= late.latencyS();
     heard(frame.peak, frame.isFound);
   });
@@ -123,7 +126,8 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
     const stopped = sound.answer("stopped");
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
-    await flush(late.endS()).catch(() => {}); // a full phone keeps what it has
+    const untilS = late.endS() === undefined ? undefined : Math.max(late.endS(), keptUntilS);
+    await flush(untilS).catch(() => {}); // a full phone keeps what it has
     state.facts.seconds = seconds;
     await untilKept(sent, sizes);
     await closeWalk(sent, keeper, software);
