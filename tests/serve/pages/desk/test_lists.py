@@ -73,6 +73,7 @@ def test_a_running_job_shows_what_it_does_and_goes_on_by_itself(
             found = session.get_one(Job, job)
             found.state, found.share, found.doing = state, share, doing
         row(page, "a deleted recording").get_by_text(words).wait_for()
+        assert row(page, "a deleted recording").count() == 1
 
 
 def test_a_deleted_recording_is_gone_from_the_server(
@@ -197,3 +198,4 @@ def test_what_is_no_zip_is_refused_in_words(person: Any, open_desk: Open, tmp_pa
     page = open_desk(person)
     page.locator("input[name=recordings]").set_input_files(file)
     page.get_by_role("alert").get_by_text("walk.txt is no .zip").wait_for()
+    assert page.get_by_text("No recordings yet").is_visible(), "nothing was begun"
