@@ -54,6 +54,8 @@ def test_lengths_follow_the_scale_of_the_placement(run: Run) -> None:
     double = dataclasses.replace(placed(), scale=2.0)
     start = start_on(double, [run.trajectory.world_from_body[:, :2]], run)
     npt.assert_allclose(start.pose, [2.0, 5.0, np.pi / 2])
+    found = follow(run, start, HALL, 0.4, KNOWN)
+    assert np.linalg.norm(found.poses[10, :2] - found.poses[0, :2]) == pytest.approx(10, abs=0.7)
 
 
 def test_a_walk_is_followed_from_its_start(run: Run) -> None:

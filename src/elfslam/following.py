@@ -31,10 +31,11 @@ SEED = 0
 
 @dataclass(frozen=True, eq=False)
 class Start:
-    """Where a walk begins on a plan (x, y, heading), and how certain that is (3, 3)."""
+    """Where a walk begins on a plan (x, y, heading), how certain that is (3, 3), and its scale."""
 
     pose: F64
     covariance: F64
+    scale: float = 1.0
 
 
 def start_on(placement: Placement, lines_m: list[F64], run: Run) -> Start:
@@ -47,7 +48,7 @@ def start_on(placement: Placement, lines_m: list[F64], run: Run) -> Start:
     away = pose[:2] - placed(middle[None, :], placement.plan_from_map, placement.scale)[0]
     carried = np.eye(3)
     carried[:2, 2] = -away[1], away[0]
-    return Start(pose, carried @ placement.covariance @ carried.T)
+    return Start(pose, carried @ placement.covariance @ carried.T, placement.scale)
 
 
 def follow(
@@ -62,7 +63,8 @@ def follow(
         raise NoAnswerError(
             f"the plan has no ground {keep_off_m:g} m off its walls; lower anchoring.keep_off_m"
         )
-    straightened = replace(run.odometry, world_from_body=run.trajectory.world_from_body)
+    poses = run.trajectory.world_from_body * [start.scale, start.scale, 1.0]
+    straightened = replace(run.odometry, world_from_body=poses)
     generator = np.random.default_rng(SEED)
     return follow_ground(straightened, start.pose, start.covariance, open_ground, known, generator)
 
