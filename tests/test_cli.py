@@ -521,6 +521,23 @@ def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> 
     assert "parameters_digest" in out
 
 
+def test_figures_of_a_study_go_on_a_card(tmp_path: Path, elfslam: Elfslam) -> None:
+    row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
+    recalls = {"recall at 1 %": 0.7, "recall at 0.1 %": 0.3, "kept at 0.4": 1, "false at 0.4": 0.1}
+    table, out = tmp_path / "elf.json", tmp_path / "measured.onnx"
+    table.write_text(json.dumps([row | recalls]))
+    assert elfslam("card", "--measured", table, "--out", out)[0] == 0
+    shown = {each["what"]: each["value"] for each in json.loads(elfslam("card", out, "--json")[1])}
+    assert shown["recall at 1 %, footstep, hall"] == 0.7
+    table.write_text(json.dumps([row | recalls, {**row, **recalls, "feature": "PSD"}]))
+    code, _, err = elfslam("card", "--measured", table, "--out", tmp_path / "no.onnx")
+    assert (code, (tmp_path / "no.onnx").exists()) == (2, False)
+    assert "got PSD, compact" in err
+    code, _, err = elfslam("card", "--measured", table)
+    assert code == 2
+    assert "go together" in err
+
+
 def test_an_encoder_without_a_card_is_told_in_one_line(elfslam: Elfslam) -> None:
     code, out, err = elfslam("card", "spectral")
     assert (code, out) == (1, "")

@@ -12,11 +12,12 @@ import torch
 
 from elfslam.base.arrays import F32
 from elfslam.base.card import Card, Pretraining, metadata_of, training_facts
+from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.export import export_encoder
+from elfslam.learn.export import encoder_content, export_encoder, with_metrics
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.settings import PretrainParameters
-from elfslam.line.feature import BINS, load_encoder, read_card
+from elfslam.line.feature import BINS, OnnxEncoder, load_encoder, read_card
 
 MOST_BYTES = 2_000_000
 
@@ -155,3 +156,22 @@ def test_the_same_card_gives_the_same_file_and_another_another(
     one, again, other = (path.read_bytes() for path in paths)
     assert one == again
     assert one != other
+
+
+def test_figures_go_on_the_card_and_change_nothing_else(network: CompactEncoder) -> None:
+    plain = encoder_content(network, Card("A line.", metrics={"old": 1.0}))
+    told = OnnxEncoder(with_metrics(plain, {"recall": 0.75}), "told")
+    assert told.card == Card("A line.", metrics={"recall": 0.75})
+    heard = traces(3)
+    np.testing.assert_array_equal(told.embed(heard), OnnxEncoder(plain, "plain").embed(heard))
+
+
+@pytest.mark.parametrize("content", [b"", b"no graph"])
+def test_no_figures_go_on_what_is_no_encoder(content: bytes) -> None:
+    with pytest.raises(InputError, match=r"wanted an ONNX file|carries no card"):
+        with_metrics(content, {})
+
+
+def test_no_figures_go_where_no_card_is(network: CompactEncoder) -> None:
+    with pytest.raises(InputError, match="carries no card"):
+        with_metrics(encoder_content(network), {})

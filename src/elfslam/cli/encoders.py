@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -9,11 +10,11 @@ from typing import Annotated
 import typer
 
 from elfslam.base.card import card_rows
-from elfslam.base.errors import NoAnswerError
+from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import load, rows
 from elfslam.cli.options import AsJson, EncoderName, ParameterFile, Seed, Setting
 from elfslam.console import print_rows, progress_bar, say
-from elfslam.line.feature import read_card
+from elfslam.line.feature import OnnxEncoder, load_encoder, read_card
 from elfslam.mapping import (
     finetune_into,
 )
@@ -52,9 +53,21 @@ def finetune_command(
 
 def card(
     encoder: Annotated[str, typer.Argument(help="compact or an ONNX file.")] = "compact",
+    measured: Annotated[
+        Path | None,
+        typer.Option(metavar="ELF.json", help="Rows of `study elf` about it, for its card."),
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(metavar="OUT.onnx", help="Where it goes with these figures.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """What an encoder is, and how to train it again: as its own file says."""
+    if (measured is None) != (out is None):
+        raise InputError("card: --measured and --out go together; name both or neither")
+    if measured is not None and out is not None:
+        write_measured(encoder, measured, out)
+        encoder = str(out)
     known = read_card(encoder)
     if known is None:
         raise NoAnswerError(f"encoder {encoder}: carries no card, so how it was made is not known")
@@ -70,3 +83,18 @@ def parameters(
     if not as_json:
         table = [{**row, "value": str(row["value"])} for row in table]
     print_rows(table, title="Parameters", as_json=as_json)
+
+
+def write_measured(encoder: str, measured: Path, out: Path) -> None:
+    """Write the encoder to `out` with the figures of a study's table on its card."""
+    from elfslam.learn.export import with_metrics, write_encoder
+    from elfslam.studies.elf import metrics_of
+
+    try:
+        table = json.loads(measured.read_text())
+    except (OSError, ValueError) as cause:
+        raise InputError(f"{measured}: wanted the table of a study as JSON ({cause})") from cause
+    known = load_encoder(encoder)
+    content = known.content if isinstance(known, OnnxEncoder) else b""
+    write_encoder(out, with_metrics(content, metrics_of(table)))
+    say(f"wrote {out}")

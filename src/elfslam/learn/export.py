@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import io
 import warnings
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,7 @@ from onnx import numpy_helper
 from torch import nn
 
 from elfslam.base.arrays import F32
-from elfslam.base.card import Card, metadata_of
+from elfslam.base.card import Card, card_in, metadata_of
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
@@ -47,6 +49,22 @@ def encoder_content(network: nn.Module, card: Card | None = None) -> bytes:
     if card is not None:
         onnx.helper.set_model_props(model, metadata_of(card))
     onnx.checker.check_model(model)
+    return bytes(model.SerializeToString())
+
+
+def with_metrics(content: bytes, metrics: Mapping[str, float]) -> bytes:
+    """The same encoder file with these figures on its card, older ones replaced.
+
+    Raises InputError where the file is no ONNX or has no card.
+    """
+    try:
+        model = onnx.load_model_from_string(content)
+    except Exception as cause:  # protobuf raises many types
+        raise InputError("encoder: wanted an ONNX file, got another; name one") from cause
+    card = card_in({entry.key: entry.value for entry in model.metadata_props})
+    if card is None:
+        raise InputError("encoder: carries no card to write figures on; train it with pretrain")
+    onnx.helper.set_model_props(model, metadata_of(replace(card, metrics=metrics)))
     return bytes(model.SerializeToString())
 
 

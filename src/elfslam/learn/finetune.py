@@ -214,7 +214,10 @@ def _embedded(network: CompactEncoder, samples: Tensor) -> F32:
 
 
 def _card(encoder: OnnxEncoder, echoes: Echoes, parameters: FinetuneParameters, seed: int) -> Card:
-    """The card of `encoder` with this fine-tuning added, whose outcome is still open."""
+    """The card of `encoder` with this fine-tuning added, whose outcome is still open.
+
+    Its figures are not those of the parent.
+    """
     parent = encoder.card or Card("ELF encoder: fine-tuned from one whose file has no card.")
     made = Finetuning(
         parent=encoder.identity,
@@ -224,7 +227,7 @@ def _card(encoder: OnnxEncoder, echoes: Echoes, parameters: FinetuneParameters, 
         outcome="",
         **training_facts(parameters),
     )
-    return replace(parent, finetunings=(*parent.finetunings, made))
+    return replace(parent, finetunings=(*parent.finetunings, made), metrics={})
 
 
 def _judged(

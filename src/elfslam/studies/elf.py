@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, Bool
+from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
@@ -36,6 +37,7 @@ SEQUENCE = 8
 """Footsteps compared in a row."""
 PRINCIPAL_ECHOES = 2048
 """From random rooms, never from the worlds that are measured."""
+ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", "kept at 0.4", "false at 0.4")
 UNITS = ("footstep", f"{SEQUENCE} footsteps")
 
 Adapt = Callable[[Echoes], Encoder]
@@ -185,3 +187,21 @@ def _rows(world: str, counts: Counts) -> list[Row]:
         for (name, compared), walks in counts.items()
         if compared == unit
     ]
+
+
+def metrics_of(rows: Sequence[Mapping[str, object]]) -> dict[str, float]:
+    """What a card says of one encoder, from the rows of this study about it.
+
+    Raises InputError where the rows are of none or of several, or not this study's.
+    """
+    features = {str(row.get("feature")) for row in rows}
+    if len(features) != 1 or not all(name in row for row in rows for name in ON_THE_CARD):
+        raise InputError(
+            f"figures: wanted the rows of `elfslam study elf` about one encoder, got "
+            f"{', '.join(sorted(features)) or 'none'}; name the encoder with --encoder there"
+        )
+    return {
+        f"{name}, {row['compared']}, {row['world']}": float(str(row[name]))
+        for row in rows
+        for name in ON_THE_CARD
+    }
