@@ -21,7 +21,7 @@ from starlette.testclient import TestClient
 
 from elfslam.base.parameters import as_dict
 from elfslam.data.map_files import read_map
-from elfslam.data.tiles import map_of_tiles, tiles_of
+from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, MapFile, MapPart, new_id, transaction
 from elfslam.slam import Parameters
@@ -65,9 +65,13 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
     assert (told["format"], told["map"], told["name"]) == (1, map_id, name)
     tiles = [part(owner, map_id, tile) for tile in told["tiles"]]
     assert tiles == [tile.content for tile in tiles_of(floor_map)]
+    stretches = [(each["walk"], part(owner, map_id, each)) for each in told["features"]]
+    assert stretches == [(each.walk, each.content) for each in stretches_of(floor_map)]
     identity = told["encoder"]["identity"]
     assert identity == floor_map.payloads[0].encoder
-    read = map_of_tiles(tiles, encoder=identity, phone=told["phone"], source=name)
+    read = map_of_parts(
+        tiles, stretches, encoder=identity, phone=told["phone"], sources=floor_map.sources
+    )
     assert sum(tile["spots"] for tile in told["tiles"]) == len(read.xy_m) == len(floor_map.xy_m)
     npt.assert_allclose(sorted(read.xy_m[:, 0]), sorted(floor_map.xy_m[:, 0]), atol=1e-5)
     assert part(owner, map_id, told["encoder"]) == (runs / name / "encoder.onnx").read_bytes()
@@ -177,5 +181,7 @@ def test_tiles_that_went_are_dropped(
     assert owner.get(f"/api/maps/{map_id}/package/{gone}").status_code == 404
     assert not (services.settings.blobs_folder / gone[:2] / gone).exists()
     with transaction(services.sessions) as session:
-        assert session.query(MapPart).filter_by(map_id=map_id).count() == len(second["tiles"])
+        assert session.query(MapPart).filter_by(map_id=map_id).count() == len(
+            [*second["tiles"], *second["features"]]
+        )
         assert session.get(Map, new_id()) is None
