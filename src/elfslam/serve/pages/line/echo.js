@@ -1,0 +1,139 @@
+/** Echo cutting as elfslam.line.echo does it, while the sound comes in. */
+
+import { makePeriodSearch } from "./echo_arrivals.js";
+import { makeEnvelope } from "./echo_envelope.js";
+import { makeScheduleSearch } from "./echo_schedule.js";
+import { makeFacts } from "./echo_facts.js";
+import { ECHO_SAMPLES } from "./encoder.js";
+import { ECHO_RATE_HZ, makeResampler } from "./resample.js";
+import { makeStream } from "../phone/stream.js";
+
+/** 10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz. */
+export const DISCARDED_SAMPLES = 485;
+/** Sound that is remembered at the most, whatever is still waited for. */
+const REMEMBERED = 10 * ECHO_RATE_HZ;
+/** Frames whose facts are kept until somebody asks. */
+const UNASKED = 1000;
+
+/**
+ * @typedef {{tS: number, samples: Float32Array, directLevel: number,
+ *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
+ *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
+ * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
+ *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void}} EchoCutter
+ */
+
+/**
+ * A cutter for a stream of sound. `push` takes samples that begin at sample `first` (what is missing
+ * between is silence) and gives the echoes that they complete: an echo is whole 64 ms after its direct
+ * sound, and at 48 kHz 2 ms later. However the stream is cut into blocks, the echoes are the same to the
+ * last bit. `end` gives those that a stream that ends here still holds. Where chirps follow a schedule,
+ * `played` tells of each when it begins to be played, in their order and before it is heard; up to the first
+ * that is told they are taken to come once per period. `frames` gives what was heard around each chirp,
+ * of those that became complete since it was asked last; that is when the next chirp has come.
+ *
+ * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
+ * left of them, puts lost stretches back; a page is told which samples it lost.
+ * @param {{rateHz: number, chirp: Float32Array, parameters: {chirp: Object, echo: Object}}} given chirp:
+ *   as it is played at `rateHz`, 44100 or 48000; parameters: groups as elfslam names them
+ * @returns {EchoCutter}
+ */
+export function makeEchoCutter({ rateHz, chirp, parameters }) {
+  const input = makeInput(rateHz);
+  const envelopeOf = makeEnvelope(chirp, rateHz);
+  const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
+  const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
+  const byPeriod = makePeriodSearch(period, parameters.echo);
+  let bySchedule = null;
+  const facts = makeFacts();
+  let [told, waiting, known] = [[], [], []];
+  let latest = -1;
+
+  const played = (tS) => {
+    if (!input.hasBegun()) {
+      told.push(tS);
+      return;
+    }
+    const sample = Math.round((tS - input.startS()) * ECHO_RATE_HZ);
+    if (bySchedule) bySchedule.played(sample);
+    else bySchedule = makeScheduleSearch(sample, period, parameters.echo);
+  };
+
+  const search = () => {
+    const isScheduled = bySchedule && (byPeriod.due() ?? Infinity) >= bySchedule.first;
+    return isScheduled ? bySchedule : byPeriod;
+  };
+
+  const take = (samples, isOver) => {
+    sound.append(sound.end(), samples);
+    envelope.append(envelope.end(), envelopeOf.push(samples));
+    if (isOver) envelope.append(envelope.end(), envelopeOf.end());
+    const arrivals = [];
+    for (let more = []; more; more = search().next(envelope, isOver)) arrivals.push(...more.filter(isLater));
+    waiting.push(...arrivals.filter(({ isFound }) => isFound));
+    known = [...known, ...facts.take(arrivals, { sound, envelope }, isOver)].slice(-UNASKED);
+    const echoes = cutReady();
+    forget();
+    return echoes;
+  };
+
+  /** A chirp that was found untold may be told of after all. */
+  const isLater = ({ sample }) => {
+    if (sample <= latest) return false;
+    latest = sample;
+    return true;
+  };
+
+  const cutReady = () => {
+    const ready = waiting.filter(({ sample }) => endOf(sample) <= sound.end());
+    waiting = waiting.slice(ready.length);
+    return ready.map(cut).filter(({ samples }) => samples.some((value) => value !== 0));
+  };
+
+  const cut = ({ sample, due, level, jumped }) => ({
+    tS: input.startS() + sample / ECHO_RATE_HZ,
+    samples: sound.slice(sample + DISCARDED_SAMPLES, endOf(sample)),
+    directLevel: level,
+    facts: { lateS: (sample - due) / ECHO_RATE_HZ, jumpedS: jumped / ECHO_RATE_HZ },
+  });
+
+  const forget = () => {
+    const asked = [search(), bySchedule ?? search(), facts].map((each) => each.needs());
+    const before = Math.max(Math.min(...asked), envelope.end() - REMEMBERED);
+    envelope.forget(before);
+    sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
+  };
+
+  const push = (first, samples) => {
+    const blocks = input.push(first, samples);
+    told.splice(0).forEach(played);
+    return blocks.flatMap((block) => take(block, false));
+  };
+
+  const frames = () => known.splice(0).map((each) => ({ ...each, dueS: each.dueS + input.startS() }));
+
+  return { push, played, frames, end: () => take(input.end(), true) };
+}
+
+function endOf(sample) {
+  return sample + DISCARDED_SAMPLES + ECHO_SAMPLES;
+}
+
+/** The samples at 44.1 kHz, without gaps and in blocks of a second at most. */
+function makeInput(rateHz) {
+  const resampler = makeResampler(rateHz);
+  let start = null;
+  let next = 0;
+  const push = (first, samples) => {
+    start ??= first;
+    const blocks = [];
+    for (let at = start + next; at < first; at += rateHz) {
+      blocks.push(new Float32Array(Math.min(rateHz, first - at)));
+    }
+    const known = samples.subarray(Math.max(start + next - first, 0));
+    for (let at = 0; at < known.length; at += rateHz) blocks.push(known.subarray(at, at + rateHz));
+    next += blocks.reduce((sum, block) => sum + block.length, 0);
+    return blocks.map(resampler.push);
+  };
+  return { push, end: resampler.end, hasBegun: () => start !== null, startS: () => start / rateHz };
+}

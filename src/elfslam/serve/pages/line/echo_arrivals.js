@@ -1,0 +1,125 @@
+/**
+ * The direct arrival in every frame, by the decisions of elfslam.line.echo, made as the sound comes in:
+ * near where it is due; anywhere in the period where it is not; an earlier peak of enough strength counts.
+ *
+ * What differs from Python: how loud an arrival typically is Python takes from the whole recording, this
+ * from the frames of the last seconds. A recording without chirps is refused there; here nothing is found
+ * until frames have them.
+ */
+
+import { earliest, median, strongest } from "../phone/matched_filter.js";
+import { ECHO_RATE_HZ } from "./resample.js";
+
+/** Frames of which the typical level is known: five seconds, after which another volume is the usual one. */
+const REMEMBERED = 50;
+
+/**
+ * @typedef {{sample: number, due: number, level: number, jumped: number, isFound: boolean}} Arrival at
+ *   44.1 kHz; sample: of the direct arrival, or of what is loudest where it was due; level: of the envelope
+ *   there; jumped: samples that it came off its time, 0 where it came as due
+ * @typedef {{next: (envelope: import("../phone/stream.js").Stream, isOver: boolean) => Arrival[] | null,
+ *   needs: () => number}} Search next: what has become of the next chirps, null where the envelope does
+ *   not reach yet; needs: the first sample of the envelope that may still be asked for
+ */
+
+/**
+ * @param {number} period samples
+ * @param {{slack_s: number, early_s: number, early_share: number, level_share: number,
+ *   contrast: number}} parameters the group `echo`
+ * @returns {Search & {due: () => number | null}} due: where the next chirp is looked for, once it is known
+ */
+export function makePeriodSearch(period, parameters) {
+  const slack = slackOf(parameters);
+  const half = period >> 1;
+  const directIn = makeDirect(parameters);
+  const levelBefore = makeLevel(period, parameters);
+  let due = null;
+  let hasFound = false;
+
+  const begin = (envelope, isOver) => {
+    if (envelope.end() < period && !isOver) return false;
+    due ??= strongestIn(envelope, 0, period).sample;
+    return true;
+  };
+
+  const next = (envelope, isOver) => {
+    if (due === null && !begin(envelope, isOver)) return null;
+    const reaches = (to) => isOver || envelope.end() >= to;
+    if (!reaches(due + slack + 1) || due >= envelope.end()) return null;
+    const level = levelBefore(envelope, due - slack);
+    const near = strongestIn(envelope, due - slack, due + slack + 1);
+    if (near.value >= level) return found(envelope, near, 0);
+    if (!reaches(due + half)) return null;
+    const peak = strongestIn(envelope, due - half, due + half);
+    return peak.value >= level ? found(envelope, peak, 1) : missed(envelope);
+  };
+
+  /** `off`: 1 where the chirp did not come where it was due. */
+  const found = (envelope, peak, off) => {
+    const { sample, level } = directIn(envelope, peak);
+    const arrival = { sample, due: hasFound ? due : sample, level, isFound: true };
+    const jumped = off * (sample - arrival.due);
+    hasFound = true;
+    due = sample + period;
+    return [{ ...arrival, jumped }];
+  };
+
+  const missed = (envelope) => {
+    const arrivals = hasFound ? [missedAt(envelope, due, slack)] : [];
+    due += period;
+    return arrivals;
+  };
+
+  return { next, needs: () => (due ?? 0) - 2 * period, due: () => due };
+}
+
+/** @returns {number} samples that a direct arrival may be off its time */
+export function slackOf(parameters) {
+  return Math.round(parameters.slack_s * ECHO_RATE_HZ);
+}
+
+/** A chirp that was not heard. @returns {Arrival} */
+export function missedAt(envelope, due, slack) {
+  const isInside = due >= slack && due < envelope.end() - slack;
+  const peak = isInside ? strongestIn(envelope, due - slack, due + slack + 1) : { sample: due, value: 0 };
+  return { sample: peak.sample, due, level: peak.value, jumped: 0, isFound: false };
+}
+
+/** The greatest value from sample `from` to `to`, without the last. */
+export function strongestIn(envelope, from, to) {
+  const first = Math.max(from, 0);
+  const values = envelope.slice(first, Math.max(Math.min(to, envelope.end()), first + 1));
+  const best = strongest(values);
+  return { sample: first + best, value: values[best] };
+}
+
+/** What finds the direct arrival at or a little before a peak: an echo may be louder. */
+export function makeDirect(parameters) {
+  const early = Math.round(parameters.early_s * ECHO_RATE_HZ);
+  return (envelope, peak) => {
+    const first = Math.max(peak.sample - early - 1, 0);
+    const values = envelope.slice(first, peak.sample + 1);
+    const direct = earliest(values, peak.sample - first, early, parameters.early_share);
+    return { sample: first + direct, level: values[direct] };
+  };
+}
+
+/**
+ * The least level of an arrival, from the loudest of each frame that is over by a sample, and at least
+ * from the first; sound before sample `from` does not count. Frames that do not stand out of their own noise do not count; Infinity without any.
+ */
+export function makeLevel(period, parameters, from = 0) {
+  let counted = Math.floor(from / period);
+  let peaks = [];
+  const count = (envelope) => {
+    const frame = envelope.slice(counted * period, (counted + 1) * period).sort();
+    const [floor, peak] = [frame[period >> 1], frame[period - 1]];
+    if (peak >= parameters.contrast * Math.max(floor, 1e-9)) peaks = [...peaks, peak].slice(-REMEMBERED);
+    counted += 1;
+  };
+  return (envelope, sample) => {
+    const frames = Math.floor(Math.min(sample, envelope.end()) / period);
+    while (counted < Math.max(frames, 1)) count(envelope);
+    return peaks.length > 0 ? parameters.level_share * median(peaks) : Infinity;
+  };
+}
