@@ -1,4 +1,4 @@
-"""Motion and tracking of the page in node, on vectors that the line computes."""
+"""Motion of the page in node, on vectors that the line computes."""
 
 from __future__ import annotations
 
