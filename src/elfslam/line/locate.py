@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
@@ -73,6 +73,16 @@ def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParam
         np.array(column) for column in zip(*rows, strict=True)
     )
     return Fixes(t_s, xy, heading, covariance, score, status)
+
+
+def without_suspects(fixes: Fixes, suspect: Bool) -> Fixes:
+    """The fixes, SUSPECT and without a position where what they come from is `suspect` (n)."""
+    kept = np.where(suspect, np.nan, 1.0)
+    return Fixes(
+        fixes.t_s, fixes.xy_m * kept[:, None], fixes.heading_rad * kept,
+        fixes.covariance_m2 * kept[:, None, None], fixes.score,
+        np.where(suspect, int(FixStatus.SUSPECT), fixes.status),
+    )  # fmt: skip
 
 
 def means_between(features: Features, edges_s: F64, fewest: int) -> F32:
