@@ -17,6 +17,8 @@ from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 
 PARTS = 4
 """Into so many parts of equal length an echo trace falls (13.3 ms each)."""
+SHARPENED = (2 * np.sin(np.pi * 17_500 / 44_100)) ** 4
+"""What the fourth difference makes of the middle of the band."""
 RECENT = 31
 """Chirps whose median says when a direct arrival is due."""
 REASONS = (
@@ -42,24 +44,26 @@ class TrustParameters:
     )
     fewest_frames: int = parameter(6, "", "fewer frames are not judged", low=1, high=600)
     off_time_s: float = parameter(
-        0.0015, "s", "a direct arrival this far off its time is odd", low=0.0, high=1.0
+        0.001, "s", "a direct arrival this far off its time is odd", low=0.0, high=1.0
     )
     before: float = parameter(
-        0.06, "", "envelope before a direct arrival over its own that is odd", low=0.0, high=1e6
+        0.03, "", "envelope before a direct arrival over its own that is odd", low=0.0, high=1e6
     )
     noise: float = parameter(
-        0.01, "", "noise before a direct arrival over its level that is odd", low=0.0, high=1e6
+        0.003, "", "noise before a direct arrival over its level that is odd", low=0.0, high=1e6
     )
     loud_first: float = parameter(
-        0.1, "", "first part of an echo trace (rms) over the direct level, odd", low=0.0, high=1e6
+        0.16, "", "first part of an echo trace (rms) over the direct level, odd", low=0.0, high=1e6
     )
     loud_second: float = parameter(
-        0.1, "", "second part of an echo trace, likewise", low=0.0, high=1e6
+        0.065, "", "second part of an echo trace, likewise", low=0.0, high=1e6
     )
     loud_third: float = parameter(
-        0.1, "", "third part of an echo trace, likewise", low=0.0, high=1e6
+        0.033, "", "third part of an echo trace, likewise", low=0.0, high=1e6
     )
-    loud_last: float = parameter(0.1, "", "last part of an echo trace, likewise", low=0.0, high=1e6)
+    loud_last: float = parameter(
+        0.017, "", "last part of an echo trace, likewise", low=0.0, high=1e6
+    )
     clipped: float = parameter(
         0.01, "", "share of samples at full scale that is odd", low=0.0, high=1.0
     )
@@ -110,15 +114,17 @@ def off_time_s(facts: FrameFacts) -> F64:
 def loudness(facts: FrameFacts, echoes: Echoes) -> F64:
     """Root mean square of each part of the echo trace over the direct level (m, 4).
 
-    0 for frames without an echo.
+    Of its fourth differences, which leave little of what is below the chirp's band; 0 for frames
+    without an echo.
     """
     arrived_s = facts.t_due_s + np.nan_to_num(facts.late_s)
     loud = np.zeros((len(arrived_s), PARTS))
     if len(arrived_s) == 0:
         return loud
     frame = _nearest(arrived_s, echoes.t_s)
-    parts = echoes.samples.reshape(-1, PARTS, ECHO_SAMPLES // PARTS).astype(np.float64)
-    loud[frame] = np.sqrt(np.mean(parts**2, axis=2))
+    sharp = np.diff(echoes.samples.astype(np.float64), n=4, prepend=echoes.samples[:, :4])
+    parts = sharp.reshape(-1, PARTS, ECHO_SAMPLES // PARTS)
+    loud[frame] = np.sqrt(np.mean(parts**2, axis=2)) / SHARPENED
     return np.asarray(loud / np.maximum(facts.level, 1e-12)[:, None])
 
 

@@ -16,6 +16,7 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.studies.attacked_walk import (
     PERIOD,
+    PLACED_M,
     RATE_HZ,
     Walked,
     from_the_phone,
@@ -72,6 +73,20 @@ Sound = Callable[[Victim, float], F32]
 def gain(level_db: float) -> float:
     """The factor of an amplitude."""
     return float(10 ** (level_db / 20))
+
+
+def chirping_neighbours(walked: Walked, speakers_m: F64, seed: int) -> F32:
+    """What the microphone gets (n) of other phones that stand (k, 2) and chirp, each at random."""
+    total = np.zeros(len(walked.own), dtype=np.float32)
+    for k, place_m in enumerate(speakers_m):
+        generator = np.random.default_rng([seed, 23, k])
+        phase = int(generator.integers(PERIOD))
+        periods = np.arange(phase, len(total), PERIOD)
+        starts = periods + generator.integers(0, round(0.025 * RATE_HZ), len(periods))
+        victim = Victim(walked, walked, np.append(place_m, PLACED_M), seed)
+        sent = _chirps(victim, starts.astype(np.int64), 0.0, from_start=True)
+        total += _from_loudspeaker(victim, sent)
+    return total
 
 
 def own_rhythm(victim: Victim, level_db: float) -> F32:
