@@ -38,13 +38,7 @@ from elfslam.line.acoustic_odometry import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
-from elfslam.line.echo import (
-    EchoParameters,
-    cut_echoes,
-    echoes_of,
-    find_frames,
-    frame_facts,
-)
+from elfslam.line.echo import EchoParameters, cut_echoes, echoes_of, find_frames, frame_facts
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
@@ -52,8 +46,8 @@ from elfslam.line.locate import (
     LocateParameters,
     elf_payload,
     likeness,
-    locate_one_shot,
     means_between,
+    trusted_one_shot,
     without_suspects,
 )
 from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
@@ -102,6 +96,7 @@ class Run:
 Announce = Callable[[str], None]
 Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
+Suspicion = Callable[[F64], Bool]
 SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
 
 
@@ -271,21 +266,24 @@ def locate(
     features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
     if translation is not None:
         features = heard_as_map(features, translation)
-
-    def suspect(edges_s: F64) -> Bool:
-        if facts is None:
-            return np.zeros(len(edges_s) - 1, dtype=np.bool_)
-        return judge(facts, echoes, edges_s, parameters.trust) > 0
-
+    suspect = suspicion(echoes, facts, parameters.trust)
     if mode is Mode.ONE_SHOT:
-        fixes = locate_one_shot(features, floor_map, parameters.locate)
-        half_s = parameters.locate.window_s / 2
-        edges_s = np.append(fixes.t_s[:1] - half_s, fixes.t_s + half_s)
-        return without_suspects(fixes, suspect(edges_s))
+        return trusted_one_shot(features, floor_map, parameters.locate, suspect)
     nodes = walk_nodes(recording, parameters)
     scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
     doubt = suspect(nodes.t_s)
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
+
+
+def suspicion(echoes: Echoes, facts: FrameFacts | None, parameters: TrustParameters) -> Suspicion:
+    """Whether stretches between times (n) are suspect (n-1); never without facts."""
+
+    def suspect(edges_s: F64) -> Bool:
+        if facts is None:
+            return np.zeros(len(edges_s) - 1, dtype=np.bool_)
+        return judge(facts, echoes, edges_s, parameters) > 0
+
+    return suspect
 
 
 def hear_for_fixes(

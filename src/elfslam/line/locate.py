@@ -6,6 +6,7 @@ which has the length in it, prefers spots whose own echoes agree with each other
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,19 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
     means = means_between(features, edges, parameters.fewest_echoes)
     middle_s = (edges[:-1] + edges[1:]) / 2
     return fixes_of(middle_s, likeness(means, payload), floor_map, parameters)
+
+
+def trusted_one_shot(
+    features: Features,
+    floor_map: FloorMap,
+    parameters: LocateParameters,
+    suspect: Callable[[F64], Bool],
+) -> Fixes:
+    """The same, SUSPECT where `suspect` says so of stretches (n-1) between times (n)."""
+    fixes = locate_one_shot(features, floor_map, parameters)
+    half_s = parameters.window_s / 2
+    edges_s = np.append(fixes.t_s[:1] - half_s, fixes.t_s + half_s)
+    return without_suspects(fixes, suspect(edges_s))
 
 
 def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:

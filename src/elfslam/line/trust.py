@@ -122,7 +122,8 @@ def loudness(facts: FrameFacts, echoes: Echoes) -> F64:
     if len(arrived_s) == 0:
         return loud
     frame = _nearest(arrived_s, echoes.t_s)
-    sharp = np.diff(echoes.samples.astype(np.float64), n=4, prepend=echoes.samples[:, :4])
+    sharp = np.zeros(echoes.samples.shape)
+    sharp[:, 4:] = np.diff(echoes.samples.astype(np.float64), n=4)
     parts = sharp.reshape(-1, PARTS, ECHO_SAMPLES // PARTS)
     loud[frame] = np.sqrt(np.mean(parts**2, axis=2)) / SHARPENED
     return np.asarray(loud / np.maximum(facts.level, 1e-12)[:, None])

@@ -5,7 +5,7 @@ Levels are in dB against the phone's own loudspeaker, and of a replay against wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from types import MappingProxyType
@@ -75,8 +75,8 @@ def gain(level_db: float) -> float:
     return float(10 ** (level_db / 20))
 
 
-def chirping_neighbours(walked: Walked, speakers_m: F64, seed: int) -> F32:
-    """What the microphone gets (n) of other phones that stand (k, 2) and chirp, each at random."""
+def chirping_neighbours(walked: Walked, speakers_m: Sequence[F64], seed: int) -> F32:
+    """What the microphone gets (n) of other phones that stand (2) and chirp, each at random."""
     total = np.zeros(len(walked.own), dtype=np.float32)
     for k, place_m in enumerate(speakers_m):
         generator = np.random.default_rng([seed, 23, k])

@@ -6,9 +6,9 @@ walks, with everything that a place may have but no attacker, give the false ala
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +16,11 @@ import numpy as np
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
-from elfslam.base.values import Audio, Fixes, FixStatus, FloorMap, Recording
+from elfslam.base.values import Audio, Fixes, FixStatus, Recording
+from elfslam.line.feature import encoder_for, extract_features
+from elfslam.line.locate import trusted_one_shot
 from elfslam.senses import Settings
-from elfslam.slam import Parameters, locate
+from elfslam.slam import footstep_likeness, hear_for_fixes, locate_walk, suspicion, walk_nodes
 from elfslam.studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from elfslam.studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
 from elfslam.studies.attacks_table import attacks_page, attacks_rows
@@ -30,18 +32,19 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import World, load_world
 
 ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
-SEEDS = (0, 1, 2)
+"""Of the stranger's walk: a minute or more."""
+SEEDS = (0, 1, 2, 3, 4)
 LEVELS_DB = (0.0, 10.0, 20.0)
 JITTER_S = 0.025
 OTHER_WALK = 2000
 """Added to a seed: the walk that the attacker recorded."""
-REGULAR = "predicted, regular schedule"
+PREDICTED = "echoes of elsewhere, predicted"
+REGULAR = f"{PREDICTED}, regular schedule"
 """Chirps at the same moment of each period: an attacker knows when the next one comes."""
-MODES = (Mode.TRACK, Mode.ONE_SHOT)
 APART_S = 5.0
 """Alarms closer than this are one."""
 WRONG_M = 1.0
-NEIGHBOURS = (1, 3)
+NEIGHBOURS: Mapping[str, int] = {"1 other phone": 1, "3 other phones": 3}
 HONEST: Mapping[str, Circumstances] = {
     "alone": Circumstances(),
     "6 people": Circumstances(people=6),
@@ -54,18 +57,18 @@ HONEST: Mapping[str, Circumstances] = {
         for name in ("flat", "rippled", "cheap", "tablet", "bottom-fired")
     },
 }
+KINDS = (*HONEST, *NEIGHBOURS, *SOUNDS, REGULAR)
 
 
 @dataclass(frozen=True)
-class Place:
-    """A place that is mapped, and who then walks there."""
+class Task:
+    """One attack at every level, or one kind of honest walk, in a place that was mapped."""
 
     world: str
     seed: int
     rounds: int
+    what: str
     levels_db: tuple[float, ...] = LEVELS_DB
-    attacks: tuple[str, ...] = (*SOUNDS, REGULAR)
-    honest: tuple[str, ...] = tuple(HONEST)
     mapping_rounds: int = MAPPING_ROUNDS
 
 
@@ -77,45 +80,52 @@ def measure_attacks(
     worlds: Mapping[str, int] = ROUNDS,
     seeds: Sequence[int] = SEEDS,
     levels_db: Sequence[float] = LEVELS_DB,
-    attacks: Sequence[str] = (*SOUNDS, REGULAR),
-    honest: Sequence[str] = tuple(HONEST),
+    kinds: Sequence[str] = KINDS,
     mapping_rounds: int = MAPPING_ROUNDS,
 ) -> Finding:
     """What came of every attack, and false alarms of honest walks; `data` is not needed."""
-    kinds = tuple(levels_db), tuple(attacks), tuple(honest), mapping_rounds
     tasks = [
-        Place(world, seed, rounds, *kinds) for seed in seeds for world, rounds in worlds.items()
+        Task(world, seed, rounds, what, tuple(levels_db), mapping_rounds)
+        for seed in seeds
+        for world, rounds in worlds.items()
+        for what in kinds
     ]
-    numbers = finished(partial(measure_place), tasks, announce, kept=kept, workers=1)
-    rows = attacks_rows(numbers)
+    rows = attacks_rows(finished(measured, tasks, announce, kept=kept, workers=1))
     return Finding(rows, attacks_page(rows))
 
 
-def measure_place(place: Place) -> Numbers:
-    """The numbers of one place: `attack|level|mode|measure` and `honest|kind|mode|measure`."""
-    world = load_world(place.world)
-    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped())
+def measured(task: Task) -> Numbers:
+    """The numbers of one task: `attack|level|mode|measure` or `honest|kind|mode|measure`."""
+    mapped = _mapped(task.world, task.seed, task.mapping_rounds)
+    if task.what in HONEST or task.what in NEIGHBOURS:
+        return _honest(task, mapped)
+    victim = _victim(task.world, task.seed, task.rounds, 0.0 if task.what == REGULAR else JITTER_S)
+    sound_of = SOUNDS[PREDICTED if task.what == REGULAR else task.what]
+    own_gain = OWN_GAIN.get(task.what, 1.0)
     numbers: Numbers = {}
-    for name, victim in _victims(world, place):
-        numbers |= _attacked(name, place.levels_db, victim, mapped)
-    for name, walk, audio in _honest(world, place):
-        numbers |= _quiet(name, walk, audio, mapped)
+    for level_db in task.levels_db:
+        audio = recorded(victim.walked, sound_of(victim, level_db), own_gain=own_gain)
+        for mode, found in _came_of_it(victim, audio, mapped).items():
+            key = f"{task.what}|{level_db:g}|{mode}"
+            numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
     return numbers
 
 
-def _victims(world: World, place: Place) -> Iterator[tuple[str, Victim]]:
-    speaker_m = np.append(_standing_place(world, place.seed), PLACED_M)
-    for jitter_s in (JITTER_S, 0.0):
-        names = [name for name in place.attacks if (name == REGULAR) == (jitter_s == 0)]
-        if names:
-            walk = walked(world, place.seed + STRANGER, place.rounds, jitter_s)
-            other = walked(world, place.seed + OTHER_WALK, place.rounds, jitter_s)
-            victim = Victim(walk, other, speaker_m, place.seed)
-            yield from ((name, victim) for name in names)
+@lru_cache(maxsize=1)
+def _mapped(world: str, seed: int, rounds: int) -> Mapped:
+    return mapped_walk(load_world(world), seed, rounds, shipped())
 
 
-def _standing_place(world: World, seed: int) -> F64:
-    """Where a loudspeaker stands: the marked place or the corner of the route, drawn by seed."""
+@lru_cache(maxsize=2)
+def _victim(world: str, seed: int, rounds: int, jitter_s: float) -> Victim:
+    place = load_world(world)
+    walk = walked(place, seed + STRANGER, rounds, jitter_s)
+    other = walked(place, seed + OTHER_WALK, rounds, jitter_s)
+    return Victim(walk, other, np.append(_free_place(place, seed), PLACED_M), seed)
+
+
+def _free_place(world: World, seed: int) -> F64:
+    """A free place (2) in the room for a loudspeaker."""
     generator = np.random.default_rng([seed, 22])
     low, size = world.room.corner_m, world.room.size_m[:2]
     while True:
@@ -124,59 +134,54 @@ def _standing_place(world: World, seed: int) -> F64:
             return np.asarray(place)
 
 
-def _attacked(name: str, levels_db: Sequence[float], victim: Victim, mapped: Mapped) -> Numbers:
-    numbers: Numbers = {}
-    sound_of = SOUNDS["echoes of elsewhere, predicted" if name == REGULAR else name]
-    for level_db in levels_db:
-        audio = recorded(
-            victim.walked, sound_of(victim, level_db), own_gain=OWN_GAIN.get(name, 1.0)
-        )
-        for mode in MODES:
-            key = f"{name}|{level_db:g}|{mode.value}"
-            found = _came_of_it(victim.walked, audio, victim.onset / RATE_HZ, mode, mapped)
-            numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
+def _came_of_it(victim: Victim, audio: Audio, mapped: Mapped) -> dict[str, Numbers]:
+    """By mode: how soon it was told, and how far fixes were off with and without the checks."""
+    checked, loose = _located(victim.walked, audio, mapped)
+    onset_s = victim.onset / RATE_HZ
+    numbers: dict[str, Numbers] = {}
+    for mode, fixes in checked.items():
+        off_m = _off_m(fixes, victim.walked, mapped)
+        loose_m = _off_m(loose[mode], victim.walked, mapped)
+        under = fixes.t_s >= onset_s
+        told = under & (fixes.status == FixStatus.SUSPECT)
+        given = under & (fixes.status == FixStatus.OK)
+        believed = (loose[mode].t_s >= onset_s) & (loose[mode].status == FixStatus.OK)
+        first_s = float(fixes.t_s[told][0]) if told.any() else np.inf
+        numbers[mode] = {
+            "delay": first_s - onset_s,
+            "told": float(told.sum() / under.sum()),
+            "refused": float((under & ~told & ~given).sum() / under.sum()),
+            "wrong": float((given & (off_m > WRONG_M)).sum() / under.sum()),
+            "off before": _most(off_m[given & (fixes.t_s < first_s)]),
+            "off": _most(off_m[given]),
+            "wrong unchecked": float((believed & (loose_m > WRONG_M)).sum() / under.sum()),
+            "off unchecked": _most(loose_m[believed]),
+        }
     return numbers
 
 
-def _came_of_it(walk: Walked, audio: Audio, onset_s: float, mode: Mode, mapped: Mapped) -> Numbers:
-    """How soon the attack was told, and how far fixes were off before, after and without that."""
-    checked = _located(walk, audio, mode, mapped, Settings())
-    credulous = _located(walk, audio, mode, mapped, credulous_settings())
-    under = checked.t_s >= onset_s
-    told = under & (checked.status == FixStatus.SUSPECT)
-    first_s = float(checked.t_s[told][0]) if told.any() else np.inf
-    off_m, loose_m = (_off_m(fixes, walk, mapped) for fixes in (checked, credulous))
-    given = under & (checked.status == FixStatus.OK)
-    loose = (credulous.t_s >= onset_s) & (credulous.status == FixStatus.OK)
-    return {
-        "delay": first_s - onset_s,
-        "told": float(told.sum() / under.sum()),
-        "refused": float((under & ~told & ~given).sum() / under.sum()),
-        "wrong": float((given & (off_m > WRONG_M)).sum() / under.sum()),
-        "off before": _most(off_m[given & (checked.t_s < first_s)]),
-        "off": _most(off_m[given]),
-        "wrong unchecked": float((loose & (loose_m > WRONG_M)).sum() / under.sum()),
-        "off unchecked": _most(loose_m[loose]),
-    }
-
-
-def _located(walk: Walked, audio: Audio, mode: Mode, mapped: Mapped, known: Parameters) -> Fixes:
+def _located(
+    walk: Walked, audio: Audio, mapped: Mapped
+) -> tuple[dict[str, Fixes], dict[str, Fixes]]:
+    """Fixes of the tracker and in one shot from one and the same sound: checked, and believed."""
+    known, floor_map = Settings(), mapped.run.floor_map
+    assert floor_map is not None
     recording = Recording(
         name="walk", device=walk.device.name, audio=audio, imu=walk.imu, played_t_s=walk.played_t_s
     )
-    return locate(recording, _floor_map(mapped), shipped(), known, mode=mode)
-
-
-def credulous_settings() -> Settings:
-    """The settings with every check off."""
-    known = Settings()
-    trust = replace(known.trust, fewest_frames=600)
-    return replace(known, trust=trust, track=replace(known.track, jump=3.0))
-
-
-def _floor_map(mapped: Mapped) -> FloorMap:
-    assert mapped.run.floor_map is not None
-    return mapped.run.floor_map
+    echoes, facts = hear_for_fixes(recording, known)
+    features = extract_features(echoes, encoder_for(floor_map, shipped(), echoes))
+    nodes = walk_nodes(recording, known)
+    scores = footstep_likeness(features, nodes, floor_map, known.locate)
+    credulous = replace(known, track=replace(known.track, jump=3.0))
+    found = []
+    for settings, used in ((known, facts), (credulous, None)):
+        suspect = suspicion(echoes, used, settings.trust)
+        doubt = suspect(nodes.t_s)
+        one_shot = trusted_one_shot(features, floor_map, settings.locate, suspect)
+        track = locate_walk(nodes, scores, floor_map, settings, mode=Mode.TRACK, suspect=doubt)
+        found.append({Mode.TRACK.value: track, Mode.ONE_SHOT.value: one_shot})
+    return found[0], found[1]
 
 
 def _off_m(fixes: Fixes, walk: Walked, mapped: Mapped) -> F64:
@@ -191,24 +196,18 @@ def _most(off_m: F64) -> float:
     return float(np.nanmax(off_m, initial=0.0))
 
 
-def _honest(world: World, place: Place) -> Iterator[tuple[str, Walked, Audio]]:
-    for name in place.honest:
-        walk = walked(world, place.seed + STRANGER, place.rounds, JITTER_S, HONEST[name])
-        yield name, walk, recorded(walk)
-    if place.honest:
-        walk = walked(world, place.seed + STRANGER, place.rounds, JITTER_S)
-        for count in NEIGHBOURS:
-            places_m = [_standing_place(world, place.seed + 100 * k) for k in range(count)]
-            added = chirping_neighbours(walk, np.array(places_m), place.seed)
-            yield f"{count} other phones", walk, recorded(walk, added)
-
-
-def _quiet(name: str, walk: Walked, audio: Audio, mapped: Mapped) -> Numbers:
+def _honest(task: Task, mapped: Mapped) -> Numbers:
+    """False alarms of one walk without an attacker."""
+    world, today = load_world(task.world), HONEST.get(task.what, Circumstances())
+    walk = walked(world, task.seed + STRANGER, task.rounds, JITTER_S, today)
+    places = range(NEIGHBOURS.get(task.what, 0))
+    speakers_m = [_free_place(world, task.seed + 100 * (k + 1)) for k in places]
+    added = chirping_neighbours(walk, speakers_m, task.seed) if speakers_m else None
+    checked, _ = _located(walk, recorded(walk, added), mapped)
     numbers: Numbers = {}
-    for mode in MODES:
-        fixes = _located(walk, audio, mode, mapped, Settings())
+    for mode, fixes in checked.items():
         suspect = fixes.status == FixStatus.SUSPECT
-        key = f"honest|{name}|{mode.value}"
+        key = f"honest|{task.what}|{mode}"
         numbers |= {
             f"{key}|alarms": float(_alarms(fixes.t_s, suspect)),
             f"{key}|hours": float(walk.truth.t_s[-1]) / 3600,

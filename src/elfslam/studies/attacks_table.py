@@ -15,7 +15,7 @@ from elfslam.studies.repeats import Numbers
 
 HONEST = "honest"
 ALL = "all but other phones"
-OTHERS = "other phones"
+OTHERS = "other phone"
 MODES = {"track": "tracker", "one-shot": "one-shot"}
 COLUMNS = (
     "walks", "detected", "delay median (s)", "delay 95 % (s)", "told", "refused", "wrong",
