@@ -66,6 +66,13 @@ class TrackParameters:
         low=0.0,
         high=3.0,
     )
+    regained: float = parameter(
+        0.1,
+        "",
+        "once SUSPECT, what is within reach is believed again when less alike by no more than this",
+        low=0.0,
+        high=3.0,
+    )
     settled: int = parameter(
         4, "", "OK fixes until a place out of reach is SUSPECT", low=1, high=1_000_000
     )
@@ -104,6 +111,7 @@ class Tracker:
         self._cloud: Cloud | None = None
         self._likeness = np.nan
         self._settled = 0
+        self._doubts = False
 
     def follow(self, nodes: Odometry, scores: F32, suspect: Bool | None = None) -> Fixes:
         """A fix at each of the n footsteps but the first.
@@ -137,8 +145,9 @@ class Tracker:
             before = self._cloud.poses
             self._cloud = self._moved(self._cloud, move, sigma)
             middle = _halfway(before, self._cloud.poses)
-            if heard and self._jumps(middle, self._cloud.weight, scores):
-                heard, suspect = False, True
+            if heard:
+                suspect = self._doubts = self._jumps(middle, self._cloud.weight, scores)
+                heard = not suspect
         if suspect:
             return self._fix(self._cloud, scores, heard=False, suspect=True)
         if heard:
@@ -161,7 +170,7 @@ class Tracker:
         reach_m = _reach_m(middle[:, :2], best_m, known.near_m)
         around = np.linalg.norm(self._map.xy_m - best_m, axis=1) <= reach_m
         here = float(scores[around].max(initial=-1.0))
-        return float(scores.max()) - here > known.jump
+        return float(scores.max()) - here > (known.regained if self._doubts else known.jump)
 
     def _coordinates(self, xy_m: F64, heading_rad: F64) -> F64:
         """Where distance is counted in sigmas of position and heading."""
@@ -232,7 +241,9 @@ class Tracker:
         around = np.linalg.norm(self._map.xy_m - xy, axis=1)
         if heard:
             self._remember(float(scores[around <= known.near_m].max(initial=-1.0)))
-        if self._likeness < known.unknown_below:
+        if suspect and self._settled < known.settled:
+            return *NOWHERE, self._likeness, int(FixStatus.SUSPECT)
+        if self._likeness < known.unknown_below and not suspect:
             return *NOWHERE, self._likeness, int(FixStatus.UNKNOWN_PLACE)
         if not heard:
             status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO

@@ -42,6 +42,9 @@ class TrustParameters:
     odd_share: float = parameter(
         0.34, "", "this share of odd frames makes a stretch SUSPECT", low=0.01, high=1.0
     )
+    calm_share: float = parameter(
+        0.12, "", "it stays SUSPECT until fewer frames than this share are odd", low=0.0, high=1.0
+    )
     fewest_frames: int = parameter(6, "", "fewer frames are not judged", low=1, high=600)
     off_time_s: float = parameter(
         0.001, "s", "a direct arrival this far off its time is odd", low=0.0, high=1.0
@@ -72,12 +75,15 @@ class TrustParameters:
 def judge(facts: FrameFacts, echoes: Echoes, edges_s: F64, parameters: TrustParameters) -> I64:
     """Number of the reason (n-1) to suspect each stretch between times (n); 0 where there is none.
 
-    `REASONS` has them in words. A stretch is judged by the frames up to its end.
+    `REASONS` has them in words. A stretch is judged by the frames up to its end, and more strictly
+    behind one that is suspect.
     """
     odd = odd_frames(facts, echoes, parameters)
     t_s = facts.t_due_s
-    rows = [_reason(odd, t_s, end_s, parameters) for end_s in edges_s[1:]]
-    return np.array(rows, dtype=np.int64)
+    reasons = [0]
+    for end_s in edges_s[1:]:
+        reasons.append(_reason(odd, t_s, end_s, parameters, was_suspect=reasons[-1] > 0))
+    return np.array(reasons[1:], dtype=np.int64)
 
 
 def odd_frames(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Bool:
@@ -137,11 +143,14 @@ def _nearest(of_s: F64, t_s: F64) -> I64:
     return np.where(t_s - of_s[below] <= of_s[above] - t_s, below, above)
 
 
-def _reason(odd: Bool, t_s: F64, end_s: float, parameters: TrustParameters) -> int:
+def _reason(
+    odd: Bool, t_s: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+) -> int:
     """The first reason of which too many of the frames up to then have the sign."""
     first, last = np.searchsorted(t_s, [end_s - parameters.memory_s, end_s])
     if last - first < parameters.fewest_frames:
         return 0
     shares = odd[first:last].mean(axis=0)
-    too_many = np.flatnonzero(shares >= parameters.odd_share)
+    limit = parameters.calm_share if was_suspect else parameters.odd_share
+    too_many = np.flatnonzero(shares >= limit)
     return int(too_many[0]) + 1 if len(too_many) else 0

@@ -5,7 +5,7 @@
 
 import { aroundOf, covarianceOf, nowhere, placeOf } from "./tracking/fix.js";
 import { drawn, moved, placesOf, renewed, weighed } from "./tracking/guesses.js";
-import { jumps, reachOf } from "./tracking/jumping.js";
+import { furtherLikeness, reachOf } from "./tracking/jumping.js";
 import { nearestIn, treeOf } from "./tracking/nearest.js";
 import { halfwayBetween, movedBy } from "./tracking/poses.js";
 
@@ -33,13 +33,15 @@ export function makeTracker(floorMap, parameters, random) {
   let cloud = null;
   let likeness = NaN;
   let settled = 0;
+  let isDoubting = false;
 
   const step = (move, sigma, given, isSuspect = false) => {
     const scores = given && !Number.isNaN(given[0]) && !isSuspect ? given : null;
     if (cloud === null && scores === null) return nowhere(NaN, isSuspect ? "SUSPECT" : "NO_ECHO");
     const isFirst = cloud === null;
     const after = guessed(cloud, move, sigma, scores);
-    if (isSuspect || (scores && !isFirst && isJump(after, scores))) {
+    if (scores && !isFirst) isDoubting = isJump(after, scores);
+    if (isSuspect || (scores && isDoubting)) {
       cloud = after.cloud;
       return fixed(cloud, null, "SUSPECT");
     }
@@ -49,8 +51,11 @@ export function makeTracker(floorMap, parameters, random) {
     settled += fix.status === "OK" ? 1 : 0;
     return fix;
   };
-  const isJump = ({ cloud: { scale, weight }, middle }, scores) =>
-    settled >= parameters.settled && jumps({ poses: middle, scale, weight }, floorMap, scores, parameters);
+  const isJump = ({ cloud: { scale, weight }, middle }, scores) => {
+    if (settled < parameters.settled) return false;
+    const further = furtherLikeness({ poses: middle, scale, weight }, floorMap, scores, parameters.near_m);
+    return further > (isDoubting ? parameters.regained : parameters.jump);
+  };
   const guessed = (before, move, sigma, scores) => {
     if (before === null) {
       const first = drawn(floorMap, scores, move, parameters.particles, parameters, random);
@@ -63,7 +68,9 @@ export function makeTracker(floorMap, parameters, random) {
     const place = placeOf(guesses, parameters, unheard === "SUSPECT" ? reachOf : undefined);
     const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
     if (scores) likeness = remembered(likeness, around.likeness, parameters.memory);
-    if (likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
+    const isSuspect = unheard === "SUSPECT" && !scores;
+    if (isSuspect && settled < parameters.settled) return nowhere(likeness, "SUSPECT");
+    if (!isSuspect && likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
     const own = floorMap.covarianceM2.slice(3 * around.closest, 3 * around.closest + 3);
     const covarianceM2 = covarianceOf(guesses, place, own, parameters);
     const certain = place.belief < parameters.ambiguous_below ? "AMBIGUOUS" : "OK";

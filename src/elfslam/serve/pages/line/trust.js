@@ -28,7 +28,7 @@ export const REASONS = [
 /**
  * A judge of frames as they come. `take` is given the facts of frames and the echoes, each in their order and
  * an echo not after its frame; `reasonAt(endS)` gives the number of the reason to suspect what was heard up
- * to then, 0 where there is none; `REASONS` has it in words.
+ * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words.
  * @param {Record<string, number>} parameters the group "trust"
  * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[]) => void,
  *   reasonAt: (endS: number) => number}}
@@ -39,6 +39,7 @@ export function makeTrust(parameters) {
   let recent = [];
   /** @type {Judged[]} */
   let frames = [];
+  let last = 0;
 
   const take = (facts, echoes) => {
     loud.push(...echoes.map(({ tS, samples }) => ({ tS, rms: loudnessOf(samples) })));
@@ -73,9 +74,14 @@ export function makeTrust(parameters) {
   const reasonAt = (endS) => {
     const seen = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s && dueS < endS);
     frames = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s);
-    if (seen.length < parameters.fewest_frames) return 0;
+    last = seen.length < parameters.fewest_frames ? 0 : reasonIn(seen);
+    return last;
+  };
+
+  const reasonIn = (seen) => {
+    const limit = last > 0 ? parameters.calm_share : parameters.odd_share;
     const share = (reason) => seen.filter(({ odd }) => odd[reason - 1]).length / seen.length;
-    return Math.max(REASONS.findIndex((_, reason) => reason > 0 && share(reason) >= parameters.odd_share), 0);
+    return Math.max(REASONS.findIndex((_, reason) => reason > 0 && share(reason) >= limit), 0);
   };
   return { take, reasonAt };
 }

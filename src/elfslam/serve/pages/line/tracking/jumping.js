@@ -18,19 +18,19 @@ export function reachOf(poses, [x, y], nearM) {
 }
 
 /**
- * Whether some place is more alike than all within reach of the guesses, by `jump` and more.
+ * How much more alike some place is than all within reach of the guesses.
  * @param {import("./cloud.js").Cloud} cloud guesses in the middle of the step
- * @param {import("./fix.js").Spots} floorMap @param {Float32Array} scores @param {Record<string, number>} known
- * @returns {boolean}
+ * @param {import("./fix.js").Spots} floorMap @param {Float32Array} scores @param {number} nearM
+ * @returns {number}
  */
-export function jumps(cloud, { xyM }, scores, known) {
-  const [x, y] = densest(cloud, known.near_m);
-  const reachM = reachOf(cloud.poses, [x, y], known.near_m);
+export function furtherLikeness(cloud, { xyM }, scores, nearM) {
+  const [x, y] = densest(cloud, nearM);
+  const reachM = reachOf(cloud.poses, [x, y], nearM);
   let [here, anywhere] = [-1, -Infinity];
   for (let k = 0; k < scores.length; k += 1) {
     anywhere = Math.max(anywhere, scores[k]);
     const away = Math.sqrt((xyM[2 * k] - x) ** 2 + (xyM[2 * k + 1] - y) ** 2);
     if (away <= reachM) here = Math.max(here, scores[k]);
   }
-  return anywhere - here > known.jump;
+  return anywhere - here;
 }
