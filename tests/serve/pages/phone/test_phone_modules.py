@@ -14,10 +14,14 @@ import pytest
 from scipy import signal
 
 from elfslam.base.values import Audio
-from elfslam.data.baseband import in_band
+from elfslam.data.baseband import in_band, to_baseband
+from elfslam.data.baseband_files import read_baseband
 from elfslam.data.recordings import read_recording
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.studies.eavesdropping import FORMS
+from elfslam.studies.speech import down, intelligibility
+from elfslam.world.interference import speech_like
 from elfslam.world.simulate import describe_chirp
 
 HERE = Path(__file__).parent
@@ -168,6 +172,26 @@ def test_what_the_page_keeps_is_the_sound_in_the_band(
     assert audio is not None
     assert audio.rate_hz == rate_hz
     assert snr_in_band_db(sound, audio.samples[0], rate_hz) > 55
+
+
+@needs_node
+def test_of_speech_the_page_keeps_what_python_says_and_nobody_understands_it(
+    tmp_path: Path, room_sound: RoomSound
+) -> None:
+    pytest.importorskip("pystoi", reason="pystoi is not installed")
+    rate_hz = 48_000
+    said = speech_like(round(SOUND_S * rate_hz), rate_hz, np.random.default_rng(1), 0.1)
+    sound = room_sound(rate_hz, SOUND_S) + said
+    cut_in_node(tmp_path, sound, rate_hz, "baseband")
+    page = read_baseband(tmp_path, manifest_of(rate_hz, "baseband")["baseband"])
+    ours = to_baseband(Audio(sound[None], rate_hz), page.t_s)
+    np.testing.assert_array_equal(ours.first, page.first)
+    np.testing.assert_allclose(ours.scale, page.scale, rtol=1e-4)
+    assert np.abs(ours.iq.astype(int) - page.iq).max() <= 4
+    clean, stoi = down(said.astype(np.float64)), intelligibility()
+    assert stoi(clean, down(sound.astype(np.float64))) > 0.8
+    ways = [way for made_of in FORMS.values() for way in made_of(page).values()]
+    assert max(stoi(clean, way) for way in ways) < 0.45
 
 
 def snr_in_band_db(sound: np.ndarray, kept: np.ndarray, rate_hz: int) -> float:
