@@ -238,7 +238,7 @@ def first_chirp_s(recorded: Path) -> float:
     table = next(
         file for file in map(recorded.joinpath, ("baseband.csv", "frames.csv")) if file.is_file()
     )
-    return float(np.loadtxt(table, skiprows=1)[0]) + 0.005
+    return float(np.loadtxt(table, delimiter=",", skiprows=1, usecols=0, ndmin=1)[0]) + 0.005
 
 
 def elfslam(*arguments: object) -> str:

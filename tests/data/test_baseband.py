@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Recording
 from elfslam.data import baseband as module
@@ -19,6 +20,7 @@ from elfslam.data.baseband import (
     BasebandFormat,
     frame_starts_s,
     from_baseband,
+    in_band,
     to_baseband,
 )
 from elfslam.data.baseband_files import read_baseband, write_baseband
@@ -89,7 +91,7 @@ def test_it_is_the_analytic_signal_shifted_down(rate_hz: int) -> None:
     tone = 0.5 * np.cos(2 * np.pi * 16_250 * t_s + 0.3)
     made = to_baseband(Audio(tone[None], rate_hz), np.array([0.2, 0.31]))
     assert made.first.tolist() == [1260, 1953]
-    values = (made.iq[..., 0] + 1j * made.iq[..., 1]) * made.kept.scale
+    values = (made.iq[..., 0] + 1j * made.iq[..., 1]) * made.scale[:, None]
     grid_s = made.t_s[:, None] + np.arange(504) / 6300
     wanted = 0.5 * np.exp(1j * (2 * np.pi * (16_250 - 17_500) * grid_s + 0.3))
     np.testing.assert_allclose(values, wanted, atol=1e-4)
@@ -114,7 +116,7 @@ def test_frames_begin_in_the_recording_and_end_in_it() -> None:
 def test_a_given_scale_clips_and_does_not_wrap() -> None:
     audio = heard(48_000)
     made = to_baseband(audio, np.array([LATENCY_S]), scale=1e-6)
-    assert made.kept.scale == 1e-6
+    assert made.scale.tolist() == [1e-6]
     assert np.abs(made.iq.astype(int)).max() == 32_767
     honest = to_baseband(audio, np.array([LATENCY_S])).iq
     loud = np.abs(honest.astype(int)) > 16_000
@@ -134,6 +136,69 @@ def test_files_give_back_what_was_written(tmp_path: Path, rate_hz: int) -> None:
     assert again.kept == made.kept
     np.testing.assert_array_equal(again.first, made.first)
     np.testing.assert_array_equal(again.iq, made.iq)
+    np.testing.assert_allclose(again.scale, made.scale, rtol=0)
+
+
+def test_each_frame_has_the_least_scale_that_clips_nothing() -> None:
+    audio = heard(48_000)
+    fading = Audio(audio.samples * np.linspace(1, 0.01, audio.samples.shape[1]), 48_000)
+    made = to_baseband(fading, LATENCY_S - 0.005 + np.arange(20) * 0.1)
+    np.testing.assert_array_equal(np.abs(made.iq.astype(int)).max(axis=(1, 2)), 32_767)
+    assert made.scale[0] / made.scale[-1] > 3
+    assert np.diff(made.scale).max() < 0
+
+
+def test_walks_recorded_with_one_scale_for_all_are_read(tmp_path: Path) -> None:
+    made = to_baseband(heard(48_000), LATENCY_S + np.arange(20) * 0.1, scale=2e-5)
+    described = write_baseband(made, tmp_path)
+    rows = (tmp_path / "baseband.csv").read_text().splitlines()
+    assert rows[0] == "t_s,scale"
+    before = "".join(f"{row.split(',')[0]}\n" for row in rows)
+    (tmp_path / "baseband.csv").write_text(before)
+    again = read_baseband(tmp_path, {**described, "scale": 2e-5})
+    np.testing.assert_allclose(again.scale, np.full(20, 2e-5))
+    np.testing.assert_allclose(
+        from_baseband(again).samples, from_baseband(made).samples, rtol=1e-6, atol=1e-9
+    )
+
+
+@pytest.mark.parametrize("scale", ["0", "-1e-5", "2", "nan"])
+def test_a_scale_beyond_belief_is_refused(tmp_path: Path, scale: str) -> None:
+    described = folder_of(tmp_path)
+    file = tmp_path / "baseband.csv"
+    rows = file.read_text().splitlines()
+    rows[2] = f"{rows[2].split(',')[0]},{scale}"
+    file.write_text("\n".join(rows) + "\n")
+    with pytest.raises(InputError, match=r"baseband\.csv: row 3 has .* wanted"):
+        read_baseband(tmp_path, described)
+
+
+def loud_speech(rate_hz: int) -> F64:
+    """Tones at full scale all over the band of speech."""
+    t_s = np.arange(rate_hz) / rate_hz
+    tones = [np.cos(2 * np.pi * hz * t_s + hz) for hz in range(150, 8000, 317)]
+    return np.asarray(np.sum(tones, axis=0) / 5)
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_speech_leaves_nothing_in_what_is_kept(rate_hz: int) -> None:
+    """Not even 16 bits of a silent room's own noise would show it: 130 dB."""
+    audio = Audio(loud_speech(rate_hz)[None], rate_hz)
+    made = to_baseband(audio, np.array([0.1, 0.3, 0.5]))
+    assert np.abs(made.iq * made.scale[:, None, None]).max() < 10 ** (-130 / 20)
+    inner = in_band(audio).samples[0, 1000:-1000]
+    assert np.abs(inner).max() < 10 ** (-130 / 20)
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+def test_the_band_as_sound_is_neither_delayed_nor_changed(rate_hz: int) -> None:
+    audio = heard(rate_hz)
+    spectrum = np.fft.rfft(audio.samples[0])
+    off = spectrum - np.fft.rfft(in_band(audio).samples[0])
+    hz = np.fft.rfftfreq(audio.samples.shape[1], 1 / rate_hz)
+    band = (hz >= 15_000) & (hz <= 20_000)
+    power, error = ((np.abs(part[band]) ** 2).sum() for part in (spectrum, off))
+    assert 10 * np.log10(power / error) > 80
 
 
 def test_a_recording_is_sent_small_and_read_like_any_other(tmp_path: Path) -> None:

@@ -5,18 +5,25 @@ What is kept of the sound x is its analytic signal in the chirp band, shifted do
     b(t) = 2 sum_n x[n] exp(-2 pi i f n / F) h(t - n / F)        F: rate of the sound, f: centre
 
 at t = k / rate, with phase zero at the recording's time 0. h is a low-pass of unit gain, a
-windowed sinc: h(t) = (rate / F) sinc(rate t) kaiser(t / T), with T = 4 ms and shape 8
-(sinc(u) = sin(pi u) / (pi u), kaiser(v) = I0(8 sqrt(1 - v^2)) / I0(8), nothing beyond |v| = 1).
+windowed sinc: h(t) = (rate / F) sinc(rate t) kaiser(t / T), with T = 7 ms and shape 14
+(sinc(u) = sin(pi u) / (pi u), kaiser(v) = I0(14 sqrt(1 - v^2)) / I0(14), nothing beyond |v| = 1).
 So at rate / 2 either side of f it is half way down; there 300 Hz of noise fold onto 300 others,
-which keeps the level of the noise, and 15 to 20 kHz stay clean.
+which keeps the level of the noise, and 15 to 20 kHz stay clean. Below 8 kHz it is 160 dB down:
+what folds into the band from there lies deep under any microphone's noise.
 A frame is a run of samples k, k+1, ... from 5 ms before a direct arrival on; between frames
 nothing is kept. At 6300 samples/s and 16 bits a frame of 80 ms every 100 ms makes 161 kbit/s.
+Each frame has a scale of its own, what one step of its 16 bits stands for; walks recorded before
+that was so have one for all, and a filter of T = 4 ms and shape 8, which is as true in the band.
+
+`in_band` is the same band as plain sound:
+
+    y[n] = 2 sum_m x[m] h((n - m) / F) cos(2 pi f (n - m) / F).
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import gcd
 from typing import TypeVar
 
@@ -33,20 +40,27 @@ Sample = TypeVar("Sample", np.float32, np.complex64)
 C64 = npt.NDArray[np.complex64]
 I16 = npt.NDArray[np.int16]
 
-KAISER_SHAPE = 8.0
-"""80 dB between what passes and what does not."""
-HALF_SUPPORT_S = 0.004
+KAISER_SHAPE = 14.0
+"""135 dB between what passes and what does not, more the farther from the band."""
+HALF_SUPPORT_S = 0.007
 """Of the filter that takes the band out."""
+RESTORING_SHAPE = 8.0
+"""Of the filter that puts the band back: 80 dB."""
 HALF_SUPPORT = 13
 """Samples of the filter that puts the band back."""
 BLOCK = 1 << 18
 """Samples filtered at once: memory does not grow with the walk."""
 LARGEST_INT16 = 32767
+LEAST = 1e-6
+"""Silence has a scale too."""
 
 
 @dataclass(frozen=True)
 class BasebandFormat:
-    """How the band is kept; `recording.json` says it under "baseband", field by field."""
+    """How the band is kept; `recording.json` says it under "baseband", field by field.
+
+    `scale` is that of frames whose row in `baseband.csv` names none.
+    """
 
     rate_hz: int = 6300
     centre_hz: float = 17_500.0
@@ -58,10 +72,12 @@ class BasebandFormat:
 
 @dataclass(frozen=True, eq=False)
 class Baseband:
-    """Frames (f, n, 2) of 16-bit I and Q, the grid index k of each first sample, the format."""
+    """Frames (f, n, 2) of 16-bit I and Q, of each the grid index k of its first sample and what
+    one of its steps stands for (f), and the format."""
 
     first: I64
     iq: I16
+    scale: F64
     kept: BasebandFormat
 
     @property
@@ -74,8 +90,8 @@ def to_baseband(audio: Audio, starts_s: F64, scale: float | None = None) -> Base
     """Frames of channel 0 that begin on the grid nearest to `starts_s` (f), none before time 0.
 
     Frames that the sound does not cover to their end are left out. `scale` is what one step of
-    the 16 bits stands for, by default the least that clips nothing. Raises InputError where no
-    frame is left.
+    the 16 bits stands for, by default in each frame the least that clips nothing. Raises
+    InputError where no frame is left.
     """
     kept = BasebandFormat(source_rate_hz=audio.rate_hz)
     line = np.concatenate(list(_band(audio, kept)))
@@ -84,10 +100,25 @@ def to_baseband(audio: Audio, starts_s: F64, scale: float | None = None) -> Base
     if not len(first):
         raise InputError("audio: holds no whole frame of the chirp band; record longer")
     frames = line[first[:, None] + np.arange(kept.frame_samples)]
-    parts = np.stack([frames.real, frames.imag], axis=-1)
-    step = scale or float(np.abs(parts).max()) / LARGEST_INT16 or kept.scale
-    counts = np.clip(np.round(parts / step), -LARGEST_INT16, LARGEST_INT16)
-    return Baseband(first, counts.astype(np.int16), replace(kept, scale=step))
+    parts = np.stack([frames.real, frames.imag], axis=-1).astype(np.float64)
+    least = np.maximum(np.abs(parts).max(axis=(1, 2)), LEAST) / LARGEST_INT16
+    steps = np.full(len(first), scale) if scale else least
+    counts = np.clip(np.round(parts / steps[:, None, None]), -LARGEST_INT16, LARGEST_INT16)
+    return Baseband(first, counts.astype(np.int16), steps, kept)
+
+
+def in_band(audio: Audio) -> Audio:
+    """The sound with everything outside the band taken out, undelayed, at the same rate.
+
+    What the phone page keeps as `frames.wav`. True from 15 to 20 kHz.
+    """
+    half = round(HALF_SUPPORT_S * audio.rate_hz)
+    n = np.arange(-half, half + 1)
+    kept = BasebandFormat(source_rate_hz=audio.rate_hz)
+    low = _low_pass(n / audio.rate_hz, kept)
+    taps = 2 * low * np.cos(2 * np.pi * kept.centre_hz * n / audio.rate_hz)
+    rows = [signal.oaconvolve(row.astype(np.float64), taps, mode="same") for row in audio.samples]
+    return Audio(np.array(rows, dtype=np.float32), audio.rate_hz)
 
 
 def frame_starts_s(audio: Audio, chirp: Chirp, parameters: EchoParameters | None = None) -> F64:
@@ -107,7 +138,7 @@ def from_baseband(baseband: Baseband) -> Audio:
     kept = baseband.kept
     length = int(baseband.first[-1]) + kept.frame_samples
     line = np.zeros(length, dtype=np.complex64)
-    frames = (baseband.iq * np.float32(kept.scale)).astype(np.float32)
+    frames = (baseband.iq * baseband.scale[:, None, None]).astype(np.float32)
     for k, frame in zip(baseband.first, frames, strict=True):
         line[k : k + kept.frame_samples] = frame[:, 0] + 1j * frame[:, 1]
     return Audio(np.concatenate(list(_sound(line, kept)))[None], kept.source_rate_hz)
@@ -124,8 +155,7 @@ def _band(audio: Audio, kept: BasebandFormat) -> Iterator[C64]:
     up, down = _ratio(kept)
     half = round(HALF_SUPPORT_S * kept.source_rate_hz * up)
     t_s = np.arange(-half, half + 1) / (kept.source_rate_hz * up)
-    gain = kept.rate_hz / kept.source_rate_hz
-    taps = gain * np.sinc(kept.rate_hz * t_s) * _window(len(t_s))
+    taps = _low_pass(t_s, kept)
     for first, block, inside in _blocks(audio.samples[0], down, -(-half // up)):
         turned = block * _turns(first, len(block), -kept.centre_hz, kept.source_rate_hz)
         yield _resampled(turned, up, down, 2 * taps, inside)
@@ -135,15 +165,18 @@ def _sound(line: C64, kept: BasebandFormat) -> Iterator[F32]:
     """The sound of a line of baseband, block by block."""
     down, up = _ratio(kept)
     half = HALF_SUPPORT * up
-    taps = np.sinc(np.arange(-half, half + 1) / up) * _window(2 * half + 1)
+    taps = np.sinc(np.arange(-half, half + 1) / up) * np.kaiser(2 * half + 1, RESTORING_SHAPE)
     for first, block, inside in _blocks(line, down, HALF_SUPPORT):
         made = _resampled(block, up, down, taps, inside)
         start = (first + inside.start) // down * up
         yield np.real(made * _turns(start, len(made), kept.centre_hz, kept.source_rate_hz))
 
 
-def _window(size: int) -> F64:
-    return np.asarray(np.kaiser(size, KAISER_SHAPE))
+def _low_pass(t_s: F64, kept: BasebandFormat) -> F64:
+    """h at times that span its support."""
+    window = np.kaiser(len(t_s), KAISER_SHAPE)
+    gain = kept.rate_hz / kept.source_rate_hz
+    return np.asarray(gain * np.sinc(kept.rate_hz * t_s) * window)
 
 
 def _blocks(

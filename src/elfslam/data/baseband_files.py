@@ -10,7 +10,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.data.baseband import Baseband, BasebandFormat
-from elfslam.data.tables import read_timed_table
+from elfslam.data.tables import read_header, read_timed_table
 from elfslam.line.chirp import ACCEPTED_RATES_HZ
 
 IQ, FRAME_TIMES = "baseband.iq", "baseband.csv"
@@ -35,15 +35,16 @@ OFF_GRID = 0.01
 def write_baseband(baseband: Baseband, folder: Path) -> dict[str, object]:
     """Both files into `folder`; gives what recording.json says under "baseband"."""
     (folder / IQ).write_bytes(baseband.iq.astype("<i2").tobytes())
-    rows = "".join(f"{t_s:.9f}\n" for t_s in baseband.t_s)
-    (folder / FRAME_TIMES).write_text("t_s\n" + rows, encoding="utf-8")
+    pairs = zip(baseband.t_s, baseband.scale.tolist(), strict=True)
+    rows = "".join(f"{t_s:.9f},{scale!r}\n" for t_s, scale in pairs)
+    (folder / FRAME_TIMES).write_text("t_s,scale\n" + rows, encoding="utf-8")
     return asdict(baseband.kept)
 
 
 def read_baseband(folder: Path, described: object) -> Baseband:
     """The frames of a folder; `described` is recording.json's "baseband". Raises InputError."""
     kept = _format(folder / "recording.json", described)
-    t_s, _ = read_timed_table(folder / FRAME_TIMES, [])
+    t_s, scale = _times_and_scales(folder / FRAME_TIMES, kept)
     first = _on_grid(folder / FRAME_TIMES, t_s, kept)
     wanted = len(t_s) * kept.frame_samples * BYTES
     try:
@@ -56,7 +57,23 @@ def read_baseband(folder: Path, described: object) -> Baseband:
             f"{kept.frame_samples} samples in {FRAME_TIMES}; copy both again"
         )
     iq = np.frombuffer(content, dtype="<i2").reshape(len(t_s), kept.frame_samples, 2)
-    return Baseband(first, iq.astype(np.int16), kept)
+    return Baseband(first, iq.astype(np.int16), scale, kept)
+
+
+def _times_and_scales(file: Path, kept: BasebandFormat) -> tuple[F64, F64]:
+    """When each frame begins, and its scale: that of its row, else the one for all."""
+    if "scale" not in read_header(file):
+        t_s, _ = read_timed_table(file, [])
+        return t_s, np.full(len(t_s), kept.scale)
+    t_s, values = read_timed_table(file, ["scale"])
+    low, high = LIMITS["scale"]
+    beyond = np.flatnonzero((values[:, 0] < low) | (values[:, 0] > high))
+    if len(beyond):
+        row, got = beyond[0] + 2, values[beyond[0], 0]
+        raise InputError(
+            f"{file}: row {row} has scale {got:g}, wanted {low:g} to {high:g}; repair it"
+        )
+    return t_s, values[:, 0]
 
 
 def _on_grid(file: Path, t_s: F64, kept: BasebandFormat) -> I64:

@@ -36,6 +36,7 @@ from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.sensitivity import measure_sensitivity
 from elfslam.studies.sensors import compare_sensors
+from elfslam.studies.speech import measure_speech
 from elfslam.studies.speed import measure_speed
 from elfslam.studies.spots import measure_spots
 from elfslam.studies.superimposition import measure_superimposition
@@ -67,6 +68,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "real-rooms": measure_real_rooms,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,
+    "speech": measure_speech,
     "speed": measure_speed,
     "spots": LongStudy(measure_spots),
     "superimposition": LongStudy(measure_superimposition),

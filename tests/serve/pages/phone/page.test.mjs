@@ -200,12 +200,13 @@ test("a walk that broke off is cut to whole frames and whole rows", () => {
   assert.deepEqual(cutsFor({ table: "t_s\n0.1\n0.2\n", frameBytes: 10, headerBytes: 44, fileBytes: 64 }, {}).sound, {});
   assert.equal(lastTime("t_s\n0.1\n0.25\n0."), 0.25);
   assert.equal(lastTime("t_s\n"), 0);
+  assert.equal(lastTime("t_s,scale\n0.1,2e-5\n0.25,3e-5\n"), 0.25);
 });
 
 test("the manifest says what was played, kept and heard", () => {
   const walk = {
     version: 1, name: "W", device: "D", startPose: [1, 2, 0.5], startUtc: "2026-01-02T03:04:05.000Z",
-    kind: "baseband", rateHz: 48000, scale: 1e-5, chirp: { kind: "chirp" }, capture: { microphone: "M" },
+    kind: "baseband", rateHz: 48000, chirp: { kind: "chirp" }, capture: { microphone: "M" },
     facts: { ...NO_FACTS, seconds: 2, missed: 3, jumps: [{ t_s: 1, by_s: 0.01 }] },
   };
   const manifest = JSON.parse(manifestOf(walk, "page"));
@@ -213,9 +214,10 @@ test("the manifest says what was played, kept and heard", () => {
   assert.deepEqual(manifest.start_pose, [1, 2, 0.5]);
   assert.deepEqual(manifest.audio, { rate_hz: 48000, channels: 1, samples: 96000 });
   assert.deepEqual(manifest.baseband, {
-    rate_hz: 6300, centre_hz: 17500, frame_samples: 504, scale: 1e-5, source_rate_hz: 48000, lead_s: 0.005,
+    rate_hz: 6300, centre_hz: 17500, frame_samples: 504, scale: 1 / 32767, source_rate_hz: 48000, lead_s: 0.005,
   });
   assert.equal(manifest.capture.missed, 3);
+  assert.equal(JSON.parse(manifestOf({ ...walk, scale: 1e-5 }, "page")).baseband.scale, 1e-5);
   assert.equal("baseband" in JSON.parse(manifestOf({ ...walk, kind: "whole" }, "page")), false);
 });
 

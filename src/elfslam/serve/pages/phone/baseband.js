@@ -7,9 +7,12 @@
  */
 
 export const BASEBAND = { rateHz: 6300, centreHz: 17500, frameSamples: 504, leadS: 0.005 };
-const KAISER_SHAPE = 8;
-const HALF_SUPPORT_S = 0.004;
+/** Speech is taken down by 160 dB: far below what a microphone's own noise hides. */
+const KAISER_SHAPE = 14;
+export const HALF_SUPPORT_S = 0.007;
 const LARGEST_INT16 = 32767;
+/** Silence has a scale too. */
+const LEAST = 1e-6;
 
 /**
  * @typedef {{
@@ -47,13 +50,12 @@ export function toInt16(frame, scale) {
 }
 
 /**
- * What one step of the 16 bits stands for, when the direct sound has this amplitude: 6 dB above it are
- * left for louder sounds, and full scale is never exceeded. More would drown the echoes in rounding.
- * @param {number} peak
+ * What one step of the 16 bits stands for: the least that clips nothing of this frame.
+ * @param {Float64Array} frame
  */
-export function scaleFor(peak) {
-  const top = Number.isFinite(peak) && peak > 0 ? Math.min(2 * peak, 1) : 1;
-  return top / LARGEST_INT16;
+export function scaleOf(frame) {
+  const largest = frame.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+  return Math.max(largest, LEAST) / LARGEST_INT16;
 }
 
 function firstIndex(direct, rateHz) {
@@ -75,8 +77,8 @@ function makePhases(rateHz, up, half) {
   });
 }
 
-/** 2 h at the time step / (rateHz up). */
-function impulseResponse(step, rateHz, up, half) {
+/** 2 h at the time step / (rateHz up); half: steps from the middle to the end. */
+export function impulseResponse(step, rateHz, up, half) {
   const x = (Math.PI * BASEBAND.rateHz * step) / (rateHz * up);
   const sinc = step === 0 ? 1 : Math.sin(x) / x;
   return ((2 * BASEBAND.rateHz) / rateHz) * sinc * kaiser(step / half);

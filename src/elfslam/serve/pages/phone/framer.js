@@ -1,7 +1,8 @@
 /** From the stream to frames: finds the direct arrival of every chirp and cuts what is kept of it. */
 
 import { NOTHING_YET, nextArrival, wantedStretch } from "./arrivals.js";
-import { BASEBAND, makeBaseband, toInt16 } from "./baseband.js";
+import { makeBandFilter } from "./band_filter.js";
+import { BASEBAND, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
 import { makeMatchedFilter } from "./matched_filter.js";
 import { frameRow, toBytes, toPcm } from "./sound_files.js";
 import { makeStream } from "./stream.js";
@@ -9,21 +10,21 @@ import { makeStream } from "./stream.js";
 const FRAME_S = 0.08;
 
 /**
- * @typedef {"baseband" | "whole"} Kind what is kept: the chirp band alone, or the whole sound
+ * @typedef {"baseband" | "whole"} Kind how the chirp band is kept: as I and Q, or as sound
  * @typedef {{arrival: import("./arrivals.js").Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
  * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
  *   end: () => number}} Framer
  */
 
 /**
- * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind, scale: number}} given period
- *   in samples; scale: what one step of the 16 bits stands for in the baseband
+ * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind}} given period
+ *   in samples
  * @returns {Framer}
  */
-export function makeFramer({ rateHz, chirp, period, kind, scale }) {
+export function makeFramer({ rateHz, chirp, period, kind }) {
   const stream = makeStream(4 * rateHz);
   const envelopeOf = makeMatchedFilter(chirp, period + chirp.length);
-  const cutter = kind === "baseband" ? basebandCutter(rateHz, scale) : wholeCutter(rateHz);
+  const cutter = kind === "baseband" ? basebandCutter(rateHz) : wholeCutter(rateHz);
   let search = NOTHING_YET;
   let hunted = 0;
   let waiting = [];
@@ -65,7 +66,7 @@ export function makeFramer({ rateHz, chirp, period, kind, scale }) {
   return { push, end: stream.end };
 }
 
-function basebandCutter(rateHz, scale) {
+function basebandCutter(rateHz) {
   const baseband = makeBaseband(rateHz);
   return {
     index: baseband.firstIndex,
@@ -74,21 +75,25 @@ function basebandCutter(rateHz, scale) {
       const [from, to] = baseband.needs(k);
       const values = baseband.frame(stream.slice(from, to), from, k);
       const tS = k / BASEBAND.rateHz;
-      return { tS, row: frameRow(tS), bytes: toBytes(toInt16(values, scale)) };
+      const scale = scaleOf(values);
+      return { tS, row: frameRow(tS, scale), bytes: toBytes(toInt16(values, scale)) };
     },
   };
 }
 
+/** Sound as it is, but for everything outside the band. */
 function wholeCutter(rateHz) {
+  const { reach, apply } = makeBandFilter(rateHz);
   const lead = Math.round(BASEBAND.leadS * rateHz);
   const length = Math.round(FRAME_S * rateHz);
   const index = (direct) => Math.max(direct - lead, 0);
   return {
     index,
-    lastNeeded: (direct) => index(direct) + length,
+    lastNeeded: (direct) => index(direct) + length + reach,
     cut: (stream, first) => {
       const tS = first / rateHz;
-      return { tS, row: frameRow(tS), bytes: toPcm(stream.slice(first, first + length)) };
+      const near = stream.slice(first - reach, first + length + reach);
+      return { tS, row: frameRow(tS), bytes: toPcm(apply(near)) };
     },
   };
 }

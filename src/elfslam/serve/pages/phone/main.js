@@ -2,7 +2,6 @@
 
 import { Problem, ask, openSession } from "../shared/api.js";
 import { CHIRP, makeChirp, periodSamples } from "./chirp.js";
-import { scaleFor } from "./baseband.js";
 import { showSending, startSending } from "./finishing.js";
 import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
@@ -81,7 +80,7 @@ async function allow() {
   const period = periodSamples(page.chirp, rateHz);
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
   const clocks = watchClocks(microphone.context);
-  page.phone = { microphone, sound, play, clocks, isMotionAllowed, measured: null };
+  page.phone = { microphone, sound, play, clocks, isMotionAllowed };
   watchForInterruptions(microphone);
   navigator.storage?.persist?.();
   await probe();
@@ -100,7 +99,6 @@ async function probe() {
   });
   const measured = await probeSound(sound, play, page.chirp.period_s);
   stop();
-  page.phone.measured = measured;
   const motion = describeMotion(times, accelerations);
   const checks = judge(describeEars(microphone), measured, motion, await freeBytes());
   showChecks(checks, summarise(checks), measured.subbands);
@@ -117,7 +115,7 @@ function askName() {
 }
 
 async function walk() {
-  const { microphone, sound, play, clocks, measured } = page.phone;
+  const { microphone, sound, play, clocks } = page.phone;
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
@@ -130,7 +128,6 @@ async function walk() {
     startUtc: now.toISOString(),
     kind: document.querySelector("input[name=kind]:checked").value,
     rateHz: microphone.context.sampleRate,
-    scale: scaleFor(measured.peak),
     chirp: page.chirp,
     capture: { microphone: label, ...ears, user_agent: navigator.userAgent },
     facts: NO_FACTS,

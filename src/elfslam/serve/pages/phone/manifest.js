@@ -6,7 +6,7 @@ import { BASEBAND } from "./baseband.js";
  * What is kept of a walk beside its bytes.
  * @typedef {{
  *   version: 1, name: string, device: string, startPose: number[] | null, startUtc: string,
- *   kind: "baseband" | "whole", rateHz: number, scale: number, chirp: import("./chirp.js").Chirp,
+ *   kind: "baseband" | "whole", rateHz: number, scale?: number, chirp: import("./chirp.js").Chirp,
  *   capture: object, facts: Facts, recording: string | null, uploads: Record<string, string>,
  *   isOver: boolean,
  * }} Walk
@@ -45,7 +45,8 @@ export function manifestOf(walk, software) {
   return `${JSON.stringify(manifest, null, 2)}\n`;
 }
 
-function basebandOf({ scale, rateHz }) {
+/** The scale is that of frames whose row names none: those of walks begun on an earlier page. */
+function basebandOf({ scale = 1 / 32767, rateHz }) {
   return {
     rate_hz: BASEBAND.rateHz,
     centre_hz: BASEBAND.centreHz,

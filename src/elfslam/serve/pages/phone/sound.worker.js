@@ -6,7 +6,7 @@
 import { makeChirp, periodSamples } from "./chirp.js";
 import { makeFramer } from "./framer.js";
 import { measure } from "./probe.js";
-import { FRAME_HEADER, wavHeader } from "./sound_files.js";
+import { FRAME_HEADERS, wavHeader } from "./sound_files.js";
 
 /** @type {{rateHz: number, chirp: import("./chirp.js").Chirp, samples: Float32Array} | null} */
 let sound = null;
@@ -49,13 +49,12 @@ function answerMeasured({ due, count }) {
 }
 
 /** Recording begins with the next block; its first sample is the recording's time 0. */
-function startRecording({ walk, kind, scale }) {
+function startRecording({ walk, kind }) {
   const framer = makeFramer({
     rateHz: sound.rateHz,
     chirp: sound.samples,
     period: periodSamples(sound.chirp, sound.rateHz),
     kind,
-    scale,
   });
   let zero = -1;
   sizes = {};
@@ -82,7 +81,7 @@ const FILES = { baseband: ["baseband.csv", "baseband.iq"], whole: ["frames.csv",
 function keepHeaders(walk, kind) {
   const [table, file] = FILES[kind];
   const header = kind === "whole" ? wavHeader(sound.rateHz) : new Uint8Array(0);
-  keep(walk, [[table, new TextEncoder().encode(FRAME_HEADER)], [file, header]]);
+  keep(walk, [[table, new TextEncoder().encode(FRAME_HEADERS[kind])], [file, header]]);
 }
 
 /** The row goes before its frame: what is found after a crash can be told from it. */

@@ -42,9 +42,14 @@ export function wavHeader(rateHz) {
   return bytes;
 }
 
-/** A frame's row in its table. @param {number} tS */
-export function frameRow(tS) {
-  return `${tS.toFixed(9)}\n`;
+/**
+ * A frame's row in its table.
+ * @param {number} tS @param {number} [scale] what one step of its 16 bits stands for
+ */
+export function frameRow(tS, scale) {
+  const columns = scale === undefined ? [] : [String(scale)];
+  return `${[tS.toFixed(9), ...columns].join(",")}\n`;
 }
 
-export const FRAME_HEADER = "t_s\n";
+/** First line of the table of frames, by what is kept. */
+export const FRAME_HEADERS = { baseband: "t_s,scale\n", whole: "t_s\n" };

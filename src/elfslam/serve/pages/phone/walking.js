@@ -149,9 +149,9 @@ function appendOrder(walk, name, text) {
   return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
 }
 
-async function beginSound(sound, { kind, scale }, walk) {
+async function beginSound(sound, { kind }, walk) {
   const started = sound.answer("started");
-  sound.order({ do: "record", walk, kind, scale });
+  sound.order({ do: "record", walk, kind });
   return (await started).zero;
 }
 

@@ -1,0 +1,190 @@
+"""The study of what is left of speech: on sounds like speech, and on voices where they are."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from elfslam.base.errors import InputError
+from elfslam.studies import utterances as source
+from elfslam.studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
+from elfslam.studies.finding import Finding
+from elfslam.studies.speech import (
+    Circumstance,
+    down,
+    heard_by_phone,
+    intelligibility,
+    kept_of,
+    measure_speech,
+    moved_into_band,
+    padded,
+    talker_response,
+)
+from elfslam.studies.utterances import RATE_HZ, share_in_band_db, utterances, with_hiss
+from elfslam.world.interference import speech_like
+
+pytest.importorskip("pystoi", reason="pystoi is not installed")
+SECONDS = 1.6
+
+
+def spoken(seed: int, rate_hz: int = RATE_HZ) -> np.ndarray:
+    """Syllables that nobody said."""
+    count = round(SECONDS * rate_hz)
+    return np.asarray(speech_like(count, rate_hz, np.random.default_rng(seed), 0.1), float)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    (folder / "speech").mkdir()
+    for seed in (1, 2):
+        soundfile.write(folder / "speech" / f"{seed}.wav", spoken(seed), RATE_HZ)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def finding(data: Path) -> Finding:
+    only_own = pytest.MonkeyPatch()
+    only_own.setattr(source, "WORDS", data / "none")
+    only_own.setattr(source, "SENTENCES", data / "none")
+    only_own.setattr(shutil, "which", lambda name: None)
+    made = measure_speech(data, lambda what, share: None, levels_dbfs=(-40.0,))
+    only_own.undo()
+    return made
+
+
+def stoi_of(finding: Finding, what: str, chirps: bool | None) -> float:
+    (value,) = [
+        row["STOI"] for row in finding.rows if (row["what"], row["chirps"]) == (what, chirps)
+    ]
+    assert isinstance(value, float)
+    return value
+
+
+def test_speech_is_understood_before_and_not_after(finding: Finding) -> None:
+    for chirps in (True, False):
+        before = stoi_of(finding, "before", chirps)
+        for what in ("as sent", "shifted down", "envelope"):
+            for form in (what, f"{what}, enhanced"):
+                assert stoi_of(finding, form, chirps) < 0.5 * before, form
+    assert stoi_of(finding, "before", chirps=False) > 0.7
+
+
+def test_speech_that_lies_in_the_band_is_found_there(finding: Finding) -> None:
+    """So a low figure is no fault of the ways to listen."""
+    found = stoi_of(finding, "control: moved into the band, shifted down", None)
+    assert found > 0.6
+    assert found > 2 * stoi_of(finding, "shifted down", chirps=False)
+
+
+def test_every_figure_has_its_interval_and_its_chance(finding: Finding) -> None:
+    for row in finding.rows:
+        assert row["from"] <= row["STOI"] <= row["to"] <= row["highest"] + 1e-9  # type: ignore[operator]
+        is_way = row["chirps"] is not None and row["what"] != "before"
+        assert (row["unrelated"] is not None) == is_way
+    assert finding.page is not None
+    assert [panel.title for panel in finding.page.panels][:2] == [
+        "While the phone chirps",
+        "Without chirps",
+    ]
+
+
+def test_without_speech_it_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(source, "WORDS", tmp_path)
+    with pytest.raises(InputError, match=r"install alsa-utils and espeak-ng.*speech"):
+        measure_speech(tmp_path, lambda what, share: None)
+
+
+@pytest.mark.parametrize("samples", [np.zeros(48_000), np.ones(100)])
+def test_what_is_no_speech_is_refused(tmp_path: Path, samples: np.ndarray) -> None:
+    (tmp_path / "speech").mkdir()
+    soundfile.write(tmp_path / "speech" / "x.wav", samples, RATE_HZ)
+    with pytest.raises(InputError, match=r"x\.wav: has .* wanted a sentence"):
+        utterances(tmp_path)
+
+
+def test_what_is_no_sound_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "speech").mkdir()
+    (tmp_path / "speech" / "x.wav").write_text("words")
+    with pytest.raises(InputError, match=r"x\.wav: cannot be read as sound"):
+        utterances(tmp_path)
+
+
+def test_a_low_rate_recording_is_given_a_hiss_of_its_own_rhythm() -> None:
+    said = spoken(3)
+    hissing = with_hiss(said, 16_000)
+    assert share_in_band_db(hissing) == pytest.approx(-40, abs=3)
+    off = np.fft.rfft(hissing - said)
+    hz = np.fft.rfftfreq(len(said), 1 / RATE_HZ)
+    assert np.abs(off[hz < 12_000]).max() < 0.1 * np.abs(off).max()
+
+
+@pytest.mark.skipif(
+    not source.WORDS.is_dir() or shutil.which("espeak-ng") is None,
+    reason="no voices: apt-get install alsa-utils espeak-ng",
+)
+def test_installed_voices_are_found() -> None:
+    found = utterances(None, most=1)
+    assert {"words", "made"} <= {each.kind for each in found}
+    for each in found:
+        assert np.sqrt(np.mean(each.samples**2)) == pytest.approx(1)
+        assert len(each.samples) > 1.5 * RATE_HZ
+        assert -70 < share_in_band_db(each.samples) < -20
+
+
+def test_the_talker_is_heard_at_once_and_from_the_walls_later() -> None:
+    response = talker_response()
+    assert response[0] == response.max() > 0
+    assert np.argmax(np.cumsum(response**2) > 0.99 * np.sum(response**2)) / RATE_HZ * 10 > 0.15
+    assert len(response) <= 0.3 * RATE_HZ + 1
+
+
+@pytest.fixture(scope="module")
+def tone_frames() -> object:
+    """Of a 16 kHz tone."""
+    t_s = np.arange(RATE_HZ) / RATE_HZ
+    how = Circumstance(-20.0, chirps=False)
+    heard = heard_by_phone(np.cos(2 * np.pi * 16_000 * t_s), how, np.random.default_rng(0))
+    return kept_of(heard, chirps=False)
+
+
+def test_a_tone_of_the_band_is_moved_where_it_is_said(tone_frames: object) -> None:
+    made = shifted(tone_frames)  # type: ignore[arg-type]
+    for name, wanted_hz in (("up at 0 Hz", 1650), ("mirrored at 0 Hz", 4650)):
+        power = np.abs(np.fft.rfft(made[name]))
+        assert np.fft.rfftfreq(len(made[name]), 1 / OUT_HZ)[power.argmax()] == pytest.approx(
+            wanted_hz, abs=15
+        )
+
+
+def test_noise_follows_the_loudness_of_the_band() -> None:
+    rhythm = np.repeat([0.0, 1.0, 0.0, 1.0, 0.0], RATE_HZ // 2)
+    tone = rhythm * np.cos(2 * np.pi * 16_000 * np.arange(len(rhythm)) / RATE_HZ)
+    frames = kept_of(
+        heard_by_phone(tone, Circumstance(-20.0, chirps=False), np.random.default_rng(0)),
+        chirps=False,
+    )
+    for sound in vocoded(frames).values():
+        tenths = [np.std(sound[k * OUT_HZ // 10 :][: OUT_HZ // 10]) for k in range(24)]
+        assert min(tenths[6], tenths[8], tenths[16], tenths[18]) > 10 * max(tenths[2], tenths[13])
+
+
+def test_what_frames_have_in_common_is_taken_out_and_the_rest_stays() -> None:
+    how = Circumstance(-20.0, chirps=True)
+    clean = padded(spoken(4))
+    heard = heard_by_phone(moved_into_band(clean), how, np.random.default_rng(1))
+    frames = kept_of(heard, chirps=True)
+    without = enhanced(frames)
+    assert np.abs(line_of(without)).max() < 0.3 * np.abs(line_of(frames)).max()
+    before, after = (
+        np.mean([intelligibility()(down(clean), way) for way in shifted(each).values()])
+        for each in (frames, without)
+    )
+    assert after > before + 0.05
+    assert all(np.isfinite(sound).all() for sound in as_sent(without).values())
