@@ -1,0 +1,116 @@
+/** What the view "Where am I" shows. Every function writes to the page, and none of them remembers anything. */
+
+import { formatBytes, formatShare, formatWhen } from "../../shared/format.js";
+import { at, make } from "../view.js";
+import { WAITING, placeSpoken, wordsOf } from "./words.js";
+
+const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
+
+/** @param {import("./words.js").Words} words */
+export function showWords({ verdict, title, line }) {
+  const status = at("place-status");
+  const [sign, what, said] = status.children;
+  status.dataset.verdict = verdict;
+  sign.textContent = SIGNS[verdict];
+  what.textContent = title;
+  said.textContent = line;
+}
+
+/** Read aloud where it means something new: not at every footstep. @param {import("./words.js").Words} words */
+export function speak({ title, line }) {
+  at("place-spoken").textContent = `${title}. ${line}`;
+}
+
+/** @param {import("./words.js").Fix | null} fix @param {"track" | "one-shot"} mode */
+export function speakPlace(fix, mode) {
+  const { title } = fix ? wordsOf(fix) : WAITING[mode];
+  at("place-spoken").textContent = fix ? `${title}. ${placeSpoken(fix)}` : `${title}.`;
+}
+
+/** @param {{fixes: number, steps: number, heard: number, played: number}} facts */
+export function showPlaceFacts({ fixes, steps, heard, played }) {
+  at("place-fixes").textContent = String(fixes);
+  at("place-steps").textContent = String(steps);
+  at("place-heard").textContent = played > 0 ? formatShare(Math.min(heard / played, 1)) : "–";
+}
+
+/** @param {string} name of the map @param {HTMLElement} stage */
+export function showMap(name, stage) {
+  at("place-title").textContent = name;
+  at("place-map").replaceChildren(stage);
+}
+
+/** @param {boolean} isRunning */
+export function showRunning(isRunning) {
+  at("place-stop").hidden = !isRunning;
+  at("place-start").hidden = isRunning;
+}
+
+/** @param {string | null} said */
+export function showMapsTrouble(said) {
+  at("maps-trouble").hidden = said === null;
+  at("maps-trouble").firstElementChild.textContent = said ?? "";
+}
+
+/**
+ * @param {import("./maps.js").MapRow[]} rows
+ * @param {{open: (row: import("./maps.js").MapRow) => void, get: (row: import("./maps.js").MapRow) => void,
+ *   remove: (row: import("./maps.js").MapRow) => void}} does
+ */
+export function showMaps(rows, does) {
+  at("maps-list").replaceChildren(...rows.map((row) => mapCard(row, does)));
+  at("maps-none").hidden = rows.length > 0;
+}
+
+function mapCard(row, does) {
+  const button = (words, className, deed) => {
+    const inside = make("button", { type: "button", className, onclick: () => deed(row) }, [words]);
+    inside.append(make("span", { className: "visually-hidden" }, [` ${row.name}`]));
+    return inside;
+  };
+  const buttons = [
+    row.isHere && button("Find me here", "primary big", does.open),
+    row.canGet && button(row.isHere ? "Update" : "Get this map", row.isHere ? "" : "primary", does.get),
+    row.isHere && button("Remove", "danger", does.remove),
+  ].filter(Boolean);
+  return make("li", { className: "card map-card", data: { map: row.id } }, [
+    make("div", { className: "row apart" }, [make("h2", {}, [row.name]), badge(row)]),
+    make("p", { className: "soft" }, [factsOf(row)]),
+    make("div", { className: "stack tight", hidden: true, data: { progress: row.id } }, [
+      make("progress", { max: 1, ariaLabel: `Getting ${row.name}` }),
+      make("p", { className: "soft" }, []),
+    ]),
+    make("div", { className: "row" }, buttons),
+  ]);
+}
+
+function badge({ isHere, isOld }) {
+  const [verdict, said] = isOld ? ["doubt", "Update"] : isHere ? ["pass", "On this phone"] : ["wait", "On the server"];
+  return make("span", { className: "badge", data: { verdict } }, [said]);
+}
+
+function factsOf({ sizeBytes, when }) {
+  return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
+}
+
+/** @param {string} id @param {{share: number | null, said: string} | null} progress */
+export function showProgress(id, progress) {
+  const box = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);
+  if (!box) return;
+  box.hidden = progress === null;
+  if (progress === null) return;
+  const [bar, said] = box.children;
+  if (progress.share === null) bar.removeAttribute("value");
+  else bar.value = progress.share;
+  said.textContent = progress.said;
+}
+
+/** Asks before a map is removed. @returns {Promise<boolean>} */
+export function askRemove() {
+  const dialog = at("ask-remove");
+  dialog.returnValue = "keep";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "remove"), { once: true });
+  });
+}
