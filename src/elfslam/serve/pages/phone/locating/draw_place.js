@@ -86,7 +86,7 @@ function drawBeam(context, headingRad, colour) {
   const alpha = context.globalAlpha;
   const fade = context.createRadialGradient(0, 0, DOT_PX, 0, 0, BEAM_PX);
   fade.addColorStop(0, colour);
-  fade.addColorStop(1, "transparent");
+  fade.addColorStop(1, `${colour}00`);
   context.beginPath();
   context.moveTo(0, 0);
   context.arc(0, 0, BEAM_PX, -headingRad - BEAM_RAD, -headingRad + BEAM_RAD);

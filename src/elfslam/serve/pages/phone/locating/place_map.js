@@ -22,8 +22,8 @@ import { NO_TRAIL } from "./trail.js";
  */
 
 const HELP = "Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.";
-/** Once the walker is found, so much of the map is shown at least. */
-const AROUND_M = 14;
+/** Once the walker is found, no more of the map is shown than this. */
+const AROUND_M = 8;
 const MARGIN_PX = 28;
 
 /**

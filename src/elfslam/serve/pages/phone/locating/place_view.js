@@ -1,6 +1,6 @@
 /** What the view "Where am I" shows. Every function writes to the page, and none of them remembers anything. */
 
-import { formatBytes, formatShare, formatWhen } from "../../shared/format.js";
+import { formatBytes, formatDuration, formatShare, formatWhen } from "../../shared/format.js";
 import { at, make } from "../view.js";
 import { WAITING, placeSpoken, wordsOf } from "./words.js";
 
@@ -27,11 +27,11 @@ export function speakPlace(fix, mode) {
   at("place-spoken").textContent = fix ? `${title}. ${placeSpoken(fix)}` : `${title}.`;
 }
 
-/** @param {{fixes: number, steps: number, heard: number, played: number}} facts */
-export function showPlaceFacts({ fixes, steps, heard, played }) {
+/** @param {{seconds: number, fixes: number, heardShare: number | null}} facts */
+export function showPlaceFacts({ seconds, fixes, heardShare }) {
+  at("place-clock").textContent = formatDuration(seconds);
   at("place-fixes").textContent = String(fixes);
-  at("place-steps").textContent = String(steps);
-  at("place-heard").textContent = played > 0 ? formatShare(Math.min(heard / played, 1)) : "–";
+  at("place-heard").textContent = heardShare === null ? "–" : formatShare(heardShare);
 }
 
 /** @param {string} name of the map @param {HTMLElement} stage */

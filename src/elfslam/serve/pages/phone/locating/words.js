@@ -21,9 +21,12 @@ export const WAITING = {
   "one-shot": { verdict: "wait", title: "Listening", line: "Hold the phone in front of you." },
 };
 
+/** @type {Words} */
+export const STOPPED = { verdict: "wait", title: "Stopped", line: "The map shows where you were." };
+
 /** @param {number} metres @returns {string} "0.3 m", "12 m": no finer than it is known */
 export function within(metres) {
-  return metres < 9.95 ? `${Math.max(metres, 0.1).toFixed(1)} m` : `${Math.round(metres)} m`;
+  return metres < 9.95 ? `${Math.max(metres, 0.1).toFixed(1)}\u00a0m` : `${Math.round(metres)}\u00a0m`;
 }
 
 /** @param {Fix} fix @returns {Words} */
@@ -33,7 +36,7 @@ export function wordsOf(fix) {
 
 /** @type {Record<Status, (fix: Fix) => Words>} */
 const SAYING = {
-  OK: (fix) => ({ verdict: "pass", title: `Within ${howFar(fix)}`, line: "The rooms sound as they do here." }),
+  OK: (fix) => ({ verdict: "pass", title: `Here, within ${howFar(fix)}`, line: "The echoes fit the map." }),
   AMBIGUOUS: (fix) => ({
     verdict: "doubt",
     title: "One of several places",

@@ -1,0 +1,60 @@
+/** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
+
+import { fixOf, likeness } from "../../line/locate.js";
+
+/**
+ * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
+ * the memory.
+ * @typedef {{decide: (untilS: number) => import("./words.js").Fix[]}} Deciding
+ */
+
+/**
+ * A fix at each footstep.
+ * @param {{
+ *   floorMap: import("../../line/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   footsteps: {take: (nowS: number) => import("../../line/motion/types.js").Step[]},
+ *   tracker: {step: (move: number[], sigma: number[], scores: Float32Array | null) => import("./words.js").Fix},
+ * }} given
+ * @returns {Deciding}
+ */
+export function decideBySteps({ floorMap, memory, footsteps, tracker }) {
+  let waiting = [];
+  const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
+    const mean = memory.mean(fromS, tS);
+    memory.forget(tS);
+    return { ...tracker.step(moveM, sigma, mean && likeness(mean, floorMap)), tS };
+  };
+  const decide = (untilS) => {
+    waiting.push(...footsteps.take(untilS));
+    const ready = waiting.filter(({ tS }) => tS <= untilS);
+    waiting = waiting.slice(ready.length);
+    return ready.map(fixOfStep);
+  };
+  return { decide };
+}
+
+/**
+ * A fix for every window of sound, one after the other, from the first echo on.
+ * @param {{floorMap: import("../../line/floor_map.js").FloorMap,
+ *   memory: ReturnType<typeof import("./memory.js").makeMemory>}} given
+ * @returns {Deciding}
+ */
+export function decideByWindows({ floorMap, memory }) {
+  const { locate } = floorMap.parameters;
+  let fromS = null;
+  const fixOfWindow = () => {
+    const toS = fromS + locate.window_s;
+    const mean = memory.mean(fromS, toS);
+    const fix = fixOf(mean && likeness(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
+    memory.forget(toS);
+    fromS = toS;
+    return fix;
+  };
+  const decide = (untilS) => {
+    fromS ??= memory.firstS();
+    const fixes = [];
+    while (fromS !== null && fromS + locate.window_s <= untilS) fixes.push(fixOfWindow());
+    return fixes;
+  };
+  return { decide };
+}
