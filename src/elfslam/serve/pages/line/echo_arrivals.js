@@ -1,0 +1,110 @@
+/**
+ * The direct arrival in every frame, by the decisions of elfslam.line.echo, made as the sound comes in:
+ * near where it is due; anywhere in the period where it is not; an earlier peak of enough strength counts.
+ *
+ * What differs from Python: how loud an arrival typically is Python takes from the whole recording, a
+ * search from the frames so far (of the last minute). A recording without chirps is refused there; here
+ * nothing is found until frames have them.
+ */
+
+import { earliest, median, strongest } from "../phone/matched_filter.js";
+import { ECHO_RATE_HZ } from "./resample.js";
+
+/** Frames of which the typical level is known. */
+const REMEMBERED = 600;
+
+/**
+ * @typedef {{sample: number, due: number, level: number, jumped: number}} Arrival at 44.1 kHz; level: of
+ *   the envelope there; jumped: samples that it came off its time, 0 where it came as due
+ * @typedef {{next: (envelope: import("../phone/stream.js").Stream, isOver: boolean) => Arrival | null,
+ *   needs: () => number}} Search next: the next arrival, null where the envelope does not reach yet;
+ *   needs: the first sample of the envelope that may still be asked for
+ */
+
+/**
+ * @param {number} period samples
+ * @param {{slack_s: number, early_s: number, early_share: number, level_share: number,
+ *   contrast: number}} parameters the group `echo`
+ * @returns {Search}
+ */
+export function makePeriodSearch(period, parameters) {
+  const slack = Math.round(parameters.slack_s * ECHO_RATE_HZ);
+  const half = period >> 1;
+  const directIn = makeDirect(parameters);
+  const levelBefore = makeLevel(period, parameters);
+  let due = null;
+  let hasFound = false;
+
+  const begin = (envelope, isOver) => {
+    if (envelope.end() < period && !isOver) return false;
+    due ??= strongestIn(envelope, 0, period).sample;
+    return true;
+  };
+
+  const next = (envelope, isOver) => {
+    if (due === null && !begin(envelope, isOver)) return null;
+    const reaches = (to) => isOver || envelope.end() >= to;
+    for (;;) {
+      if (!reaches(due + slack + 1) || due >= envelope.end()) return null;
+      const level = levelBefore(envelope, due - slack);
+      let peak = strongestIn(envelope, due - slack, due + slack + 1);
+      const isDue = peak.value >= level;
+      if (!isDue && !reaches(due + half)) return null;
+      if (!isDue) peak = strongestIn(envelope, due - half, due + half);
+      if (peak.value >= level) return found(envelope, peak, isDue);
+      due += period;
+    }
+  };
+
+  const found = (envelope, peak, isDue) => {
+    const { sample, level } = directIn(envelope, peak);
+    const jumped = isDue || !hasFound ? 0 : sample - due;
+    const arrival = { sample, due: hasFound ? due : sample, level, jumped };
+    hasFound = true;
+    due = sample + period;
+    return arrival;
+  };
+
+  return { next, needs: () => (due ?? 0) - 2 * period };
+}
+
+/** The greatest value from sample `from` to `to`, without the last. */
+export function strongestIn(envelope, from, to) {
+  const first = Math.max(from, 0);
+  const values = envelope.slice(first, Math.max(Math.min(to, envelope.end()), first + 1));
+  const best = strongest(values);
+  return { sample: first + best, value: values[best] };
+}
+
+/** What finds the direct arrival at or a little before a peak: an echo may be louder. */
+export function makeDirect(parameters) {
+  const early = Math.round(parameters.early_s * ECHO_RATE_HZ);
+  return (envelope, peak) => {
+    const first = Math.max(peak.sample - early - 1, 0);
+    const values = envelope.slice(first, peak.sample + 1);
+    const direct = earliest(values, peak.sample - first, early, parameters.early_share);
+    return { sample: first + direct, level: values[direct] };
+  };
+}
+
+/**
+ * The least level of an arrival, from the frames that are over by a sample; at least from the first.
+ * Infinite while frames do not stand out of their own noise.
+ */
+function makeLevel(period, parameters) {
+  let counted = 0;
+  let peaks = [];
+  let floors = [];
+  const count = (envelope) => {
+    const frame = envelope.slice(counted * period, (counted + 1) * period).sort();
+    peaks = [...peaks, frame[period - 1]].slice(-REMEMBERED);
+    floors = [...floors, (frame[(period - 1) >> 1] + frame[period >> 1]) / 2].slice(-REMEMBERED);
+    counted += 1;
+  };
+  return (envelope, sample) => {
+    while (counted < Math.max(Math.floor(sample / period), 1)) count(envelope);
+    const peak = median(peaks);
+    const isClear = peak >= parameters.contrast * Math.max(median(floors), 1e-9);
+    return isClear ? parameters.level_share * peak : Infinity;
+  };
+}

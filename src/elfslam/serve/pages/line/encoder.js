@@ -1,0 +1,97 @@
+/** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
+
+import { withoutDefault } from "./onnx_file.js";
+
+export const ECHO_SAMPLES = 2352;
+export const BINS = 12;
+const CALIBRATION = "device_log_spectrum";
+const AT_ONCE = 256;
+const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
+
+/**
+ * `identity` is Python's: what must be equal for two features to be comparable. `embed` gives unit
+ * vectors (n, 128) of traces (n, 2352), the phone's log response (12) taken out where it is given; one
+ * call at a time.
+ * @typedef {{identity: string, takesCalibration: boolean,
+ *   embed: (samples: Float32Array, n: number, deviceLogSpectrum?: Float32Array | null) =>
+ *     Promise<Float32Array>}} Encoder
+ */
+
+/**
+ * An encoder from the bytes of its file. Throws RangeError where they are none.
+ * @param {Uint8Array} bytes
+ * @param {{wasmFolder?: string}} given the address of the runtime's folder, with a slash behind
+ * @returns {Promise<Encoder>}
+ */
+export async function openEncoder(bytes, { wasmFolder = VENDORED } = {}) {
+  const runtime = await openRuntime(wasmFolder);
+  const session = await openSession(runtime, bytes);
+  const takesCalibration = session.inputNames.includes(CALIBRATION);
+  const silent = new Float32Array(BINS);
+
+  const embedSome = async (samples, n, spectrum) => {
+    const given = { samples: new runtime.Tensor("float32", samples, [n, ECHO_SAMPLES]) };
+    if (takesCalibration) given[CALIBRATION] = new runtime.Tensor("float32", spectrum ?? silent, [BINS]);
+    const { elf } = await session.run(given);
+    return elf.data;
+  };
+
+  const embed = async (samples, n, deviceLogSpectrum = null) => {
+    checkTraces(samples, n);
+    if (deviceLogSpectrum && !takesCalibration) throw new RangeError(noCalibration(identity));
+    const parts = [];
+    for (let k = 0; k < n; k += AT_ONCE) {
+      const rows = samples.subarray(k * ECHO_SAMPLES, Math.min(k + AT_ONCE, n) * ECHO_SAMPLES);
+      parts.push(await embedSome(rows, rows.length / ECHO_SAMPLES, deviceLogSpectrum));
+    }
+    return parts.length === 1 ? parts[0] : Float32Array.from(parts.flatMap((part) => [...part]));
+  };
+
+  const identity = (await sha256(bytes)).slice(0, 16);
+  return { identity, takesCalibration, embed };
+}
+
+/** @param {Uint8Array} bytes @returns {Promise<string>} hexadecimal */
+export async function sha256(bytes) {
+  const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
+  return Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
+}
+
+/** The runtime, without threads: those want headers that forbid much else, and memory. */
+async function openRuntime(wasmFolder) {
+  const runtime = await import(`${wasmFolder}ort.wasm.min.mjs`);
+  runtime.env.wasm.wasmPaths = wasmFolder;
+  runtime.env.wasm.numThreads = 1;
+  runtime.env.logLevel = "error";
+  return runtime;
+}
+
+async function openSession(runtime, bytes) {
+  const options = { executionProviders: ["wasm"], logSeverityLevel: 3 };
+  let session;
+  try {
+    session = await runtime.InferenceSession.create(withoutDefault(bytes, CALIBRATION), options);
+  } catch (cause) {
+    throw new RangeError("encoder: not a readable ONNX graph; fetch the map again", { cause });
+  }
+  const samples = session.inputMetadata.find(({ name }) => name === "samples");
+  if (samples?.shape?.[1] !== ECHO_SAMPLES || !session.outputNames.includes("elf")) {
+    throw new RangeError(
+      `encoder: wanted input samples (n, ${ECHO_SAMPLES}) and output elf, ` +
+        `got ${session.inputNames} and ${session.outputNames}; make the map again`,
+    );
+  }
+  return session;
+}
+
+function checkTraces(samples, n) {
+  if (samples.length !== n * ECHO_SAMPLES) {
+    throw new RangeError(
+      `echoes: wanted ${n} of ${ECHO_SAMPLES} samples, got ${samples.length} samples; cut them again`,
+    );
+  }
+}
+
+function noCalibration(identity) {
+  return `calibration: encoder ${identity} has no input ${CALIBRATION} (${BINS}); make the map again`;
+}

@@ -1,0 +1,36 @@
+/** A floor map in the page, and what is known of its spots. */
+
+export const ELF_SIZE = 128;
+
+/**
+ * @typedef {{
+ *   xyM: Float32Array, headingRad: Float32Array, covarianceM2: Float32Array, weight?: Float32Array,
+ *   vectors: Float32Array, phone: Float32Array | null, encoder: string, parameters: Object,
+ * }} FloorMap xyM (m, 2); covarianceM2 (m, 3): xx, xy, yy; vectors (m, 128): the stored means, as they
+ *   are; phone (12): as whom other phones are to be heard; parameters: groups as elfslam names them
+ */
+
+/** @param {FloorMap} floorMap @returns {number} how many spots it has */
+export function spotCount(floorMap) {
+  return floorMap.headingRad.length;
+}
+
+/**
+ * The map itself, if its parts belong together. Throws RangeError in one line.
+ * @param {FloorMap} floorMap
+ * @returns {FloorMap}
+ */
+export function checkedMap(floorMap) {
+  const count = spotCount(floorMap);
+  if (count === 0) throw new RangeError("map: it has no spots; map the place with sound first");
+  const wanted = { xyM: 2, headingRad: 1, covarianceM2: 3, vectors: ELF_SIZE };
+  for (const [name, width] of Object.entries(wanted)) {
+    if (floorMap[name].length !== count * width) {
+      throw new RangeError(
+        `map: wanted ${width} numbers of ${name} for each of ${count} spots, ` +
+          `got ${floorMap[name].length}; fetch the map again`,
+      );
+    }
+  }
+  return floorMap;
+}

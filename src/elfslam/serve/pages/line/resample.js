@@ -1,0 +1,111 @@
+/** Sound at 48 kHz as sound at 44.1 kHz, by the filter of elfslam.line.echo, block by block. */
+
+import { checkRate } from "./chirp.js";
+
+export const ECHO_RATE_HZ = 44100;
+const UP = 147;
+const DOWN = 160;
+/** Taps on either side, at UP times the incoming rate: a long filter, flat from 15 to 20 kHz. */
+const HALF = 96 * DOWN;
+const KAISER_SHAPE = 10;
+
+/**
+ * `push` takes the next samples and gives those at 44.1 kHz that have become final, 2.2 ms behind;
+ * `end` gives the rest, as if silence followed. Sample k of what comes out lies at k / 44100 s.
+ * @typedef {{push: (samples: Float32Array) => Float32Array, end: () => Float32Array}} Resampler
+ */
+
+/** @param {number} rateHz of what comes in, 44100 or 48000 @returns {Resampler} */
+export function makeResampler(rateHz) {
+  checkRate(rateHz);
+  if (rateHz === ECHO_RATE_HZ) return { push: (samples) => samples, end: () => new Float32Array(0) };
+  const bank = filterBank();
+  let held = new Float32Array(bank.before);
+  let heldFirst = -bank.before;
+  let made = 0;
+
+  const push = (samples) => {
+    held = joined(held, samples);
+    const count = finalCount(heldFirst + held.length - bank.after);
+    const out = new Float32Array(Math.max(count - made, 0));
+    for (let k = 0; k < out.length; k += 1) out[k] = bank.at(made + k, held, heldFirst);
+    made += out.length;
+    forget(Math.floor((made * DOWN) / UP) - bank.before);
+    return out;
+  };
+
+  const forget = (before) => {
+    const count = Math.min(before - heldFirst, held.length);
+    if (count <= 0) return;
+    held = held.slice(count);
+    heldFirst += count;
+  };
+
+  /** Python gives a sample for every moment before the end. */
+  const end = () => {
+    const wanted = Math.ceil(((heldFirst + held.length) * UP) / DOWN) - made;
+    return push(new Float32Array(bank.after + 2)).slice(0, wanted);
+  };
+
+  return { push, end };
+}
+
+/** How many outgoing samples lie before incoming sample `next`. */
+function finalCount(next) {
+  return Math.ceil((next * UP) / DOWN);
+}
+
+/** The taps of each of UP phases in a row of their own, as they meet the incoming samples. */
+function filterBank() {
+  const taps = lowpass();
+  const before = Math.floor(HALF / UP);
+  const after = Math.floor((HALF + UP - 1) / UP);
+  const width = before + after + 1;
+  const rows = new Float32Array(UP * width);
+  for (let phase = 0; phase < UP; phase += 1) {
+    for (let j = -before; j <= after; j += 1) {
+      rows[phase * width + j + before] = UP * (taps[HALF + phase - j * UP] ?? 0);
+    }
+  }
+  const at = (k, held, heldFirst) => {
+    const whole = Math.floor((k * DOWN) / UP);
+    const row = (k * DOWN - whole * UP) * width;
+    const from = whole - before - heldFirst;
+    let sum = 0;
+    for (let j = 0; j < width; j += 1) sum += rows[row + j] * held[from + j];
+    return sum;
+  };
+  return { before, after, at };
+}
+
+/** scipy.signal.firwin(2 * HALF + 1, 1 / DOWN, window=("kaiser", KAISER_SHAPE)). */
+function lowpass() {
+  const taps = new Float64Array(2 * HALF + 1);
+  const top = bessel(KAISER_SHAPE);
+  for (let n = -HALF; n <= HALF; n += 1) {
+    const x = (Math.PI * n) / DOWN;
+    const window = bessel(KAISER_SHAPE * Math.sqrt(1 - (n / HALF) ** 2)) / top;
+    taps[n + HALF] = ((n === 0 ? 1 : Math.sin(x) / x) / DOWN) * window;
+  }
+  const sum = taps.reduce((total, tap) => total + tap, 0);
+  return taps.map((tap) => tap / sum);
+}
+
+/** The modified Bessel function of order zero. */
+function bessel(x) {
+  let term = 1;
+  let sum = 1;
+  for (let k = 1; term > 1e-17 * sum; k += 1) {
+    term *= (x / (2 * k)) ** 2;
+    sum += term;
+  }
+  return sum;
+}
+
+/** @param {Float32Array} a @param {Float32Array} b @returns {Float32Array} one behind the other */
+export function joined(a, b) {
+  const out = new Float32Array(a.length + b.length);
+  out.set(a);
+  out.set(b, a.length);
+  return out;
+}

@@ -1,0 +1,103 @@
+// The page's way from sound to echoes against elfslam.line: vectors come from test_line_modules.py,
+// which names their folder in ELFSLAM_VECTORS.
+
+import assert from "node:assert/strict";
+import { readdirSync } from "node:fs";
+import { join } from "node:path";
+import { test } from "node:test";
+
+import { makeChirp } from "../../../../src/elfslam/serve/pages/line/chirp.js";
+import { makeEchoCutter } from "../../../../src/elfslam/serve/pages/line/echo.js";
+import { makeEnvelope } from "../../../../src/elfslam/serve/pages/line/echo_envelope.js";
+import { makeResampler } from "../../../../src/elfslam/serve/pages/line/resample.js";
+import { assertNear, concatenated, cutAll, floats, streamed, told } from "./vectors.mjs";
+
+const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
+const WORKLET_BLOCK = 1024;
+
+for (const folder of SCENES) {
+  const { rate_hz: rateHz, t_s: tS, arrivals } = told(folder, "stages.json");
+  const { parameters } = told(folder, "map.json");
+  const sound = floats(folder, "sound");
+  const chirp = makeChirp(parameters.chirp, rateHz);
+  const cutter = () => makeEchoCutter({ rateHz, chirp, parameters });
+
+  test(`the chirp at ${rateHz} Hz is Python's`, () => {
+    assertNear(chirp, floats(folder, "chirp"), 1e-6, "chirp");
+  });
+
+  test(`sound at ${rateHz} Hz comes to 44.1 kHz as in Python`, () => {
+    const resampled = streamed(makeResampler(rateHz), sound, WORKLET_BLOCK);
+    assertNear(resampled, floats(folder, "resampled"), 1e-6, "resampled");
+  });
+
+  test(`the envelope of sound at ${rateHz} Hz is Python's`, () => {
+    const resampled = floats(folder, "resampled");
+    const envelope = streamed(makeEnvelope(chirp, rateHz), resampled, WORKLET_BLOCK);
+    assertNear(envelope, floats(folder, "envelope"), 2e-6, "envelope");
+  });
+
+  test(`echoes at ${rateHz} Hz are found and cut as in Python`, () => {
+    const echoes = cutAll(cutter(), sound, WORKLET_BLOCK);
+    assert.deepEqual(
+      echoes.map((echo) => Math.round(echo.tS * 44100)),
+      arrivals.slice(0, tS.length),
+      "direct arrivals",
+    );
+    assertNear(echoes.map((echo) => echo.tS), tS, 1e-9, "times");
+    assertNear(concatenated(echoes.map(({ samples }) => samples)), floats(folder, "traces"), 1e-6, "traces");
+    const envelope = floats(folder, "envelope");
+    assertNear(echoes.map((echo) => echo.directLevel), arrivals.slice(0, tS.length).map((k) => envelope[k]), 2e-6, "level");
+  });
+
+  test(`cut in any blocks, echoes at ${rateHz} Hz are the same to the last bit`, () => {
+    const some = sound.subarray(0, 5 * rateHz);
+    const whole = cutAll(cutter(), some, some.length);
+    assert.ok(whole.length > 40);
+    for (const block of [128, 700, WORKLET_BLOCK, 4801]) {
+      assert.deepEqual(cutAll(cutter(), some, block), whole, `blocks of ${block}`);
+    }
+  });
+
+  test(`an echo at ${rateHz} Hz is there 70 ms after its direct sound`, () => {
+    const live = cutter();
+    for (let at = 0; at < 5 * rateHz; at += 128) {
+      for (const { tS: directS } of live.push(at, sound.subarray(at, at + 128))) {
+        if (at > rateHz / 2) assert.ok((at + 128) / rateHz - directS < 0.07, `${at / rateHz - directS}`);
+      }
+    }
+  });
+
+  test(`what the browser lost at ${rateHz} Hz is silence, and the clock goes on`, () => {
+    const live = cutter();
+    const [lostFrom, lostTo] = [2 * rateHz, 2.34 * rateHz];
+    const echoes = [
+      ...live.push(7000, sound.subarray(0, lostFrom)),
+      ...live.push(7000 + lostTo, sound.subarray(lostTo, 5 * rateHz)),
+      ...live.end(),
+    ];
+    const startS = 7000 / rateHz;
+    const near = tS.filter((t) => t < 1.9 || (t > 2.4 && t < 4.93)).map((t) => t + startS);
+    const kept = echoes.map((echo) => echo.tS).filter((t) => t < 1.9 + startS || t > 2.4 + startS);
+    assertNear(kept, near, 1e-9, "times around the gap");
+    assert.ok(echoes.every(({ samples }) => samples.some((value) => value !== 0)));
+  });
+}
+
+test("nothing is found in noise, and chirps are once they come", () => {
+  const [folder] = SCENES;
+  const { rate_hz: rateHz } = told(folder, "stages.json");
+  const { parameters } = told(folder, "map.json");
+  const chirp = makeChirp(parameters.chirp, rateHz);
+  const sound = floats(folder, "sound").subarray(0, 4 * rateHz);
+  let state = 1;
+  const noise = Float32Array.from({ length: 3 * rateHz }, () => {
+    state = (16807 * state) % 2147483647;
+    return 0.01 * (state / 2147483647 - 0.5);
+  });
+  const live = makeEchoCutter({ rateHz, chirp, parameters });
+  assert.deepEqual(live.push(0, noise), []);
+  const echoes = live.push(noise.length, sound);
+  assert.ok(echoes.length > 5, `${echoes.length} echoes`);
+  assert.ok(echoes.every(({ tS }) => tS >= 3));
+});

@@ -1,0 +1,201 @@
+"""The line in the page against the line in Python: every stage, on vectors of simulated walks."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.parameters import as_dict
+from elfslam.base.values import (
+    ECHO_RATE_HZ,
+    Features,
+    Fixes,
+    FixStatus,
+    FloorMap,
+    Recording,
+    Trajectory,
+)
+from elfslam.line.chirp import make_chirp
+from elfslam.line.echo import cut_echoes, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.line.feature import (
+    Encoder,
+    OnnxEncoder,
+    calibrated,
+    encoder_for,
+    extract_features,
+    load_encoder,
+    mean_log_spectrum,
+    with_phone,
+)
+from elfslam.line.floormap import trajectory_map
+from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
+from elfslam.slam import Parameters, hear, walk_nodes
+from elfslam.world.simulate import load_world, simulate
+
+HERE = Path(__file__).parent
+MODULES = ("sound", "encoder", "locate")
+node = shutil.which("node")
+RATES_HZ = (44_100, 48_000)
+WORLD, MAPPED_SEED, LOCATED_SEED = "studio", 100, 101
+HARD_TO_TELL = LocateParameters(temperature=0.2, unknown_below=0.6)
+"""With these every known place is ambiguous."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A map, and another walk that is located in it."""
+
+    floor_map: FloorMap
+    encoder: OnnxEncoder
+    recording: Recording
+
+
+def scene_at(rate_hz: int, *, calibrate: bool) -> Scene:
+    """A walk mapped as dead reckoning has it, and another one beside it."""
+    parameters, encoder = Parameters(), load_encoder("compact")
+    assert isinstance(encoder, OnnxEncoder)
+    walked, _ = simulate(load_world(WORLD), MAPPED_SEED, rounds=1)
+    echoes, nodes = hear(walked, parameters), walk_nodes(walked, parameters)
+    used: Encoder = calibrated(encoder, echoes) if calibrate else encoder
+    covariance = np.tile(np.diag([0.01, 0.02, 0.001]), (len(nodes.t_s), 1, 1))
+    covariance[:, 0, 1] = covariance[:, 1, 0] = 0.003
+    floor_map = trajectory_map(
+        Trajectory(nodes.t_s, nodes.world_from_body, covariance, np.empty(0), "OK"),
+        extract_features(echoes, used),
+        parameters.floormap,
+        parameters_digest="",
+        source=walked.name,
+    )
+    recording, _ = simulate(load_world(WORLD), LOCATED_SEED, rounds=1, rate_hz=rate_hz)
+    return Scene(with_phone(floor_map, used), encoder, recording)
+
+
+def write_floor_map(folder: Path, floor_map: FloorMap, parameters: Parameters) -> None:
+    """`map.json` and arrays beside it, as the page holds them in memory."""
+    folder.mkdir(parents=True, exist_ok=True)
+    elf = next(item for item in floor_map.payloads if item.kind == "elf")
+    phones = [item.vectors[0].tolist() for item in floor_map.payloads if item.kind == "phone"]
+    groups = as_dict(parameters)
+    told = {
+        "encoder": elf.encoder,
+        "phone": phones[0] if phones else None,
+        "parameters": {name: groups[name] for name in ("chirp", "echo", "locate")},
+    }
+    (folder / "map.json").write_text(json.dumps(told))
+    covariance = floor_map.covariance_m2
+    write_f32(folder, "xy", floor_map.xy_m)
+    write_f32(folder, "heading", floor_map.heading_rad)
+    write_f32(folder, "covariance", covariance[:, [0, 0, 1], [0, 1, 1]])
+    write_f32(folder, "vectors", elf.vectors)
+
+
+def write_f32(folder: Path, name: str, values: F32 | F64) -> None:
+    """An array as little-endian float32."""
+    values.astype("<f4").tofile(folder / f"{name}.f32")
+
+
+def told_fixes(fixes: Fixes) -> list[dict[str, object]]:
+    """Fixes as the page has them."""
+    return [
+        {
+            "tS": float(fixes.t_s[k]),
+            "xyM": None if np.isnan(fixes.xy_m[k, 0]) else fixes.xy_m[k].tolist(),
+            "headingRad": _finite(fixes.heading_rad[k]),
+            "covarianceM2": None
+            if np.isnan(fixes.xy_m[k, 0])
+            else fixes.covariance_m2[k][[0, 0, 1], [0, 1, 1]].tolist(),
+            "score": _finite(fixes.score[k]),
+            "status": FixStatus(fixes.status[k]).name,
+        }
+        for k in range(len(fixes.t_s))
+    ]
+
+
+def _finite(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def write_stages(folder: Path, scene: Scene) -> None:
+    """Every stage of the located walk: sound to fixes."""
+    parameters, audio = Parameters(), scene.recording.audio
+    assert audio is not None
+    chirp = make_chirp(parameters.chirp, audio.rate_hz)
+    resampled = to_echo_rate(audio)
+    envelope = matched_envelope(resampled, chirp)
+    period = round(chirp.period_s * ECHO_RATE_HZ)
+    arrivals = find_arrivals(envelope, period, parameters.echo)
+    echoes = cut_echoes(audio, chirp, parameters.echo)
+    write_floor_map(folder, scene.floor_map, parameters)
+    stages = {
+        "sound": audio.samples[0],
+        "chirp": chirp.samples,
+        "resampled": resampled,
+        "envelope": envelope,
+        "traces": echoes.samples,
+        "spectrum": mean_log_spectrum(echoes.samples),
+        "elf": scene.encoder.embed(echoes.samples),
+    }
+    for name, values in stages.items():
+        write_f32(folder, name, values)
+    (folder / "encoder.onnx").write_bytes(scene.encoder.content)
+    heard = extract_features(echoes, encoder_for(scene.floor_map, scene.encoder, echoes))
+    told = {
+        "rate_hz": audio.rate_hz,
+        "identity": scene.encoder.identity,
+        "arrivals": arrivals.samples.tolist(),
+        "t_s": echoes.t_s.tolist(),
+        **located(folder, heard, scene.floor_map, parameters),
+    }
+    (folder / "stages.json").write_text(json.dumps(told))
+
+
+def located(
+    folder: Path, heard: Features, floor_map: FloorMap, parameters: Parameters
+) -> dict[str, object]:
+    """Means, scores and fixes of features as they are heard in a map."""
+    steps_s = heard.t_s[0] + 0.55 * np.arange(int((heard.t_s[-1] - heard.t_s[0]) / 0.55) + 1)
+    means = means_between(heard, steps_s, parameters.locate.fewest_echoes)
+    elf = next(item for item in floor_map.payloads if item.kind == "elf")
+    write_f32(folder, "heard", heard.vectors)
+    write_f32(folder, "means", means)
+    write_f32(folder, "scores", likeness(means, elf))
+    return {
+        "edges_s": steps_s.tolist(),
+        "fixes": told_fixes(locate_one_shot(heard, floor_map, parameters.locate)),
+        "ambiguous": told_fixes(locate_one_shot(heard, floor_map, HARD_TO_TELL)),
+        "hard_to_tell": asdict(HARD_TO_TELL),
+    }
+
+
+@pytest.fixture(scope="session")
+def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder for each rate; the map of one of them says as whom to hear a phone."""
+    folder = tmp_path_factory.mktemp("line")
+    for rate_hz in RATES_HZ:
+        scene = scene_at(rate_hz, calibrate=rate_hz == RATES_HZ[1])
+        (folder / str(rate_hz)).mkdir()
+        write_stages(folder / str(rate_hz), scene)
+    return folder
+
+
+@pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+@pytest.mark.parametrize("module", MODULES)
+def test_the_line_in_the_page(module: str, vectors: Path) -> None:
+    done = subprocess.run(
+        [str(node), "--test", str(HERE / f"{module}.test.mjs")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "ELFSLAM_VECTORS": str(vectors)},
+    )
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "# fail 0" in done.stdout
