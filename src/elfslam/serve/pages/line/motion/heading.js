@@ -1,0 +1,41 @@
+/** Where the walker heads: the rate of turn about the vertical, summed: elfslam.line.motion.heading. */
+
+import { averaged } from "./level.js";
+import { interpolate, roundHalfEven } from "./series.js";
+
+/** Before the first footfall a foot is lifted; before that, a phone may be at rest. */
+const SETTING_OFF_S = 0.6;
+const REST_S = 1.0;
+
+/** @typedef {import("./types.js").Level} Level */
+
+/** @param {Level} levelled @returns {Float64Array} heading, rad, averaged over a stride */
+export function smoothHeading(levelled, parameters) {
+  return averaged(phoneTurn(levelled), parameters.heading_window_s, levelled.rateHz);
+}
+
+/** @param {Level} levelled @returns {Float64Array} how far, rad, the phone has turned since the first row */
+export function phoneTurn({ gyro, up, rateHz }) {
+  const yaw = (k) => gyro[0][k] * up[0][k] + gyro[1][k] * up[1][k] + gyro[2][k] * up[2][k];
+  const turned = new Float64Array(gyro[0].length);
+  for (let k = 1; k < turned.length; k += 1) {
+    turned[k] = turned[k - 1] + (yaw(k) + yaw(k - 1)) / 2 / rateHz;
+  }
+  return turned;
+}
+
+/**
+ * How far (rad) the walker has turned by the first footstep since the recording began; null where the
+ * phone was not at rest for a second before.
+ * @param {Level} levelled @param {Float64Array} bounce @param {number} footstepS
+ * @returns {number | null}
+ */
+export function turnedSinceRest(levelled, bounce, footstepS, parameters) {
+  const { tS, rateHz } = levelled;
+  const rest = bounce.filter((_, k) => tS[k] < footstepS - SETTING_OFF_S);
+  if (rest.length < REST_S * rateHz) return null;
+  if (rest.some((value) => Math.abs(value) > parameters.least_bounce_mps2)) return null;
+  const begun = phoneTurn(levelled).subarray(0, roundHalfEven(REST_S * rateHz));
+  const facingRad = begun.reduce((sum, value) => sum + value, 0) / begun.length;
+  return interpolate(footstepS, tS, smoothHeading(levelled, parameters)) - facingRad;
+}

@@ -1,0 +1,183 @@
+/** The inertial sensors on an even clock, with the direction that points up: elfslam.line.motion.level. */
+
+import { lowPass, runningMean, zeroPhase } from "./filters.js";
+import { columnsOf, differences, interpolateAll, median, roundHalfEven } from "./series.js";
+
+/**
+ * @typedef {import("./types.js").Imu} Imu
+ * @typedef {import("./types.js").Axes} Axes
+ * @typedef {import("./types.js").Level} Level
+ * @typedef {import("./types.js").Rest} Rest
+ */
+
+export const GRAVITY_MPS2 = 9.81;
+
+/** @type {Rest} */
+export const NO_REST = { sumRadps: [0, 0, 0], count: 0 };
+
+/**
+ * The sensors evenly sampled at their own rate, with what points up at each time.
+ * @param {Imu} imu @param {Record<string, number>} parameters the group "motion"
+ * @param {Rest} rested rates of turn at rest before these rows
+ * @returns {Level}
+ */
+export function level(imu, parameters, rested = NO_REST) {
+  const { tS, accel, gyro } = evenlySampled(imu);
+  const rateHz = rateOf(tS);
+  const isStill = stillRows(accel, gyro, rateHz, parameters);
+  const bias = meanOf(restIn(gyro, isStill, isStill.length, rested));
+  const turn = gyro.map((axis, k) => axis.map((value) => value - bias[k]));
+  return { tS, accel, gyro: turn, up: upInPhone(accel, turn, rateHz, parameters), rateHz, bias, isStill };
+}
+
+/** @param {ArrayLike<number>} tS @returns {number} the usual rate of samples at these times */
+export function rateOf(tS) {
+  return 1 / median(differences(tS));
+}
+
+/** Running mean over a window of time. @param {Float64Array} values @returns {Float64Array} */
+export function averaged(values, windowS, rateHz) {
+  return runningMean(values, Math.max(1, roundHalfEven(windowS * rateHz)), "nearest");
+}
+
+/** @param {Imu} imu @returns {{tS: Float64Array, accel: Axes, gyro: Axes}} on an even grid at their own rate */
+export function evenlySampled({ tS, accelMps2, gyroRadps }) {
+  const rateHz = rateOf(tS);
+  const count = Math.trunc((tS[tS.length - 1] - tS[0]) * rateHz) + 1;
+  const even = Float64Array.from({ length: count }, (_, k) => tS[0] + k / rateHz);
+  const onGrid = (rows) => columnsOf(rows).map((column) => interpolateAll(even, tS, column));
+  return { tS: even, accel: onGrid(accelMps2), gyro: onGrid(gyroRadps) };
+}
+
+/**
+ * Rates of turn at rest in the first `stop` rows, on top of those before.
+ * @param {Axes} gyro with its bias @param {boolean[]} isStill @param {number} stop @param {Rest} before
+ * @returns {Rest}
+ */
+export function restIn(gyro, isStill, stop, before) {
+  const sumRadps = [...before.sumRadps];
+  let { count } = before;
+  for (let k = 0; k < stop; k += 1) {
+    if (!isStill[k]) continue;
+    count += 1;
+    for (let axis = 0; axis < 3; axis += 1) sumRadps[axis] += gyro[axis][k];
+  }
+  return { sumRadps, count };
+}
+
+/** @param {Rest} rest @returns {number[]} zeros where there was none */
+function meanOf({ sumRadps, count }) {
+  return sumRadps.map((sum) => (count ? sum / count : 0));
+}
+
+/** @param {Imu} imu  Throws where it is too short, sampled too slowly or interrupted. */
+export function checkImu({ tS }, parameters) {
+  const durationS = tS.length > 1 ? tS[tS.length - 1] - tS[0] : 0;
+  if (durationS < parameters.least_duration_s) {
+    throw new RangeError(
+      `inertial data: got ${durationS.toFixed(1)} s, wanted at least ${parameters.least_duration_s} s; record longer`,
+    );
+  }
+  const gapS = differences(tS).reduce((longest, gap) => Math.max(longest, gap), 0);
+  if (gapS > parameters.longest_gap_s) {
+    throw new RangeError(
+      `inertial data: ${gapS.toFixed(2)} s missing, wanted gaps of at most ${parameters.longest_gap_s} s; `
+      + "cut the recording there",
+    );
+  }
+  if (rateOf(tS) < parameters.least_rate_hz) {
+    throw new RangeError(
+      `inertial data: got ${rateOf(tS).toFixed(1)} samples/s, wanted at least ${parameters.least_rate_hz}; `
+      + "choose a faster sensor rate",
+    );
+  }
+}
+
+/**
+ * The gyroscope carries the phone into a frame that barely moves, where a slow low-pass without delay
+ * leaves of the acceleration only gravity, however the phone is turned meanwhile.
+ * @param {Axes} accel @param {Axes} gyro @returns {Axes} unit vectors that point up, in phone axes
+ */
+function upInPhone(accel, gyro, rateHz, parameters) {
+  const count = accel[0].length;
+  const sections = lowPass(parameters.gravity_cutoff_hz, rateHz);
+  const padding = Math.min(count - 1, roundHalfEven(rateHz / parameters.gravity_cutoff_hz));
+  const turns = turnsSinceFirst(gyro, rateHz);
+  const fixed = turned(turns, accel, 1).map((axis) => zeroPhase(sections, axis, padding, "even"));
+  const up = turned(turns, fixed, -1);
+  for (let k = 0; k < count; k += 1) {
+    const length = Math.hypot(up[0][k], up[1][k], up[2][k]);
+    for (const axis of up) axis[k] /= length;
+  }
+  return up;
+}
+
+/** How the phone has turned since the first row, as quaternions x y z w. @returns {Float64Array} (4n) */
+function turnsSinceFirst([gx, gy, gz], rateHz) {
+  const turns = new Float64Array(4 * gx.length);
+  let [x, y, z, w] = [0, 0, 0, 1];
+  turns[3] = 1;
+  for (let k = 1; k < gx.length; k += 1) {
+    const [a, b, c, d] = quaternionOf(
+      (gx[k] + gx[k - 1]) / 2 / rateHz, (gy[k] + gy[k - 1]) / 2 / rateHz, (gz[k] + gz[k - 1]) / 2 / rateHz,
+    );
+    [x, y, z, w] = [
+      w * a + x * d + y * c - z * b,
+      w * b - x * c + y * d + z * a,
+      w * c + x * b - y * a + z * d,
+      w * d - x * a - y * b - z * c,
+    ];
+    const length = Math.hypot(x, y, z, w);
+    turns.set([x /= length, y /= length, z /= length, w /= length], 4 * k);
+  }
+  return turns;
+}
+
+/** The unit quaternion of a rotation vector. */
+function quaternionOf(x, y, z) {
+  const angle = Math.hypot(x, y, z);
+  const scale = angle < 1e-9 ? 0.5 : Math.sin(angle / 2) / angle;
+  return [x * scale, y * scale, z * scale, Math.cos(angle / 2)];
+}
+
+/** Rows turned by quaternions, or back where `sense` is -1. @param {Axes} rows @returns {Axes} */
+function turned(turns, rows, sense) {
+  const count = rows[0].length;
+  const out = rows.map(() => new Float64Array(count));
+  for (let k = 0; k < count; k += 1) {
+    const [x, y, z] = [sense * turns[4 * k], sense * turns[4 * k + 1], sense * turns[4 * k + 2]];
+    const w = turns[4 * k + 3];
+    const [vx, vy, vz] = [rows[0][k], rows[1][k], rows[2][k]];
+    const [tx, ty, tz] = [2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)];
+    out[0][k] = vx + w * tx + y * tz - z * ty;
+    out[1][k] = vy + w * ty + z * tx - x * tz;
+    out[2][k] = vz + w * tz + x * ty - y * tx;
+  }
+  return out;
+}
+
+/** Rows inside stretches where the phone hardly shakes or turns for long enough. @returns {boolean[]} */
+function stillRows(accel, gyro, rateHz, parameters) {
+  const window = Math.max(1, roundHalfEven(parameters.still_s * rateHz));
+  const shake = accel.map((axis) => {
+    const mean = runningMean(axis, window, "reflect");
+    return axis.map((value, k) => value - mean[k]);
+  });
+  const isCalm = Array.from(accel[0], (_, k) => (
+    Math.hypot(shake[0][k], shake[1][k], shake[2][k]) < parameters.still_accel_mps2
+    && Math.hypot(gyro[0][k], gyro[1][k], gyro[2][k]) < parameters.still_gyro_radps
+  ));
+  return inRunsOf(isCalm, window);
+}
+
+/** True where it is true for `least` rows on end. */
+function inRunsOf(isTrue, least) {
+  const out = new Array(isTrue.length).fill(false);
+  let begun = 0;
+  for (let k = 0; k <= isTrue.length; k += 1) {
+    if (k < isTrue.length && isTrue[k]) continue;
+    if (k - begun >= least) out.fill(true, begun, k);
+    begun = k + 1;
+  }
+  return out;
+}

@@ -1,0 +1,66 @@
+/**
+ * A live tracker: many guesses of where the walker is, moved by footsteps and weighed by echoes. The same,
+ * draw by draw, as elfslam.line.track.
+ */
+
+import { aroundOf, covarianceOf, nowhere, placeOf } from "./tracking/fix.js";
+import { drawn, moved, placesOf, renewed, weighed } from "./tracking/guesses.js";
+import { nearestIn, treeOf } from "./tracking/nearest.js";
+import { halfwayBetween, movedBy } from "./tracking/poses.js";
+
+/**
+ * @typedef {import("./tracking/cloud.js").Cloud} Cloud
+ * @typedef {import("./tracking/fix.js").Fix} Fix
+ * @typedef {import("./tracking/fix.js").Spots} Spots
+ * @typedef {import("./tracking/random.js").Random} Random
+ */
+
+/**
+ * Follows one walker through a map. `step(move, sigma, scores)` takes a step's move and sigma, and how alike
+ * each spot (m) is to what was heard meanwhile, or null (or NaN) where nothing was; it gives a Fix.
+ * @param {Spots} floorMap
+ * @param {Record<string, number>} parameters the group "track"
+ * @param {Random} random
+ * @returns {{step: (move: ArrayLike<number>, sigma: ArrayLike<number>, scores: Float32Array | null) => Fix}}
+ */
+export function makeTracker(floorMap, parameters, random) {
+  const count = Math.min(parameters.neighbours, floorMap.headingRad.length);
+  const nearest = nearestIn(treeOf(placesOf(floorMap, parameters)), count);
+  /** @type {Cloud | null} */
+  let cloud = null;
+  let likeness = NaN;
+
+  const step = (move, sigma, given) => {
+    const scores = given && !Number.isNaN(given[0]) ? given : null;
+    if (cloud === null && scores === null) return nowhere(NaN, "NO_ECHO");
+    const after = guessed(cloud, move, sigma, scores);
+    cloud = scores ? weighed(after.cloud, after.middle, scores, nearest, parameters) : after.cloud;
+    const fix = fixed(cloud, scores);
+    if (scores) cloud = renewed(cloud, floorMap, scores, move, parameters, random);
+    return fix;
+  };
+  const guessed = (before, move, sigma, scores) => {
+    if (before === null) {
+      const first = drawn(floorMap, scores, move, parameters.particles, parameters, random);
+      return { cloud: first, middle: movedBy(first.poses, [-move[0] / 2, -move[1] / 2, -move[2] / 2]) };
+    }
+    const after = moved(before, move, sigma, parameters, random);
+    return { cloud: after, middle: halfwayBetween(before.poses, after.poses) };
+  };
+  const fixed = (guesses, scores) => {
+    const place = placeOf(guesses, parameters);
+    const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
+    if (scores) likeness = remembered(likeness, around.likeness, parameters.memory);
+    if (likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
+    const own = floorMap.covarianceM2.slice(3 * around.closest, 3 * around.closest + 3);
+    const covarianceM2 = covarianceOf(guesses, place, own, parameters);
+    const certain = place.belief < parameters.ambiguous_below ? "AMBIGUOUS" : "OK";
+    const status = scores ? certain : "NO_ECHO";
+    return { xyM: place.xyM, headingRad: place.headingRad, covarianceM2, score: likeness, status };
+  };
+  return { step };
+}
+
+function remembered(past, likeness, memory) {
+  return memory * (Number.isNaN(past) ? likeness : past) + (1 - memory) * likeness;
+}

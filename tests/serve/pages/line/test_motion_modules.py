@@ -1,0 +1,151 @@
+"""Motion of the page in node, on vectors that the line computes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy import signal
+
+from elfslam.base.values import Imu
+from elfslam.line.motion import MotionParameters, dead_reckon, find_footsteps, gyroscope_bias
+from elfslam.line.motion.footsteps import bounce_rms, vertical_bounce
+from elfslam.line.motion.heading import phone_turn, smooth_heading, turned_since_rest
+from elfslam.line.motion.lengths import lengths_between
+from elfslam.line.motion.level import level
+from elfslam.line.motion.reckoning import _moves
+from elfslam.world.device import BROWSER, LSM6DSO
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
+
+HERE = Path(__file__).parent
+PARAMETERS = MotionParameters()
+node = shutil.which("node")
+needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+
+
+def run_node(file: Path, vectors: Path) -> None:
+    done = subprocess.run(
+        [str(node), "--test", str(file)],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "ELFSLAM_VECTORS": str(vectors)},
+    )
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "# fail 0" in done.stdout
+
+
+def listed(value: Any) -> Any:
+    """Arrays as plain lists, row by row."""
+    if isinstance(value, dict):
+        return {name: listed(each) for name, each in value.items()}
+    return np.asarray(value, np.float64).ravel().tolist() if hasattr(value, "shape") else value
+
+
+def simulated(world: str, seed: int, grade: Any = BROWSER) -> Imu:
+    recording, _ = simulate(load_world(world), seed, rounds=1, sound=False, grade=grade)
+    assert recording.imu is not None
+    return recording.imu
+
+
+def pausing(imu: Imu) -> Imu:
+    """The same walk, which stands still for four seconds in its middle and is sampled unevenly."""
+    middle = len(imu.t_s) // 2
+    rate_hz = 1 / float(np.median(np.diff(imu.t_s)))
+    still = round(4 * rate_hz)
+    rows = np.concatenate(
+        [np.arange(middle), np.full(still, middle), np.arange(middle, len(imu.t_s))]
+    )
+    rest = (np.arange(len(rows)) >= middle) & (np.arange(len(rows)) < middle + still)
+    generator = np.random.default_rng(3)
+    t_s = np.arange(len(rows)) / rate_hz + generator.uniform(0, 0.3 / rate_hz, len(rows))
+    gyro = np.where(rest[:, None], [0.01, -0.02, 0.004], imu.gyro_radps[rows])
+    return Imu(t_s, imu.accel_mps2[rows], gyro)
+
+
+WALKS: dict[str, Callable[[], Imu]] = {
+    "browser": lambda: simulated("studio", 100),
+    "quick": lambda: simulated("lounge", 101, replace(LSM6DSO, rate_hz=104.0)),
+    "pausing": lambda: pausing(simulated("studio", 102)),
+}
+
+
+def motion_vectors(imu: Imu) -> dict[str, Any]:
+    """What Python makes of a walk, stage by stage."""
+    levelled = level(imu, PARAMETERS)
+    bounce = vertical_bounce(levelled, PARAMETERS)
+    footsteps_s = find_footsteps(imu, PARAMETERS)
+    lengths_m = lengths_between(levelled, footsteps_s, PARAMETERS)
+    heading_rad = smooth_heading(levelled, PARAMETERS)
+    halfway_s = (footsteps_s[1:] + footsteps_s[:-1]) / 2
+    at, halfway = (np.interp(s, levelled.t_s, heading_rad) for s in (footsteps_s, halfway_s))
+    nodes = dead_reckon(imu, PARAMETERS, (1.0, -2.0, 0.5))
+    return {
+        "imu": {"tS": imu.t_s, "accelMps2": imu.accel_mps2, "gyroRadps": imu.gyro_radps},
+        "rate_hz": levelled.rate_hz,
+        "even": {"tS": levelled.t_s, "accel": levelled.accel_mps2, "gyro": levelled.gyro_radps},
+        "up": levelled.up,
+        "bounce": bounce,
+        "rms": bounce_rms(bounce, PARAMETERS.bounce_window_s, levelled.rate_hz),
+        "footsteps_s": footsteps_s,
+        "lengths_m": lengths_m,
+        "turn_rad": phone_turn(levelled),
+        "heading_rad": heading_rad,
+        "turned_rad": turned_since_rest(levelled, float(footsteps_s[0]), PARAMETERS),
+        "moves": _moves(lengths_m, at, halfway),
+        "poses": nodes.world_from_body,
+        "sigma": nodes.step_sigma,
+    }
+
+
+def peak_vectors(seed: int) -> dict[str, Any]:
+    """Peaks of noise that is rounded, so that there are plateaus and equal heights."""
+    values = np.round(np.cumsum(np.random.default_rng(seed).normal(size=400)), 1)
+    values = values + np.linspace(0, 1e-6, len(values)) * np.r_[np.zeros(200), np.ones(200)]
+    peaks, found = signal.find_peaks(values, prominence=0.5)
+    apart, beside = signal.find_peaks(values + 1e-9 * np.arange(400), distance=12, prominence=0.5)
+    return {
+        "values": values,
+        "peaks": peaks,
+        "prominences": found["prominences"],
+        "apart": apart,
+        "apart_prominences": beside["prominences"],
+    }
+
+
+@pytest.fixture(scope="module")
+def motion_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("motion") / "motion.json"
+    walks = {name: motion_vectors(make()) for name, make in WALKS.items()}
+    peaks = [peak_vectors(seed) for seed in range(3)]
+    file.write_text(
+        json.dumps(
+            listed({"parameters": asdict(PARAMETERS), "walks": walks})
+            | {"peaks": [listed(each) for each in peaks]}
+        )
+    )
+    return file
+
+
+@needs_node
+def test_motion_is_that_of_the_line(motion_file: Path) -> None:
+    run_node(HERE / "motion.test.mjs", motion_file)
+
+
+def test_the_walks_are_those_that_were_wanted(motion_file: Path) -> None:
+    walks = json.loads(motion_file.read_text())["walks"]
+    assert all(len(each["footsteps_s"]) > 20 for each in walks.values())
+    assert gyroscope_bias(WALKS["pausing"](), PARAMETERS) == pytest.approx(
+        [0.01, -0.02, 0.004], abs=0.003
+    )
+    assert any(each["turned_rad"] is not None for each in walks.values())
