@@ -192,7 +192,7 @@ def _move_until(
 
 def download(address: str, folder: Path) -> Path:
     """The one recording of the server, as a folder."""
-    url, token = address.split("#token=")
+    url, token = address.partition("&")[0].split("#token=")
     with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}) as client:
         recordings = client.get("/api/recordings").raise_for_status().json()
         archive = client.get(f"/api/recordings/{recordings[0]['id']}/recording.zip")
@@ -203,7 +203,7 @@ def download(address: str, folder: Path) -> Path:
 
 def finished_map(address: str, folder: Path, most_s: float = 900.0) -> Path:
     """The map that the server makes of it, as a run folder. Waits for it."""
-    url, token = address.split("#token=")
+    url, token = address.partition("&")[0].split("#token=")
     until = time.monotonic() + most_s
     with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}) as client:
         while time.monotonic() < until:

@@ -64,7 +64,7 @@ def main() -> None:
     out: Path = parser.parse_args().folder
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as data, serving(Path(data)) as address:
-        url, token = address.split("/#token=")
+        url, token = address.partition("&")[0].split("/#token=")
         client = httpx.Client(
             base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
         )

@@ -22,7 +22,7 @@ RUNNER = CliRunner()
 def test_an_invitation_opens_the_door(tmp_path: Path) -> None:
     said = RUNNER.invoke(command, ["invite", "Zoë", "--data", str(tmp_path / "data")])
     assert said.exit_code == 0
-    token = said.stdout.splitlines()[0].partition("#token=")[2]
+    token = said.stdout.splitlines()[0].partition("#token=")[2].partition("&key=")[0]
     app = create_app(ServerSettings(tmp_path / "data"))
     client = TestClient(app, client=("127.0.0.1", 1))
     told = client.get("/api/me", headers={"Authorization": f"Bearer {token}"}).json()

@@ -15,6 +15,7 @@ from elfslam.line.chirp import ChirpParameters
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans as floor_plan_routes
+from elfslam.serve.maps import package_routes
 from elfslam.serve.maps import routes as map_routes
 from elfslam.serve.pages import install_pages
 from elfslam.serve.people import users
@@ -33,6 +34,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     job_routes.router,
     map_routes.router,
     floor_plan_routes.router,
+    package_routes.router,
 )
 """Under /api, all of them for users with a token."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)

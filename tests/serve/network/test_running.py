@@ -20,6 +20,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.serve.network.addresses import checked_hosts
 from elfslam.serve.network.running import Listening, greeting, invite, owner_token, qr_lines, run
+from elfslam.serve.network.signing import fingerprint, signing_key
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 
@@ -199,16 +200,18 @@ def test_the_owner_keeps_the_token_until_it_is_renewed(services: Services) -> No
 
 
 def test_the_greeting_shows_the_address_and_its_code() -> None:
-    lines = greeting("https://10.0.0.7:8443/", "abc", secure=True)
-    assert lines[0] == "https://10.0.0.7:8443/#token=abc"
+    pairing = "https://10.0.0.7:8443/#token=abc&key=def"
+    lines = greeting("https://10.0.0.7:8443/", pairing, secure=True)
+    assert lines[0] == pairing
     assert "https://10.0.0.7:8443/authority.pem" in lines[-1]
     assert len({len(line) for line in qr_lines(lines[0])}) == 1
 
 
-def test_an_invitation_is_an_address_with_a_token(settings: ServerSettings) -> None:
+def test_an_invitation_is_an_address_with_a_token_and_the_key(settings: ServerSettings) -> None:
     name, url = invite(settings, " Zoë ")
     assert name == "Zoë"
     assert "#token=" in url
+    assert url.endswith(f"&key={fingerprint(signing_key(settings.authority_folder))}")
     with pytest.raises(InputError, match="printable"):
         invite(settings, "a\nb")
 

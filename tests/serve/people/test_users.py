@@ -38,7 +38,8 @@ def test_a_session_keeps_the_token_in_a_cookie(owner: TestClient, anyone: TestCl
 def test_the_owner_invites_and_deletes(owner: TestClient, services: Services) -> None:
     made = owner.post("/api/users", json={"name": "Zoë"}).json()
     theirs = {"Authorization": f"Bearer {made['token']}"}
-    assert made["url"].endswith(f"/#token={made['token']}")
+    key = owner.get("/api/key").json()["key"]
+    assert made["url"].endswith(f"/#token={made['token']}&key={key}")
     assert owner.get("/api/me", headers=theirs).json()["name"] == "Zoë"
     assert owner.get("/api/users", headers=theirs).status_code == 403
     with reading(services.sessions) as session:

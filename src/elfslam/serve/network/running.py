@@ -23,6 +23,7 @@ from elfslam.serve.network.addresses import (
     url_of,
 )
 from elfslam.serve.network.authority import AUTHORITY, server_certificate, utc_now
+from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import new_token, token_sha256
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.problems import Problem
@@ -73,7 +74,8 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
         config.ssl_certfile, config.ssl_keyfile = kept.certificate, kept.key
     token = owner_token(app.state.services, renewed=listening.new_token)
     _write(settings.authority_folder / LAST_URL, url)
-    for line in greeting(url, token, secure=not listening.plain_http):
+    pairing = url + pairing_fragment(token, settings.authority_folder)
+    for line in greeting(url, pairing, secure=not listening.plain_http):
         say(line)
     uvicorn.Server(config).run(sockets=sockets)
 
@@ -84,12 +86,11 @@ def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
         user, token = add_user(open_services(settings), plain_line(name))
     except (ValueError, Problem) as error:
         raise InputError(f"{name!r:.60}: {getattr(error, 'detail', error)}") from error
-    return user.name, f"{_last_url(settings)}#token={token}"
+    return user.name, _last_url(settings) + pairing_fragment(token, settings.authority_folder)
 
 
-def greeting(url: str, token: str, *, secure: bool) -> list[str]:
-    """What is said when the server starts: the address, its QR code, the authority."""
-    pairing = f"{url}#token={token}"
+def greeting(url: str, pairing: str, *, secure: bool) -> list[str]:
+    """What is said when the server starts: the address that pairs, its QR code, the authority."""
     lines = [pairing, *qr_lines(pairing), f"Scan this with the phone, or open {url} there."]
     if secure:
         lines.append(

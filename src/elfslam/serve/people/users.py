@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import (
     Me,
     Owner,
@@ -114,7 +115,8 @@ def list_users(_owner: Owner, services: Here) -> list[UserBody]:
 def invite_user(given: NewUser, _owner: Owner, services: Here, request: Request) -> Invitation:
     """Let somebody in: their token is in the answer and nowhere else (owner only)."""
     user, token = add_user(services, given.name)
-    url = f"{request.base_url}#token={token}"
+    fragment = pairing_fragment(token, services.settings.authority_folder)
+    url = f"{request.base_url}{fragment}"
     return Invitation(id=user.id, name=user.name, token=token, url=url)
 
 

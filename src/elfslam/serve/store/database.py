@@ -197,6 +197,28 @@ class MapFile(Base):
     size_bytes: Mapped[int] = mapped_column(BigInteger)
 
 
+class MapPackage(Base):
+    """What phones are told of a map, which `sources_sha256` says from what it was made.
+
+    The revision grows with every change.
+    """
+
+    __tablename__ = "map_packages"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    sources_sha256: Mapped[str]
+    revision: Mapped[int] = mapped_column(BigInteger)
+    manifest: Mapped[str]
+
+
+class MapPart(Base):
+    """A tile of a map's package."""
+
+    __tablename__ = "map_parts"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    sha256: Mapped[str] = mapped_column(primary_key=True, index=True)
+    size_bytes: Mapped[int] = mapped_column(BigInteger)
+
+
 def open_database(url: str) -> Engine:
     """The database at an SQLAlchemy URL, its tables made where they are missing.
 

@@ -13,7 +13,7 @@ from sqlalchemy import delete, or_, select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.queue import OPEN
-from elfslam.serve.store.database import Job, JobFile, JobKind, Map, MapFile
+from elfslam.serve.store.database import Job, JobFile, JobKind, Map, MapFile, MapPart
 
 
 def forget_recording(session: Session, user_id: str, recording_id: str) -> list[str]:
@@ -43,7 +43,8 @@ def forget_map(
     )
     merges = [job.id for job in session.scalars(merging) if map_id in job.given["maps"]]
     named = _forget_jobs(session, [*session.scalars(concerned), *merges])
-    named += session.scalars(select(MapFile.sha256).filter_by(map_id=map_id))
+    for table in (MapFile, MapPart):
+        named += session.scalars(select(table.sha256).filter_by(map_id=map_id))
     session.execute(delete(Map).where(Map.id == map_id))
     return named
 

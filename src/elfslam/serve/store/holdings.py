@@ -15,6 +15,7 @@ from elfslam.serve.store.database import (
     JobFile,
     Map,
     MapFile,
+    MapPart,
     Recording,
     RecordingFile,
     Upload,
@@ -24,7 +25,7 @@ from elfslam.serve.store.database import (
 )
 from elfslam.serve.store.derived import forget_recording
 
-NAMERS = (RecordingFile, MapFile, JobFile)
+NAMERS = (RecordingFile, MapFile, MapPart, JobFile)
 """The tables whose rows name blobs."""
 
 
@@ -39,7 +40,7 @@ def upload_bytes(settings: ServerSettings, upload_id: str) -> int:
 def used_bytes(services: Services, session: Session, user_id: str) -> int:
     """What lies here of a user: recordings, maps, what jobs made, and what is on its way."""
     kept = 0
-    for table, of in ((RecordingFile, Recording), (MapFile, Map), (JobFile, Job)):
+    for table, of in ((RecordingFile, Recording), (MapFile, Map), (MapPart, Map), (JobFile, Job)):
         mine = select(func.sum(table.size_bytes)).join(of).where(of.user_id == user_id)
         kept += int(session.scalar(mine) or 0)
     uploads = session.scalars(select(Upload.id).filter_by(user_id=user_id))
@@ -78,8 +79,9 @@ def delete_user(services: Services, user_id: str) -> None:
     with transaction(services.sessions) as session:
         of_recordings = select(RecordingFile.sha256).join(Recording).filter_by(user_id=user_id)
         of_maps = select(MapFile.sha256).join(Map).filter_by(user_id=user_id)
+        of_parts = select(MapPart.sha256).join(Map).filter_by(user_id=user_id)
         of_jobs = select(JobFile.sha256).join(Job).filter_by(user_id=user_id)
-        tables = of_recordings, of_maps, of_jobs
+        tables = of_recordings, of_maps, of_parts, of_jobs
         named = [sha256 for table in tables for sha256 in session.scalars(table)]
         uploads = list(session.scalars(select(Upload.id).filter_by(user_id=user_id)))
         session.execute(delete(User).where(User.id == user_id))

@@ -114,7 +114,7 @@ class Server:
 
     def ask(self, path: str, method: str = "GET") -> httpx.Response:
         """What it answers its owner."""
-        url, token = self.address.split("#token=")
+        url, token = self.address.partition("&")[0].split("#token=")
         header = {"Authorization": f"Bearer {token}"}
         answer = httpx.request(method, url.rstrip("/") + path, headers=header, timeout=30)
         return answer.raise_for_status()

@@ -1,0 +1,194 @@
+"""A map as phones keep it: parts named by their SHA-256, and a manifest that the server signs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import delete
+from sqlalchemy.orm import Session
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.parameters import as_dict
+from elfslam.base.values import FloorMap
+from elfslam.data.facts import ENCODER
+from elfslam.data.map_files import MAP, read_map
+from elfslam.data.tiles import Tile, encoder_identity, phone_of, tiles_of
+from elfslam.senses import Settings
+from elfslam.serve.jobs.tasks import FLOOR_PLAN
+from elfslam.serve.maps.routes import my_map
+from elfslam.serve.receiving.completing import scratch
+from elfslam.serve.services import Services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.blobs import Blob
+from elfslam.serve.store.database import (
+    Map,
+    MapFile,
+    MapPackage,
+    MapPart,
+    User,
+    now_utc,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.sending import unfolded
+
+FORMAT = 1
+GROUPS = ("chirp", "echo", "motion", "locate", "track", "trust", "turns")
+"""The parameters that locating on a phone takes, as far as this version knows them."""
+NOT_FOR_PHONES = "phones cannot be located in this map"
+
+Json = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Sources:
+    """What a package is made from: the files of a map by name, and what is known beside them."""
+
+    name: str
+    files: Mapping[str, Blob]
+    floor_plan: Json | None
+    parameters: Json
+
+    @property
+    def sha256(self) -> str:
+        """The same as long as nothing changed."""
+        files = {name: self.files[name].sha256 for name in (MAP, ENCODER, FLOOR_PLAN)
+                 if name in self.files}  # fmt: skip
+        told = [FORMAT, self.name, files, self.floor_plan, self.parameters]
+        return hashlib.sha256(_text(told).encode()).hexdigest()
+
+
+def package_of(services: Services, user: User, map_id: str) -> str:
+    """The manifest of a map of the user's, made anew where something changed since.
+
+    Raises Problem 404, InputError where phones cannot use the map, FileNotFoundError where it was
+    deleted meanwhile.
+    """
+    with reading(services.sessions) as session:
+        sources = sources_of(session, my_map(session, user, map_id))
+        known = session.get(MapPackage, map_id)
+    if known is not None and known.sources_sha256 == sources.sha256:
+        return known.manifest
+    return _made(services, user, map_id, sources)
+
+
+def sources_of(session: Session, found: Map) -> Sources:
+    """What the package of a map is made from."""
+    rows = session.query(MapFile).filter_by(map_id=found.id)
+    files = {row.name: Blob(row.sha256, row.size_bytes) for row in rows}
+    return Sources(found.name, files, found.floor_plan, phone_parameters())
+
+
+def phone_parameters() -> Json:
+    """The groups of parameters that locating on a phone takes."""
+    return {name: group for name, group in as_dict(Settings()).items() if name in GROUPS}
+
+
+def manifest_of(
+    map_id: str, sources: Sources, content: Json, *, revision: int, made_utc: datetime
+) -> str:
+    """The exact text that is signed."""
+    manifest = {
+        "format": FORMAT,
+        "map": map_id,
+        "name": sources.name,
+        "revision": revision,
+        "made_utc": made_utc.isoformat(timespec="seconds"),
+        "parameters": sources.parameters,
+        **content,
+    }
+    plan = sources.files.get(FLOOR_PLAN)
+    if plan is not None and sources.floor_plan is not None:
+        manifest["floor_plan"] = {**_told(plan), **sources.floor_plan}
+    return _text(manifest)
+
+
+def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
+    settings = services.settings
+    named = {name: sources.files[name].sha256 for name in (MAP, ENCODER) if name in sources.files}
+    if len(named) < 2:
+        raise InputError(
+            f"{NOT_FOR_PHONES}: it has no {MAP if MAP not in named else ENCODER}; "
+            "map the walk by its echoes"
+        )
+    floor_map = _read(settings, named, sources.name)
+    tiles, encoder = tiles_of(floor_map), sources.files[ENCODER]
+    identity, phone = encoder_identity(floor_map), phone_of(floor_map)
+    if identity.partition("+")[0] != encoder.sha256[: len(identity.partition("+")[0])]:
+        raise InputError(
+            f"{NOT_FOR_PHONES}: made with encoder {identity}, {encoder.sha256[:16]} lies beside it"
+        )
+    with scratch(settings) as folder, blobs.locked(settings.blobs_folder):
+        parts = [blobs.put(settings.blobs_folder, file) for file in _written(folder, tiles)]
+        content = {
+            "encoder": {**_told(encoder), "identity": identity},
+            "phone": None if phone is None else phone.tolist(),
+            "tiles": [
+                {**_told(part), "spots": tile.spots, "square": list(tile.square)}
+                for part, tile in zip(parts, tiles, strict=True)
+            ],
+        }
+        with transaction(services.sessions) as session:
+            manifest, dropped = _kept(session, my_map(session, user, map_id), content, parts)
+    drop_unnamed(services, dropped)
+    return manifest
+
+
+def _read(settings: ServerSettings, named: Mapping[str, str], name: str) -> FloorMap:
+    with unfolded(settings, named) as folder:
+        try:
+            return read_map(folder)
+        except StoreError as error:
+            raise StoreError(str(error).replace(str(folder), name)) from error
+
+
+def _kept(
+    session: Session, found: Map, content: Json, parts: Sequence[Blob]
+) -> tuple[str, list[str]]:
+    """Keep a package beside its map; its manifest, and the SHA-256 of what it names no more."""
+    sources, older = sources_of(session, found), session.get(MapPackage, found.id)
+    if older is not None and older.sources_sha256 == sources.sha256:
+        return older.manifest, []
+    # In seconds of this age: it grows even after the folder was put back from a copy.
+    revision = max(int(time.time()), 0 if older is None else older.revision + 1)
+    manifest = manifest_of(found.id, sources, content, revision=revision, made_utc=now_utc())
+    before = [row.sha256 for row in session.query(MapPart).filter_by(map_id=found.id)]
+    session.execute(delete(MapPart).where(MapPart.map_id == found.id))
+    sizes = {part.sha256: part.size_bytes for part in parts}
+    session.add_all(
+        MapPart(map_id=found.id, sha256=sha256, size_bytes=size) for sha256, size in sizes.items()
+    )
+    session.merge(
+        MapPackage(
+            map_id=found.id,
+            sources_sha256=sources.sha256,
+            revision=revision,
+            manifest=manifest,
+        )
+    )
+    return manifest, [sha256 for sha256 in before if sha256 not in sizes]
+
+
+def _written(folder: Path, tiles: Iterable[Tile]) -> Iterable[Path]:
+    for count, tile in enumerate(tiles):
+        file = folder / str(count)
+        file.write_bytes(tile.content)
+        yield file
+
+
+def _told(blob: Blob) -> Json:
+    return {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
+
+
+def _text(told: object) -> str:
+    return json.dumps(told, sort_keys=True, ensure_ascii=False, allow_nan=False,
+                      separators=(",", ":"))  # fmt: skip
