@@ -1,7 +1,8 @@
 // Who is here: the token of the address becomes a cookie, and leaves the address.
 
 import { ask, askJson, Problem } from "./api.js";
-import { openSession, tokenIn } from "../shared/api.js";
+import { forgetHere } from "../keeping/pairing.js";
+import { beginSession, openSession } from "../shared/api.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
 
@@ -19,13 +20,13 @@ export async function whoIsHere() {
   }
 }
 
-/** Forget this browser's session. */
+/** Forget this browser's session, and the maps that it keeps. */
 export async function signOut() {
   await ask("/api/session", { method: "DELETE" });
+  await forgetHere();
 }
 
 /** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */
 export async function pairWith(text) {
-  const token = text.includes("#") ? tokenIn(text.slice(text.indexOf("#"))) : text;
-  await ask("/api/session", { method: "POST", headers: { Authorization: `Bearer ${(token ?? "").trim()}` } });
+  await beginSession(text.includes("#") ? text.slice(text.indexOf("#")) : `#token=${encodeURIComponent(text.trim())}`);
 }

@@ -1,5 +1,7 @@
 /** The server's interface, and what it answers when it refuses. */
 
+import { pairHere } from "../keeping/pairing.js";
+
 /** What went wrong, in one line that people can read; `status` is 0 where no answer came. */
 export class Problem extends Error {
   /** @param {string} detail @param {number} status */
@@ -34,7 +36,8 @@ export async function ask(method, path, body, headers = {}) {
   return response.status === 204 ? null : response.json();
 }
 
-async function problemOf(response) {
+/** What a refusal says. @param {Response} response @returns {Promise<Problem>} */
+export async function problemOf(response) {
   const told = await response.json().catch(() => ({}));
   if (response.status === 401) return new Problem(NOT_PAIRED, 401);
   const detail = typeof told.detail === "string" ? told.detail : told.title;
@@ -55,14 +58,24 @@ export function tokenIn(fragment) {
  * @param {Location} location @param {History} history
  */
 export async function openSession(location, history) {
-  const token = tokenIn(location.hash);
-  if (token === null) return;
+  const fragment = location.hash;
+  if (tokenIn(fragment) === null) return;
   const forget = () => history.replaceState(null, "", location.pathname + location.search);
   try {
-    await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+    await beginSession(fragment);
   } catch (error) {
     if (error.status !== 0) forget();
     throw error;
   }
   forget();
+}
+
+/**
+ * Hand the token over for a cookie, and trust the key that lies beside it. Raises Problem.
+ * @param {string} fragment such as "#token=abc&key=def"
+ */
+export async function beginSession(fragment) {
+  const token = (tokenIn(fragment) ?? "").trim();
+  await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+  await pairHere(fragment, (await ask("GET", "/api/me")).id);
 }

@@ -1,0 +1,65 @@
+"""The modules that keep maps, in node, on packages that a real server signed."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from elfslam.base.values import FloorMap
+from elfslam.data.tiles import map_of_tiles, tiles_of
+
+HERE = Path(__file__).parent
+node = shutil.which("node")
+
+
+def state_of(client: TestClient, map_id: str, parts: Path) -> dict[str, Any]:
+    """A signed package, its parts put into a folder."""
+    signed: dict[str, Any] = client.get(f"/api/maps/{map_id}/package").raise_for_status().json()
+    told = json.loads(signed["manifest"])
+    for part in [*told["tiles"], told["encoder"]]:
+        answer = client.get(f"/api/maps/{map_id}/package/{part['sha256']}").raise_for_status()
+        (parts / part["sha256"]).write_bytes(answer.content)
+    return signed
+
+
+def wanted(floor_map: FloorMap, file: Path) -> None:
+    """What a phone should hold of a map, as one block of float32."""
+    contents = [tile.content for tile in tiles_of(floor_map)]
+    phone = floor_map.payloads[1].vectors[0]
+    read = map_of_tiles(contents, encoder="", phone=phone, source="")
+    flat = read.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
+    columns = (read.xy_m, read.heading_rad, flat, read.weight, read.payloads[0].vectors, phone)
+    file.write_bytes(np.concatenate([c.ravel() for c in columns]).astype("<f4").tobytes())
+
+
+@pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+def test_the_modules_that_keep_maps(
+    owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
+) -> None:
+    parts, first, second = tmp_path / "parts", *maps
+    parts.mkdir()
+    planted = plant(tmp_path / "data")
+    map_id, other = planted.put(first), planted.put(second)
+    states = {"first": state_of(owner, map_id, parts), "other": state_of(owner, other, parts)}
+    planted.put(second, map_id)
+    states["second"] = state_of(owner, map_id, parts)
+    told = {**states, "key": owner.get("/api/key").json(), "map": map_id, "otherMap": other}
+    (tmp_path / "states.json").write_text(json.dumps(told))
+    wanted(first, tmp_path / "first.f32")
+    wanted(second, tmp_path / "second.f32")
+    done = subprocess.run(
+        [str(node), "--test", str(HERE / "keeping.test.mjs")],
+        capture_output=True, text=True, timeout=120, check=False,
+        env={**os.environ, "ELFSLAM_PACKAGES": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "# fail 0" in done.stdout
