@@ -1,6 +1,5 @@
 /** The phone page, from the first tap to the map. */
 
-import { openPackages } from "../keeping/packages.js";
 import { Problem, ask, openSession } from "../shared/api.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
@@ -227,7 +226,7 @@ function walkAgain() {
   else showView("start");
 }
 
-const locating = makeLocating({ packages: openPackages(), devices: openPhone, act, problem: showProblem });
+const locating = makeLocating({ devices: openPhone, act, problem: showProblem });
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });

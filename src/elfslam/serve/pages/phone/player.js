@@ -14,10 +14,11 @@ const LEVEL = 0.8;
  * @param {number} period samples
  * @param {number} delayS from now to the first chirp
  * @param {number} [count] chirps in all; without it they go on until stopped
+ * @param {(frame: number) => void} [onPlayed] told, ahead of time, the frame at which each begins
  * @returns {{firstFrame: number, stop: () => number}} firstFrame: of the clock, at which the first one
  *   begins; stop: lets those that sound end, and gives the frame at which the last one begins
  */
-export function startChirps(context, chirp, period, delayS, count = Infinity) {
+export function startChirps(context, chirp, period, delayS, count = Infinity, onPlayed = () => {}) {
   const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
   buffer.copyToChannel(chirp, 0);
   const gain = new GainNode(context, { gain: LEVEL });
@@ -32,6 +33,7 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
     source.onended = () => due.delete(source);
     source.start(frame / context.sampleRate);
     due.set(source, frame);
+    onPlayed(frame);
   };
 
   const schedule = () => {

@@ -8,6 +8,9 @@ import { fixOf, likeness } from "../../line/locate.js";
  * @typedef {{decide: (untilS: number) => import("./words.js").Fix[]}} Deciding
  */
 
+/** Looking for footsteps goes through the last seconds of motion: not for every block of sound. */
+const LOOK_EVERY_S = 0.2;
+
 /**
  * A fix at each footstep.
  * @param {{
@@ -19,12 +22,15 @@ import { fixOf, likeness } from "../../line/locate.js";
  */
 export function decideBySteps({ floorMap, memory, footsteps, tracker }) {
   let waiting = [];
+  let lookedS = -Infinity;
   const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
     const mean = memory.mean(fromS, tS);
     memory.forget(tS);
     return { ...tracker.step(moveM, sigma, mean && likeness(mean, floorMap)), tS };
   };
   const decide = (untilS) => {
+    if (untilS - lookedS < LOOK_EVERY_S) return [];
+    lookedS = untilS;
     waiting.push(...footsteps.take(untilS));
     const ready = waiting.filter(({ tS }) => tS <= untilS);
     waiting = waiting.slice(ready.length);

@@ -19,13 +19,15 @@ const FIRST_CHIRP_S = 0.25;
  * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array}} kept
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
- * @returns {Promise<{stop: () => void, played: () => number}>} played: chirps so far
+ * @returns {Promise<{stop: () => void, zeroS: () => number}>} zeroS: when, on the clock of the fixes, the
+ *   first chirp was heard
  */
 export async function startPlacing({ microphone, clocks, play }, { floorMap, encoderBytes }, mode, told) {
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
   const { port1, port2 } = new MessageChannel();
   const rateHz = microphone.context.sampleRate;
-  const ready = untilReady(worker, told);
+  const latest = { latenessS: null };
+  const ready = untilReady(worker, told, latest);
   worker.postMessage({ do: "open", rateHz, floorMap, encoderBytes, mode, source: port1 }, [port1]);
   try {
     await ready;
@@ -35,24 +37,27 @@ export async function startPlacing({ microphone, clocks, play }, { floorMap, enc
   }
   microphone.pour("place", port2);
   const stopMotion = sendMotion(worker, clocks);
-  const chirps = play(FIRST_CHIRP_S, Infinity, (tS) => worker.postMessage({ do: "played", tS }));
+  const chirps = play(FIRST_CHIRP_S, Infinity, (frame) => worker.postMessage({ do: "played", tS: frame / rateHz }));
   const stop = () => {
     chirps.stop();
     stopMotion();
     microphone.pour("place", null);
     worker.terminate();
   };
-  return { stop };
+  return { stop, zeroS: () => chirps.firstFrame / rateHz + (latest.latenessS ?? 0) };
 }
 
 /** @param {Worker} worker @param {Told} told @returns {Promise<void>} */
-function untilReady(worker, told) {
+function untilReady(worker, told, latest) {
   return new Promise((resolve, reject) => {
     worker.onerror = () => reject(new Error("This browser cannot run the part of the page that locates. Use a newer one."));
     worker.onmessage = ({ data }) => {
       if (data.is === "ready") resolve();
       if (data.is === "fix") told.fix(data.fix);
-      if (data.is === "echo") told.echo(data);
+      if (data.is === "echo") {
+        latest.latenessS = data.latenessS;
+        told.echo(data);
+      }
       if (data.is === "problem") {
         reject(new Error(data.said));
         told.problem(data.said);

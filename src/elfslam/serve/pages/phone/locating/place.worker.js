@@ -3,7 +3,7 @@
  * chirps were played; it answers with fixes.
  */
 
-import { makeChirp } from "../chirp.js";
+import { makeChirp } from "../../line/chirp.js";
 import { makeEchoCutter } from "../../line/echo.js";
 import { openEncoder } from "../../line/encoder.js";
 import { encoderFor } from "../../line/feature.js";
@@ -55,12 +55,12 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
 }
 
 function onFix(fix) {
-  self.postMessage({ is: "fix", fix, latenessS: lateness.latenessS() });
+  self.postMessage({ is: "fix", fix });
 }
 
 function onEcho({ tS, facts }) {
   lateness.heard(tS);
-  self.postMessage({ is: "echo", tS, facts });
+  self.postMessage({ is: "echo", tS, facts, latenessS: lateness.latenessS() });
 }
 
 function tellProblem(error) {

@@ -44,6 +44,16 @@ export function showMap(name, stage) {
 export function showRunning(isRunning) {
   at("place-stop").hidden = !isRunning;
   at("place-start").hidden = isRunning;
+  at("place-facts").hidden = !isRunning && at("place-clock").textContent === "0:00";
+  if (isRunning) at("place-save").hidden = true;
+}
+
+/** Offers the fixes of the walk that has ended as a file. @param {string} table */
+export function offerFixes(table) {
+  const link = at("place-save");
+  URL.revokeObjectURL(link.href);
+  link.href = URL.createObjectURL(new Blob([table], { type: "text/csv" }));
+  link.hidden = false;
 }
 
 /** @param {string | null} said */
@@ -64,7 +74,7 @@ export function showMaps(rows, does) {
 
 function mapCard(row, does) {
   const button = (words, className, deed) => {
-    const inside = make("button", { type: "button", className, onclick: () => deed(row) }, [words]);
+    const inside = make("button", { type: "button", className, onclick: (event) => deed(row, event) }, [words]);
     inside.append(make("span", { className: "visually-hidden" }, [` ${row.name}`]));
     return inside;
   };
@@ -93,16 +103,15 @@ function factsOf({ sizeBytes, when }) {
   return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
 }
 
-/** @param {string} id @param {{share: number | null, said: string} | null} progress */
+/** @param {string} id @param {import("../../keeping/packages.js").Progress | null} progress */
 export function showProgress(id, progress) {
   const box = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);
   if (!box) return;
   box.hidden = progress === null;
   if (progress === null) return;
   const [bar, said] = box.children;
-  if (progress.share === null) bar.removeAttribute("value");
-  else bar.value = progress.share;
-  said.textContent = progress.said;
+  bar.value = progress.totalBytes > 0 ? progress.doneBytes / progress.totalBytes : 1;
+  said.textContent = `${formatBytes(progress.doneBytes)} of ${formatBytes(progress.totalBytes)}`;
 }
 
 /** Asks before a map is removed. @returns {Promise<boolean>} */
