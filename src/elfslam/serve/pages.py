@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import mimetypes
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from pathlib import Path
 
-from fastapi import FastAPI
-from fastapi.responses import FileResponse
+from fastapi import FastAPI, Request
+from fastapi.responses import FileResponse, Response
+from pydantic import BaseModel
+from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
-from starlette.staticfiles import StaticFiles
 from starlette.types import Scope
 
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
+from elfslam.serve.static_files import PageFiles
 
 PAGES = {"/": "phone.html", "/desk": "desk.html"}
-CERTIFICATE = "authority.pem"
+CERTIFICATE, WORKER = "authority.pem", "service_worker.js"
 TYPES = {
     ".js": "text/javascript",
     ".mjs": "text/javascript",
@@ -25,6 +27,24 @@ TYPES = {
     ".onnx": "application/octet-stream",
     ".phyphox": "application/octet-stream",
 }
+
+
+class PageFile(BaseModel):
+    """A file of the phone page: how large it is, and how large when it is sent compressed."""
+
+    path: str
+    sha256: str
+    size_bytes: int
+    sent_bytes: int
+
+
+class PageList(BaseModel):
+    """All of them; the version is another one whenever a file is."""
+
+    version: str
+    size_bytes: int
+    sent_bytes: int
+    files: list[PageFile]
 
 
 class PagesMount(Mount):
@@ -41,8 +61,12 @@ def install_pages(app: FastAPI, folder: Path) -> None:
     """Serve the files of a folder; two of them have short addresses."""
     for suffix, kind in TYPES.items():
         mimetypes.add_type(kind, suffix)
+    files = PageFiles(folder)
     for address, name in PAGES.items():
-        app.get(address, include_in_schema=False)(_page(folder / name))
+        app.get(address, include_in_schema=False)(_page(files, name))
+        app.head(address, include_in_schema=False)(_page(files, name))
+    app.get("/precache.json", operation_id="list_page_files", tags=["server"])(_list(files))
+    app.get(f"/{WORKER}", include_in_schema=False)(_worker(files, folder / WORKER))
     app.get(
         f"/{CERTIFICATE}",
         operation_id="get_authority",
@@ -50,7 +74,7 @@ def install_pages(app: FastAPI, folder: Path) -> None:
         responses=problems(404),
         tags=["server"],
     )(authority)
-    app.router.routes.append(PagesMount("/", app=StaticFiles(directory=folder, check_dir=False)))
+    app.router.routes.append(PagesMount("/", app=files))
 
 
 def authority(services: Here) -> FileResponse:
@@ -61,10 +85,28 @@ def authority(services: Here) -> FileResponse:
     return FileResponse(file, media_type="application/x-x509-ca-cert", filename="elfslam.pem")
 
 
-def _page(file: Path) -> Callable[[], FileResponse]:
-    def page() -> FileResponse:
-        if not file.is_file():
-            raise Problem(404, f"this installation has no {file.name}; install elfslam again")
-        return FileResponse(file, media_type="text/html; charset=utf-8")
+def _page(files: PageFiles, name: str) -> Callable[[Request], Awaitable[Response]]:
+    async def page(request: Request) -> Response:
+        try:
+            return await files.get_response(name, request.scope)
+        except HTTPException as error:
+            raise Problem(404, f"this installation has no {name}; install elfslam again") from error
 
     return page
+
+
+def _list(files: PageFiles) -> Callable[[], PageList]:
+    def page_files() -> PageList:
+        """The files that the phone page keeps, so that it opens without a network."""
+        return PageList(**files.kept_by_phones())
+
+    return page_files
+
+
+def _worker(files: PageFiles, file: Path) -> Callable[[], Response]:
+    def worker() -> Response:
+        """The service worker, another one whenever a file of the page is."""
+        told = f'const VERSION = "{files.kept_by_phones()["version"]}";\n'
+        return Response(told + file.read_text(encoding="utf-8"), media_type=TYPES[".js"])
+
+    return worker

@@ -1,0 +1,60 @@
+/** The page kept on the phone: it opens without its server, and a new version takes over when nothing goes on. */
+
+/**
+ * @typedef {{isKept: boolean, why: string}} Offline whether the page opens without a network, else why not
+ */
+
+export const KEPT = { isKept: true, why: "" };
+export const NO_WORKER = {
+  isKept: false,
+  why: "This browser keeps no pages: open the page by https, in a window that is not private.",
+};
+export const NOT_TRUSTED = {
+  isKept: false,
+  why: "The page is not kept on this phone: install the server's authority, so that the browser trusts it.",
+};
+export const NOT_WHOLE = {
+  isKept: false,
+  why: "The page did not come whole, or this phone has no room for it. Open it again later.",
+};
+
+/**
+ * Keep the page, and change to a new version of it while `isIdle` says that nothing goes on.
+ * @param {() => boolean} isIdle @returns {Promise<Offline>} when it is kept, or cannot be
+ */
+export async function keepPage(isIdle) {
+  const workers = navigator.serviceWorker;
+  if (!workers) return NO_WORKER;
+  const hadOlder = workers.controller !== null;
+  workers.addEventListener("controllerchange", () => {
+    if (hadOlder && isIdle()) window.location.reload();
+  });
+  try {
+    const worker = new URL("../service_worker.js", import.meta.url);
+    const registration = await workers.register(worker, { updateViaCache: "none" });
+    watch(registration, isIdle);
+    return await Promise.race([workers.ready.then(() => KEPT), failing(registration)]);
+  } catch {
+    return hadOlder ? KEPT : NOT_TRUSTED;
+  }
+}
+
+/** Ends when the first version could not be kept. @param {ServiceWorkerRegistration} registration */
+function failing({ installing }) {
+  return new Promise((resolve) => {
+    installing?.addEventListener("statechange", () => {
+      if (installing.state === "redundant") resolve(NOT_WHOLE);
+    });
+  });
+}
+
+/** @param {ServiceWorkerRegistration} registration @param {() => boolean} isIdle */
+function watch(registration, isIdle) {
+  const offer = () => {
+    if (registration.active && isIdle()) registration.waiting?.postMessage("begin");
+  };
+  registration.addEventListener("updatefound", () => {
+    registration.installing?.addEventListener("statechange", offer);
+  });
+  offer();
+}

@@ -1,0 +1,100 @@
+/*
+ * Keeps the phone page, so that it opens without its server. The server writes VERSION above this text: it is
+ * another one whenever a file of the page is, and the browser then fetches all that changed beside the old page,
+ * which stays whole until nobody uses it. Nothing under /api passes through here.
+ */
+
+const PREFIX = "elfslam-pages-";
+const LIST = "/precache.json";
+const PAGE = "/";
+const ALSO_PAGE = "/phone.html";
+const NOT_OURS = ["/api", "/desk", "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
+const AT_ONCE = 6;
+
+self.addEventListener("install", (event) => event.waitUntil(keepAll()));
+self.addEventListener("activate", (event) => event.waitUntil(begin()));
+self.addEventListener("message", (event) => {
+  if (event.data === "begin") event.waitUntil(beginUnlessOthersWalk());
+});
+self.addEventListener("fetch", (event) => {
+  const { method, url } = event.request;
+  const { origin, pathname } = new URL(url);
+  if (method === "GET" && origin === self.location.origin && !NOT_OURS.some((start) => pathname.startsWith(start))) {
+    event.respondWith(answer(event, pathname === ALSO_PAGE ? PAGE : pathname));
+  }
+});
+
+/** What is kept; what is not, and all that the desk asks, comes from the server. */
+async function answer(event, path) {
+  if (event.request.mode !== "navigate" && (await isOfDesk(event.clientId))) return fetch(event.request);
+  const kept = await (await caches.open(PREFIX + VERSION)).match(path);
+  return kept ?? fetch(event.request);
+}
+
+async function isOfDesk(clientId) {
+  const client = clientId ? await self.clients.get(clientId) : undefined;
+  return client !== undefined && new URL(client.url).pathname.startsWith("/desk");
+}
+
+/** Fetch the page as the server lists it, or as an older version had it; all of it, or nothing. */
+async function keepAll() {
+  const listed = await fetch(LIST, { cache: "no-store" });
+  const list = await listed.clone().json();
+  if (list.version !== VERSION) throw new Error("the page changed while it was fetched");
+  const older = await olderFiles();
+  const cache = await caches.open(PREFIX + VERSION);
+  const waiting = [...list.files];
+  const work = async () => {
+    for (let file = waiting.shift(); file !== undefined; file = waiting.shift()) {
+      await cache.put(file.path, (await kept(older.get(file.path), file)) ?? (await fetched(file)));
+    }
+  };
+  try {
+    await Promise.all(Array.from({ length: AT_ONCE }, work));
+    await cache.put(LIST, listed);
+  } catch (error) {
+    await caches.delete(PREFIX + VERSION);
+    throw error;
+  }
+}
+
+/** The files of the versions before this one: digest and cache by path. */
+async function olderFiles() {
+  const found = new Map();
+  for (const name of await olderCaches()) {
+    const cache = await caches.open(name);
+    const listed = await cache.match(LIST);
+    const files = listed ? (await listed.json()).files : [];
+    for (const { path, sha256 } of files) found.set(path, { cache, sha256 });
+  }
+  return found;
+}
+
+async function kept(older, { path, sha256 }) {
+  return older?.sha256 === sha256 ? older.cache.match(path) : undefined;
+}
+
+async function fetched({ path, sha256 }) {
+  const response = await fetch(path, { cache: "no-cache" });
+  if (!response.ok) throw new Error(`${path}: ${response.status}`);
+  const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", await response.clone().arrayBuffer()));
+  const told = Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
+  if (told !== sha256) throw new Error(`${path}: is not what the server listed`);
+  return response;
+}
+
+async function begin() {
+  for (const name of await olderCaches()) await caches.delete(name);
+  await self.clients.claim();
+}
+
+async function olderCaches() {
+  return (await caches.keys()).filter((name) => name.startsWith(PREFIX) && name !== PREFIX + VERSION);
+}
+
+/** The page asks for it when nothing goes on there; another window may be on a walk. */
+async function beginUnlessOthersWalk() {
+  const windows = await self.clients.matchAll({ type: "window", includeUncontrolled: true });
+  const pages = windows.filter(({ url }) => !new URL(url).pathname.startsWith("/desk"));
+  if (pages.length <= 1) await self.skipWaiting();
+}

@@ -1,0 +1,145 @@
+"""The files of the pages: compressed once, known by their content, listed for phones to keep."""
+
+from __future__ import annotations
+
+import gzip
+import hashlib
+import threading
+from collections.abc import Iterator
+from dataclasses import dataclass
+from os import PathLike, stat_result
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import Headers
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
+from starlette.types import Scope
+
+COMPRESSED = frozenset((".html", ".css", ".js", ".mjs", ".svg", ".webmanifest", ".wasm", ".json"))
+LEVEL = 6
+"""Of gzip; the highest gains 1 % and takes three times as long."""
+WORTH = 0.95
+"""A copy that is not smaller than this share is not sent."""
+PHONE_PAGE = "phone.html"
+OF_PHONE = ("phone", "shared", "keeping", "line", "vendor")
+"""Folders that the phone page needs without a network; `vendor` less what the desk alone needs."""
+ALONE = (PHONE_PAGE, "style.css", "app.webmanifest")
+NOT_OF_PHONE = ("vendor/qrcode-generator",)
+KEPT = frozenset((*COMPRESSED, ".png", ".onnx"))
+"""Licences and the like stay on the server."""
+
+Stamp = tuple[int, int]
+
+
+@dataclass(frozen=True)
+class Copy:
+    """What a file is known by, and its compressed copy where that is smaller."""
+
+    sha256: str
+    size_bytes: int
+    zipped: bytes | None
+
+    @property
+    def sent_bytes(self) -> int:
+        """What goes over the network."""
+        return self.size_bytes if self.zipped is None else len(self.zipped)
+
+    def tag(self, *, zipped: bool) -> str:
+        """The ETag of one of the two."""
+        return f'"{self.sha256[:32]}{"-gzip" if zipped else ""}"'
+
+
+class PageFiles(StaticFiles):
+    """Static files with strong ETags, compressed for whoever takes that, in ranges for others."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(directory=folder, check_dir=False)
+        self._folder, self._lock = folder, threading.Lock()
+        self._copies: dict[Path, tuple[Stamp, Copy]] = {}
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """A file, or that it has not changed. Raises HTTPException."""
+        response = await super().get_response(path, scope)
+        if not isinstance(response, FileResponse):
+            return response
+        try:
+            copy = await run_in_threadpool(self.copy_of, Path(response.path))
+        except FileNotFoundError as error:
+            raise HTTPException(404) from error
+        return self._answer(response, copy, Headers(scope=scope), scope["method"])
+
+    def file_response(
+        self,
+        full_path: str | PathLike[str],
+        stat_result: stat_result,
+        scope: Scope,
+        status_code: int = 200,
+    ) -> Response:
+        """The file as it is; whether it is wanted so is seen later."""
+        return FileResponse(full_path, status_code=status_code, stat_result=stat_result)
+
+    def _answer(self, plain: FileResponse, copy: Copy, asked: Headers, method: str) -> Response:
+        zipped = copy.zipped if takes_gzip(asked) and "range" not in asked else None
+        headers = {"ETag": copy.tag(zipped=zipped is not None)}
+        if copy.zipped is not None:
+            headers["Vary"] = "Accept-Encoding"
+        plain.headers.update(headers)
+        if self.is_not_modified(plain.headers, asked):
+            return NotModifiedResponse(plain.headers)
+        if zipped is None:
+            return plain
+        headers |= {"Content-Encoding": "gzip", "Content-Length": str(len(zipped))}
+        headers["Last-Modified"] = plain.headers["last-modified"]
+        return Response(b"" if method == "HEAD" else zipped, 200, headers, plain.media_type)
+
+    def copy_of(self, file: Path) -> Copy:
+        """What is known of a file, found out anew when it changed. Raises FileNotFoundError."""
+        about = file.stat()
+        stamp = about.st_mtime_ns, about.st_size
+        with self._lock:
+            known = self._copies.get(file)
+            if known is None or known[0] != stamp:
+                known = self._copies[file] = stamp, _copied(file)
+        return known[1]
+
+    def kept_by_phones(self) -> dict[str, Any]:
+        """The files that the phone page needs, by digest; `version` changes with any of them."""
+        rows = [_row(name, self.copy_of(self._folder / name)) for name in self._names()]
+        told = "".join(f"{row['path']} {row['sha256']}\n" for row in rows)
+        sums = {name: sum(row[name] for row in rows) for name in ("size_bytes", "sent_bytes")}
+        return {"version": hashlib.sha256(told.encode()).hexdigest()[:16], **sums, "files": rows}
+
+    def _names(self) -> Iterator[str]:
+        folders = (file for name in OF_PHONE for file in (self._folder / name).rglob("*"))
+        for file in sorted([*(self._folder / name for name in ALONE), *folders]):
+            name = file.relative_to(self._folder).as_posix()
+            if file.suffix in KEPT and file.is_file() and not name.startswith(NOT_OF_PHONE):
+                yield name
+
+
+def _row(name: str, copy: Copy) -> dict[str, Any]:
+    return {
+        "path": "/" if name == PHONE_PAGE else f"/{name}",
+        "sha256": copy.sha256,
+        "size_bytes": copy.size_bytes,
+        "sent_bytes": copy.sent_bytes,
+    }
+
+
+def takes_gzip(asked: Headers) -> bool:
+    """Whether whoever asks takes gzip (RFC 9110, 12.5.3)."""
+    for entry in asked.get("accept-encoding", "").lower().split(","):
+        name, _, weight = entry.replace(" ", "").partition(";q=")
+        if name in ("gzip", "*"):
+            return weight.strip("0.") != "" if weight else True
+    return False
+
+
+def _copied(file: Path) -> Copy:
+    content = file.read_bytes()
+    zipped = gzip.compress(content, LEVEL, mtime=0) if file.suffix in COMPRESSED else content
+    worth = len(zipped) < WORTH * len(content)
+    return Copy(hashlib.sha256(content).hexdigest(), len(content), zipped if worth else None)
