@@ -22,6 +22,9 @@ import {
   showUnfinished, showView, totalBytes,
 } from "./view.js";
 
+const WITHOUT_SERVER =
+  "The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.";
+
 const keeper = startKeeper();
 /** What the page knows; `phone` is there once sound and motion are allowed. */
 const page = { chirp: CHIRP, software: "elfslam", phone: null, walks: [], ending: null };
@@ -53,7 +56,8 @@ async function begin() {
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
   } catch (error) {
-    showProblem(error.message);
+    const isAway = error.status === 0;
+    showProblem(isAway ? WITHOUT_SERVER : error.message, isAway ? "doubt" : "fail");
   }
   await clearing;
 }

@@ -5,7 +5,7 @@ import { openStore } from "../../keeping/store.js";
 import { ask } from "../../shared/api.js";
 import { showView } from "../view.js";
 import { rowsOf } from "./maps.js";
-import { askRemove, showMaps, showMapsTrouble, showProgress } from "./place_view.js";
+import { askRemove, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
 
 const NO_SERVER = "The server does not answer. The maps on this phone work without it.";
 
@@ -20,6 +20,7 @@ export function makeChoosing({ act, chosen }) {
 
   async function list() {
     showView("maps");
+    showOffline();
     packages ??= openPackages(await openStore());
     const kept = await packages.list();
     showMaps(rowsOf(kept, null), does);

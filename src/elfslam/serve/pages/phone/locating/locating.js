@@ -10,7 +10,7 @@ import { mountPlaceMap } from "./place_map.js";
 import { offerFixes, showMap, showRunning, showWords, speak, speakPlace } from "./place_view.js";
 import { showFixes } from "./showing.js";
 import { NO_TRAIL } from "./trail.js";
-import { STOPPED, WAITING } from "./words.js";
+import { READYING, STOPPED, WAITING } from "./words.js";
 
 /**
  * What the view knows.
@@ -51,15 +51,19 @@ export function makeLocating({ devices, act, problem }) {
     stop();
     here.trail = NO_TRAIL;
     here.map.setTrail(NO_TRAIL);
-    tell(WAITING[mode()]);
+    tell(READYING);
+    at("place-start").disabled = true;
     const opened = await devices();
     if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
     const awake = stayAwake();
     const shown = showFixes(here, mode());
     const placing = await startPlacing(opened, here.kept, mode(), { ...shown.told, problem: stopFor }).catch((error) => {
       awake.stop();
+      at("place-start").disabled = false;
+      tell(STOPPED);
       throw error;
     });
+    tell(WAITING[mode()]);
     shown.begin();
     here.running = () => {
       shown.end();
@@ -67,6 +71,7 @@ export function makeLocating({ devices, act, problem }) {
       awake.stop();
       offerFixes(tableOfFixes(shown.fixes(), placing.zeroS()));
     };
+    at("place-start").disabled = false;
     showRunning(true);
   }
 

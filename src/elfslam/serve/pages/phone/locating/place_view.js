@@ -103,6 +103,13 @@ function factsOf({ sizeBytes, when }) {
   return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
 }
 
+/** Why the page itself does not open without a network, where it does not. */
+export function showOffline() {
+  const kept = document.documentElement.dataset.offline;
+  at("maps-offline").hidden = kept === undefined || kept === "kept";
+  at("maps-offline").textContent = at("maps-offline").hidden ? "" : kept;
+}
+
 /** @param {string} id @param {import("../../keeping/packages.js").Progress | null} progress */
 export function showProgress(id, progress) {
   const box = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);

@@ -21,6 +21,8 @@ export const WAITING = {
   "one-shot": { verdict: "wait", title: "Listening", line: "Hold the phone in front of you." },
 };
 
+/** @type {Words} while the map and the encoder are made ready */
+export const READYING = { verdict: "wait", title: "Getting ready", line: "This takes a few seconds." };
 /** @type {Words} */
 export const STOPPED = { verdict: "wait", title: "Stopped", line: "The map shows where you were." };
 
