@@ -11,14 +11,18 @@ from elfslam.line.motion.footsteps import find_footsteps
 from elfslam.line.motion.heading import gyroscope_bias, walking_heading
 from elfslam.line.motion.lengths import step_lengths
 from elfslam.line.motion.level import check_imu
+from elfslam.line.motion.live import BEGINNING, Going, Steps, go_on
 from elfslam.line.motion.parameters import MotionParameters, check_motion
 from elfslam.line.motion.reckoning import dead_reckon, nodes_by_distance
 from elfslam.line.motion.walker import calibrated, calibrated_by_distance
 
 __all__ = [
+    "BEGINNING",
     "Compass",
+    "Going",
     "HardIron",
     "MotionParameters",
+    "Steps",
     "calibrated",
     "calibrated_by_distance",
     "check_imu",
@@ -26,6 +30,7 @@ __all__ = [
     "compass_heading",
     "dead_reckon",
     "find_footsteps",
+    "go_on",
     "gyroscope_bias",
     "nodes_by_distance",
     "step_lengths",

@@ -27,11 +27,25 @@ class Level(Value):
     rate_hz: float = 0.0
 
 
-def level(imu: Imu, parameters: MotionParameters) -> Level:
-    """The sensors evenly sampled at their own rate, with what points up at each time."""
+@dataclass(frozen=True, eq=False)
+class Rest(Value):
+    """Rates of turn (3), rad/s in phone axes, summed over so many readings at rest."""
+
+    sum_radps: F64 = array(3)
+    count: int = 0
+
+
+NO_REST = Rest(np.zeros(3))
+
+
+def level(imu: Imu, parameters: MotionParameters, rest: Rest = NO_REST) -> Level:
+    """The sensors evenly sampled at their own rate, with what points up at each time.
+
+    `rest` is what the phone's gyroscope read at rest before these rows.
+    """
     t_s, accel, gyro = evenly_sampled(imu)
     rate_hz = rate_of(t_s)
-    turn_radps = gyro - still_bias(accel, gyro, rate_hz, parameters)
+    turn_radps = gyro - still_bias(accel, gyro, rate_hz, parameters, rest)
     up = _up_in_phone(accel, turn_radps, rate_hz, parameters)
     return Level(t_s, accel, turn_radps, up, rate_hz)
 
@@ -59,10 +73,13 @@ def evenly_sampled(imu: Imu) -> tuple[F64, F64, F64]:
     return t_s, accel, gyro
 
 
-def still_bias(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> F64:
-    """Mean rate of turn (3) while standing still, zero where the walk never rests."""
-    still = _still(accel, gyro, rate_hz, parameters)
-    return gyro[still].mean(axis=0) if still.any() else np.zeros(3)
+def still_bias(
+    accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters, rest: Rest = NO_REST
+) -> F64:
+    """Mean rate of turn (3) while standing still, then or before; zero where it never rests."""
+    still = still_rows(accel, gyro, rate_hz, parameters)
+    count = rest.count + int(still.sum())
+    return np.asarray((rest.sum_radps + gyro[still].sum(axis=0)) / max(count, 1))
 
 
 def check_imu(imu: Imu, parameters: MotionParameters) -> None:
@@ -116,7 +133,7 @@ def _cumulated(turns: Rotation) -> Rotation:
     return turns
 
 
-def _still(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> Bool:
+def still_rows(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> Bool:
     """Rows inside stretches where the phone hardly shakes or turns for long enough."""
     window = max(1, round(parameters.still_s * rate_hz))
     shake = np.linalg.norm(accel - ndimage.uniform_filter1d(accel, window, axis=0), axis=1)

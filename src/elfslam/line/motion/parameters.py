@@ -125,6 +125,16 @@ class MotionParameters:
     heading_drift_sigma_radps: float = parameter(
         0.001, "rad/s", "steady drift of the heading", low=0.0, high=1.0
     )
+    live_window_s: float = parameter(
+        8.0, "s", "live, footsteps are found in so much of the walk", low=6.0, high=3600.0
+    )
+    live_delay_s: float = parameter(
+        0.6,
+        "s",
+        "live, a footstep is final when the walk has gone on for so long",
+        low=0.0,
+        high=10.0,
+    )
 
 
 def check_motion(parameters: MotionParameters) -> None:

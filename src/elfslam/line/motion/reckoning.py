@@ -44,13 +44,13 @@ def dead_reckon(
     at_footsteps = np.interp(footsteps_t_s, levelled.t_s, heading_rad)
     halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
     halfway = np.interp(halfway_s, levelled.t_s, heading_rad)
-    moves = _moves(lengths_m, at_footsteps, halfway)
+    moves = moves_between(lengths_m, at_footsteps, halfway)
     turned_rad = turned_since_rest(levelled, float(footsteps_t_s[0]), parameters)
     poses = chain(_first_pose(start_pose or ORIGIN, turned_rad, float(lengths_m[0])), moves)
     return Odometry(
         footsteps_t_s,
         poses,
-        _step_sigma(lengths_m, parameters),
+        step_sigma(lengths_m, parameters),
         parameters.step_scale_sigma,
         parameters.heading_drift_sigma_radps,
     )
@@ -78,7 +78,7 @@ def nodes_by_distance(odometry: Odometry, spacing_m: float) -> Odometry:
     )
 
 
-def _moves(lengths_m: F64, heading_rad: F64, halfway_rad: F64) -> F64:
+def moves_between(lengths_m: F64, heading_rad: F64, halfway_rad: F64) -> F64:
     """Moves (n-1, 3) between footsteps: each goes where the walker heads halfway through it."""
     aside = halfway_rad - heading_rad[:-1]
     return np.column_stack(
@@ -97,7 +97,8 @@ def _first_pose(
     return compose(start, np.array([*ahead, turned_rad]))
 
 
-def _step_sigma(lengths_m: F64, parameters: MotionParameters) -> F64:
+def step_sigma(lengths_m: F64, parameters: MotionParameters) -> F64:
+    """Sigma (n-1, 3) of the moves; the first step of a walk may point aside."""
     heading_rad = np.full(len(lengths_m), parameters.heading_sigma_rad)
     heading_rad[0] = np.hypot(heading_rad[0], parameters.setting_off_sigma_rad)
     return np.column_stack(

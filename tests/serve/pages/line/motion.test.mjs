@@ -7,15 +7,16 @@ import { test } from "node:test";
 import { bounceRms, footfalls, verticalBounce } from "../../../../src/elfslam/serve/pages/line/motion/footsteps.js";
 import { phoneTurn, smoothHeading, turnedSinceRest } from "../../../../src/elfslam/serve/pages/line/motion/heading.js";
 import { lengthsBetween } from "../../../../src/elfslam/serve/pages/line/motion/lengths.js";
+import { makeFootsteps, notGiven, restKept } from "../../../../src/elfslam/serve/pages/line/motion/live.js";
 import { level } from "../../../../src/elfslam/serve/pages/line/motion/level.js";
 import { findPeaks } from "../../../../src/elfslam/serve/pages/line/motion/peaks.js";
 import { deadReckon, movesBetween } from "../../../../src/elfslam/serve/pages/line/motion/reckoning.js";
 import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/line/motion/series.js";
 
-const { parameters, walks, peaks } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
+const { parameters, walks, live, peaks } = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS));
 const START = [1, -2, 0.5];
 
-export function close(got, wanted, what, within = 1e-6) {
+function close(got, wanted, what, within = 1e-6) {
   assert.equal(got.length, wanted.length, `${what}: ${got.length} values, wanted ${wanted.length}`);
   for (let k = 0; k < wanted.length; k += 1) {
     assert.ok(Math.abs(got[k] - wanted[k]) <= within, `${what}[${k}]: ${got[k]}, wanted ${wanted[k]}`);
@@ -65,6 +66,47 @@ for (const [name, walk] of Object.entries(walks)) {
     close(reckoned.stepSigma, walk.sigma, "sigma");
   });
 }
+
+function readingOf({ tS, accelMps2, gyroRadps }, k) {
+  return [tS[k], accelMps2.slice(3 * k, 3 * k + 3), gyroRadps.slice(3 * k, 3 * k + 3)];
+}
+
+for (const [name, walk] of Object.entries(live)) {
+  test(`${name}: live steps are the line's, lot by lot`, () => {
+    const footsteps = makeFootsteps(parameters);
+    const told = walk.lots.map((_, lot) => {
+      const stop = Math.min((lot + 1) * walk.every, walk.imu.tS.length);
+      for (let k = lot * walk.every; k < stop; k += 1) footsteps.push(...readingOf(walk.imu, k));
+      return footsteps.take(walk.imu.tS[stop - 1]);
+    });
+    assert.deepEqual(told.map((steps) => steps.length), walk.lots);
+    const rows = told.flat().flatMap(({ tS, fromS, moveM, sigma }) => [tS, fromS, ...moveM, ...sigma]);
+    assert.ok(rows.length > 8 * 40, `${rows.length / 8} steps`);
+    close(rows, walk.steps, "step");
+  });
+}
+
+test("readings that come late or twice are left out, and later ones wait", () => {
+  const { imu } = live.browser;
+  const [clean, mixed] = [makeFootsteps(parameters), makeFootsteps(parameters)];
+  for (let k = 0; k < 900; k += 1) {
+    clean.push(...readingOf(imu, k));
+    mixed.push(...readingOf(imu, k));
+    if (k > 5) mixed.push(...readingOf(imu, k - 3));
+  }
+  for (let k = 900; k < 1000; k += 1) mixed.push(...readingOf(imu, k));
+  const steps = clean.take();
+  assert.ok(steps.length > 5);
+  assert.deepEqual(mixed.take(imu.tS[899]), steps);
+  assert.ok(mixed.take().length > 0);
+  assert.deepEqual(mixed.take(), []);
+});
+
+test("a footstep near the last given is that one, and a rest is not cut to pieces", () => {
+  assert.deepEqual(notGiven([9.5, 10.01, 10.1, 10.16], [9.4, 10], parameters), [10.16]);
+  const isStill = Array.from({ length: 40 }, (_, k) => k >= 10 && k < 30);
+  assert.deepEqual([0, 3, 16, 25, 30].map((cut) => restKept(isStill, cut, 10)), [0, 3, 16, 20, 30]);
+});
 
 test("peaks, plateaus and prominences", () => {
   for (const each of peaks) {

@@ -16,12 +16,19 @@ import pytest
 from scipy import signal
 
 from elfslam.base.values import Imu
-from elfslam.line.motion import MotionParameters, dead_reckon, find_footsteps, gyroscope_bias
+from elfslam.line.motion import (
+    BEGINNING,
+    MotionParameters,
+    dead_reckon,
+    find_footsteps,
+    go_on,
+    gyroscope_bias,
+)
 from elfslam.line.motion.footsteps import bounce_rms, vertical_bounce
 from elfslam.line.motion.heading import phone_turn, smooth_heading, turned_since_rest
 from elfslam.line.motion.lengths import lengths_between
 from elfslam.line.motion.level import level
-from elfslam.line.motion.reckoning import _moves
+from elfslam.line.motion.reckoning import moves_between
 from elfslam.world.device import BROWSER, LSM6DSO
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
@@ -49,6 +56,8 @@ def listed(value: Any) -> Any:
     """Arrays as plain lists, row by row."""
     if isinstance(value, dict):
         return {name: listed(each) for name, each in value.items()}
+    if isinstance(value, list) and value and isinstance(value[0], dict):
+        return [listed(each) for each in value]
     return np.asarray(value, np.float64).ravel().tolist() if hasattr(value, "shape") else value
 
 
@@ -58,11 +67,11 @@ def simulated(world: str, seed: int, grade: Any = BROWSER) -> Imu:
     return recording.imu
 
 
-def pausing(imu: Imu) -> Imu:
-    """The same walk, which stands still for four seconds in its middle and is sampled unevenly."""
+def pausing(imu: Imu, pause_s: float) -> Imu:
+    """The same walk, which stands still for a while in its middle and is sampled unevenly."""
     middle = len(imu.t_s) // 2
     rate_hz = 1 / float(np.median(np.diff(imu.t_s)))
-    still = round(4 * rate_hz)
+    still = round(pause_s * rate_hz)
     rows = np.concatenate(
         [np.arange(middle), np.full(still, middle), np.arange(middle, len(imu.t_s))]
     )
@@ -73,11 +82,37 @@ def pausing(imu: Imu) -> Imu:
     return Imu(t_s, imu.accel_mps2[rows], gyro)
 
 
+def live_vectors(imu: Imu, every: int) -> dict[str, Any]:
+    """The steps that come of a walk whose readings come in lots, and after which lot each came."""
+    going, told = BEGINNING, []
+    for first in range(0, len(imu.t_s), every):
+        rows = slice(first, first + every)
+        lot = Imu(imu.t_s[rows], imu.accel_mps2[rows], imu.gyro_radps[rows])
+        going, steps = go_on(going, lot, PARAMETERS)
+        told.append(np.column_stack([steps.t_s, steps.from_s, steps.moves, steps.sigma]))
+    return {"every": every, "lots": [len(rows) for rows in told], "steps": np.vstack(told)}
+
+
+def broken(imu: Imu) -> Imu:
+    """The same walk with a second missing in its middle."""
+    behind = np.arange(len(imu.t_s)) > len(imu.t_s) // 2
+    return Imu(imu.t_s + 1.0 * behind, imu.accel_mps2, imu.gyro_radps)
+
+
 WALKS: dict[str, Callable[[], Imu]] = {
     "browser": lambda: simulated("studio", 100),
     "quick": lambda: simulated("lounge", 101, replace(LSM6DSO, rate_hz=104.0)),
-    "pausing": lambda: pausing(simulated("studio", 102)),
+    "pausing": lambda: pausing(simulated("studio", 102), 4.0),
 }
+LIVE: dict[str, Callable[[], Imu]] = {
+    "browser": WALKS["browser"],
+    "broken": lambda: broken(simulated("lounge", 103)),
+    "long pause": lambda: pausing(simulated("studio", 104), 14.0),
+}
+
+
+def as_page(imu: Imu) -> dict[str, Any]:
+    return {"tS": imu.t_s, "accelMps2": imu.accel_mps2, "gyroRadps": imu.gyro_radps}
 
 
 def motion_vectors(imu: Imu) -> dict[str, Any]:
@@ -91,7 +126,7 @@ def motion_vectors(imu: Imu) -> dict[str, Any]:
     at, halfway = (np.interp(s, levelled.t_s, heading_rad) for s in (footsteps_s, halfway_s))
     nodes = dead_reckon(imu, PARAMETERS, (1.0, -2.0, 0.5))
     return {
-        "imu": {"tS": imu.t_s, "accelMps2": imu.accel_mps2, "gyroRadps": imu.gyro_radps},
+        "imu": as_page(imu),
         "rate_hz": levelled.rate_hz,
         "even": {"tS": levelled.t_s, "accel": levelled.accel_mps2, "gyro": levelled.gyro_radps},
         "up": levelled.up,
@@ -102,7 +137,7 @@ def motion_vectors(imu: Imu) -> dict[str, Any]:
         "turn_rad": phone_turn(levelled),
         "heading_rad": heading_rad,
         "turned_rad": turned_since_rest(levelled, float(footsteps_s[0]), PARAMETERS),
-        "moves": _moves(lengths_m, at, halfway),
+        "moves": moves_between(lengths_m, at, halfway),
         "poses": nodes.world_from_body,
         "sigma": nodes.step_sigma,
     }
@@ -127,13 +162,12 @@ def peak_vectors(seed: int) -> dict[str, Any]:
 def motion_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("motion") / "motion.json"
     walks = {name: motion_vectors(make()) for name, make in WALKS.items()}
+    live = {}
+    for name, make in LIVE.items():
+        live[name] = {"imu": as_page(make()), **live_vectors(make(), 30)}
     peaks = [peak_vectors(seed) for seed in range(3)]
-    file.write_text(
-        json.dumps(
-            listed({"parameters": asdict(PARAMETERS), "walks": walks})
-            | {"peaks": [listed(each) for each in peaks]}
-        )
-    )
+    given = {"parameters": asdict(PARAMETERS), "walks": walks, "live": live, "peaks": peaks}
+    file.write_text(json.dumps(listed(given)))
     return file
 
 

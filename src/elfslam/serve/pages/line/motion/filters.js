@@ -58,7 +58,7 @@ function bilinear({ re, im }) {
  * @returns {Float64Array}
  */
 export function zeroPhase(sections, values, padding, mirror) {
-  const padded = extended(values, padding, mirror);
+  const padded = mirrored(values, padding, mirror);
   const forth = filtered(sections, padded).reverse();
   const back = filtered(sections, forth).reverse();
   return back.slice(padding, padding + values.length);
@@ -69,7 +69,7 @@ export function usualPadding(sections) {
   return 3 * (2 * sections.length + 1);
 }
 
-function extended(values, padding, mirror) {
+function mirrored(values, padding, mirror) {
   const count = values.length;
   if (count <= padding) {
     throw new RangeError(`filter: got ${count} values, wanted more than ${padding}; record longer`);
@@ -115,12 +115,13 @@ export function runningMean(values, size, beyond) {
   const count = values.length;
   const at = beyond === "nearest" ? nearest : reflected;
   const before = size >> 1;
+  const extended = Float64Array.from({ length: count + size }, (_, k) => values[at(k - before, count)]);
   let sum = 0;
-  for (let k = -before; k < size - before; k += 1) sum += values[at(k, count)];
+  for (let k = 0; k < size; k += 1) sum += extended[k];
   const out = new Float64Array(count);
   for (let k = 0; k < count; k += 1) {
     out[k] = sum / size;
-    sum += values[at(k + size - before, count)] - values[at(k - before, count)];
+    sum += extended[k + size] - extended[k];
   }
   return out;
 }

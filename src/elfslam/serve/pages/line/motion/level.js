@@ -25,9 +25,10 @@ export function level(imu, parameters, rested = NO_REST) {
   const { tS, accel, gyro } = evenlySampled(imu);
   const rateHz = rateOf(tS);
   const isStill = stillRows(accel, gyro, rateHz, parameters);
-  const bias = meanOf(restIn(gyro, isStill, isStill.length, rested));
+  const bias = meanOf(restUntil(gyro, isStill, isStill.length, rested));
   const turn = gyro.map((axis, k) => axis.map((value) => value - bias[k]));
-  return { tS, accel, gyro: turn, up: upInPhone(accel, turn, rateHz, parameters), rateHz, bias, isStill };
+  const up = upInPhone(accel, turn, rateHz, parameters);
+  return { tS, accel, gyro: turn, up, rateHz, biased: gyro, isStill };
 }
 
 /** @param {ArrayLike<number>} tS @returns {number} the usual rate of samples at these times */
@@ -50,17 +51,17 @@ export function evenlySampled({ tS, accelMps2, gyroRadps }) {
 }
 
 /**
- * Rates of turn at rest in the first `stop` rows, on top of those before.
- * @param {Axes} gyro with its bias @param {boolean[]} isStill @param {number} stop @param {Rest} before
+ * Rates of turn at rest before a time, on top of those before the rows.
+ * @param {Axes} gyro with its bias @param {boolean[]} isStill @param {number} stop row @param {Rest} before
  * @returns {Rest}
  */
-export function restIn(gyro, isStill, stop, before) {
+export function restUntil(gyro, isStill, stop, before) {
   const sumRadps = [...before.sumRadps];
   let { count } = before;
   for (let k = 0; k < stop; k += 1) {
     if (!isStill[k]) continue;
     count += 1;
-    for (let axis = 0; axis < 3; axis += 1) sumRadps[axis] += gyro[axis][k];
+    gyro.forEach((axis, n) => (sumRadps[n] += axis[k]));
   }
   return { sumRadps, count };
 }
@@ -106,8 +107,8 @@ function upInPhone(accel, gyro, rateHz, parameters) {
   const fixed = turned(turns, accel, 1).map((axis) => zeroPhase(sections, axis, padding, "even"));
   const up = turned(turns, fixed, -1);
   for (let k = 0; k < count; k += 1) {
-    const length = Math.hypot(up[0][k], up[1][k], up[2][k]);
-    for (const axis of up) axis[k] /= length;
+    const length = Math.sqrt(up[0][k] ** 2 + up[1][k] ** 2 + up[2][k] ** 2);
+    for (let axis = 0; axis < 3; axis += 1) up[axis][k] /= length;
   }
   return up;
 }
@@ -115,43 +116,44 @@ function upInPhone(accel, gyro, rateHz, parameters) {
 /** How the phone has turned since the first row, as quaternions x y z w. @returns {Float64Array} (4n) */
 function turnsSinceFirst([gx, gy, gz], rateHz) {
   const turns = new Float64Array(4 * gx.length);
-  let [x, y, z, w] = [0, 0, 0, 1];
   turns[3] = 1;
   for (let k = 1; k < gx.length; k += 1) {
-    const [a, b, c, d] = quaternionOf(
-      (gx[k] + gx[k - 1]) / 2 / rateHz, (gy[k] + gy[k - 1]) / 2 / rateHz, (gz[k] + gz[k - 1]) / 2 / rateHz,
-    );
-    [x, y, z, w] = [
-      w * a + x * d + y * c - z * b,
-      w * b - x * c + y * d + z * a,
-      w * c + x * b - y * a + z * d,
-      w * d - x * a - y * b - z * c,
-    ];
-    const length = Math.hypot(x, y, z, w);
-    turns.set([x /= length, y /= length, z /= length, w /= length], 4 * k);
+    const x = (gx[k] + gx[k - 1]) / 2 / rateHz;
+    const y = (gy[k] + gy[k - 1]) / 2 / rateHz;
+    const z = (gz[k] + gz[k - 1]) / 2 / rateHz;
+    const angle = Math.sqrt(x * x + y * y + z * z);
+    const share = angle < 1e-9 ? 0.5 : Math.sin(angle / 2) / angle;
+    turnOn(turns, 4 * k, share * x, share * y, share * z, Math.cos(angle / 2));
   }
   return turns;
 }
 
-/** The unit quaternion of a rotation vector. */
-function quaternionOf(x, y, z) {
-  const angle = Math.hypot(x, y, z);
-  const scale = angle < 1e-9 ? 0.5 : Math.sin(angle / 2) / angle;
-  return [x * scale, y * scale, z * scale, Math.cos(angle / 2)];
+/** Writes the quaternion at `to`: the one before it, and then a turn a b c d. */
+function turnOn(turns, to, a, b, c, d) {
+  const x = turns[to - 4];
+  const y = turns[to - 3];
+  const z = turns[to - 2];
+  const w = turns[to - 1];
+  turns[to] = w * a + x * d + y * c - z * b;
+  turns[to + 1] = w * b - x * c + y * d + z * a;
+  turns[to + 2] = w * c + x * b - y * a + z * d;
+  turns[to + 3] = w * d - x * a - y * b - z * c;
 }
 
 /** Rows turned by quaternions, or back where `sense` is -1. @param {Axes} rows @returns {Axes} */
-function turned(turns, rows, sense) {
-  const count = rows[0].length;
-  const out = rows.map(() => new Float64Array(count));
-  for (let k = 0; k < count; k += 1) {
-    const [x, y, z] = [sense * turns[4 * k], sense * turns[4 * k + 1], sense * turns[4 * k + 2]];
+function turned(turns, [vx, vy, vz], sense) {
+  const out = [0, 1, 2].map(() => new Float64Array(vx.length));
+  for (let k = 0; k < vx.length; k += 1) {
+    const x = sense * turns[4 * k];
+    const y = sense * turns[4 * k + 1];
+    const z = sense * turns[4 * k + 2];
     const w = turns[4 * k + 3];
-    const [vx, vy, vz] = [rows[0][k], rows[1][k], rows[2][k]];
-    const [tx, ty, tz] = [2 * (y * vz - z * vy), 2 * (z * vx - x * vz), 2 * (x * vy - y * vx)];
-    out[0][k] = vx + w * tx + y * tz - z * ty;
-    out[1][k] = vy + w * ty + z * tx - x * tz;
-    out[2][k] = vz + w * tz + x * ty - y * tx;
+    const tx = 2 * (y * vz[k] - z * vy[k]);
+    const ty = 2 * (z * vx[k] - x * vz[k]);
+    const tz = 2 * (x * vy[k] - y * vx[k]);
+    out[0][k] = vx[k] + w * tx + y * tz - z * ty;
+    out[1][k] = vy[k] + w * ty + z * tx - x * tz;
+    out[2][k] = vz[k] + w * tz + x * ty - y * tx;
   }
   return out;
 }
@@ -163,9 +165,9 @@ function stillRows(accel, gyro, rateHz, parameters) {
     const mean = runningMean(axis, window, "reflect");
     return axis.map((value, k) => value - mean[k]);
   });
+  const length = ([x, y, z], k) => Math.sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k]);
   const isCalm = Array.from(accel[0], (_, k) => (
-    Math.hypot(shake[0][k], shake[1][k], shake[2][k]) < parameters.still_accel_mps2
-    && Math.hypot(gyro[0][k], gyro[1][k], gyro[2][k]) < parameters.still_gyro_radps
+    length(shake, k) < parameters.still_accel_mps2 && length(gyro, k) < parameters.still_gyro_radps
   ));
   return inRunsOf(isCalm, window);
 }

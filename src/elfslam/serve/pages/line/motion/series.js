@@ -50,9 +50,24 @@ export function interpolate(atS, tS, values) {
   return values[next - 1] + slope * (atS - tS[next - 1]);
 }
 
-/** @param {ArrayLike<number>} times @param {ArrayLike<number>} tS @param {ArrayLike<number>} values @returns {Float64Array} */
+/**
+ * The same at many times.
+ * @param {ArrayLike<number>} times increasing @param {ArrayLike<number>} tS @param {ArrayLike<number>} values
+ * @returns {Float64Array}
+ */
 export function interpolateAll(times, tS, values) {
-  return Float64Array.from(times, (atS) => interpolate(atS, tS, values));
+  const out = new Float64Array(times.length);
+  const last = tS.length - 1;
+  for (let k = 0, row = 0; k < out.length; k += 1) {
+    while (row < last && tS[row + 1] <= times[k]) row += 1;
+    if (row === last || times[k] < tS[0]) {
+      out[k] = values[row];
+      continue;
+    }
+    const slope = (values[row + 1] - values[row]) / (tS[row + 1] - tS[row]);
+    out[k] = values[row] + slope * (times[k] - tS[row]);
+  }
+  return out;
 }
 
 /** @param {ArrayLike<number>} rows (3n) x, y, z by turns @returns {Float64Array[]} a column per axis */
