@@ -324,7 +324,7 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
     motion = recording.imu or recording.odometry
     duration_s = None if motion is None else float(motion.t_s[-1])
-    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s)
+    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s, recording.played_t_s)
 
 
 def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:

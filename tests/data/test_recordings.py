@@ -56,6 +56,29 @@ def test_zip_round_trip(tmp_path: Path, folder: Path, recording: Recording, insi
     assert_same(read_recording(Path(made)), recording)
 
 
+def test_when_chirps_were_played_makes_a_round_trip(tmp_path: Path) -> None:
+    played_s = 0.1 * np.arange(40) + 0.0125 * np.sin(np.arange(40))
+    write_recording(Recording("hall", "phone", played_t_s=played_s), tmp_path / "hall")
+    read = read_recording(tmp_path / "hall")
+    assert read.played_t_s is not None
+    np.testing.assert_allclose(read.played_t_s, played_s, atol=1e-6)
+    assert (tmp_path / "hall" / "chirps.csv").read_text().startswith("t_s\n")
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        ("0.1\n0.1", r"chirps.csv: time repeats at row 3"),
+        ("0.1\nlate", r"chirps.csv: row 3 has 'late', wanted a finite number"),
+        ("0.1\n2e6", r"chirps.csv: row 3 has 2e\+06 s, wanted at most 1e\+06"),
+    ],
+)
+def test_a_schedule_that_cannot_be_is_refused(folder: Path, rows: str, message: str) -> None:
+    (folder / "chirps.csv").write_text(f"t_s\n{rows}\n")
+    with pytest.raises(InputError, match=message):
+        read_recording(folder)
+
+
 def test_empty_recording_round_trip(tmp_path: Path) -> None:
     write_recording(Recording("bare", "none"), tmp_path / "bare")
     assert vars(read_recording(tmp_path / "bare")) == vars(Recording("bare", "none"))

@@ -15,9 +15,8 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
-from elfslam.line import echo
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes, to_echo_rate
+from elfslam.line.echo import EchoParameters, cut_echoes, envelope, to_echo_rate
 
 RATE_HZ = 44_100
 FRAME = 4_410
@@ -516,7 +515,7 @@ def test_a_long_stream_is_filtered_block_by_block_as_if_at_once(
 ) -> None:
     samples = np.random.default_rng(5).normal(size=20_000).astype(np.float32)
     chirp = chirp_at()
-    whole = echo.matched_envelope(samples, chirp)
-    monkeypatch.setattr(echo, "FILTERED_AT_ONCE", 777)
-    blocks = echo.matched_envelope(samples, chirp)
+    whole = envelope.matched_envelope(samples, chirp)
+    monkeypatch.setattr(envelope, "FILTERED_AT_ONCE", 777)
+    blocks = envelope.matched_envelope(samples, chirp)
     npt.assert_allclose(blocks, whole, atol=1e-5 * float(whole.max()))

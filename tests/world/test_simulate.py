@@ -46,6 +46,7 @@ EVERY_CIRCUMSTANCE = (
     Circumstances(volume=0.3),
     Circumstances(sounds=("speech", "clicks")),
     Circumstances(other_phones=1),
+    Circumstances(jitter_s=0.025),
 )
 
 
@@ -76,6 +77,27 @@ def bytes_of(recording: Recording, truth: Truth) -> bytes:
 
 
 # --- recordings ---
+
+
+def test_chirps_are_played_within_their_periods_when_the_recording_says(studio: World) -> None:
+    recording, _ = simulate(studio, 3, rounds=1, circumstances=Circumstances(jitter_s=0.025))
+    played_s = recording.played_t_s
+    assert played_s is not None
+    offset_s = played_s - 0.1 * np.arange(len(played_s))
+    assert 0 <= offset_s.min() < 0.002
+    assert 0.023 < offset_s.max() <= 0.0251
+    assert abs(np.corrcoef(offset_s[1:], offset_s[:-1])[0, 1]) < 0.2
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    echoes = cut_echoes(audio_of(recording), chirp, EchoParameters(), played_t_s=played_s)
+    assert len(echoes.t_s) == len(played_s)
+    late_s = echoes.t_s - played_s
+    assert LATENCY_S[0] < late_s.mean() < LATENCY_S[1] + 0.001
+    assert np.ptp(late_s) < 2 / 44_100
+
+
+def test_without_jitter_a_recording_says_nothing_of_its_chirps(walked: object) -> None:
+    recording, _ = walked  # type: ignore[misc]
+    assert recording.played_t_s is None
 
 
 def test_the_same_seed_gives_the_same_bytes(studio: World, walked: tuple[Recording, Truth]) -> None:

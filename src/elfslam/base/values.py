@@ -104,7 +104,11 @@ class Odometry(Value):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """Everything a phone brought home from one walk; never the truth."""
+    """Everything a phone brought home from one walk; never the truth.
+
+    `played_t_s` (n) says when each chirp began to be played, on the recording's clock up to the
+    time that sound takes through the phone; without it chirps came once per period.
+    """
 
     name: str
     device: str
@@ -116,6 +120,7 @@ class Recording:
     magnetometer: Magnetometer | None = None
     wifi: WifiScans | None = None
     emr: Emr | None = None
+    played_t_s: F64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +147,25 @@ class Echoes(Value):
     snr_db: F64 = array("n")
     losses_s: F64 = array("k", 2)
     rate_hz: int = ECHO_RATE_HZ
+
+
+@dataclass(frozen=True, eq=False)
+class FrameFacts(Value):
+    """What was heard around every chirp that was due, heard or not.
+
+    `t_due_s` is when its direct sound was due and `late_s` how much later it came, NaN where it
+    did not. Of the envelope of the matched filter: `level` of the direct sound, `before` the
+    largest in the quiet stretch before it over `level`, `noise` the typical there, `tail` the
+    largest once its echoes are over. `clipped` is the share of its samples at full scale.
+    """
+
+    t_due_s: F64 = array("n")
+    late_s: F64 = array("n", finite=False)
+    level: F64 = array("n")
+    before: F64 = array("n")
+    noise: F64 = array("n")
+    tail: F64 = array("n")
+    clipped: F64 = array("n")
 
 
 @dataclass(frozen=True, eq=False)

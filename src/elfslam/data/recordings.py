@@ -23,6 +23,7 @@ from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
 from elfslam.data.folders import new_folder, unpack_zip
+from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
     check_shared_time,
     read_emr,
@@ -68,6 +69,8 @@ def write_recording(
         if recording.audio is not None and baseband is None:
             write_audio(recording.audio, partial / FLAC)
         write_sensors(recording, partial)
+        if recording.played_t_s is not None:
+            write_schedule(recording.played_t_s, partial)
         if truth is not None:
             write_truth(truth, partial)
 
@@ -145,6 +148,7 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         magnetometer=read_magnetometer(folder / "magnetometer.csv"),
         wifi=read_wifi(wifi) if wifi.is_file() else None,
         emr=read_emr(folder / "emr.csv"),
+        played_t_s=read_schedule(folder),
     )
     _check_clocks(folder, recording)
     return recording

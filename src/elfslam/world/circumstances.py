@@ -35,6 +35,8 @@ SOLID_REACH = Reach(order=3, plan_order=3, block_order=3, beside_block=3)
 """For the second engine, whose work grows with the number of faces to the power of the order."""
 MOST_PEOPLE = 50
 MOST_PHONES = 8
+LONGEST_JITTER_S = 0.035
+"""Chirps a period of 100 ms apart are then at least the 65 ms apart that a frame takes."""
 
 WARMTH_C = 1.5
 """Standard deviation of the room's temperature from day to day."""
@@ -52,8 +54,8 @@ class Circumstances:
     """The circumstances of a recording.
 
     `state` names one of the world's states of the furniture, `day` counts from when the world was
-    drawn, `volume` is the share of the phone's full level. Raises ParameterError for what cannot
-    be.
+    drawn, `volume` is the share of the phone's full level. Each chirp is played at a random moment
+    of the first `jitter_s` of its period. Raises ParameterError for what cannot be.
     """
 
     state: str = ""
@@ -64,11 +66,13 @@ class Circumstances:
     sounds: tuple[str, ...] = ()
     other_phones: int = 0
     engine: str = "images"
+    jitter_s: float = 0.0
 
     def __post_init__(self) -> None:
         _require("day", self.day, 0, 36_500)
         _require("people", self.people, 0, MOST_PEOPLE)
         _require("other phones", self.other_phones, 0, MOST_PHONES)
+        _require("jitter", self.jitter_s, 0.0, LONGEST_JITTER_S)
         _require("volume", self.volume, 0.001, 1.0)
         for sound in self.sounds:
             if sound not in SOUNDS:

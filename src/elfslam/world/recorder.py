@@ -69,8 +69,8 @@ def record_walk(
     seed: int,
     generator: np.random.Generator,
     progress: Callable[[float], None],
-) -> Audio:
-    """What the phone records on its way, as one continuous stream."""
+) -> tuple[Audio, F64]:
+    """What the phone records on its way, as one continuous stream, and when it played (n, s)."""
     stage = Stage(
         scene_of(room_on(world, circumstances)), air_on(world, circumstances.day),
         device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
@@ -78,7 +78,7 @@ def record_walk(
     )  # fmt: skip
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
     total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
-    starts = np.arange(latency, total - frame, frame)
+    starts = _within_periods(np.arange(latency, total - frame, frame), circumstances, rate_hz, seed)
     stream = np.zeros(total, dtype=np.float32)
     poses = phone_poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
     if circumstances.engine != "images":
@@ -91,7 +91,7 @@ def record_walk(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
         sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
-        stream[starts[first] : starts[first] + sound.size] += sound.ravel()
+        _lay_down(stream, starts[rows], sound)
         progress(min((first + BLOCK) / len(starts), 1.0))
     for k in range(circumstances.other_phones):
         _add_other_phone(stream, stage, world, poses, starts, np.random.default_rng([seed, 5, k]))
@@ -99,7 +99,22 @@ def record_walk(
     for k, (name, sound_of) in enumerate(SOUNDS.items()):
         if name in circumstances.sounds:
             stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
-    return Audio(record(stream, stage.device, generator)[None, :], rate_hz)
+    audio = Audio(record(stream, stage.device, generator)[None, :], rate_hz)
+    return audio, np.asarray((starts - latency) / rate_hz)
+
+
+def _within_periods(starts: I64, circumstances: Circumstances, rate_hz: int, seed: int) -> I64:
+    """Starts at a random moment of each period, none in the last that would outlast the walk."""
+    if circumstances.jitter_s == 0:
+        return starts
+    offsets_s = np.random.default_rng([seed, 8]).uniform(0, circumstances.jitter_s, len(starts))
+    return np.asarray(starts[:-1] + np.round(offsets_s[:-1] * rate_hz).astype(np.int64))
+
+
+def _lay_down(stream: F32, starts: I64, sounds: F32) -> None:
+    """Adds each frame (n, frame) to the stream where it starts."""
+    for start, sound in zip(starts, sounds, strict=True):
+        stream[start : start + len(sound)] += sound
 
 
 def phone_poses(

@@ -52,11 +52,19 @@ def simulate(
     readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     today = circumstances or Circumstances()
     imu = read_imu(motion, grade, generator)
-    audio = None
+    audio, played_t_s = None, None
     if sound:
-        audio = record_walk(world, today, walker, motion, rate_hz, seed, generator, progress)
-    phone = f"{today.device}, {grade.name}"
-    recording = Recording(name=world.name, device=phone, audio=audio, imu=imu, **readings)
+        audio, played_t_s = record_walk(
+            world, today, walker, motion, rate_hz, seed, generator, progress
+        )
+    recording = Recording(
+        name=world.name,
+        device=f"{today.device}, {grade.name}",
+        audio=audio,
+        imu=imu,
+        played_t_s=played_t_s if today.jitter_s else None,
+        **readings,
+    )
     return recording, truth_of(motion)
 
 

@@ -12,6 +12,7 @@ FILE_NAMES = frozenset(
         "frames.csv",
         "baseband.iq",
         "baseband.csv",
+        "chirps.csv",
         "accelerometer.csv",
         "gyroscope.csv",
         "magnetometer.csv",

@@ -2,25 +2,31 @@
 
 import { makePeriodSearch } from "./echo_arrivals.js";
 import { makeEnvelope } from "./echo_envelope.js";
+import { makeScheduleSearch } from "./echo_schedule.js";
 import { ECHO_SAMPLES } from "./encoder.js";
 import { ECHO_RATE_HZ, makeResampler } from "./resample.js";
 import { makeStream } from "../phone/stream.js";
 
 /** 10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz. */
 export const DISCARDED_SAMPLES = 485;
+/** Sound that is remembered at the most, whatever is still waited for. */
+const REMEMBERED = 10 * ECHO_RATE_HZ;
 
 /**
  * @typedef {{tS: number, samples: Float32Array, directLevel: number,
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
- * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[]}} EchoCutter
+ * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
+ *   played: (tS: number) => void}} EchoCutter
  */
 
 /**
  * A cutter for a stream of sound. `push` takes samples that begin at sample `first` (what is missing
  * between is silence) and gives the echoes that they complete: an echo is whole 64 ms after its direct
  * sound, and at 48 kHz 2 ms later. However the stream is cut into blocks, the echoes are the same to the
- * last bit. `end` gives those that a stream that ends here still holds.
+ * last bit. `end` gives those that a stream that ends here still holds. Where chirps follow a schedule,
+ * `played` tells of each when it begins to be played, in their order, the first before any sound and each
+ * before it is heard; untold, they come once per period.
  *
  * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
  * left of them, puts lost stretches back; a page is told which samples it lost.
@@ -32,9 +38,19 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const input = makeInput(rateHz);
   const envelopeOf = makeEnvelope(chirp, rateHz);
   const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
-  const search = makePeriodSearch(period, parameters.echo);
+  let search = null;
+  let [told, waiting] = [[], []];
   const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
-  let waiting = [];
+
+  const begin = () => {
+    search = (told.length > 0 ? makeScheduleSearch : makePeriodSearch)(period, parameters.echo);
+    told.forEach(played);
+  };
+
+  const played = (tS) => {
+    if (search === null) told.push(tS);
+    else search.played?.(Math.round((tS - input.startS()) * ECHO_RATE_HZ));
+  };
 
   const take = (samples, isOver) => {
     sound.append(sound.end(), samples);
@@ -62,12 +78,18 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   });
 
   const forget = () => {
-    envelope.forget(search.needs());
-    sound.forget(Math.min(search.needs(), waiting[0]?.sample ?? Infinity));
+    const before = Math.max(search.needs(), envelope.end() - REMEMBERED);
+    envelope.forget(before);
+    sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
   };
 
-  const push = (first, samples) => input.push(first, samples).flatMap((block) => take(block, false));
-  return { push, end: () => take(input.end(), true) };
+  const push = (first, samples) => {
+    const blocks = input.push(first, samples);
+    if (search === null) begin();
+    return blocks.flatMap((block) => take(block, false));
+  };
+
+  return { push, played, end: () => (search === null ? [] : take(input.end(), true)) };
 }
 
 function endOf(sample) {

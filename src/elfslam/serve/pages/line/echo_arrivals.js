@@ -2,16 +2,16 @@
  * The direct arrival in every frame, by the decisions of elfslam.line.echo, made as the sound comes in:
  * near where it is due; anywhere in the period where it is not; an earlier peak of enough strength counts.
  *
- * What differs from Python: how loud an arrival typically is Python takes from the whole recording, a
- * search from the frames so far (of the last minute). A recording without chirps is refused there; here
- * nothing is found until frames have them.
+ * What differs from Python: how loud an arrival typically is Python takes from the whole recording, this
+ * from the frames of the last seconds. A recording without chirps is refused there; here nothing is found
+ * until frames have them.
  */
 
 import { earliest, median, strongest } from "../phone/matched_filter.js";
 import { ECHO_RATE_HZ } from "./resample.js";
 
-/** Frames of which the typical level is known. */
-const REMEMBERED = 600;
+/** Frames of which the typical level is known: five seconds, after which another volume is the usual one. */
+const REMEMBERED = 50;
 
 /**
  * @typedef {{sample: number, due: number, level: number, jumped: number}} Arrival at 44.1 kHz; level: of
@@ -88,23 +88,21 @@ export function makeDirect(parameters) {
 }
 
 /**
- * The least level of an arrival, from the frames that are over by a sample; at least from the first.
- * Infinite while frames do not stand out of their own noise.
+ * The least level of an arrival, from the loudest of each frame that is over by a sample, and at least
+ * from the first. Frames that do not stand out of their own noise do not count; Infinity without any.
  */
-function makeLevel(period, parameters) {
+export function makeLevel(period, parameters) {
   let counted = 0;
   let peaks = [];
-  let floors = [];
   const count = (envelope) => {
     const frame = envelope.slice(counted * period, (counted + 1) * period).sort();
-    peaks = [...peaks, frame[period - 1]].slice(-REMEMBERED);
-    floors = [...floors, (frame[(period - 1) >> 1] + frame[period >> 1]) / 2].slice(-REMEMBERED);
+    const [floor, peak] = [frame[period >> 1], frame[period - 1]];
+    if (peak >= parameters.contrast * Math.max(floor, 1e-9)) peaks = [...peaks, peak].slice(-REMEMBERED);
     counted += 1;
   };
   return (envelope, sample) => {
-    while (counted < Math.max(Math.floor(sample / period), 1)) count(envelope);
-    const peak = median(peaks);
-    const isClear = peak >= parameters.contrast * Math.max(median(floors), 1e-9);
-    return isClear ? parameters.level_share * peak : Infinity;
+    const frames = Math.floor(Math.min(sample, envelope.end()) / period);
+    while (counted < Math.max(frames, 1)) count(envelope);
+    return peaks.length > 0 ? parameters.level_share * median(peaks) : Infinity;
   };
 }

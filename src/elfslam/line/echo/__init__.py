@@ -1,0 +1,29 @@
+"""Echo cutting: find the direct arrival of every chirp and cut the echo trace behind it.
+
+Chirps come once per period, or when a schedule says that they were played; the direct arrival is
+then looked for where it is due. `frame_facts` tells what else was heard around each of them.
+"""
+
+from elfslam.line.echo.arrivals import Arrivals, find_arrivals
+from elfslam.line.echo.cut import cut_echoes, echoes_of
+from elfslam.line.echo.envelope import matched_envelope
+from elfslam.line.echo.facts import frame_facts
+from elfslam.line.echo.frames import Frames, find_frames
+from elfslam.line.echo.parameters import EchoParameters
+from elfslam.line.echo.schedule import find_scheduled
+from elfslam.line.echo.sound import check_audio, to_echo_rate
+
+__all__ = [
+    "Arrivals",
+    "EchoParameters",
+    "Frames",
+    "check_audio",
+    "cut_echoes",
+    "echoes_of",
+    "find_arrivals",
+    "find_frames",
+    "find_scheduled",
+    "frame_facts",
+    "matched_envelope",
+    "to_echo_rate",
+]
