@@ -11,7 +11,7 @@ import { watchClocks } from "./walking.js";
  * @typedef {{
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   clocks: ReturnType<typeof watchClocks>, isMotionAllowed: boolean,
- *   play: (delayS: number, count?: number, onPlayed?: (frame: number) => void) => ReturnType<typeof startChirps>,
+ *   play: (delayS: number, count?: number, schedule?: {jitterS?: number, onPlayed?: (frame: number) => void}) => ReturnType<typeof startChirps>,
  * }} Devices
  */
 
@@ -28,6 +28,6 @@ export async function openDevices(keeper, chirp) {
   const rateHz = microphone.context.sampleRate;
   const samples = makeChirp(chirp, rateHz);
   const period = periodSamples(chirp, rateHz);
-  const play = (delayS, count, onPlayed) => startChirps(microphone.context, samples, period, delayS, count, onPlayed);
+  const play = (delayS, count, schedule) => startChirps(microphone.context, samples, period, delayS, count, schedule);
   return { microphone, sound, play, clocks: watchClocks(microphone.context), isMotionAllowed };
 }

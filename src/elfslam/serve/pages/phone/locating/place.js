@@ -5,6 +5,8 @@ import { soundTime } from "../clocks.js";
 
 const MOTION_EVERY_MS = 150;
 const FIRST_CHIRP_S = 0.25;
+/** Of maps that do not say. */
+const JITTER_S = 0.025;
 
 /**
  * @typedef {{
@@ -35,9 +37,12 @@ export async function startPlacing({ microphone, clocks, play }, { floorMap, enc
     worker.terminate();
     throw error;
   }
-  microphone.pour("place", port2);
   const stopMotion = sendMotion(worker, clocks);
-  const chirps = play(FIRST_CHIRP_S, Infinity, (frame) => worker.postMessage({ do: "played", tS: frame / rateHz }));
+  const chirps = play(FIRST_CHIRP_S, Infinity, {
+    jitterS: floorMap.parameters.turns?.jitter_s ?? JITTER_S,
+    onPlayed: (frame) => worker.postMessage({ do: "played", tS: frame / rateHz }),
+  });
+  microphone.pour("place", port2); // the schedule first, then what is heard
   const stop = () => {
     chirps.stop();
     stopMotion();

@@ -21,12 +21,16 @@ import { makePlacer } from "./placer.js";
 const SEED = 0;
 
 let motion = { push() {} };
+let cutter = { played() {} };
 const lateness = followLateness();
 
 const orders = {
   open: openMap,
   motion: ({ readings }) => motion.push(readings),
-  played: ({ tS }) => lateness.played(tS),
+  played({ tS }) {
+    lateness.played(tS);
+    cutter.played(tS);
+  },
 };
 
 self.onmessage = ({ data }) => orders[data.do](data);
@@ -44,7 +48,7 @@ async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
 async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = await encoderFor(floorMap, await openEncoder(encoderBytes, {}));
-  const cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
+  cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
   motion = delayMotion(footsteps, lateness.latenessS);
