@@ -24,7 +24,15 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.line.chirp import make_chirp
-from elfslam.line.echo import cut_echoes, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.line.echo import (
+    cut_echoes,
+    find_arrivals,
+    find_frames,
+    frame_facts,
+    matched_envelope,
+    to_echo_rate,
+)
+from elfslam.line.echo.frames import Frames
 from elfslam.line.feature import (
     Encoder,
     OnnxEncoder,
@@ -38,10 +46,11 @@ from elfslam.line.feature import (
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
 from elfslam.slam import Parameters, hear, walk_nodes
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 
 HERE = Path(__file__).parent
-MODULES = ("sound", "encoder", "locate")
+MODULES = ("sound", "schedule", "encoder", "locate")
 node = shutil.which("node")
 RATES_HZ = (44_100, 48_000)
 WORLD, MAPPED_SEED, LOCATED_SEED = "studio", 100, 101
@@ -152,9 +161,41 @@ def write_stages(folder: Path, scene: Scene) -> None:
         "identity": scene.encoder.identity,
         "arrivals": arrivals.samples.tolist(),
         "t_s": echoes.t_s.tolist(),
+        "facts": told_facts(find_frames(audio, chirp, parameters.echo), parameters),
+        "scheduled": scheduled(folder, audio.rate_hz, parameters),
         **located(folder, heard, scene.floor_map, parameters),
     }
     (folder / "stages.json").write_text(json.dumps(told))
+
+
+def scheduled(folder: Path, rate_hz: int, parameters: Parameters) -> dict[str, object]:
+    """A walk whose chirps are played at random within their periods; its sound in a file."""
+    today = Circumstances(jitter_s=0.025)
+    recording, _ = simulate(
+        load_world(WORLD), LOCATED_SEED, rounds=1, rate_hz=rate_hz, circumstances=today
+    )
+    assert recording.audio is not None
+    assert recording.played_t_s is not None
+    write_f32(folder, "scheduled", recording.audio.samples[0])
+    chirp = make_chirp(parameters.chirp, rate_hz)
+    frames = find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
+    return {
+        "played_s": recording.played_t_s.tolist(),
+        "arrivals": frames.arrivals.samples.tolist(),
+        "facts": told_facts(frames, parameters),
+    }
+
+
+def told_facts(frames: Frames, parameters: Parameters) -> list[dict[str, float | None]]:
+    """What was heard around each chirp, as the page tells it."""
+    facts = frame_facts(frames, parameters.echo)
+    names = {"dueS": facts.t_due_s, "lateS": facts.late_s} | {
+        name: getattr(facts, name) for name in ("level", "before", "noise", "tail", "clipped")
+    }
+    return [
+        {name: _finite(column[k]) for name, column in names.items()}
+        for k in range(len(facts.level))
+    ]
 
 
 def located(

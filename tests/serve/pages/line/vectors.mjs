@@ -59,3 +59,26 @@ export function cutAll(cutter, samples, block, first = 0) {
   }
   return [...echoes, ...cutter.end()];
 }
+
+const BLOCK = 1024;
+
+/** The echoes of a cutter, and what it tells of the frames around them. */
+export function heardAll(live, sound) {
+  const [echoes, frames] = [[], []];
+  for (let at = 0; at < sound.length; at += BLOCK) {
+    echoes.push(...live.push(at, sound.subarray(at, at + BLOCK)));
+    frames.push(...live.frames());
+  }
+  return { echoes: [...echoes, ...live.end()], frames: [...frames, ...live.frames()] };
+}
+
+/** Whether a chirp was heard, and what was heard around it; when it was due within `dueS`. */
+export function assertSameFacts(frames, wanted, dueS) {
+  const ofAll = (facts, name) => facts.map((each) => each[name]);
+  assert.deepEqual(frames.map(({ lateS }) => Number.isNaN(lateS)), wanted.map(({ lateS }) => lateS === null));
+  assertNear(ofAll(frames, "dueS"), ofAll(wanted, "dueS"), dueS, "dueS");
+  const heard = (facts) => facts.filter((_, k) => wanted[k].lateS !== null);
+  assertNear(ofAll(heard(frames), "lateS"), ofAll(heard(wanted), "lateS"), dueS, "lateS");
+  for (const name of ["level", "noise", "tail", "clipped"]) assertNear(ofAll(frames, name), ofAll(wanted, name), 1e-5, name);
+  assertNear(ofAll(frames, "before"), ofAll(wanted, "before"), 1e-4, "before");
+}

@@ -3,6 +3,7 @@
 import { makePeriodSearch } from "./echo_arrivals.js";
 import { makeEnvelope } from "./echo_envelope.js";
 import { makeScheduleSearch } from "./echo_schedule.js";
+import { makeFacts } from "./echo_facts.js";
 import { ECHO_SAMPLES } from "./encoder.js";
 import { ECHO_RATE_HZ, makeResampler } from "./resample.js";
 import { makeStream } from "../phone/stream.js";
@@ -11,13 +12,15 @@ import { makeStream } from "../phone/stream.js";
 export const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
+/** Frames whose facts are kept until somebody asks. */
+const UNASKED = 1000;
 
 /**
  * @typedef {{tS: number, samples: Float32Array, directLevel: number,
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
  * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
- *   played: (tS: number) => void}} EchoCutter
+ *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void}} EchoCutter
  */
 
 /**
@@ -26,7 +29,8 @@ const REMEMBERED = 10 * ECHO_RATE_HZ;
  * sound, and at 48 kHz 2 ms later. However the stream is cut into blocks, the echoes are the same to the
  * last bit. `end` gives those that a stream that ends here still holds. Where chirps follow a schedule,
  * `played` tells of each when it begins to be played, in their order, the first before any sound and each
- * before it is heard; untold, they come once per period.
+ * before it is heard; untold, they come once per period. `frames` gives what was heard around each chirp,
+ * of those that became complete since it was asked last; that is when the next chirp has come.
  *
  * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
  * left of them, puts lost stretches back; a page is told which samples it lost.
@@ -38,9 +42,10 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const input = makeInput(rateHz);
   const envelopeOf = makeEnvelope(chirp, rateHz);
   const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
-  let search = null;
-  let [told, waiting] = [[], []];
   const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
+  let search = null;
+  const facts = makeFacts();
+  let [told, waiting, known] = [[], [], []];
 
   const begin = () => {
     search = (told.length > 0 ? makeScheduleSearch : makePeriodSearch)(period, parameters.echo);
@@ -56,9 +61,10 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     sound.append(sound.end(), samples);
     envelope.append(envelope.end(), envelopeOf.push(samples));
     if (isOver) envelope.append(envelope.end(), envelopeOf.end());
-    for (let found = search.next(envelope, isOver); found; found = search.next(envelope, isOver)) {
-      waiting.push(found);
-    }
+    const arrivals = [];
+    for (let more = []; more; more = search.next(envelope, isOver)) arrivals.push(...more);
+    waiting.push(...arrivals.filter(({ isFound }) => isFound));
+    known = [...known, ...facts.take(arrivals, { sound, envelope }, isOver)].slice(-UNASKED);
     const echoes = cutReady();
     forget();
     return echoes;
@@ -78,7 +84,7 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   });
 
   const forget = () => {
-    const before = Math.max(search.needs(), envelope.end() - REMEMBERED);
+    const before = Math.max(Math.min(search.needs(), facts.needs()), envelope.end() - REMEMBERED);
     envelope.forget(before);
     sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
   };
@@ -89,7 +95,9 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     return blocks.flatMap((block) => take(block, false));
   };
 
-  return { push, played, end: () => (search === null ? [] : take(input.end(), true)) };
+  const frames = () => known.splice(0).map((each) => ({ ...each, dueS: each.dueS + input.startS() }));
+
+  return { push, played, frames, end: () => (search === null ? [] : take(input.end(), true)) };
 }
 
 function endOf(sample) {

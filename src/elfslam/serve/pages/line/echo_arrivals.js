@@ -14,11 +14,12 @@ import { ECHO_RATE_HZ } from "./resample.js";
 const REMEMBERED = 50;
 
 /**
- * @typedef {{sample: number, due: number, level: number, jumped: number}} Arrival at 44.1 kHz; level: of
- *   the envelope there; jumped: samples that it came off its time, 0 where it came as due
- * @typedef {{next: (envelope: import("../phone/stream.js").Stream, isOver: boolean) => Arrival | null,
- *   needs: () => number}} Search next: the next arrival, null where the envelope does not reach yet;
- *   needs: the first sample of the envelope that may still be asked for
+ * @typedef {{sample: number, due: number, level: number, jumped: number, isFound: boolean}} Arrival at
+ *   44.1 kHz; sample: of the direct arrival, or of what is loudest where it was due; level: of the envelope
+ *   there; jumped: samples that it came off its time, 0 where it came as due
+ * @typedef {{next: (envelope: import("../phone/stream.js").Stream, isOver: boolean) => Arrival[] | null,
+ *   needs: () => number}} Search next: what has become of the next chirps, null where the envelope does
+ *   not reach yet; needs: the first sample of the envelope that may still be asked for
  */
 
 /**
@@ -28,7 +29,7 @@ const REMEMBERED = 50;
  * @returns {Search}
  */
 export function makePeriodSearch(period, parameters) {
-  const slack = Math.round(parameters.slack_s * ECHO_RATE_HZ);
+  const slack = slackOf(parameters);
   const half = period >> 1;
   const directIn = makeDirect(parameters);
   const levelBefore = makeLevel(period, parameters);
@@ -44,28 +45,44 @@ export function makePeriodSearch(period, parameters) {
   const next = (envelope, isOver) => {
     if (due === null && !begin(envelope, isOver)) return null;
     const reaches = (to) => isOver || envelope.end() >= to;
-    for (;;) {
-      if (!reaches(due + slack + 1) || due >= envelope.end()) return null;
-      const level = levelBefore(envelope, due - slack);
-      let peak = strongestIn(envelope, due - slack, due + slack + 1);
-      const isDue = peak.value >= level;
-      if (!isDue && !reaches(due + half)) return null;
-      if (!isDue) peak = strongestIn(envelope, due - half, due + half);
-      if (peak.value >= level) return found(envelope, peak, isDue);
-      due += period;
-    }
+    if (!reaches(due + slack + 1) || due >= envelope.end()) return null;
+    const level = levelBefore(envelope, due - slack);
+    const near = strongestIn(envelope, due - slack, due + slack + 1);
+    if (near.value >= level) return found(envelope, near, 0);
+    if (!reaches(due + half)) return null;
+    const peak = strongestIn(envelope, due - half, due + half);
+    return peak.value >= level ? found(envelope, peak, 1) : missed(envelope);
   };
 
-  const found = (envelope, peak, isDue) => {
+  /** `off`: 1 where the chirp did not come where it was due. */
+  const found = (envelope, peak, off) => {
     const { sample, level } = directIn(envelope, peak);
-    const jumped = isDue || !hasFound ? 0 : sample - due;
-    const arrival = { sample, due: hasFound ? due : sample, level, jumped };
+    const arrival = { sample, due: hasFound ? due : sample, level, isFound: true };
+    const jumped = off * (sample - arrival.due);
     hasFound = true;
     due = sample + period;
-    return arrival;
+    return [{ ...arrival, jumped }];
+  };
+
+  const missed = (envelope) => {
+    const arrivals = hasFound ? [missedAt(envelope, due, slack)] : [];
+    due += period;
+    return arrivals;
   };
 
   return { next, needs: () => (due ?? 0) - 2 * period };
+}
+
+/** @returns {number} samples that a direct arrival may be off its time */
+export function slackOf(parameters) {
+  return Math.round(parameters.slack_s * ECHO_RATE_HZ);
+}
+
+/** A chirp that was not heard. @returns {Arrival} */
+export function missedAt(envelope, due, slack) {
+  const isInside = due >= slack && due < envelope.end() - slack;
+  const peak = isInside ? strongestIn(envelope, due - slack, due + slack + 1) : { sample: due, value: 0 };
+  return { sample: peak.sample, due, level: peak.value, jumped: 0, isFound: false };
 }
 
 /** The greatest value from sample `from` to `to`, without the last. */

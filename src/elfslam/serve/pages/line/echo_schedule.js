@@ -8,7 +8,7 @@
  */
 
 import { median } from "../phone/matched_filter.js";
-import { makeDirect, makeLevel, strongestIn } from "./echo_arrivals.js";
+import { makeDirect, makeLevel, missedAt, slackOf, strongestIn } from "./echo_arrivals.js";
 import { ECHO_RATE_HZ } from "./resample.js";
 
 /** Chirps that tell together how late they arrive; as many missed in a row make it unknown again. */
@@ -27,7 +27,7 @@ const ABOUT_AS_CLEAR = 0.95;
  *   chirp, in their order and before it is heard
  */
 export function makeScheduleSearch(period, parameters) {
-  const slack = Math.round(parameters.slack_s * ECHO_RATE_HZ);
+  const slack = slackOf(parameters);
   const latest = Math.round(parameters.latest_s * ECHO_RATE_HZ);
   const directIn = makeDirect(parameters);
   const levelBefore = makeLevel(period, parameters);
@@ -36,7 +36,7 @@ export function makeScheduleSearch(period, parameters) {
   let late = null;
   let before = null;
   let recent = [];
-  let missed = 0;
+  let missed = [];
   let reach = 0;
 
   /** Looks further and further for the time from playing to hearing; false where sound must come first. */
@@ -48,24 +48,23 @@ export function makeScheduleSearch(period, parameters) {
       late = latenessOf(envelope, chirps, reach, slack, levelBefore(envelope, end));
       if (late !== null) return true;
       const isFar = reach >= latest;
-      if (isFar) row += TOGETHER;
       reach = isFar ? latest : Math.min(reach + (period >> 1), latest);
+      if (isFar) return true;
     }
     return false;
   };
 
   const next = (envelope, isOver) => {
-    for (;;) {
-      if (late === null && !begin(envelope, isOver)) return null;
-      if (row >= played.length) return null;
-      const due = played[row] + late;
-      if (!isOver && envelope.end() < Math.max(due + slack + 1, period)) return null;
-      const peak = strongestIn(envelope, due - slack, due + slack + 1);
-      const isHeard = due >= slack && due + slack < envelope.end() && peak.value >= levelBefore(envelope, due - slack);
-      row += 1;
-      if (isHeard) return found(envelope, peak, due);
-      miss();
-    }
+    if (late === null && !begin(envelope, isOver)) return null;
+    if (late === null) return passOver(envelope);
+    if (row >= played.length) return null;
+    const due = played[row] + late;
+    if (!isOver && envelope.end() < Math.max(due + slack + 1, period)) return null;
+    const peak = strongestIn(envelope, due - slack, due + slack + 1);
+    const isInside = due >= slack && due < envelope.end() - slack;
+    row += 1;
+    const isHeard = isInside && peak.value >= levelBefore(envelope, due - slack);
+    return isHeard ? found(envelope, peak, due) : miss(envelope, due);
   };
 
   const found = (envelope, peak, due) => {
@@ -73,17 +72,26 @@ export function makeScheduleSearch(period, parameters) {
     const jumped = before !== null && Math.abs(late - before) > slack ? late - before : 0;
     if (jumped !== 0) recent = [];
     before = late;
-    missed = 0;
     recent = [...recent, sample - played[row - 1]].slice(-RECENT);
     late = Math.round(median(recent));
-    return { sample, due, level, jumped };
+    const arrivals = [...missed, { sample, due, level, jumped, isFound: true }];
+    missed = [];
+    return arrivals;
   };
 
-  const miss = () => {
-    missed += 1;
-    if (missed < TOGETHER) return;
+  /** Nothing is said of missed chirps before it is known that they were not heard at another time. */
+  const miss = (envelope, due) => {
+    missed.push(missedAt(envelope, due, slack));
+    if (missed.length < TOGETHER) return [];
     row -= TOGETHER;
-    [missed, late, reach, recent] = [0, null, 0, []];
+    [missed, late, reach, recent] = [[], null, 0, []];
+    return [];
+  };
+
+  const passOver = (envelope) => {
+    const chirps = played.slice(row, row + TOGETHER);
+    row += TOGETHER;
+    return chirps.map((start) => missedAt(envelope, start + (before ?? 0), slack));
   };
 
   const needs = () => {

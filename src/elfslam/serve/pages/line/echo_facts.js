@@ -1,0 +1,79 @@
+/** What else was heard around each chirp, as elfslam.line.echo's frame_facts says it. */
+
+import { ECHO_RATE_HZ } from "./resample.js";
+
+/** From how long before a direct arrival to how long before it nothing should be heard. */
+const QUIET = [Math.round(0.02 * ECHO_RATE_HZ), Math.round(0.002 * ECHO_RATE_HZ)];
+/** Behind a direct arrival its echoes are over. */
+const OVER = Math.round(0.065 * ECHO_RATE_HZ);
+const FULL_SCALE = 0.999;
+
+/**
+ * Of the envelope of the matched filter: `level` of the direct sound, `before` the largest in the quiet
+ * stretch before it over that, `noise` the typical there, `tail` the largest once its echoes are over.
+ * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, tail: number,
+ *   clipped: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it came, NaN
+ *   where it did not; clipped: share of samples at full scale
+ */
+
+/**
+ * Facts of chirps as they become complete, which is when the next one has come or has been missed.
+ * @returns {{take: (arrivals: import("./echo_arrivals.js").Arrival[],
+ *   heard: {sound: import("../phone/stream.js").Stream, envelope: import("../phone/stream.js").Stream},
+ *   isOver: boolean) => FrameFacts[], needs: () => number}}
+ */
+export function makeFacts() {
+  let before = null;
+  let waiting = [];
+
+  const take = (arrivals, heard, isOver) => {
+    waiting.push(...arrivals);
+    const facts = [];
+    while (waiting.length > 0 && isComplete(heard.sound, isOver)) {
+      const [arrival, next] = waiting;
+      facts.push(factsOf(arrival, before, next, heard));
+      before = waiting.shift().sample;
+    }
+    return facts;
+  };
+
+  const isComplete = (sound, isOver) =>
+    isOver || (waiting.length > 1 && sound.end() >= waiting[0].sample + OVER);
+
+  return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
+}
+
+function factsOf({ sample, due, level, isFound }, before, next, { sound, envelope }) {
+  const dueS = due / ECHO_RATE_HZ;
+  const lateS = isFound ? (sample - due) / ECHO_RATE_HZ : NaN;
+  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, tail: 0, clipped: 0 };
+  if (sample < 0 || sample >= envelope.end()) return nothing;
+  const begin = Math.max(sample - QUIET[0], before === null ? 0 : before + OVER, 0);
+  const quiet = between(envelope, begin, sample - QUIET[1]);
+  const end = next ? next.sample - QUIET[1] : envelope.end();
+  const frame = between(sound, sample, Math.min(sample + OVER, sound.end()));
+  return {
+    dueS,
+    lateS,
+    level,
+    before: most(quiet) / Math.max(level, 1e-9),
+    noise: middle(quiet),
+    tail: most(between(envelope, sample + OVER, end)),
+    clipped: frame.filter((value) => Math.abs(value) >= FULL_SCALE).length / frame.length,
+  };
+}
+
+function between(stream, from, to) {
+  return stream.slice(from, Math.max(Math.min(to, stream.end()), from));
+}
+
+function most(values) {
+  return values.reduce((highest, value) => Math.max(highest, value), 0);
+}
+
+function middle(values) {
+  if (values.length === 0) return 0;
+  const half = values.length >> 1;
+  const sorted = values.sort();
+  return values.length % 2 ? sorted[half] : (sorted[half - 1] + sorted[half]) / 2;
+}
