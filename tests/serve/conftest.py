@@ -25,7 +25,7 @@ from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services
-from elfslam.serve.settings import ServerSettings
+from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -183,7 +183,8 @@ START = """
 import sys; from pathlib import Path
 from elfslam.serve.network.running import Listening, run
 from elfslam.serve.settings import Limits, ServerSettings
-settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=Limits(**eval(sys.argv[3])))
+limits, pages = Limits(**eval(sys.argv[3])), Path(sys.argv[4])
+settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=limits, pages_folder=pages)
 run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)
 """
 
@@ -193,11 +194,16 @@ def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[
     """Starts real servers on free ports; all are killed at the end."""
     started: list[subprocess.Popen[bytes]] = []
 
-    def start(data: Path | None = None, speaks: str = "http", **limits: float) -> Started:
+    def start(
+        data: Path | None = None,
+        speaks: str = "http",
+        pages: Path = PAGES_FOLDER,
+        **limits: float,
+    ) -> Started:
         data = data or tmp_path_factory.mktemp("served") / "data"
         told = data / "authority" / "url"
         told.unlink(missing_ok=True)
-        command = [sys.executable, "-c", START, str(data), speaks, repr(limits)]
+        command = [sys.executable, "-c", START, str(data), speaks, repr(limits), str(pages)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         started.append(process)
         until_s = time.monotonic() + 180

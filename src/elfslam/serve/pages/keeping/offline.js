@@ -17,6 +17,7 @@ export const NOT_WHOLE = {
   isKept: false,
   why: "The page did not come whole, or this phone has no room for it. Open it again later.",
 };
+const AGAIN_MS = 2000;
 
 /**
  * Keep the page, and change to a new version of it while `isIdle` says that nothing goes on.
@@ -51,7 +52,10 @@ function failing({ installing }) {
 /** @param {ServiceWorkerRegistration} registration @param {() => boolean} isIdle */
 function watch(registration, isIdle) {
   const offer = () => {
-    if (registration.active && isIdle()) registration.waiting?.postMessage("begin");
+    const { active, waiting } = registration;
+    if (!active || !waiting) return;
+    if (isIdle()) waiting.postMessage("begin");
+    setTimeout(offer, AGAIN_MS); // another window may be open, or a walk going on
   };
   registration.addEventListener("updatefound", () => {
     registration.installing?.addEventListener("statechange", offer);
