@@ -129,7 +129,7 @@ class MotionParameters:
         8.0, "s", "live, footsteps are found in so much of the walk", low=6.0, high=3600.0
     )
     live_delay_s: float = parameter(
-        0.6,
+        0.5,
         "s",
         "live, a footstep is final when the walk has gone on for so long",
         low=0.0,
