@@ -5,12 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from functools import partial
 
 import numpy as np
 
-from elfslam.base.arrays import F32
+from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
@@ -23,6 +23,7 @@ from elfslam.base.values import (
     Features,
     Fixes,
     FloorMap,
+    FrameFacts,
     MeanSimilarity,
     Odometry,
     Recording,
@@ -37,7 +38,7 @@ from elfslam.line.acoustic_odometry import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
-from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.line.echo import EchoParameters, cut_echoes, echoes_of, find_frames, frame_facts
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
@@ -45,14 +46,16 @@ from elfslam.line.locate import (
     LocateParameters,
     elf_payload,
     likeness,
-    locate_one_shot,
     means_between,
+    trusted_one_shot,
+    without_suspects,
 )
 from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
 from elfslam.line.phone import heard_as_map
 from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker, TrackParameters
+from elfslam.line.trust import TrustParameters, judge
 
 
 @dataclass(frozen=True)
@@ -72,6 +75,7 @@ class Parameters:
     locate: LocateParameters = field(default_factory=LocateParameters)
     segments: SegmentParameters = field(default_factory=SegmentParameters)
     track: TrackParameters = field(default_factory=TrackParameters)
+    trust: TrustParameters = field(default_factory=TrustParameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +96,7 @@ class Run:
 Announce = Callable[[str], None]
 Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
+Suspicion = Callable[[F64], Bool]
 SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
 
 
@@ -257,14 +262,44 @@ def locate(
 
     The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
     """
-    features = heard_in(floor_map, recording, encoder, parameters)
+    echoes, facts = hear_for_fixes(recording, parameters)
+    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
     if translation is not None:
         features = heard_as_map(features, translation)
+    suspect = suspicion(echoes, facts, parameters.trust)
     if mode is Mode.ONE_SHOT:
-        return locate_one_shot(features, floor_map, parameters.locate)
+        return trusted_one_shot(features, floor_map, parameters.locate, suspect)
     nodes = walk_nodes(recording, parameters)
     scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
-    return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed)
+    doubt = suspect(nodes.t_s)
+    return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
+
+
+def suspicion(echoes: Echoes, facts: FrameFacts | None, parameters: TrustParameters) -> Suspicion:
+    """Whether stretches between times (n) are suspect (n-1); never without facts."""
+
+    def suspect(edges_s: F64) -> Bool:
+        if facts is None:
+            return np.zeros(len(edges_s) - 1, dtype=np.bool_)
+        return judge(facts, echoes, edges_s, parameters) > 0
+
+    return suspect
+
+
+def hear_for_fixes(
+    recording: Recording, parameters: Parameters
+) -> tuple[Echoes, FrameFacts | None]:
+    """The echoes of a recording, and what to judge them by where it says when it chirped.
+
+    Frames that are lacking or clipped are then judged one by one; else many of them are refused.
+    """
+    if recording.audio is None or recording.played_t_s is None:
+        return hear(recording, parameters), None
+    lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
+    chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
+    frames = find_frames(recording.audio, chirp, lenient, recording.played_t_s)
+    duration_s = _duration_s(recording)
+    return echoes_of(frames, lenient, duration_s), frame_facts(frames, lenient, duration_s)
 
 
 def heard_in(
@@ -294,12 +329,19 @@ def locate_walk(
     *,
     mode: Mode,
     seed: int = 0,
+    suspect: Bool | None = None,
 ) -> Fixes:
-    """Fixes from footsteps and from scores (n-1, m) of any kind, by trajectory or by tracking."""
+    """Fixes from footsteps and from scores (n-1, m) of any kind, by trajectory or by tracking.
+
+    What is `suspect` (n-1) places nobody.
+    """
     if mode is Mode.TRAJECTORY:
-        return locate_by_segments(nodes, scores, floor_map, parameters.segments)
+        doubt = np.zeros(len(scores), dtype=np.bool_) if suspect is None else suspect
+        trusted = np.where(doubt[:, None], np.float32(np.nan), scores)
+        fixes = locate_by_segments(nodes, trusted, floor_map, parameters.segments)
+        return without_suspects(fixes, doubt[len(doubt) - len(fixes.t_s) :])
     generator = np.random.default_rng(seed)
-    return Tracker(floor_map, parameters.track, generator).follow(nodes, scores)
+    return Tracker(floor_map, parameters.track, generator).follow(nodes, scores, suspect)
 
 
 def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
@@ -322,9 +364,14 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
             "map it with --by magnetic, or record while chirping"
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
+    duration_s, played_t_s = _duration_s(recording), recording.played_t_s
+    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s, played_t_s)
+
+
+def _duration_s(recording: Recording) -> float | None:
+    """How long the motion sensors ran."""
     motion = recording.imu or recording.odometry
-    duration_s = None if motion is None else float(motion.t_s[-1])
-    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s, recording.played_t_s)
+    return None if motion is None else float(motion.t_s[-1])
 
 
 def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
@@ -104,10 +105,45 @@ def test_a_kidnapped_phone_is_found_again() -> None:
     here = np.vstack([POSES[:15], POSES[3:15]])
     scores = np.vstack([heard(POSES[:15], FLOOR), heard(POSES[2:15], FLOOR)[:12]])
     nodes = walked(POSES[: len(here)])
-    fixes = tracker(FLOOR).follow(nodes, scores[: len(here) - 1])
+    credulous = Tracker(FLOOR, replace(PARAMETERS, jump=3.0), np.random.default_rng(0))
+    fixes = credulous.follow(nodes, scores[: len(here) - 1])
     assert errors_m(fixes, here)[:13].max() < 0.5
     assert errors_m(fixes, here)[-4:].max() < 0.5
     npt.assert_array_equal(fixes.status[-4:], FixStatus.OK)
+
+
+def test_echoes_of_where_no_step_leads_are_suspect_and_move_nothing() -> None:
+    scores = heard(POSES, FLOOR)
+    scores[18:26] = heard(POSES[2:11], FLOOR)
+    fixes = tracker(FLOOR).follow(walked(POSES), scores)
+    npt.assert_array_equal(fixes.status[:18], FixStatus.OK)
+    npt.assert_array_equal(fixes.status[18:26], FixStatus.SUSPECT)
+    assert errors_m(fixes, POSES)[18:26].max() < 1.0
+    spread = np.trace(fixes.covariance_m2, axis1=1, axis2=2)
+    assert (np.diff(spread[18:26]) > 0).all()
+    npt.assert_array_equal(fixes.status[-6:], FixStatus.OK)
+    assert errors_m(fixes, POSES)[-4:].max() < 0.5
+
+
+def test_a_walker_who_is_not_settled_yet_may_jump() -> None:
+    scores = heard(POSES, FLOOR)
+    scores[:3] = heard(POSES[20:24], FLOOR)
+    fixes = tracker(FLOOR).follow(walked(POSES), scores)
+    assert FixStatus.SUSPECT not in fixes.status
+    assert errors_m(fixes, POSES)[-4:].max() < 0.5
+
+
+def test_what_others_suspect_moves_nothing_either() -> None:
+    scores, suspect = heard(POSES, FLOOR), np.zeros(len(POSES) - 1, np.bool_)
+    scores[20:26], suspect[20:26] = heard(POSES[2:9], FLOOR), True
+    fixes = tracker(FLOOR).follow(walked(POSES), scores, suspect)
+    npt.assert_array_equal(fixes.status == FixStatus.SUSPECT, suspect)
+    assert errors_m(fixes, POSES)[20:26].max() < 1.0
+    spread = np.trace(fixes.covariance_m2, axis1=1, axis2=2)
+    assert spread[25] > 1.5 * spread[19]
+    from_the_start = tracker(FLOOR).follow(walked(POSES), scores, np.ones_like(suspect))
+    assert set(from_the_start.status) == {FixStatus.SUSPECT}
+    assert np.isnan(from_the_start.xy_m).all()
 
 
 def test_a_freak_echo_from_elsewhere_does_not_move_it() -> None:

@@ -177,6 +177,7 @@ def test_fixes_are_scored_with_what_was_refused(truth: Truth, moved: Moved) -> N
         "AMBIGUOUS": 2,
         "UNKNOWN_PLACE": 1,
         "NO_ECHO": 1,
+        "SUSPECT": 0,
     }
     assert summary.coverage == pytest.approx((truth.t_s.size - 4) / truth.t_s.size)
 

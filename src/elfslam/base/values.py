@@ -334,6 +334,7 @@ class FixStatus(IntEnum):
     AMBIGUOUS = 1
     UNKNOWN_PLACE = 2
     NO_ECHO = 3
+    SUSPECT = 4
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,11 +6,12 @@ which has the length in it, prefers spots whose own echoes agree with each other
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Payload
@@ -62,6 +63,19 @@ def locate_one_shot(features: Features, floor_map: FloorMap, parameters: LocateP
     return fixes_of(middle_s, likeness(means, payload), floor_map, parameters)
 
 
+def trusted_one_shot(
+    features: Features,
+    floor_map: FloorMap,
+    parameters: LocateParameters,
+    suspect: Callable[[F64], Bool],
+) -> Fixes:
+    """The same, SUSPECT where `suspect` says so of stretches (n-1) between times (n)."""
+    fixes = locate_one_shot(features, floor_map, parameters)
+    half_s = parameters.window_s / 2
+    edges_s = np.append(fixes.t_s[:1] - half_s, fixes.t_s + half_s)
+    return without_suspects(fixes, suspect(edges_s))
+
+
 def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParameters) -> Fixes:
     """Fixes at times (n) from how alike each spot is then: scores (n, m), rows of NaN for silence.
 
@@ -73,6 +87,16 @@ def fixes_of(t_s: F64, scores: F32, floor_map: FloorMap, parameters: LocateParam
         np.array(column) for column in zip(*rows, strict=True)
     )
     return Fixes(t_s, xy, heading, covariance, score, status)
+
+
+def without_suspects(fixes: Fixes, suspect: Bool) -> Fixes:
+    """The fixes, SUSPECT and without a position where what they come from is `suspect` (n)."""
+    kept = np.where(suspect, np.nan, 1.0)
+    return Fixes(
+        fixes.t_s, fixes.xy_m * kept[:, None], fixes.heading_rad * kept,
+        fixes.covariance_m2 * kept[:, None, None], fixes.score,
+        np.where(suspect, int(FixStatus.SUSPECT), fixes.status),
+    )  # fmt: skip
 
 
 def means_between(features: Features, edges_s: F64, fewest: int) -> F32:

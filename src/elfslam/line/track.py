@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from elfslam.base.arrays import F32, F64, I64, Value, array
+from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import between, compose, wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
@@ -59,6 +59,23 @@ class TrackParameters:
     unknown_below: float = parameter(
         0.68, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
+    jump: float = parameter(
+        0.3,
+        "",
+        "a place out of reach of the steps that is more alike by this is SUSPECT",
+        low=0.0,
+        high=3.0,
+    )
+    regained: float = parameter(
+        0.1,
+        "",
+        "once SUSPECT, what is within reach is believed again when less alike by no more than this",
+        low=0.0,
+        high=3.0,
+    )
+    settled: int = parameter(
+        4, "", "OK fixes until a place out of reach is SUSPECT", low=1, high=1_000_000
+    )
     near_m: float = parameter(
         1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0
     )
@@ -93,26 +110,34 @@ class Tracker:
         self._tree = cKDTree(self._coordinates(floor_map.xy_m, floor_map.heading_rad))
         self._cloud: Cloud | None = None
         self._likeness = np.nan
+        self._settled = 0
+        self._doubts = False
 
-    def follow(self, nodes: Odometry, scores: F32) -> Fixes:
+    def follow(self, nodes: Odometry, scores: F32, suspect: Bool | None = None) -> Fixes:
         """A fix at each of the n footsteps but the first.
 
         `scores` (n-1, m) say how alike each spot is to each stretch between footsteps, rows of NaN
-        where nothing was heard. What follows later goes on from here.
+        where nothing was heard; those that are `suspect` (n-1) move nothing. What follows later
+        goes on from here.
         """
         moves = between(nodes.world_from_body[:-1], nodes.world_from_body[1:])
-        rows = [self.step(*each) for each in zip(moves, nodes.step_sigma, scores, strict=True)]
+        doubt = np.zeros(len(moves), dtype=np.bool_) if suspect is None else suspect
+        steps = zip(moves, nodes.step_sigma, scores, doubt, strict=True)
+        rows = [self.step(*each, suspect=bool(doubted)) for *each, doubted in steps]
         return Fixes(nodes.t_s[1:], *(np.array(column) for column in zip(*rows, strict=True)))
 
-    def step(self, move: F64, sigma: F64, scores: F32) -> Fix:
+    def step(self, move: F64, sigma: F64, scores: F32, *, suspect: bool = False) -> Fix:
         """Position, heading, covariance, likeness and status after one footstep.
 
         `move` (3) as reckoned, in the body frame; `sigma` (3) as in `Odometry`; `scores` (m).
+        What is `suspect`, or says of a settled walker what no step explains, is SUSPECT: the
+        guesses go on by the steps alone.
         """
-        heard = not np.isnan(scores[0])
+        heard = not np.isnan(scores[0]) and not suspect
         if self._cloud is None:
             if not heard:
-                return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
+                status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
+                return *NOWHERE, np.nan, int(status)
             count = self._parameters.particles
             self._cloud = self._drawn(scores, move, count)
             middle = compose(self._cloud.poses, -_half(move))
@@ -120,12 +145,32 @@ class Tracker:
             before = self._cloud.poses
             self._cloud = self._moved(self._cloud, move, sigma)
             middle = _halfway(before, self._cloud.poses)
+            if heard:
+                suspect = self._doubts = self._jumps(middle, self._cloud.weight, scores)
+                heard = not suspect
+        if suspect:
+            return self._fix(self._cloud, scores, heard=False, suspect=True)
         if heard:
             self._cloud = self._weighed(self._cloud, middle, scores)
         fix = self._fix(self._cloud, scores, heard=heard)
         if heard:
             self._cloud = self._renewed(self._cloud, scores, move)
+        self._settled += fix[-1] == FixStatus.OK
         return fix
+
+    def _jumps(self, middle: F64, weight: F64, scores: F32) -> bool:
+        """Whether a settled walker is heard where the steps cannot have led.
+
+        Within reach is what lies about the best place, as far as the guesses do.
+        """
+        known = self._parameters
+        if self._settled < known.settled:
+            return False
+        best_m = densest(Cloud(middle, np.ones(len(middle)), weight), known.near_m)
+        reach_m = _reach_m(middle[:, :2], best_m, known.near_m)
+        around = np.linalg.norm(self._map.xy_m - best_m, axis=1) <= reach_m
+        here = float(scores[around].max(initial=-1.0))
+        return float(scores.max()) - here > (known.regained if self._doubts else known.jump)
 
     def _coordinates(self, xy_m: F64, heading_rad: F64) -> F64:
         """Where distance is counted in sigmas of position and heading."""
@@ -182,10 +227,11 @@ class Tracker:
         scale = np.concatenate([cloud.scale[kept], new.scale])
         return Cloud(poses, scale, np.full(count, 1 / count))
 
-    def _fix(self, cloud: Cloud, scores: F32, *, heard: bool) -> Fix:
+    def _fix(self, cloud: Cloud, scores: F32, *, heard: bool, suspect: bool = False) -> Fix:
         known = self._parameters
         best_m = densest(cloud, known.near_m)
-        near = np.linalg.norm(cloud.poses[:, :2] - best_m, axis=1) <= known.near_m
+        reach_m = _reach_m(cloud.poses[:, :2], best_m, known.near_m) if suspect else known.near_m
+        near = np.linalg.norm(cloud.poses[:, :2] - best_m, axis=1) <= reach_m
         status = FixStatus.OK
         if cloud.weight[near].sum() < known.ambiguous_below:
             status = FixStatus.AMBIGUOUS
@@ -195,10 +241,12 @@ class Tracker:
         around = np.linalg.norm(self._map.xy_m - xy, axis=1)
         if heard:
             self._remember(float(scores[around <= known.near_m].max(initial=-1.0)))
-        if self._likeness < known.unknown_below:
+        if suspect and self._settled < known.settled:
+            return *NOWHERE, self._likeness, int(FixStatus.SUSPECT)
+        if self._likeness < known.unknown_below and not suspect:
             return *NOWHERE, self._likeness, int(FixStatus.UNKNOWN_PLACE)
         if not heard:
-            status = FixStatus.NO_ECHO
+            status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
         offset = cloud.poses[near, :2] - xy
         covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
         covariance += self._map.covariance_m2[int(np.argmin(around))]
@@ -221,6 +269,11 @@ def densest(cloud: Cloud, near_m: float) -> F64:
         centre = weight @ xy_m[inside] / weight.sum()
         inside = np.linalg.norm(xy_m - centre, axis=1) <= near_m
     return np.asarray(centre)
+
+
+def _reach_m(xy_m: F64, best_m: F64, near_m: float) -> float:
+    """How far from the best place (2) guesses (p, 2) may reach: thrice as far as half of them."""
+    return near_m / 2 + 3 * float(np.median(np.linalg.norm(xy_m - best_m, axis=1)))
 
 
 def _cells(xy_m: F64, size_m: float) -> I64:

@@ -23,6 +23,7 @@ STATUSES = {
     FixStatus.AMBIGUOUS: (DEAD_RECKONING, "diamond"),
     FixStatus.UNKNOWN_PLACE: (WRONG, "x"),
     FixStatus.NO_ECHO: (TRUTH, "x-thin"),
+    FixStatus.SUSPECT: (CLOSURE, "square"),
 }
 WALKS = [SLAM, DEAD_RECKONING, CLOSURE, RIGHT, "#4a7fd1", "#c2569b", "#a58a2c", TRUTH]
 

@@ -13,6 +13,7 @@ from elfslam.line.feature import Encoder
 from elfslam.score.page import save_page
 from elfslam.studies.acoustic_odometry import measure_acoustic_odometry
 from elfslam.studies.amounts import measure_amounts
+from elfslam.studies.attacks import measure_attacks
 from elfslam.studies.calibration import measure_calibration
 from elfslam.studies.closure_steps import measure_closure_steps
 from elfslam.studies.dead_reckoning import measure_dead_reckoning
@@ -44,6 +45,7 @@ from elfslam.studies.unknown_phone import measure_unknown_phone
 STUDIES: Mapping[str, Study | LongStudy] = {
     "acoustic-odometry": LongStudy(measure_acoustic_odometry),
     "amounts": LongStudy(measure_amounts),
+    "attacks": LongStudy(measure_attacks),
     "calibration": measure_calibration,
     "closures": LongStudy(measure_closure_steps),
     "dead-reckoning": measure_dead_reckoning,

@@ -117,7 +117,7 @@ def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
     """
     numbers: Numbers = {}
     for name, alignment in (("", Alignment.ALIGNED), ("anchored|", Alignment.ANCHORED)):
-        world_from_map = _world_from_map(run, mapped, alignment)
+        world_from_map = _map_in_world(run, mapped, alignment)
         status, errors = fix_distances(fixes, other, world_from_map)
         summary = summarise(errors[status == FixStatus.OK])
         numbers |= {
@@ -131,11 +131,16 @@ def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
                 "ambiguous": float(np.mean(status == FixStatus.AMBIGUOUS)),
                 "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
             }
-    numbers["NEES"] = _nees(fixes, other, _world_from_map(run, mapped, Alignment.ANCHORED))
+    numbers["NEES"] = _nees(fixes, other, _map_in_world(run, mapped, Alignment.ANCHORED))
     return numbers
 
 
-def _world_from_map(run: Run, truth: Truth, alignment: Alignment) -> F64:
+def world_from_map(mapped: Mapped) -> F64:
+    """Where the map (3) lies in the world, by the best rigid fit of its own walk."""
+    return _map_in_world(mapped.run, mapped.truth, Alignment.ALIGNED)
+
+
+def _map_in_world(run: Run, truth: Truth, alignment: Alignment) -> F64:
     matched = match(run.trajectory.t_s, run.trajectory.world_from_body, truth)
     return placement(matched, alignment).world_from_map
 

@@ -19,6 +19,10 @@ from elfslam.base.values import FixStatus, FloorMap
 from elfslam.line.track import Tracker, TrackParameters
 
 HERE = Path(__file__).parent
+DOUBTED = (0, 9, 10, 11)
+"""Steps of which others say that they are suspect."""
+LURED = (22, 23, 24)
+"""Steps at which another place is heard."""
 node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
@@ -79,7 +83,12 @@ def walk_vectors(seed: int, known: TrackParameters) -> dict[str, Any]:
         scores = heard_at(floor_map, middle_m, 0.9 if k < 28 else 0.3)
         if k < 2 or k % 7 == 5:
             scores = np.full_like(scores, np.nan)
-        xy_m, heading_rad, covariance_m2, likeness, status = tracker.step(move, sigma, scores)
+        if k in LURED:
+            scores = np.full_like(scores, 0.1)
+            scores[len(scores) // 2 + k] = 0.95
+        suspect = k in DOUBTED
+        told_fix = tracker.step(move, sigma, scores, suspect=suspect)
+        xy_m, heading_rad, covariance_m2, likeness, status = told_fix
         heard = None if np.isnan(scores[0]) else scores.astype(float).tolist()
         told = np.array([*xy_m, heading_rad, *covariance_m2.ravel()[[0, 1, 3]], likeness])
         steps.append(
@@ -87,6 +96,7 @@ def walk_vectors(seed: int, known: TrackParameters) -> dict[str, Any]:
                 "move": move.tolist(),
                 "sigma": sigma.tolist(),
                 "scores": heard,
+                "suspect": suspect,
                 "told": [None if np.isnan(value) else value for value in told.tolist()],
                 "status": FixStatus(status).name,
             }
@@ -148,5 +158,7 @@ def test_the_tracker_is_that_of_the_line(track_vectors: dict[str, Any], tmp_path
 
 def test_the_walks_meet_every_status(track_vectors: dict[str, Any]) -> None:
     met = {step["status"] for walk in track_vectors["walks"] for step in walk["steps"]}
-    assert met == {"OK", "AMBIGUOUS", "UNKNOWN_PLACE", "NO_ECHO"}
+    assert met == {status.name for status in FixStatus}
+    steps = [step for walk in track_vectors["walks"] for step in walk["steps"]]
+    assert any(step["status"] == "SUSPECT" and not step["suspect"] for step in steps)
     assert any(len(rows) < 5 for rows in track_vectors["nearest"]["rows_within"])

@@ -31,7 +31,8 @@ function mapOf({ xyM, headingRad, covarianceM2 }) {
 
 function follow(walk, random) {
   const tracker = makeTracker(mapOf(walk.map), walk.parameters, random);
-  return walk.steps.map(({ move, sigma, scores }) => tracker.step(move, sigma, scores && Float32Array.from(scores)));
+  return walk.steps.map(({ move, sigma, scores, suspect }) =>
+    tracker.step(move, sigma, scores && Float32Array.from(scores), suspect));
 }
 
 walks.forEach((walk, number) => {

@@ -5,6 +5,7 @@
 
 import { aroundOf, covarianceOf, nowhere, placeOf } from "./tracking/fix.js";
 import { drawn, moved, placesOf, renewed, weighed } from "./tracking/guesses.js";
+import { furtherLikeness, reachOf } from "./tracking/jumping.js";
 import { nearestIn, treeOf } from "./tracking/nearest.js";
 import { halfwayBetween, movedBy } from "./tracking/poses.js";
 
@@ -16,12 +17,14 @@ import { halfwayBetween, movedBy } from "./tracking/poses.js";
  */
 
 /**
- * Follows one walker through a map. `step(move, sigma, scores)` takes a step's move and sigma, and how alike
- * each spot (m) is to what was heard meanwhile, or null (or NaN) where nothing was; it gives a Fix.
+ * Follows one walker through a map. `step(move, sigma, scores, isSuspect)` takes a step's move and sigma, and
+ * how alike each spot (m) is to what was heard meanwhile, or null (or NaN) where nothing was; it gives a Fix.
+ * What is suspect, or says of a settled walker what no step explains, is SUSPECT and moves nothing.
  * @param {Spots} floorMap
  * @param {Record<string, number>} parameters the group "track"
  * @param {Random} random
- * @returns {{step: (move: ArrayLike<number>, sigma: ArrayLike<number>, scores: Float32Array | null) => Fix}}
+ * @returns {{step: (move: ArrayLike<number>, sigma: ArrayLike<number>, scores: Float32Array | null,
+ *   isSuspect?: boolean) => Fix}}
  */
 export function makeTracker(floorMap, parameters, random) {
   const count = Math.min(parameters.neighbours, floorMap.headingRad.length);
@@ -29,15 +32,29 @@ export function makeTracker(floorMap, parameters, random) {
   /** @type {Cloud | null} */
   let cloud = null;
   let likeness = NaN;
+  let settled = 0;
+  let isDoubting = false;
 
-  const step = (move, sigma, given) => {
-    const scores = given && !Number.isNaN(given[0]) ? given : null;
-    if (cloud === null && scores === null) return nowhere(NaN, "NO_ECHO");
+  const step = (move, sigma, given, isSuspect = false) => {
+    const scores = given && !Number.isNaN(given[0]) && !isSuspect ? given : null;
+    if (cloud === null && scores === null) return nowhere(NaN, isSuspect ? "SUSPECT" : "NO_ECHO");
+    const isFirst = cloud === null;
     const after = guessed(cloud, move, sigma, scores);
+    if (scores && !isFirst) isDoubting = isJump(after, scores);
+    if (isSuspect || (scores && isDoubting)) {
+      cloud = after.cloud;
+      return fixed(cloud, null, "SUSPECT");
+    }
     cloud = scores ? weighed(after.cloud, after.middle, scores, nearest, parameters) : after.cloud;
-    const fix = fixed(cloud, scores);
+    const fix = fixed(cloud, scores, "NO_ECHO");
     if (scores) cloud = renewed(cloud, floorMap, scores, move, parameters, random);
+    settled += fix.status === "OK" ? 1 : 0;
     return fix;
+  };
+  const isJump = ({ cloud: { scale, weight }, middle }, scores) => {
+    if (settled < parameters.settled) return false;
+    const further = furtherLikeness({ poses: middle, scale, weight }, floorMap, scores, parameters.near_m);
+    return further > (isDoubting ? parameters.regained : parameters.jump);
   };
   const guessed = (before, move, sigma, scores) => {
     if (before === null) {
@@ -47,15 +64,17 @@ export function makeTracker(floorMap, parameters, random) {
     const after = moved(before, move, sigma, parameters, random);
     return { cloud: after, middle: halfwayBetween(before.poses, after.poses) };
   };
-  const fixed = (guesses, scores) => {
-    const place = placeOf(guesses, parameters);
+  const fixed = (guesses, scores, unheard) => {
+    const place = placeOf(guesses, parameters, unheard === "SUSPECT" ? reachOf : undefined);
     const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
     if (scores) likeness = remembered(likeness, around.likeness, parameters.memory);
-    if (likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
+    const isSuspect = unheard === "SUSPECT" && !scores;
+    if (isSuspect && settled < parameters.settled) return nowhere(likeness, "SUSPECT");
+    if (!isSuspect && likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
     const own = floorMap.covarianceM2.slice(3 * around.closest, 3 * around.closest + 3);
     const covarianceM2 = covarianceOf(guesses, place, own, parameters);
     const certain = place.belief < parameters.ambiguous_below ? "AMBIGUOUS" : "OK";
-    const status = scores ? certain : "NO_ECHO";
+    const status = scores ? certain : unheard;
     return { xyM: place.xyM, headingRad: place.headingRad, covarianceM2, score: likeness, status };
   };
   return { step };

@@ -10,6 +10,7 @@ export const STATUS_WORDS = {
   AMBIGUOUS: "several places sound alike",
   UNKNOWN_PLACE: "unknown place",
   NO_ECHO: "no echo heard",
+  SUSPECT: "sound not to be trusted",
 };
 
 /** The rows of a fixes file; columns by name. Throws Error naming what is missing.

@@ -62,6 +62,7 @@ export function paletteOf(element) {
     walks: [1, 2, 3, 4, 5, 6].map((n) => colour(`--walk-${n}`)),
     status: {
       OK: colour("--good"), AMBIGUOUS: colour("--doubt"), UNKNOWN_PLACE: colour("--bad"), NO_ECHO: colour("--ink-soft"),
+      SUSPECT: colour("--closure"),
     },
   };
 }

@@ -17,14 +17,19 @@ export function nowhere(score, status) {
   return { xyM: null, headingRad: NaN, covarianceM2: null, score, status };
 }
 
-/** The best place, from the guesses near it. @param {Cloud} cloud @returns {Place} */
-export function placeOf(cloud, known) {
+/**
+ * The best place, from the guesses near it, or as far as `reachOf` says.
+ * @param {Cloud} cloud @param {(poses: Float64Array, best: number[], nearM: number) => number} reachOf
+ * @returns {Place}
+ */
+export function placeOf(cloud, known, reachOf = (poses, best, nearM) => nearM) {
   const { poses, weight } = cloud;
   const best = densest(cloud, known.near_m);
+  const reachM = reachOf(poses, best, known.near_m);
   const near = [];
   let belief = 0;
   for (let k = 0; k < weight.length; k += 1) {
-    if (!isNear(poses, k, best, known.near_m)) continue;
+    if (!isNear(poses, k, best, reachM)) continue;
     near.push(k);
     belief += weight[k];
   }

@@ -1,0 +1,156 @@
+"""Whether what is heard can be the room's answer to the phone's own chirps.
+
+Each frame is looked at for what no room does: sound before the direct arrival, echoes louder than
+any room returns them, noise in the chirp's band, the own chirp missing or off its time. A stretch
+of time is SUSPECT where too many of the frames up to its end are odd in one and the same way.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.parameters import parameter
+from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
+
+PARTS = 4
+"""Into so many parts of equal length an echo trace falls (13.3 ms each)."""
+SHARPENED = (2 * np.sin(np.pi * 17_500 / 44_100)) ** 4
+"""What the fourth difference makes of the middle of the band."""
+RECENT = 31
+"""Chirps whose median says when a direct arrival is due."""
+REASONS = (
+    "",
+    "the own chirp is not heard when it was played",
+    "sound comes before its chirp",
+    "echoes are louder than a room returns them",
+    "there is noise in the band of the chirp",
+    "the microphone is driven to its limit",
+)
+"""By number; 0 is trusted."""
+
+
+@dataclass(frozen=True)
+class TrustParameters:
+    """From when on a frame is odd, and how many odd frames are too many."""
+
+    memory_s: float = parameter(
+        1.8, "s", "how far back the frames that are judged lie", low=0.2, high=60.0
+    )
+    odd_share: float = parameter(
+        0.34, "", "this share of odd frames makes a stretch SUSPECT", low=0.01, high=1.0
+    )
+    calm_share: float = parameter(
+        0.12, "", "it stays SUSPECT until fewer frames than this share are odd", low=0.0, high=1.0
+    )
+    fewest_frames: int = parameter(6, "", "fewer frames are not judged", low=1, high=600)
+    off_time_s: float = parameter(
+        0.001, "s", "a direct arrival this far off its time is odd", low=0.0, high=1.0
+    )
+    before: float = parameter(
+        0.03, "", "envelope before a direct arrival over its own that is odd", low=0.0, high=1e6
+    )
+    noise: float = parameter(
+        0.003, "", "noise before a direct arrival over its level that is odd", low=0.0, high=1e6
+    )
+    loud_first: float = parameter(
+        0.16, "", "first part of an echo trace (rms) over the direct level, odd", low=0.0, high=1e6
+    )
+    loud_second: float = parameter(
+        0.065, "", "second part of an echo trace, likewise", low=0.0, high=1e6
+    )
+    loud_third: float = parameter(
+        0.033, "", "third part of an echo trace, likewise", low=0.0, high=1e6
+    )
+    loud_last: float = parameter(
+        0.017, "", "last part of an echo trace, likewise", low=0.0, high=1e6
+    )
+    clipped: float = parameter(
+        0.01, "", "share of samples at full scale that is odd", low=0.0, high=1.0
+    )
+
+
+def judge(facts: FrameFacts, echoes: Echoes, edges_s: F64, parameters: TrustParameters) -> I64:
+    """Number of the reason (n-1) to suspect each stretch between times (n); 0 where there is none.
+
+    `REASONS` has them in words. A stretch is judged by the frames up to its end, and more strictly
+    behind one that is suspect.
+    """
+    odd = odd_frames(facts, echoes, parameters)
+    t_s = facts.t_due_s
+    reasons = [0]
+    for end_s in edges_s[1:]:
+        reasons.append(_reason(odd, t_s, end_s, parameters, was_suspect=reasons[-1] > 0))
+    return np.array(reasons[1:], dtype=np.int64)
+
+
+def odd_frames(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Bool:
+    """Which frames (m) are odd in which way (a column per reason but the first)."""
+    known = parameters
+    level = np.maximum(facts.level, 1e-12)
+    bounds = np.array([known.loud_first, known.loud_second, known.loud_third, known.loud_last])
+    return np.column_stack(
+        [
+            off_time_s(facts) > known.off_time_s,
+            facts.before > known.before,
+            (loudness(facts, echoes) > bounds).any(axis=1),
+            facts.noise / level > known.noise,
+            facts.clipped > known.clipped,
+        ]
+    )
+
+
+def off_time_s(facts: FrameFacts) -> F64:
+    """How far each direct arrival (m) is off the time at which the recent ones came.
+
+    Infinite where none came; 0 for the first.
+    """
+    off_s = np.full(len(facts.late_s), np.inf)
+    recent: list[float] = []
+    for k, late_s in enumerate(facts.late_s.tolist()):
+        if np.isnan(late_s):
+            continue
+        off_s[k] = abs(late_s - float(np.median(recent))) if recent else 0.0
+        recent = [*recent, late_s][-RECENT:]
+    return off_s
+
+
+def loudness(facts: FrameFacts, echoes: Echoes) -> F64:
+    """Root mean square of each part of the echo trace over the direct level (m, 4).
+
+    Of its fourth differences, which leave little of what is below the chirp's band; 0 for frames
+    without an echo.
+    """
+    arrived_s = facts.t_due_s + np.nan_to_num(facts.late_s)
+    loud = np.zeros((len(arrived_s), PARTS))
+    if len(arrived_s) == 0:
+        return loud
+    frame = _nearest(arrived_s, echoes.t_s)
+    sharp = np.zeros(echoes.samples.shape)
+    sharp[:, 4:] = np.diff(echoes.samples.astype(np.float64), n=4)
+    parts = sharp.reshape(-1, PARTS, ECHO_SAMPLES // PARTS)
+    loud[frame] = np.sqrt(np.mean(parts**2, axis=2)) / SHARPENED
+    return np.asarray(loud / np.maximum(facts.level, 1e-12)[:, None])
+
+
+def _nearest(of_s: F64, t_s: F64) -> I64:
+    """Rows of increasing times (m) that are nearest to some times (n)."""
+    above = np.clip(np.searchsorted(of_s, t_s), 1, max(len(of_s) - 1, 1))
+    below = above - 1
+    above = np.minimum(above, len(of_s) - 1)
+    return np.where(t_s - of_s[below] <= of_s[above] - t_s, below, above)
+
+
+def _reason(
+    odd: Bool, t_s: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+) -> int:
+    """The first reason of which too many of the frames up to then have the sign."""
+    first, last = np.searchsorted(t_s, [end_s - parameters.memory_s, end_s])
+    if last - first < parameters.fewest_frames:
+        return 0
+    shares = odd[first:last].mean(axis=0)
+    limit = parameters.calm_share if was_suspect else parameters.odd_share
+    too_many = np.flatnonzero(shares >= limit)
+    return int(too_many[0]) + 1 if len(too_many) else 0

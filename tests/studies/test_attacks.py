@@ -1,0 +1,124 @@
+"""Attacks laid over a walk: what is planted arrives where it should, and the study tells of it."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.line.echo import matched_envelope
+from elfslam.score.page import rendered
+from elfslam.studies import attacks
+from elfslam.studies.attack_sounds import SOUNDS, Victim, noise, ramped_echoes, replayed_chirps
+from elfslam.studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
+from elfslam.studies.attacks import APART_S, measure_attacks, measured
+from elfslam.studies.attacks_table import attacks_page, attacks_rows, poisson_interval
+from elfslam.world.simulate import load_world
+
+
+@pytest.fixture(scope="module")
+def walk() -> Walked:
+    return walked(load_world("studio"), 100, 1, 0.025)
+
+
+@pytest.fixture(scope="module")
+def victim(walk: Walked) -> Victim:
+    other = walked(load_world("studio"), 101, 1, 0.025)
+    return Victim(walk, other, np.array([2.0, 3.0, 1.2]), 0)
+
+
+def test_chirps_arrive_when_the_schedule_says(walk: Walked) -> None:
+    envelope = matched_envelope(recorded(walk).samples[0], walk.chirp)
+    direct = walk.played + round(walk.device.separation_m / walk.air.speed_mps * RATE_HZ)
+    windows = envelope[direct[:, None] + np.arange(-400, 400)]
+    npt.assert_allclose(windows.argmax(axis=1), 400, atol=2)
+    offsets = (walk.played - walk.played[0]) % PERIOD
+    assert len(np.unique(offsets)) > 100
+    with_rhythm = walked(load_world("studio"), 100, 1, 0.0)
+    assert set(np.diff(with_rhythm.played)) == {PERIOD}
+
+
+def test_sounds_are_laid_where_they_start_and_cut_at_the_ends() -> None:
+    stream = laid(np.ones((3, 4), np.float32), np.array([-2, 3, 8]), 10)
+    assert stream.tolist() == [1, 1, 0, 1, 1, 1, 1, 0, 1, 1]
+
+
+@pytest.mark.parametrize("name", SOUNDS)
+def test_an_attack_is_silent_before_its_onset(victim: Victim, name: str) -> None:
+    sound = SOUNDS[name](victim, 0.0)
+    assert len(sound) == len(victim.walked.own)
+    assert np.abs(sound[: victim.onset - PERIOD]).max() == 0
+    assert np.abs(sound[victim.onset :]).max() > 1e-4
+
+
+def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: Victim) -> None:
+    envelope = matched_envelope(replayed_chirps(victim, 0.0, after_s=0.015), victim.walked.chirp)
+    k = int(np.searchsorted(victim.walked.played, victim.onset)) + 5
+    way_s = 2 * victim.away_m[k] / victim.walked.air.speed_mps + 0.015
+    due = victim.walked.played[k] + round(way_s * RATE_HZ)
+    assert envelope[due - 4 : due + 5].max() > 0.5 * envelope[due - 1000 : due + 1000].max()
+
+
+def test_levels_are_in_decibels(victim: Victim) -> None:
+    quiet, loud = (np.std(noise(victim, level_db)) for level_db in (0.0, 20.0))
+    assert loud == pytest.approx(10 * quiet, rel=1e-4)
+    ramp = np.abs(ramped_echoes(victim, 20.0))
+    third = (len(ramp) - victim.onset) // 3
+    assert ramp[-third:].mean() > 3 * ramp[victim.onset : victim.onset + third].mean()
+
+
+def test_the_interval_of_a_count_is_garwoods() -> None:
+    assert poisson_interval(0) == pytest.approx((0.0, 3.6889), abs=1e-4)
+    assert poisson_interval(10) == pytest.approx((4.7954, 18.3904), abs=1e-4)
+
+
+def test_alarms_close_together_are_one() -> None:
+    t_s = np.arange(0.0, 60.0, 0.5)
+    suspect = np.isin(t_s, [3.0, 3.5, 6.0, 6.0 + APART_S + 1, 40.0])
+    assert attacks._alarms(t_s, suspect) == 3
+    assert attacks._alarms(t_s, np.zeros(len(t_s), bool)) == 0
+
+
+def test_a_small_study_tells_an_attack_from_an_honest_walk() -> None:
+    heard: list[str] = []
+    finding = measure_attacks(
+        None,
+        lambda text, share: heard.append(text),
+        worlds={"studio": 1},
+        seeds=(100,),
+        levels_db=(10.0,),
+        kinds=("alone", "chirps, own rhythm"),
+        mapping_rounds=1,
+    )
+    rows = {(row["what"], row["mode"]): row for row in finding.rows}
+    attacked = rows["chirps, own rhythm", "track"]
+    assert attacked["detected"] == 1.0
+    assert 0 < float(str(attacked["delay median (s)"])) < 3
+    assert float(str(attacked["off before told (m)"])) < 1.0
+    alone = rows["honest: alone", "track"]
+    assert alone["alarms"] == 0
+    assert float(str(alone["hours"])) == pytest.approx(0.0, abs=0.02)
+    assert heard[-1] == "2 of 2 repeats"
+    assert finding.page is not None
+    assert "False alarms" in rendered(finding.page)
+
+
+def test_rows_of_what_was_never_told_have_no_delay() -> None:
+    numbers = {
+        f"x|0|track|{name}": value
+        for name, value in {
+            "delay": np.inf, "told": 0.0, "refused": 0.2, "wrong": 0.5, "off before": 3.0,
+            "off": 3.0, "wrong unchecked": 0.6, "off unchecked": 4.0,
+        }.items()
+    }  # fmt: skip
+    told = {**numbers, "x|0|track|delay": 2.0}
+    row = attacks_rows([numbers, numbers, told])[0]
+    assert row["detected"] == pytest.approx(0.333)
+    assert row["delay median (s)"] is None
+    assert attacks_rows([told])[0]["delay median (s)"] == 2.0
+    assert "x" in rendered(attacks_page(attacks_rows([told])))
+
+
+def test_every_kind_is_measured_by_one_task() -> None:
+    task = attacks.Task("studio", 100, 1, attacks.REGULAR, (0.0,), 1)
+    assert all(key.startswith(f"{attacks.REGULAR}|0|") for key in measured(task))
