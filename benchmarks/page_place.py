@@ -60,9 +60,14 @@ class Placed:
 
     fixes: Fixes
     duration_s: float
+    ready_s: float
+    """From the tap until the page listens."""
+    heard_share: float
+    """Of the chirps."""
     browser_share: float
     page_share: float
     requests: list[str]
+    """What the network was asked for meanwhile."""
 
     @property
     def fixes_per_minute(self) -> float:
@@ -154,9 +159,10 @@ def locate_walk(
     page.click("#place-stop")
     page.click(f"label:has(input[value={mode}])")
     time.sleep(PAUSE_S + 0.5)
-    requests: list[str] = []
-    page.context.on("request", lambda request: requests.append(request.url))
+    requests: list[Any] = []
+    page.context.on("request", requests.append)
     room.go()
+    tapped_s = time.monotonic()
     page.click("#place-start")
     begun_s = room.begun_s()
     before, wall = cpu_seconds(), time.monotonic()
@@ -166,14 +172,28 @@ def locate_walk(
         at_s(now - begun_s)
     after, duration_s = cpu_seconds(), time.monotonic() - wall
     still(sensors, course, SETTLING_S)
-    asked = [each for each in requests if not each.startswith("blob:")]
+    asked = [request.url for request in requests if not is_own(request)]
+    heard = page.inner_text("#place-heard").rstrip("\u00a0 %")
+    page.screenshot(path=folder / f"{mode}.png")
     page.click("#place-stop")
     with page.expect_download() as download:
         page.click("#place-save")
     table = folder / f"{mode}.csv"
     download.value.save_as(table)
     shares = [(b - a) / duration_s for a, b in zip(before, after, strict=True)]
-    return Placed(read_fixes(table), course.duration_s, shares[0], shares[1], asked)
+    heard_share = int(heard) / 100 if heard.isdigit() else 0.0
+    ready_s = begun_s - tapped_s
+    return Placed(
+        read_fixes(table), course.duration_s, ready_s, heard_share, shares[0], shares[1], asked
+    )
+
+
+def is_own(request: Any) -> bool:
+    """Whether the phone answered it from what it keeps."""
+    if request.url.startswith("blob:"):
+        return True
+    response = None if request.failure else request.response()
+    return response is not None and bool(response.from_service_worker)
 
 
 def still(sensors: MotionSensors, course: Course, seconds: float) -> None:
@@ -282,9 +302,10 @@ def compare(world_name: str, map_seed: int, seed: int, rounds: int, folder: Path
         print(told(f"{name}, page", own))
         print(told(f"{name}, Python", errors_of(python, course.truth, world_in_map)))
         print(
-            f"  {placed.fixes_per_minute:.0f} fixes a minute; {placed.browser_share:.0%} of a core "
-            f"for the browser, {placed.page_share:.0%} for the page; "
-            f"asked of the network: {len(placed.requests)}",
+            f"  {placed.fixes_per_minute:.0f} fixes a minute; {placed.heard_share:.0%} of the "
+            f"chirps heard; ready after {placed.ready_s:.1f} s; {placed.browser_share:.0%} of a core for "
+            f"the browser, {placed.page_share:.0%} for the page; asked of the network: "
+            f"{placed.requests or 'nothing'}",
             flush=True,
         )
 

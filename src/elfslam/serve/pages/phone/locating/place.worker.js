@@ -10,6 +10,7 @@ import { encoderFor } from "../../line/feature.js";
 import { checkedMap } from "../../line/floor_map.js";
 import { makeFootsteps } from "../../line/motion/live.js";
 import { makeTracker } from "../../line/track.js";
+import { makeTrust } from "../../line/trust.js";
 import { makeRandom } from "../../line/tracking/random.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
 import { followLateness } from "./lateness.js";
@@ -52,10 +53,11 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
   motion = delayMotion(footsteps, lateness.latenessS);
+  const trust = parameters.trust && makeTrust(parameters.trust);
   const deciding = mode === "track"
-    ? decideBySteps({ floorMap, memory, footsteps, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
-    : decideByWindows({ floorMap, memory });
-  return makePlacer({ rateHz, cutter, listener, memory, deciding, onFix, onEcho });
+    ? decideBySteps({ floorMap, memory, footsteps, trust, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
+    : decideByWindows({ floorMap, memory, trust });
+  return makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho });
 }
 
 function onFix(fix) {

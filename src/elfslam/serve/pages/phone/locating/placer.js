@@ -9,8 +9,9 @@ const TRACE = 2352;
 /**
  * @param {{
  *   rateHz: number,
- *   cutter: {push: (first: number, samples: Float32Array) => import("../../line/echo.js").Echo[]},
+ *   cutter: import("../../line/echo.js").EchoCutter,
  *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
+ *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   deciding: import("./deciding.js").Deciding,
  *   onFix: (fix: import("./words.js").Fix) => void,
@@ -18,7 +19,7 @@ const TRACE = 2352;
  * }} given
  * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}
  */
-export function makePlacer({ rateHz, cutter, listener, memory, deciding, onFix, onEcho = () => {} }) {
+export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho = () => {} }) {
   /** @type {import("../../line/echo.js").Echo[]} */
   let waiting = [];
   let heardS = 0;
@@ -44,6 +45,7 @@ export function makePlacer({ rateHz, cutter, listener, memory, deciding, onFix, 
 
   const push = (first, samples) => {
     const echoes = cutter.push(first, samples);
+    trust?.take(cutter.frames(), echoes);
     heardS = (first + samples.length) / rateHz;
     echoes.forEach(onEcho);
     waiting.push(...echoes);
