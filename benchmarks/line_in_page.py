@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import Browser, BrowserContext, Route, sync_playwright
+from playwright.sync_api import Browser, Route, sync_playwright
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.parameters import as_dict
@@ -54,17 +54,29 @@ def browsing() -> Iterator[Browser]:
         browser.close()
 
 
-def run_in_page(context: BrowserContext, address: str, worker: str, given: Path) -> Any:
-    """What a worker of `page_line/` says, with the files of the folder `given`."""
+def run_in_page(browser: Browser, address: str, worker: str, given: Path) -> tuple[Any, float]:
+    """What a worker of `page_line/` says with the files of the folder `given`.
+
+    And the processor seconds that the page took.
+    """
+    context = browser.new_context()
     context.route("**/benchmarks/**", lambda route: _answer(route, given))
-    page = context.new_page()
+    page, before_s = context.new_page(), processor_s(browser)
     page.goto(f"{address.split('#', maxsplit=1)[0].rstrip('/')}/benchmarks/page.html#{worker}")
     page.wait_for_selector("#result:not(:empty)", timeout=PATIENCE_MS)
-    said = json.loads(page.inner_text("#result"))
-    page.close()
+    said, spent_s = json.loads(page.inner_text("#result")), processor_s(browser) - before_s
+    context.close()
     if "failed" in said:
         raise RuntimeError(said["failed"])
-    return said
+    return said, spent_s
+
+
+def processor_s(browser: Browser) -> float:
+    """Processor seconds of all pages so far."""
+    session = browser.new_browser_cdp_session()
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    session.detach()
+    return float(sum(each["cpuTime"] for each in processes if each["type"] == "renderer"))
 
 
 def _answer(route: Route, given: Path) -> None:

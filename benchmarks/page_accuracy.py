@@ -160,7 +160,7 @@ def main() -> None:
         folder.mkdir()
         walks = prepared(folder, given)
         with serving(Path(name) / "data") as address, browsing() as browser:
-            said = run_in_page(browser.new_context(), address, "accuracy", folder)
+            said, _ = run_in_page(browser, address, "accuracy", folder)
     print_agreement(walks, said)
 
 

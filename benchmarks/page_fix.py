@@ -11,7 +11,6 @@ run it on a quiet machine. Needs chromium and the `test` extra.
 from __future__ import annotations
 
 import argparse
-import gzip
 import json
 import tempfile
 from collections.abc import Sequence
@@ -22,32 +21,31 @@ from typing import Any
 import httpx
 import numpy as np
 from line_in_page import browsing, run_in_page, serving, write_f32, write_floor_map
+from playwright.sync_api import Browser
 
 from elfslam.base.values import FloorMap, Payload
 from elfslam.line.feature import OnnxEncoder, calibrated, load_encoder
-from elfslam.serve.settings import PAGES_FOLDER
 from elfslam.slam import Parameters, map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")
+PASSES = ((1, 1), (11, 1), (1, 5))
+"""Over the walk, with its sound in windows and as it comes: few, many, and many as it comes."""
 SPOT_BYTES = 4 * (2 + 1 + 3 + 1 + 128)
-UNSEEN = ("desk", "LICENSE", "LICENSES", "ThirdParty")
-"""Files that the phone does not ask for."""
 
 
 @dataclass(frozen=True)
 class File:
-    """A file of the page: its bytes, as they are sent, and as short as gzip makes them."""
+    """A file of the page: its bytes, and how many of them the server sends to a browser."""
 
     name: str
     raw: int
     sent: int
-    squeezed: int
 
 
-def prepare(folder: Path, spots: int, rate_hz: int) -> None:
-    """A map, a walk and the encoder, as files."""
+def prepare(folder: Path, spots: int, rate_hz: int) -> float:
+    """A map, a walk and the encoder, as files; gives how long the walk is (s)."""
     parameters, encoder = Parameters(), load_encoder("compact")
     assert isinstance(encoder, OnnxEncoder)
     world = load_world("studio")
@@ -59,8 +57,7 @@ def prepare(folder: Path, spots: int, rate_hz: int) -> None:
     assert walked.audio is not None
     write_f32(folder / "sound.f32", walked.audio.samples[0])
     (folder / "encoder.onnx").write_bytes(encoder.content)
-    told = {"rateHz": rate_hz, "windowS": parameters.locate.window_s}
-    (folder / "sound.json").write_text(json.dumps(told))
+    return walked.audio.samples.shape[1] / rate_hz
 
 
 def filled(floor_map: FloorMap, spots: int) -> FloorMap:
@@ -93,10 +90,9 @@ def print_times(said: dict[str, Any]) -> None:
         print_row(name, column)
     for name, column in zip(INSIDE, np.array(said["inside"]).T, strict=True):
         print_row(f"  of echoes: {name}", column)
-    print_row("behind the last block, live", np.array(said["live"]["afterLastMs"]))
-    print(f"the very first fix: {said['first']['ms'][-1]:.1f} ms")
-    print(f"share of one core while every echo makes a fix: {said['live']['busyShare']:.1%}")
-    print(f"runtime and encoder opened in {said['runtimeMs']:.0f} ms")
+    print_row("behind the last block, live", np.array(said["live"]))
+    first = dict(zip(STAGES, (f"{ms:.1f}" for ms in said["first"]["ms"]), strict=True))
+    print(f"the very first fix: {first} ms")
     statuses = [window["status"] for window in said["windows"]]
     print({status: statuses.count(status) for status in sorted(set(statuses))})
 
@@ -107,22 +103,14 @@ def print_row(name: str, ms: np.ndarray) -> None:
 
 
 def page_files(address: str) -> list[File]:
-    """Everything that the phone may fetch of the page, asked for as a browser does."""
-    files = []
-    for path in sorted(path for path in PAGES_FOLDER.rglob("*") if path.is_file()):
-        name = path.relative_to(PAGES_FOLDER).as_posix()
-        if any(part.startswith(UNSEEN) for part in Path(name).parts) or name == "package.json":
-            continue
-        content = path.read_bytes()
-        files.append(
-            File(name, len(content), sent_bytes(address, name), len(gzip.compress(content)))
-        )
-    return files
+    """Everything that the phone keeps of the page, asked for as a browser does."""
+    url = address.split("#", maxsplit=1)[0].rstrip("/")
+    listed = httpx.get(f"{url}/precache.json").raise_for_status().json()["files"]
+    return [File(f["path"], f["size_bytes"], sent_bytes(url + f["path"])) for f in listed]
 
 
-def sent_bytes(address: str, name: str) -> int:
+def sent_bytes(url: str) -> int:
     """How long the body is that the server sends."""
-    url = f"{address.split('#', maxsplit=1)[0].rstrip('/')}/{name}"
     with httpx.stream("GET", url, headers={"Accept-Encoding": "gzip, br"}) as answer:
         answer.raise_for_status()
         return sum(len(part) for part in answer.iter_raw())
@@ -130,12 +118,11 @@ def sent_bytes(address: str, name: str) -> int:
 
 def print_weight(files: Sequence[File], folder: Path, spots: int) -> None:
     """What the first visit weighs."""
-    print("\nbytes on the first visit                  raw      sent   gzip -9")
+    print(f"\n{'bytes on the first visit':32}{'raw':>12}{'sent':>12}")
     runtime = [file for file in files if "onnxruntime" in file.name]
     rest = [file for file in files if file not in runtime]
     for name, some in (("runtime", runtime), ("page", rest), ("together", files)):
-        sums = [sum(getattr(file, what) for file in some) for what in ("raw", "sent", "squeezed")]
-        print(f"{name:32}" + "".join(f"{size:12,}" for size in sums))
+        print(f"{name:32}{sum(f.raw for f in some):12,}{sum(f.sent for f in some):12,}")
     encoder = (folder / "encoder.onnx").stat().st_size
     print(f"model {encoder:,} and map {spots * SPOT_BYTES:,}: {encoder + spots * SPOT_BYTES:,}")
 
@@ -146,12 +133,34 @@ def main() -> None:
     parser.add_argument("--rate", type=int, default=48_000)
     given = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        prepare(folder / "given", given.spots, given.rate)
-        with serving(folder / "data") as address, browsing() as browser:
-            said = run_in_page(browser.new_context(), address, "fix", folder / "given")
-            print_times(said)
-            print_weight(page_files(address), folder / "given", given.spots)
+        folder = Path(name) / "given"
+        walk_s = prepare(folder, given.spots, given.rate)
+        with serving(Path(name) / "data") as address, browsing() as browser:
+            runs = [measured(browser, address, folder, given.rate, *passes) for passes in PASSES]
+            print_times(runs[0][0])
+            print_processor([spent_s for _, spent_s in runs], len(runs[0][0]["windows"]), walk_s)
+            opened = " and ".join(f"{said['runtimeMs']:.0f}" for said, _ in runs[:2])
+            print(f"runtime and encoder opened in {opened} ms")
+            print_weight(page_files(address), folder, given.spots)
+
+
+def measured(
+    browser: Browser, address: str, folder: Path, rate_hz: int, passes: int, live_passes: int
+) -> tuple[dict[str, Any], float]:
+    """What the worker says of so many passes over the walk, and the processor seconds."""
+    window_s = Parameters().locate.window_s
+    told = {"rateHz": rate_hz, "windowS": window_s, "passes": passes, "livePasses": live_passes}
+    (folder / "sound.json").write_text(json.dumps(told))
+    return run_in_page(browser, address, "fix", folder)
+
+
+def print_processor(spent_s: Sequence[float], windows: int, walk_s: float) -> None:
+    """What more passes cost beyond few: by the clock of the processor, whatever else runs."""
+    few, many, live = spent_s
+    fixes = windows // PASSES[0][0] * (PASSES[1][0] - PASSES[0][0])
+    print(f"processor: {1000 * (many - few) / fixes:.1f} ms for a fix from sound pushed at once")
+    lived_s = walk_s * (PASSES[2][1] - PASSES[0][1])
+    print(f"processor: {(live - few) / lived_s:.1%} of a core while each echo makes a fix")
 
 
 if __name__ == "__main__":

@@ -11,10 +11,9 @@ import { makeResampler } from "/line/resample.js";
 import { answer, bytes, floats, floorMapIn, json } from "./given.js";
 
 const WORKLET_BLOCK = 1024;
-const PASSES = 3;
 
 answer(async () => {
-  const { rateHz, windowS } = await json("sound.json");
+  const { rateHz, windowS, passes, livePasses } = await json("sound.json");
   const floorMap = checkedMap(await floorMapIn("map"));
   const sound = await floats("sound");
   const encoderBytes = await bytes("encoder.onnx");
@@ -22,9 +21,9 @@ answer(async () => {
   const listener = await encoderFor(floorMap, opened.value);
   const place = { floorMap, listener, rateHz };
   const first = (await oneWindow(place, sound, windowS, 1))[0];
-  const windows = [];
-  for (let pass = 0; pass < PASSES; pass += 1) windows.push(...(await oneWindow(place, sound, windowS, Infinity)));
-  const live = await whileItComes(place, sound);
+  const [windows, live] = [[], []];
+  for (let pass = 0; pass < passes; pass += 1) windows.push(...(await oneWindow(place, sound, windowS, Infinity)));
+  for (let pass = 0; pass < livePasses; pass += 1) live.push(...(await whileItComes(place, sound)));
   return { runtimeMs: opened.ms, first, windows, live, inside: insideEchoes(place, sound, windowS) };
 });
 
@@ -59,7 +58,7 @@ async function oneWindow({ floorMap, listener, rateHz }, sound, windowS, most) {
 /** The same while the sound comes in blocks: what is left to do behind the last block of a window. */
 async function whileItComes({ floorMap, listener, rateHz }, sound) {
   const cutter = cutterFor(floorMap, rateHz);
-  const [afterLastMs, busy] = [[], { ms: 0 }];
+  const afterLastMs = [];
   let vectors = new Float32Array(0);
   for (let at = 0; at + WORKLET_BLOCK <= sound.length; at += WORKLET_BLOCK) {
     const start = performance.now();
@@ -71,9 +70,8 @@ async function whileItComes({ floorMap, listener, rateHz }, sound) {
       if (count === 6) fixOf(likeness(meanOf(vectors, 0, 6), floorMap), floorMap, floorMap.parameters.locate);
       if (count === 6) afterLastMs.push(performance.now() - start);
     }
-    busy.ms += performance.now() - start;
   }
-  return { afterLastMs, busyShare: busy.ms / ((1000 * sound.length) / rateHz) };
+  return afterLastMs;
 }
 
 /** What cutting echoes consists of, each by itself. */
