@@ -12,24 +12,33 @@ import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from fastapi import FastAPI
+from sqlalchemy import select
 
-from elfslam.base.values import Audio, Imu, Recording
+from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
+from elfslam.data.facts import ENCODER
+from elfslam.data.map_files import MAP, write_map
 from elfslam.data.recordings import write_recording
+from elfslam.line.feature import MEAN_LOG_SPECTRUM, PHONE, OnnxEncoder, load_encoder
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
-from elfslam.serve.services import Services
+from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import Map, MapFile, User, transaction
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
     from starlette.testclient import TestClient
+
+SPOTS, SIDE_M = 400, 30.0
+Maps = tuple[FloorMap, FloorMap]
 
 
 @pytest.fixture(scope="session")
@@ -218,3 +227,76 @@ def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[
     for process in started:
         process.kill()
         process.wait()
+
+
+@pytest.fixture(scope="session")
+def maps() -> Maps:
+    """A map of 16 tiles, and the same where spots of one tile fade and another tile is new."""
+    generator = np.random.default_rng(5)
+    encoder = load_encoder("compact")
+    root = generator.normal(0, 0.3, (SPOTS, 2, 2))
+    vectors = generator.normal(0, 0.09, (SPOTS, 128)).astype(np.float32)
+    vectors[0, :4] = [0, 1e-7, -1e-5, 1]  # none, less than the least half, a subnormal one
+    phone = np.tile(generator.normal(0, 2, 12).astype(np.float32), (SPOTS, 1))
+    first = FloorMap(
+        xy_m=generator.uniform(0, SIDE_M, (SPOTS, 2)),
+        heading_rad=generator.uniform(-3, 3, SPOTS),
+        walk=np.zeros(SPOTS, dtype=np.int64),
+        order=np.arange(SPOTS),
+        covariance_m2=root @ root.transpose(0, 2, 1),
+        payloads=(
+            Payload("elf", encoder.identity, vectors),
+            Payload(PHONE, MEAN_LOG_SPECTRUM, phone),
+        ),
+        parameters_digest="",
+        sources=("walk",),
+        weight=generator.uniform(0.2, 1, SPOTS),
+    )
+    fading = np.where((first.xy_m < 8).all(axis=1), 0.5, 1.0)
+    places = first.xy_m.copy()
+    places[0] = [-5.0, 3.0]
+    return first, replace(first, weight=first.weight * fading, xy_m=places)
+
+
+@dataclass(frozen=True)
+class Planted:
+    """Maps put where jobs would have left them."""
+
+    services: Services
+    scratch: Path
+
+    def put(self, floor_map: FloorMap, map_id: str | None = None) -> str:
+        """A map of the owner's, or another content of one; its id."""
+        folder = self.scratch / f"map{len(list(self.scratch.iterdir()))}"
+        folder.mkdir()
+        write_map(floor_map, folder / MAP)
+        encoder = load_encoder("compact")
+        assert isinstance(encoder, OnnxEncoder)
+        (folder / ENCODER).write_bytes(encoder.content)
+        store = self.services.settings.blobs_folder
+        with blobs.locked(store), transaction(self.services.sessions) as session:
+            made = blobs.put_folder(store, folder)
+            owner = session.scalars(select(User).filter_by(is_owner=True)).one()
+            row = session.get(Map, map_id or "") or Map(user_id=owner.id, name="Hall", kind="run")
+            session.add(row)
+            session.flush()
+            for name, blob in made.items():
+                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.merge(MapFile(map_id=row.id, name=name, **told))
+            return row.id
+
+
+@pytest.fixture
+def plant(tmp_path: Path) -> Iterator[Callable[[Path], Planted]]:
+    """Plants maps into the data folder of a server that runs."""
+    opened: list[Services] = []
+
+    def planted(data: Path) -> Planted:
+        opened.append(open_services(ServerSettings(data)))
+        scratch = tmp_path / f"planted{len(opened)}"
+        scratch.mkdir()
+        return Planted(opened[-1], scratch)
+
+    yield planted
+    for services in opened:
+        services.engine.dispose()
