@@ -303,8 +303,8 @@ def compare(world_name: str, map_seed: int, seed: int, rounds: int, folder: Path
         print(told(f"{name}, Python", errors_of(python, course.truth, world_in_map)))
         print(
             f"  {placed.fixes_per_minute:.0f} fixes a minute; {placed.heard_share:.0%} of the "
-            f"chirps heard; ready after {placed.ready_s:.1f} s; {placed.browser_share:.0%} of a core for "
-            f"the browser, {placed.page_share:.0%} for the page; asked of the network: "
+            f"chirps heard; ready after {placed.ready_s:.1f} s; {placed.browser_share:.0%} of a "
+            f"core for the browser, {placed.page_share:.0%} for the page; asked of the network: "
             f"{placed.requests or 'nothing'}",
             flush=True,
         )
