@@ -87,18 +87,18 @@ class Errors:
     counts: dict[str, int]
 
 
-def make_map(address: str, world: str, seed: int, rounds: int) -> tuple[str, Any]:
+def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) -> tuple[str, Any]:
     """Simulate a walk, send it, have it mapped; gives the map's id and the world's pose in it."""
     url, token = address.partition("&")[0].split("/#token=")
     with httpx.Client(
         base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
     ) as client:
-        truth = desk_pictures.upload(client, MAP, seed, rounds, world)
+        truth = desk_pictures.upload(client, name, seed, rounds, world)
         desk_pictures.wait(client)
-        (made,) = client.get("/api/maps").json()
+        made = next(each for each in client.get("/api/maps").json() if each["name"] == name)
         walks = client.get(f"/api/maps/{made['id']}/view").json()["walks"]
-        desk_pictures.put_plan(client, made["id"], {MAP: truth}, world)
-        return str(made["id"]), desk_pictures.where(walks, {MAP: truth})
+        desk_pictures.put_plan(client, made["id"], {name: truth}, world)
+        return str(made["id"]), desk_pictures.where(walks, {name: truth})
 
 
 def fetch_map(address: str, map_id: str, folder: Path) -> Path:
