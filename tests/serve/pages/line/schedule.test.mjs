@@ -87,6 +87,20 @@ for (const folder of SCENES) {
     assert.ok(near.length >= 36 && near.length >= echoes.length - 2, `${near.length} of ${echoes.length}`);
   });
 
+  test(`at ${rateHz} Hz a schedule may be told three seconds ahead, and with the sound under way`, () => {
+    const plan = planned(70, () => 0.2);
+    const live = makeEchoCutter({ rateHz, chirp, parameters });
+    const echoes = [];
+    for (let at = 0, next = 20; at < plan.sound.length; at += WORKLET_BLOCK) {
+      const nowS = at / rateHz;
+      for (; nowS > 1 && plan.playedS[next] < nowS + 3; next += 1) live.played(9 + plan.playedS[next]);
+      echoes.push(...live.push(9 * rateHz + at, plan.sound.subarray(at, at + WORKLET_BLOCK)));
+    }
+    const found = plan.directS.map((direct) => echoes.filter(({ tS }) => Math.abs(tS - 9 - direct) < 1e-4).length);
+    assert.ok(found.slice(20).every((count) => count === 1), found.join());
+    assert.ok(found.every((count) => count <= 1) && echoes.length <= 72, found.join());
+  });
+
   test(`cut in any blocks, scheduled echoes at ${rateHz} Hz are the same`, () => {
     const plan = planned(40, (k) => (k < 20 ? 0.21 : 0.28));
     const whole = cutByPlan({ ...plan, block: plan.sound.length });

@@ -28,8 +28,8 @@ const UNASKED = 1000;
  * between is silence) and gives the echoes that they complete: an echo is whole 64 ms after its direct
  * sound, and at 48 kHz 2 ms later. However the stream is cut into blocks, the echoes are the same to the
  * last bit. `end` gives those that a stream that ends here still holds. Where chirps follow a schedule,
- * `played` tells of each when it begins to be played, in their order, the first before any sound and each
- * before it is heard; untold, they come once per period. `frames` gives what was heard around each chirp,
+ * `played` tells of each when it begins to be played, in their order and before it is heard; up to the first
+ * that is told they are taken to come once per period. `frames` gives what was heard around each chirp,
  * of those that became complete since it was asked last; that is when the next chirp has come.
  *
  * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
@@ -43,18 +43,25 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const envelopeOf = makeEnvelope(chirp, rateHz);
   const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
   const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
-  let search = null;
+  const byPeriod = makePeriodSearch(period, parameters.echo);
+  let bySchedule = null;
   const facts = makeFacts();
   let [told, waiting, known] = [[], [], []];
-
-  const begin = () => {
-    search = (told.length > 0 ? makeScheduleSearch : makePeriodSearch)(period, parameters.echo);
-    told.forEach(played);
-  };
+  let latest = -1;
 
   const played = (tS) => {
-    if (search === null) told.push(tS);
-    else search.played?.(Math.round((tS - input.startS()) * ECHO_RATE_HZ));
+    if (!input.hasBegun()) {
+      told.push(tS);
+      return;
+    }
+    const sample = Math.round((tS - input.startS()) * ECHO_RATE_HZ);
+    if (bySchedule) bySchedule.played(sample);
+    else bySchedule = makeScheduleSearch(sample, period, parameters.echo);
+  };
+
+  const search = () => {
+    const isScheduled = bySchedule && (byPeriod.due() ?? Infinity) >= bySchedule.first;
+    return isScheduled ? bySchedule : byPeriod;
   };
 
   const take = (samples, isOver) => {
@@ -62,12 +69,19 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     envelope.append(envelope.end(), envelopeOf.push(samples));
     if (isOver) envelope.append(envelope.end(), envelopeOf.end());
     const arrivals = [];
-    for (let more = []; more; more = search.next(envelope, isOver)) arrivals.push(...more);
+    for (let more = []; more; more = search().next(envelope, isOver)) arrivals.push(...more.filter(isLater));
     waiting.push(...arrivals.filter(({ isFound }) => isFound));
     known = [...known, ...facts.take(arrivals, { sound, envelope }, isOver)].slice(-UNASKED);
     const echoes = cutReady();
     forget();
     return echoes;
+  };
+
+  /** A chirp that was found untold may be told of after all. */
+  const isLater = ({ sample }) => {
+    if (sample <= latest) return false;
+    latest = sample;
+    return true;
   };
 
   const cutReady = () => {
@@ -84,20 +98,21 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   });
 
   const forget = () => {
-    const before = Math.max(Math.min(search.needs(), facts.needs()), envelope.end() - REMEMBERED);
+    const asked = [search(), bySchedule ?? search(), facts].map((each) => each.needs());
+    const before = Math.max(Math.min(...asked), envelope.end() - REMEMBERED);
     envelope.forget(before);
     sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
   };
 
   const push = (first, samples) => {
     const blocks = input.push(first, samples);
-    if (search === null) begin();
+    told.splice(0).forEach(played);
     return blocks.flatMap((block) => take(block, false));
   };
 
   const frames = () => known.splice(0).map((each) => ({ ...each, dueS: each.dueS + input.startS() }));
 
-  return { push, played, frames, end: () => (search === null ? [] : take(input.end(), true)) };
+  return { push, played, frames, end: () => take(input.end(), true) };
 }
 
 function endOf(sample) {
@@ -120,5 +135,5 @@ function makeInput(rateHz) {
     next += blocks.reduce((sum, block) => sum + block.length, 0);
     return blocks.map(resampler.push);
   };
-  return { push, end: resampler.end, startS: () => (start ?? 0) / rateHz };
+  return { push, end: resampler.end, hasBegun: () => start !== null, startS: () => start / rateHz };
 }

@@ -26,7 +26,7 @@ const REMEMBERED = 50;
  * @param {number} period samples
  * @param {{slack_s: number, early_s: number, early_share: number, level_share: number,
  *   contrast: number}} parameters the group `echo`
- * @returns {Search}
+ * @returns {Search & {due: () => number | null}} due: where the next chirp is looked for, once it is known
  */
 export function makePeriodSearch(period, parameters) {
   const slack = slackOf(parameters);
@@ -70,7 +70,7 @@ export function makePeriodSearch(period, parameters) {
     return arrivals;
   };
 
-  return { next, needs: () => (due ?? 0) - 2 * period };
+  return { next, needs: () => (due ?? 0) - 2 * period, due: () => due };
 }
 
 /** @returns {number} samples that a direct arrival may be off its time */
@@ -106,10 +106,10 @@ export function makeDirect(parameters) {
 
 /**
  * The least level of an arrival, from the loudest of each frame that is over by a sample, and at least
- * from the first. Frames that do not stand out of their own noise do not count; Infinity without any.
+ * from the first; sound before sample `from` does not count. Frames that do not stand out of their own noise do not count; Infinity without any.
  */
-export function makeLevel(period, parameters) {
-  let counted = 0;
+export function makeLevel(period, parameters, from = 0) {
+  let counted = Math.floor(from / period);
   let peaks = [];
   const count = (envelope) => {
     const frame = envelope.slice(counted * period, (counted + 1) * period).sort();

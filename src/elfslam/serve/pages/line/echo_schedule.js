@@ -20,18 +20,19 @@ const RECENT = 5;
 const ABOUT_AS_CLEAR = 0.95;
 
 /**
+ * @param {number} first the sample at which the first chirp is played
  * @param {number} period samples
  * @param {{slack_s: number, early_s: number, latest_s: number, early_share: number,
  *   level_share: number, contrast: number}} parameters the group `echo`
- * @returns {import("./echo_arrivals.js").Search & {played: (sample: number) => void}} played: tells of a
- *   chirp, in their order and before it is heard
+ * @returns {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void}}
+ *   played: tells of the next chirp, before it is heard
  */
-export function makeScheduleSearch(period, parameters) {
+export function makeScheduleSearch(first, period, parameters) {
   const slack = slackOf(parameters);
   const latest = Math.round(parameters.latest_s * ECHO_RATE_HZ);
   const directIn = makeDirect(parameters);
-  const levelBefore = makeLevel(period, parameters);
-  let played = [];
+  const levelBefore = makeLevel(period, parameters, Math.max(first - 10 * period, 0));
+  const played = [first];
   let row = 0;
   let late = null;
   let before = null;
@@ -94,12 +95,9 @@ export function makeScheduleSearch(period, parameters) {
     return chirps.map((start) => missedAt(envelope, start + (before ?? 0), slack));
   };
 
-  const needs = () => {
-    const first = played[Math.max(row - TOGETHER, 0)] ?? Infinity;
-    return Math.min(first, played[row] ?? first) - period;
-  };
+  const needs = () => played[Math.min(Math.max(row - TOGETHER, 0), played.length - 1)] - period;
 
-  return { next, needs, played: (sample) => played.push(sample) };
+  return { first, next, needs, played: (sample) => played.push(sample) };
 }
 
 /** How late these chirps arrive, up to `reach`; null where most of them are not heard so. */
