@@ -106,10 +106,10 @@ def plan_course(world: World, seed: int, rounds: int) -> Course:
 
 
 @contextmanager
-def serving(data: Path) -> Iterator[str]:
-    """A server of its own on plain HTTP; gives the address that pairs."""
+def serving(data: Path, port: int = 0) -> Iterator[str]:
+    """A server of its own on plain HTTP, on any free port; gives the address that pairs."""
     command = "from elfslam.cli import main; main()"
-    options = ["serve", "--http", "--port", "0", "--data", str(data)]
+    options = ["serve", "--http", "--port", str(port), "--data", str(data)]
     arguments = [sys.executable, "-c", command, *options]
     with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
         try:

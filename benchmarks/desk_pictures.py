@@ -107,9 +107,11 @@ def fill(client: httpx.Client) -> str:
     return str(floor)
 
 
-def upload(client: httpx.Client, name: str, seed: int, rounds: int) -> Truth:
+def upload(
+    client: httpx.Client, name: str, seed: int, rounds: int, world: str = WORLD
+) -> Truth:
     """Simulate a walk and send it as a .zip; gives its truth, which is not sent."""
-    recording, truth = simulate(load_world(WORLD), seed, rounds=rounds)
+    recording, truth = simulate(load_world(world), seed, rounds=rounds)
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "walk"
         write_recording(replace(recording, name=name), folder, chirp_description=describe_chirp())
@@ -148,9 +150,11 @@ def wait(client: httpx.Client) -> None:
     raise SystemExit("the jobs take too long")
 
 
-def put_plan(client: httpx.Client, floor: str, truths: dict[str, Truth]) -> None:
+def put_plan(
+    client: httpx.Client, floor: str, truths: dict[str, Truth], world: str = WORLD
+) -> None:
     """Draw the world's plan and lay it where the walks say that it lies."""
-    plan, width_m = plan_of(WORLD)
+    plan, width_m = plan_of(world)
     address, kind = f"/api/maps/{floor}/floor-plan", {"Content-Type": "image/png"}
     client.put(address, content=plan, headers=kind).raise_for_status()
     walks = client.get(f"/api/maps/{floor}/view").json()["walks"]
@@ -168,14 +172,17 @@ def put_plan(client: httpx.Client, floor: str, truths: dict[str, Truth]) -> None
 def where(walks: list[dict[str, Any]], truths: dict[str, Truth]) -> tuple[float, float, float]:
     """The pose of the world in the map: the best rigid fit of true places to mapped ones."""
     mapped = np.vstack([walk["xy_m"] for walk in walks])
-    true = np.vstack(
-        [truth_at(truths[walk["name"].rpartition("-")[0]], walk["t_s"]) for walk in walks]
-    )
+    true = np.vstack([truth_at(truth_of(truths, walk["name"]), walk["t_s"]) for walk in walks])
     middle_map, middle_true = mapped.mean(axis=0), true.mean(axis=0)
     one, other = (true - middle_true) @ [1, 1j], (mapped - middle_map) @ [1, 1j]
     heading_rad = float(np.angle(np.vdot(one, other)))
     corner = middle_map @ [1, 1j] - (middle_true @ [1, 1j]) * np.exp(1j * heading_rad)
     return float(corner.real), float(corner.imag), heading_rad
+
+
+def truth_of(truths: dict[str, Truth], name: str) -> Truth:
+    """That of a walk; a merge puts a mark behind its name."""
+    return truths[name] if name in truths else truths[name.rpartition("-")[0]]
 
 
 def truth_at(truth: Truth, t_s: list[float]) -> np.ndarray:

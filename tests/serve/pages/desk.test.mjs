@@ -15,7 +15,7 @@ import { pageOf } from "../../../src/elfslam/serve/pages/desk/routes.js";
 import { isMoving, jobTitle, mappingOf } from "../../../src/elfslam/serve/pages/desk/store.js";
 
 test("numbers as people read them, a dash where nothing is known", () => {
-  assert.equal(formatBytes(1_400_000), "1.4 MB");
+  assert.equal(formatBytes(1_400_000), "1.4\u00a0MB");
   assert.equal(formatBytes(null), "–");
   assert.equal(formatDuration(3723), "1:02:03");
   assert.equal(formatDuration(undefined), "–");

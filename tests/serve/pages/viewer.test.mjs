@@ -9,9 +9,9 @@ import { countStatuses, parseFixes } from "../../../src/elfslam/serve/pages/desk
 import { indexOf, nearest } from "../../../src/elfslam/serve/pages/desk/viewer/nearest.js";
 import {
   corners, firstPlacement, imageMatrix, isOnPlan, mapToPlan, middle, moved, planToMap, rounded, stretched, turned, widened, wrapped,
-} from "../../../src/elfslam/serve/pages/desk/viewer/placement.js";
+} from "../../../src/elfslam/serve/pages/shared/map/placement.js";
 import { grabPlan, snapped } from "../../../src/elfslam/serve/pages/desk/viewer/placing.js";
-import { fit, pan, pinch, scaleBar, toMap, toScreen, zoomAt } from "../../../src/elfslam/serve/pages/desk/viewer/projection.js";
+import { fit, pan, pinch, scaleBar, toMap, toScreen, zoomAt } from "../../../src/elfslam/serve/pages/shared/map/projection.js";
 import { cellAt, lengthOf, medianOf, sceneOf, stepAt } from "../../../src/elfslam/serve/pages/desk/viewer/scene.js";
 import { focusAt, nextFocus, tell } from "../../../src/elfslam/serve/pages/desk/viewer/telling.js";
 

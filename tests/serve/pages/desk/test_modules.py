@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-PAGES = Path(__file__).resolve().parents[4] / "src" / "elfslam" / "serve" / "pages"
+HERE = Path(__file__).resolve().parent
+PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"
 MODULES = sorted((PAGES / "desk").rglob("*.js"))
 MOST_LINES = 250
 NODE = shutil.which("node")
@@ -22,6 +23,17 @@ def test_modules_can_be_parsed() -> None:
         for file in MODULES
     ]
     assert [each.stderr for each in found if each.returncode] == []
+
+
+@pytest.mark.skipif(NODE is None, reason="node is missing: install nodejs")
+@pytest.mark.parametrize(
+    "file", sorted(HERE.parent.glob("*.test.mjs")), ids=lambda file: file.stem
+)
+def test_what_needs_no_page_is_tested_in_node(file: Path) -> None:
+    ran = subprocess.run(
+        [str(NODE), "--test", str(file)], capture_output=True, text=True, check=False
+    )
+    assert ran.returncode == 0, ran.stdout
 
 
 @pytest.mark.parametrize("file", MODULES, ids=lambda file: file.name)

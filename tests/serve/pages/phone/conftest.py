@@ -9,6 +9,7 @@ import sys
 import time
 import zipfile
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -38,6 +39,8 @@ HEARD_S = 10.0
 ACCELERATION_MPS2 = (0.3, 1.2, 9.7)
 TURNING_RADPS = (0.1, -0.2, 0.3)
 PATIENCE_S = 40.0
+NO_CHANCE = "crypto.getRandomValues = (array) => array.fill(0);"
+"""The fake microphone hears a chirp every 100 ms, whenever the page plays them."""
 RoomSound = Callable[[int, float], np.ndarray]
 
 
@@ -236,4 +239,48 @@ def phone(server: Server, room_sound_file: Path) -> Iterator[Phone]:
         page.on("dialog", lambda dialog: dialog.accept())
         yield handed
         browser.close()
+    assert handed.problems == []
+
+
+@dataclass
+class Pocket:
+    """A phone that is switched off and on; whatever its page throws fails the test."""
+
+    play: Any
+    profile: Path
+    sound: Path
+    problems: list[str] = field(default_factory=list)
+
+    @contextmanager
+    def on(self, width: int = 390, height: int = 844) -> Iterator[Any]:
+        """Its browser; gives the page."""
+        context = self.play.chromium.launch_persistent_context(
+            str(self.profile),
+            executable_path=CHROMIUM,
+            args=[*ARGUMENTS, f"--use-file-for-fake-audio-capture={self.sound}"],
+            ignore_default_args=["--mute-audio"],
+            permissions=list(PERMISSIONS),
+            viewport={"width": width, "height": height},
+            reduced_motion="reduce",
+            accept_downloads=True,
+        )
+        context.add_init_script(NO_CHANCE)
+        page = context.pages[0]
+        page.set_default_timeout(1500 * PATIENCE_S)
+        page.on("pageerror", lambda error: self.problems.append(str(error)))
+        try:
+            yield page
+        finally:
+            context.close()
+
+
+@pytest.fixture
+def pocket(tmp_path: Path, room_sound_file: Path) -> Iterator[Pocket]:
+    """A phone that keeps what it keeps."""
+    playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    if CHROMIUM is None:
+        pytest.skip("chromium is missing: apt-get install chromium")
+    with playwright.sync_playwright() as play:
+        handed = Pocket(play, tmp_path / "profile", room_sound_file)
+        yield handed
     assert handed.problems == []

@@ -1,7 +1,7 @@
 // The questions before a job: what to map by, what to merge, where to locate.
 
 import { askPerson } from "./dialogs.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {import("./store.js").Map_} Map_ */

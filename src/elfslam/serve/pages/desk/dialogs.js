@@ -1,6 +1,6 @@
 // Dialogs: one question at a time, answered by keyboard or mouse; the focus goes back after.
 
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 
 let count = 0;
 

@@ -1,9 +1,9 @@
 // What a map can be taken away as. What it does not hold is refused in the server's own words.
 
 import { askJson, download } from "./api.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { fileName } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 
 /** What each format is for. @type {Record<string, string>} */
 const WORDS = {

@@ -19,12 +19,7 @@ export function formatDuration(seconds) {
 
 /** @param {number | null | undefined} metres @returns {string} 4 cm, 0.35 m, 12.4 m, 1.20 km */
 export function formatMetres(metres) {
-  if (!isKnown(metres)) return "–";
-  const size = Math.abs(metres);
-  if (size < 0.1) return `${Math.round(metres * 100)} cm`;
-  if (size < 10) return `${metres.toFixed(2)} m`;
-  if (size < 1000) return `${metres.toFixed(1)} m`;
-  return `${(metres / 1000).toFixed(2)} km`;
+  return isKnown(metres) ? shared.formatMetres(metres) : "–";
 }
 
 /** @param {number | null | undefined} share 0 to 1 @returns {string} */

@@ -2,7 +2,7 @@
 
 import { askJson } from "./api.js";
 import { orSay } from "./dialogs.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { formatAgo, formatDuration, formatShare, plural, secondsBetween } from "./format.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { isOpen, jobTitle } from "./store.js";

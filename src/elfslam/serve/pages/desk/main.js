@@ -3,8 +3,8 @@
 import { askJson } from "./api.js";
 import { onDrop, uploader } from "./uploads.js";
 import { orSay, say } from "./dialogs.js";
-import { h, morph, one, onActions } from "./dom.js";
-import { icon } from "./icons.js";
+import { h, morph, one, onActions } from "../shared/dom.js";
+import { icon } from "../shared/icons.js";
 import { jobActions, jobsView } from "./jobs_view.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";

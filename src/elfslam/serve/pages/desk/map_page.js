@@ -3,10 +3,10 @@
 import { ask, askJson } from "./api.js";
 import { askToLocate } from "./asking.js";
 import { orSay, say } from "./dialogs.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { downloadsOf } from "./downloads.js";
 import { formatMetres, plural } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
 import { mountCanvas } from "./viewer/canvas.js";

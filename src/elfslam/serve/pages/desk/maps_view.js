@@ -4,9 +4,9 @@ import { ask, askJson } from "./api.js";
 import { askToMerge } from "./asking.js";
 import { confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import { downloadsOf } from "./downloads.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { formatAgo, formatCount, formatMetres, plural } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */

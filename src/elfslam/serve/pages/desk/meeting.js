@@ -1,6 +1,6 @@
 // How the walks of a floor map met: which share places, and which were refused.
 
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { withoutMarks } from "./format.js";
 import { part } from "./viewer/panel.js";
 

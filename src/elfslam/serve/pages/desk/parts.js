@@ -1,7 +1,7 @@
 // What the lists of the desk are made of.
 
-import { h } from "./dom.js";
-import { icon } from "./icons.js";
+import { h } from "../shared/dom.js";
+import { icon } from "../shared/icons.js";
 
 /** @param {string} title @param {string} words @param {...any} actions */
 export function headOf(title, words, ...actions) {

@@ -3,9 +3,9 @@
 import { ask, askJson } from "./api.js";
 import { askToLocate, askToMap } from "./asking.js";
 import { confirmDelete, orSay, say } from "./dialogs.js";
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { fileName, formatAgo, formatBytes, formatDuration, plural } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 import { stateOfJob } from "./jobs_view.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { isOpen, mappingOf } from "./store.js";

@@ -1,9 +1,9 @@
 // Recordings as .zip files, dropped or chosen, sent piece by piece so that they survive a bad network.
 
-import { h } from "./dom.js";
+import { h } from "../shared/dom.js";
 import { say } from "./dialogs.js";
 import { formatBytes, formatShare } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 
 const PIECE_BYTES = 4 * 1024 * 1024;
 const RETRY_MS = [500, 1000, 3000, 5000, 10_000, 20_000];

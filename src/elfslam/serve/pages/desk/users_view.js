@@ -3,9 +3,9 @@
 import { ask, askJson } from "./api.js";
 import { field } from "./asking.js";
 import { askPerson, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
-import { h, svg } from "./dom.js";
+import { h, svg } from "../shared/dom.js";
 import { formatAgo } from "./format.js";
-import { icon } from "./icons.js";
+import { icon } from "../shared/icons.js";
 import { cell, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
 

@@ -1,22 +1,23 @@
-/** Runs on the thread of the sound: sends the microphone's samples straight to a worker. */
+/** Runs on the thread of the sound: sends the microphone's samples straight to workers. */
 
 const BLOCK = 1024;
 
 class Capture extends AudioWorkletProcessor {
   constructor() {
     super();
-    this.sink = null;
+    this.sinks = new Map();
     this.block = new Float32Array(BLOCK);
     this.filled = 0;
     this.first = 0;
-    this.port.onmessage = ({ data }) => {
-      this.sink = data.sink;
+    this.port.onmessage = ({ data: { to, sink } }) => {
+      if (sink) this.sinks.set(to, sink);
+      else this.sinks.delete(to);
     };
   }
 
   process([input]) {
     const samples = input[0];
-    if (!this.sink || !samples) return true;
+    if (this.sinks.size === 0 || !samples) return true;
     if (this.filled === 0 || currentFrame !== this.first + this.filled) this.begin();
     this.block.set(samples, this.filled);
     this.filled += samples.length;
@@ -31,8 +32,10 @@ class Capture extends AudioWorkletProcessor {
   }
 
   send() {
-    const samples = this.block.slice(0, this.filled);
-    this.sink.postMessage({ first: this.first, samples }, [samples.buffer]);
+    for (const sink of this.sinks.values()) {
+      const samples = this.block.slice(0, this.filled);
+      sink.postMessage({ first: this.first, samples }, [samples.buffer]);
+    }
     this.filled = 0;
   }
 }

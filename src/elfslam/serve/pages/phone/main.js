@@ -1,24 +1,28 @@
 /** The phone page, from the first tap to the map. */
 
 import { Problem, ask, openSession } from "../shared/api.js";
-import { CHIRP, makeChirp, periodSamples } from "./chirp.js";
+import { CHIRP } from "./chirp.js";
+import { openDevices } from "./devices.js";
 import { showSending, startSending } from "./finishing.js";
 import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
 import { describeDevice, NO_FACTS } from "./manifest.js";
-import { describeEars, openMicrophone } from "./microphone.js";
+import { makeLocating } from "./locating/locating.js";
+import { describeEars } from "./microphone.js";
 import { describeMotion } from "./motion.js";
-import { allowMotion, listenToMotion } from "./motion_sensor.js";
-import { startChirps } from "./player.js";
-import { probeSound, startSound } from "./sound.js";
+import { listenToMotion } from "./motion_sensor.js";
+import { probeSound } from "./sound.js";
 import { findUnfinished, makeSent, mend } from "./unfinished.js";
 import { judge, summarise } from "./verdicts.js";
-import { startWalking, watchClocks } from "./walking.js";
+import { startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
 import {
   askDiscard, at, showChecks, showFacts, showLevel, showListening, showNetwork, showProblem,
   showUnfinished, showView, totalBytes,
 } from "./view.js";
+
+const WITHOUT_SERVER =
+  "The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.";
 
 const keeper = startKeeper();
 /** What the page knows; `phone` is there once sound and motion are allowed. */
@@ -51,7 +55,8 @@ async function begin() {
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
   } catch (error) {
-    showProblem(error.message);
+    const isAway = error.status === 0;
+    showProblem(isAway ? WITHOUT_SERVER : error.message, isAway ? "doubt" : "fail");
   }
   await clearing;
 }
@@ -71,19 +76,17 @@ async function clearUp() {
 }
 
 async function allow() {
-  const motion = allowMotion();
-  const microphone = await openMicrophone();
-  const isMotionAllowed = await motion;
-  const sound = startSound(microphone, keeper, page.chirp);
-  const rateHz = microphone.context.sampleRate;
-  const samples = makeChirp(page.chirp, rateHz);
-  const period = periodSamples(page.chirp, rateHz);
-  const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
-  const clocks = watchClocks(microphone.context);
-  page.phone = { microphone, sound, play, clocks, isMotionAllowed };
-  watchForInterruptions(microphone);
-  navigator.storage?.persist?.();
+  await openPhone();
   await probe();
+}
+
+/** Sound and motion, opened once. Must be called from a tap. */
+async function openPhone() {
+  if (page.phone) return page.phone;
+  page.phone = { ...(await openDevices(keeper, page.chirp)), measured: null };
+  watchForInterruptions(page.phone.microphone);
+  navigator.storage?.persist?.();
+  return page.phone;
 }
 
 async function probe() {
@@ -180,10 +183,16 @@ async function stop() {
 
 /** A call, another app or a full phone ends the walk; what was recorded until then is kept and sent. */
 function watchForInterruptions({ context, track }) {
-  const end = (why) => page.ending?.(`${why} The walk until then is kept.`);
-  track.addEventListener("ended", () => end("The microphone was taken away."));
+  const end = (why) => {
+    page.ending?.(`${why} The walk until then is kept.`);
+    locating.stopFor(why);
+  };
+  track.addEventListener("ended", () => {
+    end("The microphone was taken away.");
+    page.phone = null;
+  });
   context.addEventListener("statechange", () => {
-    if (context.state !== "running" && page.ending) end("The sound was interrupted.");
+    if (context.state !== "running") end("The sound was interrupted.");
   });
   keeper.onProblem(({ isFull, said }) => {
     if (page.ending) end(isFull ? "This phone has no room left." : said);
@@ -214,14 +223,17 @@ async function discardWalk(sent) {
 
 function walkAgain() {
   showProblem(null);
-  if (page.phone) askName();
+  if (page.phone?.measured) askName();
   else showView("start");
 }
 
+const locating = makeLocating({ devices: openPhone, act, problem: showProblem });
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
 at("allow").addEventListener("click", act(allow));
+at("where").addEventListener("click", act(locating.list));
+at("maps-back").addEventListener("click", () => showView("start"));
 at("probe-again").addEventListener("click", act(probe));
 at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));

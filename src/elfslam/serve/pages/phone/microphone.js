@@ -18,8 +18,9 @@ const REFUSALS = {
 };
 
 /**
- * @typedef {{context: AudioContext, track: MediaStreamTrack, capture: AudioWorkletNode,
- *   close: () => Promise<void>}} Microphone
+ * @typedef {{context: AudioContext, track: MediaStreamTrack,
+ *   pour: (to: string, sink: MessagePort | null) => void, close: () => Promise<void>}} Microphone pour:
+ *   sends what is heard from now on to another port as well, by name; null ends that
  */
 
 /** Must be called from a tap. Raises Problem. @returns {Promise<Microphone>} */
@@ -62,7 +63,8 @@ async function connect(context, stream) {
     source.disconnect();
     await context.close();
   };
-  return { context, track, capture, close };
+  const pour = (to, sink) => capture.port.postMessage({ to, sink }, sink ? [sink] : []);
+  return { context, track, pour, close };
 }
 
 /** @param {Microphone} microphone @returns {import("./verdicts.js").Ears} */

@@ -14,10 +14,12 @@ const LEVEL = 0.8;
  * @param {number} period samples
  * @param {number} delayS from now to the first chirp
  * @param {number} [count] chirps in all; without it they go on until stopped
+ * @param {{jitterS?: number, onPlayed?: (frame: number) => void}} [schedule] each chirp comes up to jitterS
+ *   later in its period, by chance; onPlayed: told, ahead of time, the frame at which each begins
  * @returns {{firstFrame: number, stop: () => number}} firstFrame: of the clock, at which the first one
  *   begins; stop: lets those that sound end, and gives the frame at which the last one begins
  */
-export function startChirps(context, chirp, period, delayS, count = Infinity) {
+export function startChirps(context, chirp, period, delayS, count = Infinity, { jitterS = 0, onPlayed = () => {} } = {}) {
   const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
   buffer.copyToChannel(chirp, 0);
   const gain = new GainNode(context, { gain: LEVEL });
@@ -32,13 +34,14 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
     source.onended = () => due.delete(source);
     source.start(frame / context.sampleRate);
     due.set(source, frame);
+    onPlayed(frame);
   };
 
   const schedule = () => {
     const now = context.currentTime * context.sampleRate;
     const until = now + AHEAD_S * context.sampleRate;
     for (; next < count && firstFrame + next * period < until; next += 1) {
-      const frame = firstFrame + next * period;
+      const frame = firstFrame + next * period + Math.floor(chance() * jitterS * context.sampleRate);
       if (frame > now) play(frame);
     }
   };
@@ -53,4 +56,9 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
     return firstFrame + Math.max(Math.floor((limit - firstFrame) / period), 0) * period;
   };
   return { firstFrame, stop };
+}
+
+/** Nobody can foretell it. @returns {number} in [0, 1) */
+function chance() {
+  return crypto.getRandomValues(new Uint32Array(1))[0] / 2 ** 32;
 }

@@ -27,7 +27,7 @@ export function startSound(microphone, keeper, chirp) {
     { do: "open", rateHz: microphone.context.sampleRate, chirp, source: port1, store },
     [port1, store],
   );
-  microphone.capture.port.postMessage({ sink: port2 }, [port2]);
+  microphone.pour("sound", port2);
   return { order, answer, on };
 }
 

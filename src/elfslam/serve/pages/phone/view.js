@@ -18,9 +18,10 @@ export function showView(id) {
   heading.focus({ preventScroll: true });
 }
 
-/** One line above everything; null takes it away. @param {string | null} said */
-export function showProblem(said) {
+/** One line above everything; null takes it away. @param {string | null} said @param {"fail" | "doubt"} [verdict] */
+export function showProblem(said, verdict = "fail") {
   at("problem").textContent = said ?? "";
+  at("problem").dataset.verdict = verdict;
   at("problem").hidden = said === null;
   if (said !== null) window.scrollTo(0, 0);
 }

@@ -12,6 +12,15 @@ function told(bytes) {
   return `${(bytes / 1e9).toFixed(1)} GB`;
 }
 
+/** @param {number} metres @returns {string} 4 cm, 0.35 m, 12.4 m, 1.20 km */
+export function formatMetres(metres) {
+  const size = Math.abs(metres);
+  if (size < 0.1) return `${Math.round(metres * 100)} cm`;
+  if (size < 10) return `${metres.toFixed(2)} m`;
+  if (size < 1000) return `${metres.toFixed(1)} m`;
+  return `${(metres / 1000).toFixed(2)} km`;
+}
+
 /** @param {number} seconds @returns {string} minutes:seconds, with hours where there are any */
 export function formatDuration(seconds) {
   const whole = Math.max(Math.floor(seconds), 0);

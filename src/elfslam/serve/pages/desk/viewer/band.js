@@ -1,6 +1,6 @@
 // Uncertainty as a soft band: stretches of a walk of about the same sigma. Pure.
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {{sigma_m: number, points: Point[]}} Stretch */
 
 /** Sigmas this alike are drawn alike. */

@@ -1,66 +1,47 @@
 // The canvas of the viewer: it draws when something has changed, and answers hands.
 
-import { h } from "../dom.js";
-import { formatMetres } from "../format.js";
-import { icon } from "../icons.js";
+import { h } from "../../shared/dom.js";
 import { draw } from "./draw.js";
-import { onGestures } from "./gestures.js";
+import { onGestures } from "../../shared/map/gestures.js";
+import { density } from "../../shared/map/ground.js";
+import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.js";
 import { drawMarks, focusPlace } from "./marks.js";
 import { grabPlan } from "./placing.js";
-import { around, boundsOf, fit, scaleBar, toMap, toScreen, zoomAt } from "./projection.js";
-import { corners } from "./placement.js";
+import { around, boundsOf, fit, toMap, toScreen } from "../../shared/map/projection.js";
+import { corners } from "../../shared/map/placement.js";
 import { paletteOf } from "./state.js";
 import { focusAt, nextFocus, tell } from "./telling.js";
 
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("./scene.js").Scene} Scene */
 
-const BAR_PX = 140;
 const MANY_FOOTSTEPS = 3000;
 const CALM_MS = 150;
 const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all, square brackets step along a walk.";
 
 /**
  * @param {Scene} scene @param {State} state @param {string} name of the map
- * @param {{onPlacement: (placement: import("./placement.js").Placement, finished: boolean) => void}} told
+ * @param {{onPlacement: (placement: import("../../shared/map/placement.js").Placement, finished: boolean) => void}} told
  */
 export function mountCanvas(scene, state, name, told) {
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
     "aria-label": `Map ${name}. ${HELP}` });
   const tip = h("div", { class: "tip", hidden: true });
   const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
-  const bar = h("div", { class: "scale-bar", role: "img" }, h("span"));
-  const zoom = (/** @type {number} */ factor) => () => turnTo(zoomAt(state.view, state.size, [state.size.width / 2, state.size.height / 2], factor));
-  const buttons = h("div", { class: "zoom", role: "group", "aria-label": "Zoom" },
-    h("button", { type: "button", "aria-label": "Zoom in", title: "Zoom in (+)", click: zoom(1.5) }, icon("plus")),
-    h("button", { type: "button", "aria-label": "Zoom out", title: "Zoom out (-)", click: zoom(1 / 1.5) }, icon("minus")),
-    h("button", { type: "button", "aria-label": "Show all", title: "Show all (0)", click: () => showAll() }, icon("fit")));
-  const stage = h("div", { class: "stage" }, canvas, buttons, bar, tip, spoken);
+  const scale = makeScale();
+  const buttons = zoomButtons({ look: () => state, turnTo, fit: showAll });
+  const stage = h("div", { class: "stage" }, canvas, buttons, scale.bar, tip, spoken);
   const context = canvas.getContext("2d");
   let palette = paletteOf(document.documentElement);
-  let frame = 0;
   let calm = 0;
 
-  function redraw() {
-    frame ||= requestAnimationFrame(paint);
-  }
-
   function paint() {
-    frame = 0;
-    if (!canvas.isConnected) return;
     context.save();
     draw(context, scene, state, palette, density());
     drawMarks(context, scene, state, palette);
     context.restore();
-    showBar();
+    scale.show(state.view);
     showTip();
-  }
-
-  function showBar() {
-    const { length_m, length_px } = scaleBar(state.view.px_per_m, BAR_PX);
-    bar.style.width = `${length_px}px`;
-    bar.firstChild.textContent = formatMetres(length_m).replace(/\.0+ /, " ");
-    bar.setAttribute("aria-label", `Scale: this bar is ${bar.textContent} long`);
   }
 
   function showTip() {
@@ -84,7 +65,7 @@ export function mountCanvas(scene, state, name, told) {
     redraw();
   }
 
-  function turnTo(/** @type {import("./projection.js").View} */ view) {
+  function turnTo(/** @type {import("../../shared/map/projection.js").View} */ view) {
     state.view = view;
     state.hurried = scene.index.points.length > MANY_FOOTSTEPS;
     clearTimeout(calm);
@@ -125,37 +106,25 @@ export function mountCanvas(scene, state, name, told) {
   });
 
   let first = true;
-  const sizes = new ResizeObserver(() => {
-    const { clientWidth: width, clientHeight: height } = canvas;
-    if (width === 0 || height === 0) return;
-    state.size = { width, height };
-    canvas.width = Math.round(width * density());
-    canvas.height = Math.round(height * density());
-    if (first) state.view = fit(scene.drawn_m, state.size);
-    first = false;
-    paint();
+  const { redraw, leave: unmount } = mountSurface(canvas, {
+    paint,
+    resized(size) {
+      state.size = size;
+      if (first) state.view = fit(scene.drawn_m, size);
+      first = false;
+    },
+    recoloured: () => {
+      palette = paletteOf(document.documentElement);
+    },
   });
-  sizes.observe(canvas);
-  const theme = matchMedia("(prefers-color-scheme: dark)");
-  const repaint = () => {
-    palette = paletteOf(document.documentElement);
-    redraw();
-  };
-  theme.addEventListener("change", repaint);
   const leave = () => {
-    sizes.disconnect();
-    theme.removeEventListener("change", repaint);
-    cancelAnimationFrame(frame);
+    unmount();
     clearTimeout(calm);
   };
   return { stage, canvas, redraw, showAll, leave, setFocus };
 }
 
-/** @param {import("./projection.js").Point} at_px @param {import("./projection.js").Size} size */
+/** @param {import("../../shared/map/projection.js").Point} at_px @param {import("../../shared/map/projection.js").Size} size */
 function isOutside([x, y], { width, height }) {
   return x < 0 || y < 0 || x > width || y > height;
-}
-
-function density() {
-  return Math.min(window.devicePixelRatio || 1, 2);
 }

@@ -2,10 +2,10 @@
 
 import { css, timeColour } from "./colours.js";
 import { pathsOf, SHADES } from "./paths.js";
-import { imageMatrix } from "./placement.js";
-import { scaleBar, toMap, toScreen } from "./projection.js";
+import { dot, drawGrid, drawPlan, inMetres, stroke } from "../../shared/map/ground.js";
+import { toScreen } from "../../shared/map/projection.js";
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("./paths.js").Paths} Paths */
@@ -14,7 +14,6 @@ import { scaleBar, toMap, toScreen } from "./projection.js";
 const COVERAGE_ALPHA = 0.62;
 const BAND_SIGMAS = [2, 1.5, 1, 0.5];
 const BAND_ALPHA = 0.08;
-const GRID_PX = 90;
 
 /** @type {WeakMap<HTMLCanvasElement, HTMLCanvasElement>} */
 const SHEETS = new WeakMap();
@@ -36,60 +35,6 @@ export function draw(context, scene, state, palette, density) {
   if (layers.closures) stroke(context, paths.closures, palette.closure, 1.75, state, Math.min(0.75, Math.max(0.2, 600 / scene.closures.length)));
   context.setTransform(density, 0, 0, density, 0, 0);
   if (layers.trajectories) drawEnds(context, scene, state, palette);
-}
-
-/** @param {CanvasRenderingContext2D} context @param {State} state @param {number} density */
-function inMetres(context, { view, size }, density) {
-  const scale = density * view.px_per_m;
-  const [x, y] = toScreen(view, size, [0, 0]);
-  context.setTransform(scale, 0, 0, -scale, x * density, y * density);
-  context.lineCap = context.lineJoin = "round";
-}
-
-/** @param {CanvasRenderingContext2D} context @param {Path2D} path @param {string} colour
- * @param {number} width_px @param {State} state @param {number} [alpha] */
-function stroke(context, path, colour, width_px, { view }, alpha = 1) {
-  context.globalAlpha = alpha;
-  context.strokeStyle = colour;
-  context.lineWidth = width_px / view.px_per_m;
-  context.stroke(path);
-  context.globalAlpha = 1;
-}
-
-/** Faint lines, a round number of metres apart. @param {CanvasRenderingContext2D} context
- * @param {State} state @param {Palette} palette */
-function drawGrid(context, { view, size }, palette) {
-  const { length_m } = scaleBar(view.px_per_m, 2 * GRID_PX);
-  const [left, top] = toMap(view, size, [0, 0]);
-  const [right, bottom] = toMap(view, size, [size.width, size.height]);
-  context.beginPath();
-  for (let x = Math.ceil(left / length_m); x * length_m < right; x += 1) {
-    const [x_px] = toScreen(view, size, [x * length_m, 0]);
-    context.moveTo(Math.round(x_px) + 0.5, 0);
-    context.lineTo(Math.round(x_px) + 0.5, size.height);
-  }
-  for (let y = Math.ceil(bottom / length_m); y * length_m < top; y += 1) {
-    const [, y_px] = toScreen(view, size, [0, y * length_m]);
-    context.moveTo(0, Math.round(y_px) + 0.5);
-    context.lineTo(size.width, Math.round(y_px) + 0.5);
-  }
-  context.strokeStyle = palette.line;
-  context.globalAlpha = 0.55;
-  context.lineWidth = 1;
-  context.stroke();
-  context.globalAlpha = 1;
-}
-
-/** @param {CanvasRenderingContext2D} context @param {State} state */
-function drawPlan(context, { plan, view, size }) {
-  if (!plan) return;
-  const matrix = imageMatrix(plan.placement, plan.aspect, (xy) => toScreen(view, size, xy));
-  context.save();
-  context.globalAlpha = plan.placement.opacity;
-  context.imageSmoothingQuality = "high";
-  context.transform(...matrix);
-  context.drawImage(plan.inverted ? plan.negative : plan.image, 0, 0, 1, 1);
-  context.restore();
 }
 
 /** @param {CanvasRenderingContext2D} context @param {Scene} scene @param {State} state
@@ -181,17 +126,6 @@ function drawEnds(context, scene, state, palette) {
     dot(context, toScreen(state.view, state.size, xy_m[xy_m.length - 1]), 5, colour(1), palette.surface);
     dot(context, toScreen(state.view, state.size, xy_m[0]), 5, palette.surface, colour(0));
   });
-}
-
-/** @param {CanvasRenderingContext2D} context @param {Point} at_px @param {number} radius_px
- * @param {string} inside @param {string} around */
-export function dot(context, [x, y], radius_px, inside, around) {
-  context.beginPath();
-  context.arc(x, y, radius_px, 0, 2 * Math.PI);
-  context.fillStyle = inside;
-  context.strokeStyle = around;
-  context.fill();
-  context.stroke();
 }
 
 /** @param {Palette} palette @param {number} walk */

@@ -1,6 +1,6 @@
 // What the colours and marks of the map mean.
 
-import { h } from "../dom.js";
+import { h } from "../../shared/dom.js";
 import { formatDuration, formatMetres } from "../format.js";
 import { css, timeColour } from "./colours.js";
 import { STATUS_WORDS } from "./fixes.js";

@@ -1,10 +1,10 @@
 // What lies on top of the map: located walks, what is under the finger, the handles of a plan.
 
-import { dot } from "./draw.js";
-import { corners, middle } from "./placement.js";
-import { toScreen } from "./projection.js";
+import { dot } from "../../shared/map/ground.js";
+import { corners, middle } from "../../shared/map/placement.js";
+import { toScreen } from "../../shared/map/projection.js";
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./state.js").State} State */
 /** @typedef {ReturnType<typeof import("./state.js").paletteOf>} Palette */
 

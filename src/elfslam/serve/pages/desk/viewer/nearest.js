@@ -1,6 +1,6 @@
 // What lies nearest to a point: a grid over many points. Pure.
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {{points: Point[], cell_m: number, cells: Map<string, number[]>}} Index */
 
 /** @param {Point[]} points @returns {Index} */

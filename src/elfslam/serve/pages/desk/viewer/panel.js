@@ -1,6 +1,6 @@
 // Beside the map: which layers are on, which walks are shown, and what is known of them.
 
-import { h } from "../dom.js";
+import { h } from "../../shared/dom.js";
 import { formatDuration, formatMetres, plural } from "../format.js";
 import { colourOf } from "./draw.js";
 import { countStatuses, STATUS_WORDS } from "./fixes.js";

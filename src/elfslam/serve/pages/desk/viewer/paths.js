@@ -2,7 +2,7 @@
 
 import { colourAt, css } from "./colours.js";
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
 /** @typedef {ReturnType<typeof madeOf>} Paths */
 

@@ -1,11 +1,11 @@
 // Dragging a floor plan into place: its corners stretch it, its knob turns it, the rest moves it.
 
 import { handlesOf, HANDLE_PX } from "./marks.js";
-import { corners, isOnPlan, middle, moved, stretched, turned } from "./placement.js";
-import { toMap } from "./projection.js";
+import { corners, isOnPlan, middle, moved, stretched, turned } from "../../shared/map/placement.js";
+import { toMap } from "../../shared/map/projection.js";
 
-/** @typedef {import("./projection.js").Point} Point */
-/** @typedef {import("./placement.js").Placement} Placement */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
+/** @typedef {import("../../shared/map/placement.js").Placement} Placement */
 /** @typedef {import("./state.js").State} State */
 
 /**

@@ -2,12 +2,13 @@
 
 import { ask, askJson } from "../api.js";
 import { confirmDelete, orSay, say } from "../dialogs.js";
-import { h } from "../dom.js";
-import { icon } from "../icons.js";
+import { h } from "../../shared/dom.js";
+import { icon } from "../../shared/icons.js";
 import { part } from "./panel.js";
-import { firstPlacement, moved, rounded, turned, widened } from "./placement.js";
+import { loadPlanImage } from "../../shared/map/plan_image.js";
+import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
 
-/** @typedef {import("./placement.js").Placement} Placement */
+/** @typedef {import("../../shared/map/placement.js").Placement} Placement */
 /** @typedef {import("./state.js").State} State */
 
 const SAVE_AFTER_MS = 500;
@@ -28,7 +29,7 @@ function keptPlacement(kept) {
 
 /**
  * The floor plan of a map: its part of the panel, and its loading and saving.
- * @param {string} mapId @param {State} state @param {import("./projection.js").Bounds} bounds_m
+ * @param {string} mapId @param {State} state @param {import("../../shared/map/projection.js").Bounds} bounds_m
  * @param {{redraw: () => void, changed: () => void, showAll: () => void}} told `changed` when the plan
  * came or went
  */
@@ -42,14 +43,8 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
 
   /** @param {any} kept */
   async function load(kept) {
-    const image = new Image();
-    image.src = `${path}?${Date.now()}`;
-    await image.decode();
-    const aspect = image.naturalHeight / image.naturalWidth;
-    state.plan = {
-      image, negative: negativeOf(image), aspect, inverted: matchMedia("(prefers-color-scheme: dark)").matches,
-      placement: keptPlacement(kept) ?? firstPlacement(bounds_m, aspect),
-    };
+    const picture = await loadPlanImage(`${path}?${Date.now()}`);
+    state.plan = { ...picture, placement: keptPlacement(kept) ?? firstPlacement(bounds_m, picture.aspect) };
     state.layers.plan = true;
     changed();
   }
@@ -155,18 +150,4 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
   }
 
   return { load, place, save, upload, part: () => part("Floor plan", body()) };
-}
-
-/** The image with light and dark exchanged. @param {HTMLImageElement} image */
-function negativeOf(image) {
-  const canvas = Object.assign(document.createElement("canvas"), { width: image.naturalWidth, height: image.naturalHeight });
-  const context = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d"));
-  context.drawImage(image, 0, 0);
-  context.globalCompositeOperation = "difference";
-  context.fillStyle = "white";
-  context.fillRect(0, 0, canvas.width, canvas.height);
-  // A transparent image has become white where it was clear: give it its own outline back.
-  context.globalCompositeOperation = "destination-in";
-  context.drawImage(image, 0, 0);
-  return canvas;
 }

@@ -4,10 +4,10 @@ import { withoutMarks } from "../format.js";
 import { stretches } from "./band.js";
 import { limitsOf } from "./colours.js";
 import { indexOf } from "./nearest.js";
-import { around, boundsOf } from "./projection.js";
+import { around, boundsOf } from "../../shared/map/projection.js";
 
-/** @typedef {import("./projection.js").Point} Point */
-/** @typedef {import("./projection.js").Bounds} Bounds */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Bounds} Bounds */
 /** @typedef {{name: string, t_s: number[], xy_m: Point[], sigma_m: (number | null)[]}} GivenWalk */
 /**
  * @typedef {object} Given what the server tells of a map

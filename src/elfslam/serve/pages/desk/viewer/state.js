@@ -1,16 +1,16 @@
 // What the viewer shows at this moment, and the colours of the page it shows it in.
 
-import { fit } from "./projection.js";
+import { fit } from "../../shared/map/projection.js";
 
-/** @typedef {import("./projection.js").Point} Point */
-/** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("./placement.js").Placement, inverted: boolean}} Plan */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
+/** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("../../shared/map/placement.js").Placement, inverted: boolean}} Plan */
 /** @typedef {{id: string, name: string, fixes: import("./fixes.js").Fix[], shown: boolean}} Located */
 /** @typedef {{kind: "step", walk: number, step: number} | {kind: "fix", located: number, fix: number} | {kind: "cell", xy_m: Point}} Focus */
 /** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes"} Layer */
 /**
  * @typedef {object} State
- * @property {import("./projection.js").View} view
- * @property {import("./projection.js").Size} size
+ * @property {import("../../shared/map/projection.js").View} view
+ * @property {import("../../shared/map/projection.js").Size} size
  * @property {Record<Layer, boolean>} layers
  * @property {"walk" | "time"} colourBy
  * @property {"walks" | "sigma_m"} coverageBy

@@ -5,7 +5,7 @@ import { STATUS_WORDS } from "./fixes.js";
 import { nearest } from "./nearest.js";
 import { cellAt, stepAt } from "./scene.js";
 
-/** @typedef {import("./projection.js").Point} Point */
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("./state.js").Focus} Focus */

@@ -1,0 +1,83 @@
+/** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
+
+import { fixOf, likeness } from "../../line/locate.js";
+import { REASONS } from "../../line/trust.js";
+
+/**
+ * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
+ * the memory.
+ * @typedef {{decide: (untilS: number) => import("./words.js").Fix[]}} Deciding
+ */
+
+/** @typedef {{reasonAt: (endS: number) => number}} Trust number of the reason to suspect what was heard, 0 for none */
+
+/** @type {Trust} */
+const TRUSTING = { reasonAt: () => 0 };
+/** Why a tracker that is settled suspects what is heard. */
+const JUMPS = "it sounds like a place that no step leads to";
+
+/** Looking for footsteps goes through the last seconds of motion: not for every block of sound. */
+const LOOK_EVERY_S = 0.2;
+
+/**
+ * A fix at each footstep.
+ * @param {{
+ *   floorMap: import("../../line/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   footsteps: {take: (nowS: number) => import("../../line/motion/types.js").Step[]},
+ *   tracker: {step: (move: number[], sigma: number[], scores: Float32Array | null, suspect: boolean) => import("./words.js").Fix},
+ *   trust?: Trust,
+ * }} given
+ * @returns {Deciding}
+ */
+export function decideBySteps({ floorMap, memory, footsteps, tracker, trust = TRUSTING }) {
+  let waiting = [];
+  let lookedS = -Infinity;
+  const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
+    const mean = memory.mean(fromS, tS);
+    const reason = trust.reasonAt(tS);
+    memory.forget(tS);
+    const fix = tracker.step(moveM, sigma, mean && likeness(mean, floorMap), reason > 0);
+    return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
+  };
+  const decide = (untilS) => {
+    if (untilS - lookedS < LOOK_EVERY_S) return [];
+    lookedS = untilS;
+    waiting.push(...footsteps.take(untilS));
+    const ready = waiting.filter(({ tS }) => tS <= untilS);
+    waiting = waiting.slice(ready.length);
+    return ready.map(fixOfStep);
+  };
+  return { decide };
+}
+
+/**
+ * A fix for every window of sound, one after the other, from the first echo on.
+ * @param {{floorMap: import("../../line/floor_map.js").FloorMap,
+ *   memory: ReturnType<typeof import("./memory.js").makeMemory>, trust?: Trust}} given
+ * @returns {Deciding}
+ */
+export function decideByWindows({ floorMap, memory, trust = TRUSTING }) {
+  const { locate } = floorMap.parameters;
+  let fromS = null;
+  const fixOfWindow = () => {
+    const toS = fromS + locate.window_s;
+    const mean = memory.mean(fromS, toS);
+    const fix = fixOf(mean && likeness(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
+    const reason = trust.reasonAt(toS);
+    memory.forget(toS);
+    fromS = toS;
+    return reason > 0 ? suspected(fix, REASONS[reason]) : fix;
+  };
+  const decide = (untilS) => {
+    fromS ??= memory.firstS();
+    const fixes = [];
+    while (fromS !== null && fromS + locate.window_s <= untilS) fixes.push(fixOfWindow());
+    return fixes;
+  };
+  return { decide };
+}
+
+/** @param {import("./words.js").Fix} fix @param {string} reason @returns {import("./words.js").Fix} */
+function suspected({ tS, score }, reason) {
+  return { tS, xyM: null, headingRad: NaN, covarianceM2: null, score, status: "SUSPECT", reason };
+}

@@ -1,0 +1,126 @@
+/** The view "Where am I": a walker on a map, from the tap that starts it to the one that stops it. */
+
+import { loadPlanImage } from "../../shared/map/plan_image.js";
+import { at, showView } from "../view.js";
+import { stayAwake } from "../wake.js";
+import { makeChoosing } from "./choosing.js";
+import { tableOfFixes } from "./fixes_table.js";
+import { startPlacing } from "./place.js";
+import { mountPlaceMap } from "./place_map.js";
+import { offerFixes, showMap, showRunning, showWords, speak, speakPlace } from "./place_view.js";
+import { showFixes } from "./showing.js";
+import { NO_TRAIL } from "./trail.js";
+import { READYING, STOPPED, WAITING } from "./words.js";
+
+/**
+ * What the view knows.
+ * @typedef {object} Here
+ * @property {import("../../keeping/opening.js").Opened | null} kept the map
+ * @property {ReturnType<typeof mountPlaceMap> | null} map
+ * @property {import("./trail.js").Trail} trail
+ * @property {(() => void) | null} running stops it
+ */
+
+/**
+ * @param {{
+ *   devices: () => Promise<import("../devices.js").Devices>,
+ *   act: (work: () => Promise<void>) => (event?: Event) => Promise<void>,
+ *   problem: (said: string | null) => void,
+ * }} given devices: opened by the tap that starts locating
+ */
+export function makeLocating({ devices, act, problem }) {
+  /** @type {Here} */
+  const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
+  const choosing = makeChoosing({ act, chosen: open });
+
+  async function open(row, packages) {
+    const opening = devices(); // before anything is waited for: it needs the tap
+    opening.catch(() => {});
+    here.kept = await packages.open(row.id);
+    here.map?.leave();
+    here.map = mountPlaceMap(here.kept.floorMap, row.name, { say: () => speakPlace(here.trail.fix, mode()) });
+    showMap(row.name, here.map.stage);
+    showRunning(false);
+    showView("place");
+    await showPlan(here.map, here.kept.facts.floorPlan);
+    await opening;
+    await start();
+  }
+
+  async function start() {
+    stop();
+    here.trail = NO_TRAIL;
+    here.map.setTrail(NO_TRAIL);
+    tell(READYING);
+    at("place-start").disabled = true;
+    const opened = await devices();
+    if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
+    const awake = stayAwake();
+    const shown = showFixes(here, mode());
+    const placing = await startPlacing(opened, here.kept, mode(), { ...shown.told, problem: stopFor }).catch((error) => {
+      awake.stop();
+      at("place-start").disabled = false;
+      tell(STOPPED);
+      throw error;
+    });
+    tell(WAITING[mode()]);
+    shown.begin();
+    here.running = () => {
+      shown.end();
+      placing.stop();
+      awake.stop();
+      offerFixes(tableOfFixes(shown.fixes(), placing.zeroS()));
+    };
+    at("place-start").disabled = false;
+    showRunning(true);
+  }
+
+  function stop() {
+    here.running?.();
+    here.running = null;
+    showRunning(false);
+  }
+
+  /** What ends locating from outside: a call, another app. @param {string} why */
+  function stopFor(why) {
+    if (!here.running) return;
+    stop();
+    tell(STOPPED);
+    problem(why);
+  }
+
+  function stopByHand() {
+    stop();
+    tell(STOPPED);
+    at("place-start").focus();
+  }
+
+  const leave = () => {
+    stop();
+    return choosing.list();
+  };
+  at("place-stop").addEventListener("click", stopByHand);
+  at("place-start").addEventListener("click", act(start));
+  at("place-back").addEventListener("click", act(leave));
+  at("place-mode").addEventListener("change", () => here.running && act(start)());
+  return { list: choosing.list, stopFor };
+}
+
+/** @param {import("./words.js").Words} words */
+function tell(words) {
+  showWords(words);
+  speak(words);
+}
+
+async function showPlan(map, plan) {
+  if (!plan?.placement) return;
+  const address = URL.createObjectURL(new Blob([plan.bytes], { type: plan.type }));
+  const picture = await loadPlanImage(address).catch(() => null);
+  URL.revokeObjectURL(address);
+  if (picture) map.setPlan({ ...picture, placement: plan.placement });
+}
+
+/** @returns {"track" | "one-shot"} */
+function mode() {
+  return document.querySelector("input[name=place-mode]:checked").value;
+}

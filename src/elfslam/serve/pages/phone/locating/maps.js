@@ -1,0 +1,33 @@
+/** The maps to choose from: those on this phone, and those of the server. Pure. */
+
+/**
+ * @typedef {{id: string, name: string, isHere: boolean, isOld: boolean, canGet: boolean,
+ *   sizeBytes: number | null, when: string | null}} MapRow isOld: the server has a newer one; when: made, ISO
+ * @typedef {{map: string, name: string, revision: number, madeUtc: string, sizeBytes: number}} KeptMap
+ * @typedef {{id: string, name: string, created_utc: string, revision?: number}} OfferedMap
+ */
+
+/**
+ * Those on this phone first, by name; then the server's, the newest first.
+ * @param {KeptMap[]} kept
+ * @param {OfferedMap[] | null} offered null where the server does not answer
+ * @returns {MapRow[]}
+ */
+export function rowsOf(kept, offered) {
+  const held = new Set(kept.map(({ map }) => map));
+  const here = kept.map((one) => keptRow(one, offered?.find(({ id }) => id === one.map)));
+  const there = (offered ?? []).filter(({ id }) => !held.has(id));
+  return [
+    ...here.sort((a, b) => a.name.localeCompare(b.name)),
+    ...there.map(offeredRow).sort((a, b) => (b.when ?? "").localeCompare(a.when ?? "")),
+  ];
+}
+
+function keptRow({ map, name, revision, madeUtc, sizeBytes }, offer) {
+  const isOld = (offer?.revision ?? revision) > revision;
+  return { id: map, name, isHere: true, isOld, canGet: offer !== undefined, sizeBytes, when: madeUtc };
+}
+
+function offeredRow({ id, name, created_utc: when }) {
+  return { id, name, isHere: false, isOld: false, canGet: true, sizeBytes: null, when };
+}

@@ -1,0 +1,88 @@
+/** Locating, as the page does it: chirps go out, sound and motion go to a worker, fixes come back. */
+
+import { listenToMotion } from "../motion_sensor.js";
+import { soundTime } from "../clocks.js";
+
+const MOTION_EVERY_MS = 150;
+const FIRST_CHIRP_S = 0.25;
+/** Of maps that do not say. */
+const JITTER_S = 0.025;
+
+/**
+ * @typedef {{
+ *   fix: (fix: import("./words.js").Fix) => void,
+ *   echo: (echo: {tS: number, facts: object}) => void,
+ *   problem: (said: string) => void,
+ * }} Told
+ */
+
+/**
+ * @param {import("../devices.js").Devices} devices
+ * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array}} kept
+ * @param {"track" | "one-shot"} mode
+ * @param {Told} told
+ * @returns {Promise<{stop: () => void, zeroS: () => number}>} zeroS: when, on the clock of the fixes, the
+ *   first chirp was heard
+ */
+export async function startPlacing({ microphone, clocks, play }, { floorMap, encoderBytes }, mode, told) {
+  const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
+  const { port1, port2 } = new MessageChannel();
+  const rateHz = microphone.context.sampleRate;
+  const latest = { latenessS: null };
+  const ready = untilReady(worker, told, latest);
+  worker.postMessage({ do: "open", rateHz, floorMap, encoderBytes, mode, source: port1 }, [port1]);
+  try {
+    await ready;
+  } catch (error) {
+    worker.terminate();
+    throw error;
+  }
+  const stopMotion = sendMotion(worker, clocks);
+  const chirps = play(FIRST_CHIRP_S, Infinity, {
+    jitterS: floorMap.parameters.turns?.jitter_s ?? JITTER_S,
+    onPlayed: (frame) => worker.postMessage({ do: "played", tS: frame / rateHz }),
+  });
+  microphone.pour("place", port2); // the schedule first, then what is heard
+  const stop = () => {
+    chirps.stop();
+    stopMotion();
+    microphone.pour("place", null);
+    worker.terminate();
+  };
+  return { stop, zeroS: () => chirps.firstFrame / rateHz + (latest.latenessS ?? 0) };
+}
+
+/** @param {Worker} worker @param {Told} told @returns {Promise<void>} */
+function untilReady(worker, told, latest) {
+  return new Promise((resolve, reject) => {
+    worker.onerror = () => reject(new Error("This browser cannot run the part of the page that locates. Use a newer one."));
+    worker.onmessage = ({ data }) => {
+      if (data.is === "ready") resolve();
+      if (data.is === "fix") told.fix(data.fix);
+      if (data.is === "echo") {
+        latest.latenessS = data.latenessS;
+        told.echo(data);
+      }
+      if (data.is === "problem") {
+        reject(new Error(data.said));
+        told.problem(data.said);
+      }
+    };
+  });
+}
+
+/** Every reading with the time of the sound that was being played. @returns {() => void} stops */
+function sendMotion(worker, clocks) {
+  let readings = [];
+  const stop = listenToMotion((pageMs, acceleration, turning) => readings.push({ pageMs, acceleration, turning }));
+  const timer = setInterval(() => {
+    const line = clocks.line();
+    const timed = readings.map(({ pageMs, ...values }) => ({ tS: soundTime(line, pageMs), ...values }));
+    readings = [];
+    worker.postMessage({ do: "motion", readings: timed });
+  }, MOTION_EVERY_MS);
+  return () => {
+    stop();
+    clearInterval(timer);
+  };
+}

@@ -1,0 +1,74 @@
+/**
+ * The worker that locates. The audio thread sends it blocks of sound, the page readings of motion and when
+ * chirps were played; it answers with fixes.
+ */
+
+import { makeChirp } from "../../line/chirp.js";
+import { makeEchoCutter } from "../../line/echo.js";
+import { openEncoder } from "../../line/encoder.js";
+import { encoderFor } from "../../line/feature.js";
+import { checkedMap } from "../../line/floor_map.js";
+import { makeFootsteps } from "../../line/motion/live.js";
+import { makeTracker } from "../../line/track.js";
+import { makeTrust } from "../../line/trust.js";
+import { makeRandom } from "../../line/tracking/random.js";
+import { decideBySteps, decideByWindows } from "./deciding.js";
+import { followLateness } from "./lateness.js";
+import { makeMemory } from "./memory.js";
+import { delayMotion } from "./motion_delay.js";
+import { makePlacer } from "./placer.js";
+
+/** Of the tracker's draws. */
+const SEED = 0;
+
+let motion = { push() {} };
+let cutter = { played() {} };
+const lateness = followLateness();
+
+const orders = {
+  open: openMap,
+  motion: ({ readings }) => motion.push(readings),
+  played({ tS }) {
+    lateness.played(tS);
+    cutter.played(tS);
+  },
+};
+
+self.onmessage = ({ data }) => orders[data.do](data);
+
+async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
+  try {
+    const placer = await placerFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
+    source.onmessage = ({ data }) => placer.push(data.first, data.samples).catch(tellProblem);
+    self.postMessage({ is: "ready" });
+  } catch (error) {
+    tellProblem(error);
+  }
+}
+
+async function placerFor(rateHz, floorMap, encoderBytes, mode) {
+  const { parameters } = floorMap;
+  const listener = await encoderFor(floorMap, await openEncoder(encoderBytes, {}));
+  cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
+  const memory = makeMemory(parameters.locate.fewest_echoes);
+  const footsteps = makeFootsteps(parameters.motion);
+  motion = delayMotion(footsteps, lateness.latenessS);
+  const trust = parameters.trust && makeTrust(parameters.trust);
+  const deciding = mode === "track"
+    ? decideBySteps({ floorMap, memory, footsteps, trust, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
+    : decideByWindows({ floorMap, memory, trust });
+  return makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho });
+}
+
+function onFix(fix) {
+  self.postMessage({ is: "fix", fix });
+}
+
+function onEcho({ tS, facts }) {
+  lateness.heard(tS);
+  self.postMessage({ is: "echo", tS, facts, latenessS: lateness.latenessS() });
+}
+
+function tellProblem(error) {
+  self.postMessage({ is: "problem", said: error.message });
+}

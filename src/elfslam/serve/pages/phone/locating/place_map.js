@@ -1,0 +1,133 @@
+/** The map on the canvas of the view: it follows the walker until a hand moves it. */
+
+import { h } from "../../shared/dom.js";
+import { icon } from "../../shared/icons.js";
+import { onGestures } from "../../shared/map/gestures.js";
+import { density } from "../../shared/map/ground.js";
+import { corners } from "../../shared/map/placement.js";
+import { around, boundsOf, fit } from "../../shared/map/projection.js";
+import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.js";
+import { drawPlace } from "./draw_place.js";
+import { groundOf } from "./ground_of_map.js";
+import { NO_TRAIL } from "./trail.js";
+
+/**
+ * What is on the canvas.
+ * @typedef {object} Shown
+ * @property {import("../../shared/map/projection.js").View} view
+ * @property {import("../../shared/map/projection.js").Size} size
+ * @property {import("./ground_of_map.js").Ground} ground
+ * @property {import("../../shared/map/ground.js").Plan | null} plan
+ * @property {import("./trail.js").Trail} trail
+ */
+
+const HELP = "Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.";
+/** Once the walker is found, no more of the map is shown than this. */
+const AROUND_M = 8;
+const MARGIN_PX = 28;
+
+/**
+ * @param {{xyM: Float32Array}} floorMap @param {string} name of the map
+ * @param {{say: () => void}} told say: the walker asks where they are
+ */
+export function mountPlaceMap(floorMap, name, { say }) {
+  const ground = groundOf(floorMap);
+  const size = { width: 360, height: 420 };
+  /** @type {Shown} */
+  const shown = { view: fit(ground.bounds_m, size, MARGIN_PX), size, ground, plan: null, trail: NO_TRAIL };
+  let isFollowing = true;
+  const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
+    "aria-label": `Map ${name}. ${HELP}` });
+  const scale = makeScale();
+  const follow = h("button", { type: "button", class: "follow", "aria-pressed": "true", "aria-label": "Follow me",
+    title: "Follow me (F)", click: () => setFollowing(!isFollowing) }, icon("follow"));
+  const buttons = zoomButtons({ look: () => shown, turnTo: zoomTo, fit: showAll });
+  const stage = h("div", { class: "stage" }, canvas, buttons, follow, scale.bar);
+  let palette = paletteOf(document.documentElement);
+  let isSized = false;
+
+  function paint() {
+    const context = canvas.getContext("2d");
+    context.save();
+    drawPlace(context, shown, palette, density());
+    context.restore();
+    scale.show(shown.view);
+  }
+
+  function setFollowing(isWanted) {
+    isFollowing = isWanted;
+    follow.setAttribute("aria-pressed", String(isWanted));
+    if (isWanted) centre();
+    redraw();
+  }
+
+  /** Zooming keeps the walker in the middle while they are followed. */
+  function zoomTo(view) {
+    shown.view = view;
+    if (isFollowing) centre();
+    redraw();
+  }
+
+  function moveTo(view) {
+    if (view.px_per_m === shown.view.px_per_m) setFollowing(false);
+    zoomTo(view);
+  }
+
+  function centre() {
+    const place = shown.trail.placed?.xyM;
+    if (place) shown.view = { ...shown.view, x_m: place[0], y_m: place[1] };
+  }
+
+  function showAll() {
+    setFollowing(false);
+    const planned = shown.plan ? boundsOf(corners(shown.plan.placement, shown.plan.aspect)) : null;
+    shown.view = fit(around(ground.bounds_m, planned), shown.size, MARGIN_PX);
+    redraw();
+  }
+
+  function setTrail(trail) {
+    const isFound = !shown.trail.placed && trail.placed;
+    shown.trail = trail;
+    if (isFollowing && isFound) comeCloser();
+    if (isFollowing) centre();
+    redraw();
+  }
+
+  function comeCloser() {
+    const nearest = Math.min(shown.size.width, shown.size.height) / AROUND_M;
+    shown.view = { ...shown.view, px_per_m: Math.max(shown.view.px_per_m, nearest) };
+  }
+
+  onGestures(canvas, { look: () => shown, turnTo: moveTo, fit: showAll, point() {}, leave() {}, grab: () => null, drop() {}, step() {} });
+  canvas.addEventListener("keydown", (event) => {
+    if (event.key === "Enter") say();
+    if (event.key === "f" || event.key === "F") setFollowing(!isFollowing);
+  });
+  const { redraw, leave } = mountSurface(canvas, {
+    paint,
+    resized(now) {
+      shown.size = now;
+      if (!isSized) shown.view = fit(ground.bounds_m, now, MARGIN_PX);
+      isSized = true;
+      if (isFollowing) centre();
+    },
+    recoloured: () => {
+      palette = paletteOf(document.documentElement);
+    },
+  });
+  const setPlan = (plan) => {
+    shown.plan = plan;
+    redraw();
+  };
+  return { stage, canvas, setTrail, setPlan, leave };
+}
+
+/** The colours of the page as they are now. @param {Element} element @returns {import("./draw_place.js").Palette} */
+function paletteOf(element) {
+  const style = getComputedStyle(element);
+  const colour = (name) => style.getPropertyValue(name).trim();
+  return {
+    surface: colour("--surface"), ink: colour("--ink"), soft: colour("--ink-soft"), line: colour("--line"),
+    accent: colour("--accent"), accentSoft: colour("--accent-soft"), doubt: colour("--doubt"), bad: colour("--bad"),
+  };
+}

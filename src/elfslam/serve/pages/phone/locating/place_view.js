@@ -1,0 +1,132 @@
+/** What the view "Where am I" shows. Every function writes to the page, and none of them remembers anything. */
+
+import { formatBytes, formatDuration, formatShare, formatWhen } from "../../shared/format.js";
+import { at, make } from "../view.js";
+import { WAITING, placeSpoken, wordsOf } from "./words.js";
+
+const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
+
+/** @param {import("./words.js").Words} words */
+export function showWords({ verdict, title, line }) {
+  const status = at("place-status");
+  const [sign, what, said] = status.children;
+  status.dataset.verdict = verdict;
+  sign.textContent = SIGNS[verdict];
+  what.textContent = title;
+  said.textContent = line;
+}
+
+/** Read aloud where it means something new: not at every footstep. @param {import("./words.js").Words} words */
+export function speak({ title, line }) {
+  at("place-spoken").textContent = `${title}. ${line}`;
+}
+
+/** @param {import("./words.js").Fix | null} fix @param {"track" | "one-shot"} mode */
+export function speakPlace(fix, mode) {
+  const { title } = fix ? wordsOf(fix) : WAITING[mode];
+  at("place-spoken").textContent = fix ? `${title}. ${placeSpoken(fix)}` : `${title}.`;
+}
+
+/** @param {{seconds: number, fixes: number, heardShare: number | null}} facts */
+export function showPlaceFacts({ seconds, fixes, heardShare }) {
+  at("place-clock").textContent = formatDuration(seconds);
+  at("place-fixes").textContent = String(fixes);
+  at("place-heard").textContent = heardShare === null ? "–" : formatShare(heardShare);
+}
+
+/** @param {string} name of the map @param {HTMLElement} stage */
+export function showMap(name, stage) {
+  at("place-title").textContent = name;
+  at("place-map").replaceChildren(stage);
+}
+
+/** @param {boolean} isRunning */
+export function showRunning(isRunning) {
+  at("place-stop").hidden = !isRunning;
+  at("place-start").hidden = isRunning;
+  at("place-facts").hidden = !isRunning && at("place-clock").textContent === "0:00";
+  if (isRunning) at("place-save").hidden = true;
+}
+
+/** Offers the fixes of the walk that has ended as a file. @param {string} table */
+export function offerFixes(table) {
+  const link = at("place-save");
+  URL.revokeObjectURL(link.href);
+  link.href = URL.createObjectURL(new Blob([table], { type: "text/csv" }));
+  link.hidden = false;
+}
+
+/** @param {string | null} said */
+export function showMapsTrouble(said) {
+  at("maps-trouble").hidden = said === null;
+  at("maps-trouble").firstElementChild.textContent = said ?? "";
+}
+
+/**
+ * @param {import("./maps.js").MapRow[]} rows
+ * @param {{open: (row: import("./maps.js").MapRow) => void, get: (row: import("./maps.js").MapRow) => void,
+ *   remove: (row: import("./maps.js").MapRow) => void}} does
+ */
+export function showMaps(rows, does) {
+  at("maps-list").replaceChildren(...rows.map((row) => mapCard(row, does)));
+  at("maps-none").hidden = rows.length > 0;
+}
+
+function mapCard(row, does) {
+  const button = (words, className, deed) => {
+    const inside = make("button", { type: "button", className, onclick: (event) => deed(row, event) }, [words]);
+    inside.append(make("span", { className: "visually-hidden" }, [` ${row.name}`]));
+    return inside;
+  };
+  const buttons = [
+    row.isHere && button("Find me here", "primary big", does.open),
+    row.canGet && button(row.isHere ? "Update" : "Get this map", row.isHere ? "" : "primary", does.get),
+    row.isHere && button("Remove", "danger", does.remove),
+  ].filter(Boolean);
+  return make("li", { className: "card map-card", data: { map: row.id } }, [
+    make("div", { className: "row apart" }, [make("h2", {}, [row.name]), badge(row)]),
+    make("p", { className: "soft" }, [factsOf(row)]),
+    make("div", { className: "stack tight", hidden: true, data: { progress: row.id } }, [
+      make("progress", { max: 1, ariaLabel: `Getting ${row.name}` }),
+      make("p", { className: "soft" }, []),
+    ]),
+    make("div", { className: "row" }, buttons),
+  ]);
+}
+
+function badge({ isHere, isOld }) {
+  const [verdict, said] = isOld ? ["doubt", "Update"] : isHere ? ["pass", "On this phone"] : ["wait", "On the server"];
+  return make("span", { className: "badge", data: { verdict } }, [said]);
+}
+
+function factsOf({ sizeBytes, when }) {
+  return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
+}
+
+/** Why the page itself does not open without a network, where it does not. */
+export function showOffline() {
+  const kept = document.documentElement.dataset.offline;
+  at("maps-offline").hidden = kept === undefined || kept === "kept";
+  at("maps-offline").textContent = at("maps-offline").hidden ? "" : kept;
+}
+
+/** @param {string} id @param {import("../../keeping/packages.js").Progress | null} progress */
+export function showProgress(id, progress) {
+  const box = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);
+  if (!box) return;
+  box.hidden = progress === null;
+  if (progress === null) return;
+  const [bar, said] = box.children;
+  bar.value = progress.totalBytes > 0 ? progress.doneBytes / progress.totalBytes : 1;
+  said.textContent = `${formatBytes(progress.doneBytes)} of ${formatBytes(progress.totalBytes)}`;
+}
+
+/** Asks before a map is removed. @returns {Promise<boolean>} */
+export function askRemove() {
+  const dialog = at("ask-remove");
+  dialog.returnValue = "keep";
+  dialog.showModal();
+  return new Promise((resolve) => {
+    dialog.addEventListener("close", () => resolve(dialog.returnValue === "remove"), { once: true });
+  });
+}

@@ -1,0 +1,62 @@
+/** Where the phone is, as sound and motion come in. Only the encoder takes its time; nothing else waits. */
+
+/** Echoes are cut by so long after the sound of their direct arrival. */
+const SETTLED_S = 0.25;
+/** Traces that go through the encoder together, where several wait. */
+const MOST_AT_ONCE = 32;
+const TRACE = 2352;
+
+/**
+ * @param {{
+ *   rateHz: number,
+ *   cutter: import("../../line/echo.js").EchoCutter,
+ *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
+ *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[]) => void},
+ *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   deciding: import("./deciding.js").Deciding,
+ *   onFix: (fix: import("./words.js").Fix) => void,
+ *   onEcho?: (echo: import("../../line/echo.js").Echo) => void,
+ * }} given
+ * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}
+ */
+export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho = () => {} }) {
+  /** @type {import("../../line/echo.js").Echo[]} */
+  let waiting = [];
+  let heardS = 0;
+  let working = Promise.resolve();
+  let isWorking = false;
+
+  const embedSome = async () => {
+    const echoes = waiting.slice(0, MOST_AT_ONCE);
+    waiting = waiting.slice(echoes.length);
+    const samples = new Float32Array(echoes.length * TRACE);
+    echoes.forEach((echo, k) => samples.set(echo.samples, k * TRACE));
+    const vectors = await listener.embed(samples, echoes.length);
+    memory.add(echoes.map(({ tS }) => tS), vectors);
+  };
+
+  const work = async () => {
+    do {
+      const untilS = heardS - SETTLED_S;
+      while (waiting.length > 0) await embedSome();
+      deciding.decide(untilS).forEach(onFix);
+    } while (waiting.length > 0);
+  };
+
+  const push = (first, samples) => {
+    const echoes = cutter.push(first, samples);
+    trust?.take(cutter.frames(), echoes);
+    heardS = (first + samples.length) / rateHz;
+    echoes.forEach(onEcho);
+    waiting.push(...echoes);
+    if (!isWorking) {
+      isWorking = true;
+      working = work().finally(() => {
+        isWorking = false;
+      });
+    }
+    return working;
+  };
+
+  return { push, idle: () => working };
+}

@@ -1,0 +1,69 @@
+/** Fixes and echoes as they come, told by the view. */
+
+import { showPlaceFacts, showWords, speak } from "./place_view.js";
+import { withFix } from "./trail.js";
+import { WAITING, wordsOf } from "./words.js";
+
+/** A status that lasts so long is worth saying aloud. */
+const SPEAK_AFTER_MS = 1500;
+const CLOCK_MS = 500;
+
+/**
+ * @param {import("./locating.js").Here} here @param {"track" | "one-shot"} mode
+ * @returns {{told: {fix: (fix: import("./words.js").Fix) => void, echo: (echo: {tS: number}) => void},
+ *   begin: () => void, end: () => void, fixes: () => import("./words.js").Fix[]}}
+ */
+export function showFixes(here, mode) {
+  /** @type {import("./words.js").Fix[]} */
+  const fixes = [];
+  const echoes = { count: 0, firstS: NaN, lastS: NaN };
+  const speaker = makeSpeaker(WAITING[mode]);
+  let timer = 0;
+
+  const fix = (found) => {
+    fixes.push(found);
+    here.trail = withFix(here.trail, found);
+    here.map.setTrail(here.trail);
+    showWords(wordsOf(found));
+    speaker.consider(wordsOf(found));
+  };
+  const echo = ({ tS }) => {
+    echoes.firstS = echoes.count === 0 ? tS : echoes.firstS;
+    echoes.lastS = tS;
+    echoes.count += 1;
+  };
+  const begin = () => {
+    const beganMs = performance.now();
+    const periodS = here.kept.floorMap.parameters.chirp.period_s;
+    const show = () => showPlaceFacts({
+      seconds: (performance.now() - beganMs) / 1000, fixes: here.trail.count, heardShare: heardShare(echoes, periodS),
+    });
+    show();
+    timer = setInterval(show, CLOCK_MS);
+  };
+  const end = () => {
+    clearInterval(timer);
+    speaker.hush();
+  };
+  return { told: { fix, echo }, begin, end, fixes: () => fixes };
+}
+
+/** Of the chirps between the first and the last that were heard. */
+function heardShare({ count, firstS, lastS }, periodS) {
+  return count === 0 ? null : Math.min(count / Math.round(1 + (lastS - firstS) / periodS), 1);
+}
+
+/** Says aloud what has become different and stays so. @param {import("./words.js").Words} first */
+function makeSpeaker(first) {
+  let said = first.verdict;
+  let timer = 0;
+  const consider = (words) => {
+    clearTimeout(timer);
+    if (words.verdict === said) return;
+    timer = setTimeout(() => {
+      said = words.verdict;
+      speak(words);
+    }, SPEAK_AFTER_MS);
+  };
+  return { consider, hush: () => clearTimeout(timer) };
+}

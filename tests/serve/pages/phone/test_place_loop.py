@@ -1,0 +1,72 @@
+"""Located live in the page with no human and no server: a simulated room answers its chirps."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elfslam.base.values import FixStatus
+from elfslam.world.world_file import load_world
+
+BENCHMARKS = Path(__file__).resolve().parents[4] / "benchmarks"
+WORLD, MAP_SEED, SEED, ROUNDS = "studio", 107, 108, 2
+ATTEMPTS = 3
+HEARD = 0.9
+"""Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def page_place() -> Iterator[Any]:
+    """benchmarks/page_place.py, which has the long form; skips where a program is missing."""
+    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(BENCHMARKS)
+        yield importlib.import_module("page_place")
+    for name in ("page_place", "browser_walk", "acoustic_loop", "desk_pictures"):
+        sys.modules.pop(name, None)
+
+
+@pytest.fixture(scope="module")
+def located(page_place: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """The walk as the page located it, its errors, and how many footsteps it had."""
+    absent = page_place.missing_programs() + ([] if page_place.CHROMIUM else ["chromium"])
+    if absent:
+        names = ", ".join(absent)
+        pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
+    course = page_place.plan_course(load_world(WORLD), SEED, ROUNDS)
+    folder = tmp_path_factory.mktemp("place")
+    with page_place.serving(folder / "data") as address:
+        _, world_in_map = page_place.make_map(address, WORLD, MAP_SEED, 3)
+        page_place.get_map(folder / "profile", address)
+    for _ in range(ATTEMPTS):
+        placed = page_place.walk_once(course, address, "track", folder, SEED)
+        if placed.heard_share >= HEARD:
+            errors = page_place.errors_of(placed.fixes, course.truth, world_in_map)
+            return placed, errors, course.motion.steps[-1]
+    pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times")
+
+
+def test_the_page_knows_where_it_is_at_every_step(located: Any) -> None:
+    placed, errors, steps = located
+    known = np.isfinite(placed.fixes.xy_m[:, 0])
+    assert known.sum() >= 0.7 * steps
+    assert np.mean(placed.fixes.status == FixStatus.OK) > 0.8
+    assert errors.median_m < 0.4
+    assert errors.quartile3_m < 0.6
+
+
+def test_it_says_how_sure_it_is(located: Any) -> None:
+    _, errors, _ = located
+    assert errors.within > 0.5
+
+
+def test_nothing_is_asked_of_the_network(located: Any) -> None:
+    assert located[0].requests == []

@@ -1,0 +1,214 @@
+"""The view "Where am I" in Chromium: maps got and removed, located without a server, by key."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import select
+
+from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
+from elfslam.data.facts import ENCODER
+from elfslam.data.fixes_files import read_fixes
+from elfslam.data.map_files import MAP, write_map
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.line.feature import OnnxEncoder, extract_features, load_encoder
+from elfslam.serve.services import open_services
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import Map, MapFile, User, transaction
+
+HERE_M = (3.0, 2.0)
+"""Where the map says that it sounds as the fake microphone does."""
+SIDE_M, APART_M = 6.0, 0.5
+HEIGHTS_PX = 48
+
+pytestmark = pytest.mark.slow
+
+
+def map_of(sound: np.ndarray, rate_hz: int) -> FloorMap:
+    """A square of spots; at one of them it sounds as heard, elsewhere like nothing."""
+    chirp = make_chirp(ChirpParameters(), rate_hz)
+    echoes = cut_echoes(Audio(sound[None], rate_hz), chirp, EchoParameters(), None)
+    encoder = load_encoder("compact")
+    heard = extract_features(echoes, encoder).vectors.mean(axis=0)
+    along = np.arange(0, SIDE_M + APART_M / 2, APART_M)
+    xy_m = np.stack(np.meshgrid(along, along), axis=2).reshape(-1, 2)
+    generator = np.random.default_rng(3)
+    vectors = generator.normal(0, 0.09, (len(xy_m), 128)).astype(np.float32)
+    vectors[int(np.argmin(np.linalg.norm(xy_m - HERE_M, axis=1)))] = heard
+    return FloorMap(
+        xy_m=xy_m,
+        heading_rad=np.full(len(xy_m), np.pi / 2),
+        walk=np.zeros(len(xy_m), dtype=np.int64),
+        order=np.arange(len(xy_m)),
+        covariance_m2=np.tile(0.01 * np.eye(2), (len(xy_m), 1, 1)),
+        payloads=(Payload("elf", encoder.identity, vectors),),
+        parameters_digest="",
+        sources=("walk",),
+    )
+
+
+@pytest.fixture(scope="module")
+def heard_map(heard: tuple[Path, np.ndarray]) -> FloorMap:
+    """A map of the place that the fake microphone is in."""
+    return map_of(np.asarray(heard[1] / 32768, dtype=np.float32), 44_100)
+
+
+@pytest.fixture
+def map_id(server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[str]:
+    """That map, put on the server where a job would have left it."""
+    folder = tmp_path / "map"
+    folder.mkdir()
+    write_map(heard_map, folder / MAP)
+    encoder = load_encoder("compact")
+    assert isinstance(encoder, OnnxEncoder)
+    (folder / ENCODER).write_bytes(encoder.content)
+    services = open_services(ServerSettings(server.data))
+    made = blobs.put_folder(services.settings.blobs_folder, folder)
+    with transaction(services.sessions) as session:
+        owner = session.scalars(select(User).filter_by(is_owner=True)).one()
+        row = Map(user_id=owner.id, name="Hall", kind="run")
+        session.add(row)
+        session.flush()
+        for name, blob in made.items():
+            told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
+            session.merge(MapFile(map_id=row.id, name=name, **told))
+        made_id = row.id
+    yield made_id
+    services.engine.dispose()
+    if server.process is None:
+        server.start(server.port)
+    server.ask(f"/api/maps/{made_id}", "DELETE")
+
+
+def get_map(page: Any, server: Any) -> None:
+    """Pair and take the map onto the phone."""
+    page.goto(server.address)
+    page.click("#where")
+    take_map(page)
+
+
+def take_map(page: Any) -> None:
+    page.click("text=Get this map")
+    page.wait_for_selector("text=Find me here")
+
+
+def locate(page: Any, mode: str) -> str:
+    """By echoes alone or with steps, until the page says more than that it listens."""
+    page.click("text=Find me here")
+    page.wait_for_selector("#place-stop:visible")
+    page.check(f"input[value={mode}]", force=True)
+    wait_for_words(page, "Here, within")
+    return str(page.inner_text("#place-status .what"))
+
+
+def wait_for_words(page: Any, part: str) -> None:
+    page.locator("#place-status .what", has_text=part).wait_for()
+
+
+def test_a_map_is_got_once_and_then_needs_no_server(
+    pocket: Any, server: Any, map_id: str, tmp_path: Path
+) -> None:
+    with pocket.on() as page:
+        page.goto(server.address)
+        page.click("#where")
+        assert page.inner_text("#maps-list .badge") == "On the server"
+        take_map(page)
+        assert page.inner_text("#maps-list .badge") == "On this phone"
+        assert "MB" in page.inner_text("#maps-list .soft")
+        page.locator("html[data-offline=kept]").wait_for()
+    server.stop()
+    with pocket.on() as page:
+        asked: list[str] = []
+        page.goto(server.address.partition("#")[0])
+        page.locator("#problem", has_text="work without it").wait_for()
+        page.click("#where")
+        page.locator("#maps-trouble", has_text="work without it").wait_for()
+        page.on("request", lambda request: asked.append(request.url))
+        assert locate(page, "one-shot").endswith("\u00a0m")
+        page.wait_for_timeout(3000)
+        assert int(page.inner_text("#place-heard").rstrip(" %")) >= 90
+        page.click("#place-stop")
+        assert page.inner_text("#place-status .what") == "Stopped"
+        with page.expect_download() as download:
+            page.click("#place-save")
+        download.value.save_as(tmp_path / "fixes.csv")
+    assert [each for each in asked if "/api" in each] == []
+    fixes = read_fixes(tmp_path / "fixes.csv")
+    known = np.isfinite(fixes.xy_m[:, 0])
+    assert known.sum() > 4
+    assert set(fixes.status[known]) == {FixStatus.OK}
+    np.testing.assert_allclose(fixes.xy_m[known], np.tile(HERE_M, (known.sum(), 1)), atol=0.05)
+    np.testing.assert_allclose(fixes.heading_rad[known], np.pi / 2, atol=1e-5)
+
+
+def test_without_steps_nothing_is_claimed(pocket: Any, server: Any, map_id: str) -> None:
+    with pocket.on() as page:
+        get_map(page, server)
+        page.click("text=Find me here")
+        page.wait_for_selector("#place-stop:visible")
+        page.wait_for_timeout(3000)
+        assert page.inner_text("#place-status .what") == "Listening"
+        assert "Walk a few steps" in page.inner_text("#place-status .said")
+
+
+def test_a_map_is_removed_only_when_asked_twice(pocket: Any, server: Any, map_id: str) -> None:
+    with pocket.on() as page:
+        get_map(page, server)
+        page.click("text=Remove")
+        page.click("text=Keep it >> visible=true")
+        assert page.inner_text("#maps-list .badge") == "On this phone"
+        page.click("#maps-list >> text=Remove")
+        page.click("#ask-remove >> button:has-text('Remove')")
+        page.wait_for_selector("text=Get this map")
+
+
+def test_the_map_obeys_keys_and_buttons(pocket: Any, server: Any, map_id: str) -> None:
+    with pocket.on() as page:
+        get_map(page, server)
+        locate(page, "one-shot")
+        follow = page.locator(".follow")
+        assert follow.get_attribute("aria-pressed") == "true"
+        page.focus("#place canvas")
+        before = page.inner_text(".scale-bar")
+        page.keyboard.press("+")
+        page.keyboard.press("+")
+        page.locator(".scale-bar").filter(has_not_text=before).wait_for()
+        assert follow.get_attribute("aria-pressed") == "true"
+        page.keyboard.press("ArrowLeft")
+        assert follow.get_attribute("aria-pressed") == "false"
+        page.keyboard.press("f")
+        assert follow.get_attribute("aria-pressed") == "true"
+        page.keyboard.press("Enter")
+        assert "At 3.0 across and 2.0 up, facing north" in page.inner_text("#place-spoken")
+        page.click("[aria-label='Show all']")
+        assert follow.get_attribute("aria-pressed") == "false"
+
+
+@pytest.mark.parametrize("size", [(320, 568), (390, 844), (1280, 800)])
+def test_it_fits_and_can_be_tapped(
+    pocket: Any, server: Any, map_id: str, size: tuple[int, int]
+) -> None:
+    with pocket.on(*size) as page:
+        get_map(page, server)
+        check_view(page, size[0])
+        locate(page, "one-shot")
+        check_view(page, size[0])
+        map_box, panel = page.locator("#place-map").bounding_box(), page.locator(".place-panel")
+        assert map_box["height"] > 0.25 * size[1]
+        assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
+
+
+def check_view(page: Any, width: int) -> None:
+    """Nothing is wider than the page, and whatever is tapped is large enough."""
+    assert page.locator("main").bounding_box()["width"] <= width
+    for button in page.locator("button:visible, #place-mode label:visible").all():
+        box = button.bounding_box()
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= width
+        assert box["height"] >= HEIGHTS_PX - 8, button.inner_text()
