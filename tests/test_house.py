@@ -24,6 +24,7 @@ FLOORS = {
     "score": 3,
     "senses": 3.25,
     "mapping": 3.5,
+    "mapping_many": 3.6,
     "exporting": 3.5,
     "joining": 3.75,
     "plans": 3.75,
