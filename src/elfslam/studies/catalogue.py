@@ -34,6 +34,7 @@ from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
+from elfslam.studies.scaling import measure_scaling
 from elfslam.studies.sensitivity import measure_sensitivity
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speed import measure_speed
@@ -65,6 +66,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
+    "scaling": measure_scaling,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,
     "speed": measure_speed,
