@@ -14,6 +14,7 @@ PACKAGE = ROOT / "src" / "elfslam"
 FLOORS = {
     "base": 0,
     "line": 1,
+    "workers": 1,
     "slam": 2,
     "merging": 2.5,
     "world": 3,
@@ -23,6 +24,7 @@ FLOORS = {
     "score": 3,
     "senses": 3.25,
     "mapping": 3.5,
+    "mapping_many": 3.6,
     "exporting": 3.5,
     "joining": 3.75,
     "plans": 3.75,
@@ -32,7 +34,13 @@ FLOORS = {
     "serve": 4,
     "cli": 5,
 }
-ONLY_IN = {"torch": {"learn"}, "fastapi": {"serve"}, "plotly": {"score"}, "matplotlib": set[str]()}
+ONLY_IN = {
+    "torch": {"learn"},
+    "fastapi": {"serve"},
+    "plotly": {"score"},
+    "ray": {"workers"},
+    "matplotlib": set[str](),
+}
 BASE_MAY_IMPORT = {"numpy", "elfslam"}
 MOST_FILE_LINES = 400
 MOST_FUNCTION_LINES = 60

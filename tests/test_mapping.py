@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,8 +10,9 @@ import pytest
 from elfslam import mapping
 from elfslam.base.choices import Modality
 from elfslam.base.errors import StoreError
+from elfslam.base.parameters import load
 from elfslam.data.recordings import write_recording
-from elfslam.mapping import MapJob, map_into, map_many
+from elfslam.mapping import MapJob, map_into, unit_of
 from elfslam.senses import Settings
 from elfslam.world.simulate import load_world, simulate
 
@@ -63,16 +65,12 @@ def test_a_replacement_that_fails_keeps_the_older_run(
         map_into(tmp_path / "run", walk, JOB, silent)
 
 
-def test_of_many_each_gets_its_run_and_none_a_report(walk: Path, tmp_path: Path) -> None:
-    refused = map_many(tmp_path, [walk, tmp_path / "none"], JOB, silent)
-    assert list(refused) == ["none"]
-    assert (tmp_path / "walk" / "run.json").is_file()
-    assert not (tmp_path / "walk" / "report.html").exists()
-
-
-def test_one_folder_that_is_taken_stops_many_before_the_first(walk: Path, tmp_path: Path) -> None:
-    (tmp_path / "z").mkdir()
-    (tmp_path / "z" / "thesis.txt").write_text("mine")
-    with pytest.raises(StoreError, match="already exists"):
-        map_many(tmp_path, [walk, walk.parent / "z"], JOB, silent)
-    assert [item.name for item in tmp_path.iterdir()] == ["z"]
+def test_a_unit_is_the_recording_and_what_is_asked_for(walk: Path, tmp_path: Path) -> None:
+    known = unit_of(walk, JOB)
+    assert unit_of(walk, AGAIN) == known, "whether an older run may go makes no other run"
+    assert unit_of(walk, replace(JOB, encoder="compact")) != known
+    assert unit_of(walk, replace(JOB, start_pose=(1.0, 2.0, 0.0))) != known
+    other = load(Settings(), None, ["closure.threshold=0.5"])
+    assert unit_of(walk, replace(JOB, parameters=other)) != known
+    write_recording(simulate(load_world("studio"), 112, rounds=1)[0], tmp_path / "walk")
+    assert unit_of(tmp_path / "walk", JOB) != known

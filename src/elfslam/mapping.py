@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,6 +25,7 @@ from elfslam.line.graph import build_graph, judge
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.senses import Settings, sense_of
+from elfslam.workers import unit_key
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -48,42 +50,12 @@ class MapJob:
     calibrate: bool = False
 
 
-def recordings_in(path: Path) -> list[Path]:
-    """The recording at `path`, or those in the folder `path`."""
-    if path.is_dir() and not (path / "recording.json").exists():
-        inside = sorted(item.parent for item in path.glob("*/recording.json"))
-        if inside:
-            return inside
-    return [path]
-
-
-def map_many(out: Path, paths: list[Path], job: MapJob, announce: Announce) -> dict[str, str]:
-    """Map each recording into a folder of `out`; why not, by name, for those that cannot be.
-
-    No reports are written: `elfslam show` draws any of them. Raises StoreError before the first
-    where one of the folders is taken.
-    """
-    for path in paths:
-        _refuse(out / path.name, job)
-    refused: dict[str, str] = {}
-    for count, path in enumerate(paths):
-        announce(path.name, count / len(paths))
-        try:
-            run, facts, content = _mapped(path, job, lambda what, share: None)
-        except (InputError, NoAnswerError) as error:
-            refused[path.name] = str(error)
-            continue
-        folder = out / path.name
-        write_run(run, folder, facts=facts, encoder=content, replace=job.overwrite)
-    return refused
-
-
 def map_into(
     folder: Path, path: Path, job: MapJob, announce: Announce, floor_plan: FloorPlan | None = None
 ) -> slam.Run:
     """Map one recording into a run folder with its report, and give the run."""
-    _refuse(folder, job)
-    run, facts, content = _mapped(path, job, announce)
+    refuse_taken(folder, job)
+    run, facts, content = mapped_run(path, job, announce)
     write_reported_run(
         run, folder, facts=facts, encoder=content, floor_plan=floor_plan, replace=job.overwrite
     )
@@ -119,12 +91,12 @@ def write_reported_run(
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
 
 
-def _refuse(folder: Path, job: MapJob) -> None:
+def refuse_taken(folder: Path, job: MapJob) -> None:
     """Raise StoreError before the work where the run could not be written after it."""
     refuse_occupied(folder, FACTS if job.overwrite else None)
 
 
-def _mapped(
+def mapped_run(
     path: Path, job: MapJob, announce: Announce
 ) -> tuple[slam.Run, dict[str, Any], bytes | None]:
     """The run of a recording, the facts that run.json states, and the encoder as a file."""
@@ -155,6 +127,7 @@ def _mapped(
         **versions(),
         "device": recording.device,
         "recording_digest": digest_of(path),
+        "unit": unit_of(path, job),
         "encoder": None if encoder is None else encoder.identity,
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
@@ -163,6 +136,13 @@ def _mapped(
         **_verdict(run, job.parameters),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
+
+
+def unit_of(path: Path, job: MapJob) -> str:
+    """The key of this piece of work: of the recording, the encoder and what the job asks for."""
+    encoder = load_encoder(job.encoder).identity
+    asked = replace(job, encoder=encoder, overwrite=False)
+    return unit_key(partial(mapped_run, job=asked), digest_of(path))
 
 
 def _verdict(run: slam.Run, known: Settings) -> dict[str, Any]:

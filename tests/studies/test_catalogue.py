@@ -14,6 +14,7 @@ from elfslam.score.page import Page
 from elfslam.studies import catalogue
 from elfslam.studies.catalogue import STUDIES, run_study
 from elfslam.studies.finding import Finding, LongStudy
+from elfslam.workers import Workers
 
 Row = dict[str, object]
 ROWS: list[Row] = [
@@ -61,7 +62,9 @@ def test_a_long_study_is_told_where_to_keep_what_is_finished(
 ) -> None:
     told: list[str] = []
 
-    def gait(data: Path | None, announce: catalogue.Announce, kept: Path) -> list[Row]:
+    def gait(
+        data: Path | None, announce: catalogue.Announce, kept: Path, *, workers: Workers
+    ) -> list[Row]:
         told.append(kept.read_text() if kept.exists() else "")
         kept.write_text("half")
         if len(told) == 1:
@@ -74,6 +77,27 @@ def test_a_long_study_is_told_where_to_keep_what_is_finished(
     assert run_study("gait", tmp_path, None, silent) == ROWS
     assert told == ["", "half"]
     assert sorted(path.name for path in tmp_path.iterdir()) == ["gait.csv", "gait.json"]
+
+
+def test_a_long_study_is_given_workers_and_a_short_one_refuses_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    counts: list[int] = []
+
+    def gait(
+        data: Path | None, announce: catalogue.Announce, kept: Path, *, workers: Workers
+    ) -> list[Row]:
+        counts.append(workers.count)
+        return ROWS
+
+    monkeypatch.setattr(
+        catalogue, "STUDIES", {"gait": LongStudy(gait), "brief": lambda data, announce: ROWS}
+    )
+    run_study("gait", tmp_path, None, silent)
+    run_study("gait", tmp_path, None, silent, on="3")
+    assert counts == [1, 3]
+    with pytest.raises(InputError, match="study brief: is short and runs in this process"):
+        run_study("brief", tmp_path, None, silent, on="2")
 
 
 def test_encoders_reach_the_studies_that_compare_them(

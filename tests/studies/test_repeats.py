@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -10,6 +11,8 @@ import pytest
 
 from elfslam.base.errors import StoreError
 from elfslam.studies.repeats import Numbers, by_world, finished
+from elfslam.workers import unit_key
+from elfslam.workers.interface import Result, Task
 
 
 def silent(what: str, share: float | None) -> None:
@@ -20,40 +23,52 @@ def square(task: int) -> Numbers:
     return {"square": float(task * task)}
 
 
-@pytest.mark.parametrize("workers", [1, 3])
-def test_numbers_come_in_the_order_of_the_tasks(tmp_path: Path, workers: int) -> None:
+class Backwards:
+    """Workers that finish in another order."""
+
+    count = 3
+
+    def each(
+        self, do: Callable[[Task], Result], tasks: Iterable[Task]
+    ) -> Iterator[tuple[int, Result]]:
+        for index, task in reversed(list(enumerate(tasks))):
+            yield index, do(task)
+
+
+def test_numbers_come_in_the_order_of_the_tasks(tmp_path: Path) -> None:
     kept, shares = tmp_path / "new" / "kept", list[float | None]()
     found = finished(
-        square, [3, 1, 2], lambda _, share: shares.append(share), kept=kept, workers=workers
+        square, [3, 1, 2], lambda _, share: shares.append(share), kept=kept, workers=Backwards()
     )
     assert found == [{"square": 9.0}, {"square": 1.0}, {"square": 4.0}]
     assert shares == [0.0, 1 / 3, 2 / 3, 1.0]
-    assert json.loads(kept.read_text()) == {"3": found[0], "1": found[1], "2": found[2]}
+    units = json.loads(kept.read_text())
+    assert units[unit_key(square, 3)] == {"task": "3", "numbers": found[0]}
+    assert [unit["task"] for unit in units.values()] == ["2", "1", "3"]
+
+
+def test_equal_tasks_are_one_unit() -> None:
+    assert finished(square, [2, 3, 2], silent, kept=None) == [square(2), square(3), square(2)]
 
 
 def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
-    kept, asked = tmp_path / "kept", list[int]()
+    kept, asked, allowed = tmp_path / "kept", list[int](), {1, 3}
 
-    def failing(task: int) -> Numbers:
-        if task == 2:
+    def counted(task: int) -> Numbers:
+        asked.append(task)
+        if task not in allowed:
             raise KeyboardInterrupt
         return square(task)
 
     with pytest.raises(KeyboardInterrupt):
-        finished(failing, [1, 2, 3], silent, kept=kept, workers=1)
-
-    def counted(task: int) -> Numbers:
-        asked.append(task)
-        return square(task)
-
-    found = finished(counted, [1, 2, 3], silent, kept=kept, workers=1)
-    assert found == [square(task) for task in (1, 2, 3)]
-    assert 1 not in asked
-    assert 2 in asked
+        finished(counted, [1, 2, 3], silent, kept=kept)
+    allowed.add(2)
+    assert finished(counted, [1, 2, 3], silent, kept=kept) == [square(task) for task in (1, 2, 3)]
+    assert asked == [1, 2, 2, 3]
 
 
 def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
-    assert finished(square, [5], silent, kept=None, workers=1) == [{"square": 25.0}]
+    assert finished(square, [5], silent, kept=None) == [{"square": 25.0}]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -62,14 +77,15 @@ def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
     [
         ("{", "cannot be read"),
         ("3", "cannot be read"),
-        ('{"7": {"square": 49.0}}', "has 7 of another run; delete it to start over"),
+        ('{"ab12": {"task": "7", "numbers": {}}}', "has 7 of another run; delete it to start over"),
+        ('{"7": {"square": 49.0}}', "cannot be read"),
     ],
 )
 def test_what_is_not_of_this_run_is_refused(tmp_path: Path, content: str, complaint: str) -> None:
     kept = tmp_path / "kept"
     kept.write_text(content)
     with pytest.raises(StoreError, match=complaint):
-        finished(square, [1], silent, kept=kept, workers=1)
+        finished(square, [1], silent, kept=kept)
     assert kept.read_text() == content
 
 

@@ -17,5 +17,9 @@ class StoreError(ElfslamError):
     """Something on disk that cannot be read back or must not be overwritten."""
 
 
+class WorkerError(ElfslamError):
+    """Work that was given to others and that they cannot do: they died, or are another version."""
+
+
 class NoAnswerError(ElfslamError):
     """The input was fine, but the world gave no answer (exit code 1)."""

@@ -16,6 +16,7 @@ from elfslam.cli.options import (
     AsJson,
     EncoderName,
     Force,
+    On,
     ParameterFile,
     Plan,
     Setting,
@@ -37,13 +38,13 @@ from elfslam.mapping import (
     encoder_of,
     kept_closures,
     map_into,
-    map_many,
     parse_start,
-    recordings_in,
     refuse_unclosed,
 )
+from elfslam.mapping_many import map_many, recordings_in
 from elfslam.merging import MergeParameters
 from elfslam.senses import Settings
+from elfslam.workers import open_workers
 
 
 def map_command(
@@ -56,6 +57,7 @@ def map_command(
     calibrate: Annotated[bool, typer.Option(help="For other phones to be located.")] = False,
     plan: Plan = None,
     force: Force = False,
+    on: On = None,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
@@ -70,7 +72,8 @@ def map_command(
         if paths == [recording]:
             run = map_into(out, recording, job, announce, drawn)
         else:
-            refused = map_many(out, paths, job, announce)
+            with open_workers(on) as workers:
+                refused = map_many(out, paths, job, announce, workers)
     if paths == [recording]:
         _say_mapped(run, out)
     else:

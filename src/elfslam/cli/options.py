@@ -21,6 +21,10 @@ Setting = Annotated[list[str] | None, typer.Option("--set", help="group.name=val
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Same seed, same bytes.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 EncoderName = Annotated[str, typer.Option("--encoder", help="compact, spectral or an ONNX file.")]
+On = Annotated[
+    str | None,
+    typer.Option("--on", help="Who works: a number of processes, ray or ray://HOST:10001."),
+]
 Force = Annotated[bool, typer.Option("--force", help="Replace an older run.")]
 Plan = Annotated[
     str | None,

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 
 from elfslam.base.errors import InputError
-from elfslam.cli.options import AsJson, Plan, drawn_plan
+from elfslam.cli.options import AsJson, On, Plan, drawn_plan
 from elfslam.console import print_rows, progress_bar, say
 from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.fixes_files import read_fixes
@@ -86,10 +86,11 @@ def study(
         Path | None, typer.Option(envvar="ELFSLAM_DATA", help="Folder of real recordings.")
     ] = None,
     encoder: Annotated[list[str] | None, typer.Option(help="To be measured, repeatable.")] = None,
+    on: On = None,
     as_json: AsJson = False,
 ) -> None:
     """Make the table of a study."""
     encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
     with progress_bar() as announce:
-        table = run_study(name, out, data, announce, encoders=encoders)
+        table = run_study(name, out, data, announce, encoders=encoders, on=on)
     print_rows(table, title=f"Study: {name}", as_json=as_json)

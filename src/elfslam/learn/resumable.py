@@ -48,6 +48,7 @@ def save(
     parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
     state = {"run": run, "losses": losses, **parts}
     partial = checkpoint.with_suffix(".partial")
+    partial.parent.mkdir(parents=True, exist_ok=True)
     torch.save(state, partial)
     partial.replace(checkpoint)
 

@@ -30,6 +30,7 @@ from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.heard_walk import Heard, Walk, hear_walk, true_scale
 from elfslam.studies.repeats import Numbers, finished
 from elfslam.studies.walls_in_focus import focus_panel, walks_panels
+from elfslam.workers import Workers
 
 SEEDS = {
     "studio": range(110, 120),
@@ -83,13 +84,14 @@ def measure_acoustic_odometry(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     walks: Sequence[Walk] = WALKS,
 ) -> Finding:
     """A row per world: error of scale and of the map, with steps as claimed and as measured.
 
     `data` is not needed.
     """
-    numbers = finished(measure_walk, walks, announce, kept=kept, workers=1)
+    numbers = finished(measure_walk, walks, announce, kept=kept, workers=workers)
     worlds = list(dict.fromkeys(walk.world for walk in walks))
     by_world = {
         world: [found for walk, found in zip(walks, numbers, strict=True) if walk.world == world]

@@ -25,6 +25,7 @@ from elfslam.studies.elf import labelled_pairs
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.intervals import curve_of, mean_row
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers, silent_elsewhere
 from elfslam.world.simulate import load_world, simulate
 
 ECHOES = (20_480, 61_440, 204_800, 614_400, 1_024_000)
@@ -54,6 +55,7 @@ def measure_amounts(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     echoes: Sequence[int] = ECHOES,
     minutes: Sequence[float] = MINUTES,
     worlds: Sequence[str] = WORLDS,
@@ -68,8 +70,8 @@ def measure_amounts(
     tasks = [Walk(PRETRAINED, n, w, s, ROUNDS) for n in echoes for w in worlds for s in seeds]
     tasks += [Walk(FINETUNED, m, w, seeds[0], long_rounds) for m in minutes for w in worlds]
     folder = None if kept is None else kept.parent / "encoders"
-    measure = partial(_measured, folder=folder, announce=announce)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    measure = partial(_measured, folder=folder, announce=silent_elsewhere(announce))
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = _rows(tasks, numbers)
     announce("losses", None)
     return Finding(rows, _page(rows, _losses(worlds[0], seeds[0])))

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 from elfslam.base.errors import InputError
@@ -34,6 +35,7 @@ from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
 from elfslam.studies.real_rooms import measure_real_rooms
+from elfslam.studies.scaling import measure_scaling
 from elfslam.studies.sensitivity import measure_sensitivity
 from elfslam.studies.sensors import compare_sensors
 from elfslam.studies.speech import measure_speech
@@ -42,6 +44,7 @@ from elfslam.studies.spots import measure_spots
 from elfslam.studies.superimposition import measure_superimposition
 from elfslam.studies.trace import measure_trace
 from elfslam.studies.unknown_phone import measure_unknown_phone
+from elfslam.workers import Workers, open_workers
 
 STUDIES: Mapping[str, Study | LongStudy] = {
     "acoustic-odometry": LongStudy(measure_acoustic_odometry),
@@ -66,6 +69,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
+    "scaling": measure_scaling,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,
     "speech": measure_speech,
@@ -88,17 +92,20 @@ def run_study(
     announce: Announce,
     *,
     encoders: Mapping[str, Encoder] | None = None,
+    on: str | None = None,
 ) -> list[Row]:
     """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
     A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
-    `encoders` are measured by name in place of those that the study would measure. Raises
-    InputError for a study that does not exist or that compares no encoders.
+    `encoders` are measured by name in place of those that the study would measure. `on` says who
+    works on a long one, as `open_workers` has it. Raises InputError for a study that does not
+    exist, compares no encoders, or is too short to be shared out.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
     kept = out / f"{name}.partial"
-    made = _measured(name, data, announce, kept, encoders or {})
+    with _workers_for(name, on) as workers:
+        made = _measured(name, data, announce, kept, encoders or {}, workers)
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
@@ -111,14 +118,27 @@ def run_study(
     return rows
 
 
+@contextmanager
+def _workers_for(name: str, on: str | None) -> Iterator[Workers]:
+    if on is not None and not isinstance(STUDIES[name], LongStudy):
+        raise InputError(f"study {name}: is short and runs in this process; leave --on out")
+    with open_workers(on) as workers:
+        yield workers
+
+
 def _measured(
-    name: str, data: Path | None, announce: Announce, kept: Path, encoders: Mapping[str, Encoder]
+    name: str,
+    data: Path | None,
+    announce: Announce,
+    kept: Path,
+    encoders: Mapping[str, Encoder],
+    workers: Workers,
 ) -> list[Row] | Finding:
     study = STUDIES[name]
     if encoders and name not in COMPARES:
         raise InputError(f"study {name}: compares no encoders, only {', '.join(COMPARES)} do")
     if isinstance(study, LongStudy):
-        return study.measure(data, announce, kept)
+        return study.measure(data, announce, kept, workers=workers)
     return study(data, announce, encoders=encoders) if encoders else study(data, announce)
 
 

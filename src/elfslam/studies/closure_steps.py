@@ -24,6 +24,7 @@ from elfslam.score.page import Page, Panel, rows_table
 from elfslam.slam import Parameters, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 from elfslam.world.simulate import load_world, simulate
 
 WORLDS = ("living_room", "office", "mall")
@@ -49,6 +50,7 @@ def measure_closure_steps(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
@@ -59,7 +61,7 @@ def measure_closure_steps(
     that may doubt closures and once by plain least squares, which believes all.
     """
     tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = [
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
         for world in worlds

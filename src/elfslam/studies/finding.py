@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from elfslam.score.page import Page
 
@@ -30,6 +29,9 @@ Some take `encoders` by name, too, to be measured in place of the usual ones.
 
 @dataclass(frozen=True)
 class LongStudy:
-    """A study that keeps what is finished in the file it is given, and goes on from there."""
+    """A study that keeps what is finished in the file it is given, and goes on from there.
 
-    measure: Callable[[Path | None, Announce, Path], list[Row] | Finding]
+    It gives its repeats to `workers`, a keyword.
+    """
+
+    measure: Callable[..., list[Row] | Finding]

@@ -30,6 +30,7 @@ from elfslam.slam import Parameters, map_by_echoes
 from elfslam.studies.demo import floor_plan
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import HEAD_M
@@ -75,6 +76,7 @@ def measure_floor_plan(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Mapping[str, int] = WORLDS,
     rounds: int = ROUNDS,
     known: AnchoringParameters | None = None,
@@ -85,7 +87,7 @@ def measure_floor_plan(
         Walk(world, FIRST_SEED + k, rounds) for world, count in worlds.items() for k in range(count)
     ]
     measure = partial(_measured, known=parameters)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = [
         row
         for world in worlds

@@ -41,6 +41,7 @@ from elfslam.studies.located import (
 )
 from elfslam.studies.mapping_errors import CALIBRATED, walkers
 from elfslam.studies.repeats import Numbers, by_world, finished
+from elfslam.workers import Workers
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 
@@ -70,6 +71,7 @@ def measure_localization(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
@@ -77,7 +79,7 @@ def measure_localization(
 ) -> Finding:
     """Errors of every way to be located, and how many queries got an answer; no `data` needed."""
     tasks = [Pair(world, seed, mapping_rounds, rounds) for world in worlds for seed in seeds]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = localization_rows(by_world(tasks, numbers))
     return Finding(rows, localization_page(rows))
 

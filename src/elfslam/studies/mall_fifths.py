@@ -37,6 +37,7 @@ from elfslam.studies.mall_floor import (
     unturned_walks,
 )
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 
 SPLITS = 5
 MAPPED_BY = "wifi and magnetic"
@@ -72,6 +73,7 @@ def measure_mall_fifths(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     floors: Sequence[str] = tuple(FLOORS),
     most_walks: int | None = None,
 ) -> Finding:
@@ -79,17 +81,16 @@ def measure_mall_fifths(
 
     `data` holds `mall_walks/*.tar.xz`. Raises InputError where they are missing.
     """
-    read = cache(lambda floor: located_walks(archive_of(data, floor), most_walks))
     tasks = [Split(floor, which) for floor in floors for which in range(SPLITS)]
-    measure = partial(_measured, read=read)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    measure = partial(_measured, data=data, most_walks=most_walks)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows: list[Row] = []
     panels: list[Panel] = []
     for floor in floors:
         found: Numbers = {}
         for task, each in zip(tasks, numbers, strict=True):
             found |= each if task.floor == floor else {}
-        walks = read(floor)
+        walks = _walks_on(floor, data, most_walks)
         rows += [
             fifths_row(floor, method, walks, _found(found, method, walks)) for method in METHODS
         ]
@@ -170,8 +171,13 @@ STATISTICS: Mapping[str, Callable[[F64], float]] = {
 }
 
 
-def _measured(split: Split, read: Callable[[str], list[FloorWalk]]) -> Numbers:
-    mapped, held = split_walks(read(split.floor), split.which)
+@cache
+def _walks_on(floor: str, data: Path | None, most: int | None) -> list[FloorWalk]:
+    return located_walks(archive_of(data, floor), most)
+
+
+def _measured(split: Split, data: Path | None, most_walks: int | None) -> Numbers:
+    mapped, held = split_walks(_walks_on(split.floor, data, most_walks), split.which)
     poses, _ = solved(mapped, MAPPED_BY)
     places = floor_places(mapped, poses)
     found = positions(mapped, places, list(held.values()))

@@ -37,6 +37,7 @@ from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.mapping_table import mapping_page, mapping_rows
 from elfslam.studies.repeats import Numbers, by_world, finished
+from elfslam.workers import Workers
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 
@@ -71,6 +72,7 @@ def measure_mapping(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
@@ -79,7 +81,7 @@ def measure_mapping(
     """Errors of every method for walkers calibrated and not; `data` is not needed."""
     tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = mapping_rows(by_world(tasks, numbers))
     return Finding(rows, mapping_page(rows))
 

@@ -29,6 +29,7 @@ from elfslam.studies.merged_walks import (
     truly_apart_m,
 )
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -66,6 +67,7 @@ def measure_merging(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     pairs: Mapping[str, int] | None = None,
@@ -78,7 +80,7 @@ def measure_merging(
     drawn = [_drawn(kind, worlds, seeds, generator) for kind in kinds]
     grown = [Growth(world, tuple(seeds[:count]), seeds[-1]) for world in worlds for count in walks]
     tasks: list[Pair | Growth] = [*dict.fromkeys(drawn), *grown]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     found = dict(zip(tasks, numbers, strict=True))
     outcomes = {
         kind: _counted([found[pair] for pair in drawn if pair.kind == kind]) for kind in wanted

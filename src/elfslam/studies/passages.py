@@ -26,6 +26,7 @@ from elfslam.studies.demo import floor_plan
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.floor_plan import plan_of
 from elfslam.studies.repeats import Numbers, by_world, finished
+from elfslam.workers import Workers
 from elfslam.world.simulate import load_world, simulate
 
 WORLDS = ("living_room", "office", "mall")
@@ -64,6 +65,7 @@ def measure_passages(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
@@ -72,7 +74,8 @@ def measure_passages(
     """Errors from the told start before and after, by echoes and by steps; `data` is not needed."""
     passages = known or PassageParameters()
     tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
-    numbers = finished(partial(_measured, known=passages), tasks, announce, kept=kept, workers=1)
+    measure = partial(_measured, known=passages)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
     panels = [_panel(Walk(world, seeds[0], rounds), passages) for world in worlds]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)

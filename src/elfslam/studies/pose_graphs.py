@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import gtsam
@@ -28,6 +28,7 @@ from elfslam.score.graph_figures import Drawn, graphs_figure
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 
 BEST_KNOWN = {
     "intel": 22.502,
@@ -64,6 +65,7 @@ def measure_pose_graphs(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     names: Sequence[str] = tuple(BEST_KNOWN),
     attacked: Sequence[str] = WITH_TRUTH,
     seeds: Sequence[int] = SEEDS,
@@ -78,11 +80,11 @@ def measure_pose_graphs(
         raise InputError("study pose-graphs: needs the real recordings; set ELFSLAM_DATA")
     folder = data / "pose_graphs"
     ours(read_g2o(folder / "ring.g2o"))  # compiles what is timed
-    graphs = {name: read_g2o(folder / f"{name}.g2o") for name in {*names, *attacked}}
+    graphs = {name: _read(folder / f"{name}.g2o") for name in {*names, *attacked}}
     clean = [_clean_row(name, graphs[name]) for name in names]
     tasks = [Attack(name, share, seed) for name in attacked for share in SHARES for seed in seeds]
-    measure = partial(_measured, folder, graphs, solvers or SOLVERS)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    measure = partial(_measured, folder, solvers or SOLVERS)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = _attack_rows(tasks, numbers)
     pictures = _pictures({name: graphs[name] for name in names})
     attacks = _attacked_pictures(folder, attacked[-1])
@@ -189,11 +191,14 @@ def _error_m(folder: Path, name: str, poses: F64) -> float:
     return float(np.sqrt(np.mean(errors_m**2)))
 
 
-def _measured(
-    folder: Path, graphs: Mapping[str, PoseGraph], solvers: Mapping[str, Solver], attack: Attack
-) -> Numbers:
+@cache
+def _read(file: Path) -> PoseGraph:
+    return read_g2o(file)
+
+
+def _measured(folder: Path, solvers: Mapping[str, Solver], attack: Attack) -> Numbers:
     """The error without false closures, then per solver its error and seconds."""
-    clean = graphs[attack.name]
+    clean = _read(folder / f"{attack.name}.g2o")
     found = {"clean": _error_m(folder, attack.name, plain(clean))}
     for name, solver in solvers.items():
         poses, seconds = _timed(solver, injected(clean, attack.share, attack.seed))

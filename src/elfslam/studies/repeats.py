@@ -1,19 +1,21 @@
-"""The repeats of a long study: several at a time, each kept in a file as soon as it is done."""
+"""The repeats of a long study: done by whoever is asked, each kept in a file once it is done."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
-from typing import Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file
 from elfslam.studies.finding import Announce
+from elfslam.workers import Here, Workers, unit_key
 
 Task = TypeVar("Task")
 Numbers = dict[str, float]
+Units = dict[str, dict[str, Any]]
+"""By key: the `task` as it is shown, and its `numbers`."""
 
 
 class Placed(Protocol):
@@ -30,30 +32,23 @@ def finished(
     announce: Announce,
     *,
     kept: Path | None,
-    workers: int,
+    workers: Workers | None = None,
 ) -> list[Numbers]:
-    """What `measure` makes of every task, `workers` of them at a time.
+    """What `measure` makes of every task, by `workers` (this process where there are none).
 
-    A task is known by its repr; what the file `kept` has of a run that was cut off is not made
-    again. Raises StoreError where the file is damaged or of other tasks.
+    A unit is known by the digest of its inputs; what the file `kept` has of a run that was cut
+    off is not made again. Raises StoreError where the file is damaged or of other tasks.
     """
-    names = [repr(task) for task in tasks]
-    found = _read(kept, names)
-    pool = ThreadPoolExecutor(workers)
-    try:
-        waiting = {
-            pool.submit(measure, task): name
-            for name, task in zip(names, tasks, strict=True)
-            if name not in found
-        }
-        _announce(announce, len(found), len(names))
-        for future in as_completed(waiting):
-            found[waiting[future]] = future.result()
-            _write(kept, found)
-            _announce(announce, len(found), len(names))
-    finally:
-        pool.shutdown(cancel_futures=True)
-    return [found[name] for name in names]
+    keys = [unit_key(measure, task) for task in tasks]
+    found = _read(kept, keys)
+    waiting = {key: task for key, task in zip(keys, tasks, strict=True) if key not in found}
+    left = list(waiting)
+    _announce(announce, len(found), len(set(keys)))
+    for index, numbers in (workers or Here()).each(measure, waiting.values()):
+        found[left[index]] = {"task": repr(waiting[left[index]]), "numbers": numbers}
+        _write(kept, found)
+        _announce(announce, len(found), len(set(keys)))
+    return [found[key]["numbers"] for key in keys]
 
 
 def by_world(tasks: Sequence[Placed], numbers: Sequence[Numbers]) -> dict[str, list[Numbers]]:
@@ -68,20 +63,20 @@ def _announce(announce: Announce, done: int, of: int) -> None:
     announce(f"{done} of {of} repeats", done / of)
 
 
-def _write(kept: Path | None, found: dict[str, Numbers]) -> None:
+def _write(kept: Path | None, found: Units) -> None:
     if kept is not None:
         with new_file(kept) as partial:
             partial.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 
-def _read(kept: Path | None, names: Sequence[str]) -> dict[str, Numbers]:
+def _read(kept: Path | None, keys: Sequence[str]) -> Units:
     if kept is None or not kept.exists():
         return {}
     try:
-        found: dict[str, Numbers] = dict(json.loads(kept.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError) as cause:
+        found: Units = dict(json.loads(kept.read_text(encoding="utf-8")))
+        strange = sorted(found[key]["task"] for key in set(found) - set(keys))
+    except (OSError, ValueError, TypeError, KeyError) as cause:
         raise StoreError(f"{kept}: cannot be read ({cause}); delete it to start over") from cause
-    strange = set(found) - set(names)
     if strange:
-        raise StoreError(f"{kept}: has {min(strange)} of another run; delete it to start over")
+        raise StoreError(f"{kept}: has {strange[0]} of another run; delete it to start over")
     return found

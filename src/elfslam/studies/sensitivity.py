@@ -29,6 +29,7 @@ from elfslam.studies.located import (
 )
 from elfslam.studies.repeats import Numbers, by_world, finished
 from elfslam.studies.sensitivity_table import sensitivity_page, sensitivity_rows
+from elfslam.workers import Workers
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import World, load_world
 
@@ -61,6 +62,7 @@ def measure_sensitivity(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     places: Mapping[str, str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
@@ -72,7 +74,7 @@ def measure_sensitivity(
         for world, changes in places.items()
         for seed in seeds
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = sensitivity_rows(by_world(tasks, numbers))
     return Finding(rows, sensitivity_page(rows))
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from elfslam.studies.intervals import by_measure, curve_of, mean_row
 from elfslam.studies.repeats import Numbers, finished
 from elfslam.studies.stability import measure_stability
 from elfslam.studies.still_phone import listener_in, visit
+from elfslam.workers import Workers
 from elfslam.world.room import Room
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import World, load_world
@@ -88,7 +88,7 @@ def measure_spots(
     points: Sequence[Point] = POINTS,
     recipe: Recipe = Recipe(),
     stable_spots: int = STABLE_SPOTS,
-    workers: int | None = None,
+    workers: Workers | None = None,
 ) -> Finding:
     """How often a ResNet-18 names the right spot, and how far off the named one lies.
 
@@ -102,8 +102,7 @@ def measure_spots(
         for point in points
         if number < point.repeats
     ]
-    cores = workers or os.cpu_count() or 1
-    numbers = finished(measure_repeat, tasks, announce, kept=kept, workers=cores)
+    numbers = finished(measure_repeat, tasks, announce, kept=kept, workers=workers)
     announce("stability", None)
     steady, panels = measure_stability(world, stable_spots)
     named = _rows(points, tasks, numbers)

@@ -16,6 +16,7 @@ from elfslam.studies.floor_spots import SETS, SHARES, TOGETHER, Spots, measure_f
 from elfslam.studies.intervals import mean_row
 from elfslam.studies.opposite_ways import MAPPED, PLACED, Ways, measure_ways
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers, silent_elsewhere
 
 MEASURES = ("mean", "median", "Q3", "over 1 m")
 PAPER_M = {"one direction|different direction": 3.2, "superimposed": 0.24, "supervised": 0.56}
@@ -46,6 +47,7 @@ def measure_superimposition(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     floors: Sequence[Spots] = (Spots(),),
     ways: Sequence[Ways] = WAYS,
 ) -> Finding:
@@ -55,8 +57,8 @@ def measure_superimposition(
     """
     folder = (kept or Path("superimposition.partial")).parent / "superimposition"
     tasks: list[Task] = [*ways, *floors]
-    measure = partial(_measured, folder=folder, announce=announce)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    measure = partial(_measured, folder=folder, announce=silent_elsewhere(announce))
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     pairs = list(zip(tasks, numbers, strict=True))
     on_spots = [(task, found) for task, found in pairs if isinstance(task, Spots)]
     walked = [found for task, found in pairs if isinstance(task, Ways)]

@@ -22,6 +22,7 @@ from elfslam.studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from elfslam.studies.intervals import mean_row
 from elfslam.studies.opposite_ways import HALF_BATCH, walking
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 
@@ -61,6 +62,7 @@ def measure_unknown_phone(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     phones: Sequence[str] = PHONES,
@@ -75,7 +77,7 @@ def measure_unknown_phone(
         for world in worlds
     ]
     measure = partial(measure_place, folder=folder)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=1)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = _rows(tasks, numbers)
     return Finding(rows, _page(rows))
 

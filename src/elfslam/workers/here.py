@@ -1,0 +1,20 @@
+"""Work in this process, one task after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from elfslam.workers.interface import Result, Task
+
+
+class Here:
+    """This process."""
+
+    count = 1
+
+    def each(
+        self, do: Callable[[Task], Result], tasks: Iterable[Task]
+    ) -> Iterator[tuple[int, Result]]:
+        """As `Workers` says; in the order of the tasks."""
+        for index, task in enumerate(tasks):
+            yield index, do(task)

@@ -1,0 +1,29 @@
+"""What all workers have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from typing import Protocol, TypeVar
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+class Workers(Protocol):
+    """They do the same to many tasks."""
+
+    @property
+    def count(self) -> int:
+        """How many tasks are worked on at once."""
+
+    def each(
+        self, do: Callable[[Task], Result], tasks: Iterable[Task]
+    ) -> Iterator[tuple[int, Result]]:
+        """The number of each task and what `do` makes of it, as they get done.
+
+        Tasks are taken as they are needed, a few ahead, and results are not kept, so memory does
+        not grow with their number. Where the work is done elsewhere, `do`, tasks and results are
+        pickled. What `do` raises is raised here, once what is under way has been given up.
+        Raises WorkerError where workers die again and again over one task, or are of another
+        version.
+        """
