@@ -28,6 +28,7 @@ from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.localization import shipped
 from elfslam.studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import World, load_world
 
@@ -77,6 +78,7 @@ def measure_attacks(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     worlds: Mapping[str, int] = ROUNDS,
     seeds: Sequence[int] = SEEDS,
     levels_db: Sequence[float] = LEVELS_DB,
@@ -90,7 +92,7 @@ def measure_attacks(
         for world, rounds in worlds.items()
         for what in kinds
     ]
-    rows = attacks_rows(finished(measured, tasks, announce, kept=kept, workers=1))
+    rows = attacks_rows(finished(measured, tasks, announce, kept=kept, workers=workers))
     return Finding(rows, attacks_page(rows))
 
 
