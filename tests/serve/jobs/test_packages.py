@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from elfslam.base.parameters import as_dict
+from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
 from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
 from elfslam.serve.services import Services
@@ -78,6 +80,20 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
     known = as_dict(Parameters())
     for group in ("chirp", "echo", "motion", "locate", "track"):
         assert told["parameters"][group] == known[group]
+
+
+def test_a_map_brings_its_own_encoder(
+    owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
+) -> None:
+    """As one of superimposed spots does, which hears no phone as another."""
+    content = b"an encoder that learnt this floor"
+    elf = replace(maps[0].payloads[0], encoder=hashlib.sha256(content).hexdigest()[:16])
+    floor_map = replace(maps[0], payloads=(elf,))
+    map_id = plant(tmp_path / "data").put(floor_map, encoder=content)
+    told = manifest(owner, map_id)
+    assert told["phone"] is None
+    assert told["encoder"]["identity"] == elf.encoder
+    assert part(owner, map_id, told["encoder"]) == content
 
 
 def test_it_is_made_once_and_grows_with_what_changes(owner: TestClient, keep_map: Keep) -> None:
