@@ -60,7 +60,7 @@ class TrackParameters:
         0.68, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     jump: float = parameter(
-        0.3,
+        0.35,
         "",
         "a place out of reach of the steps that is more alike by this is SUSPECT",
         low=0.0,
@@ -134,6 +134,7 @@ class Tracker:
         guesses go on by the steps alone.
         """
         heard = not np.isnan(scores[0]) and not suspect
+        self._doubts |= suspect
         if self._cloud is None:
             if not heard:
                 status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
