@@ -10,6 +10,7 @@ import pytest
 import soundfile
 
 from elfslam.base.errors import InputError
+from elfslam.studies import eavesdropping
 from elfslam.studies import utterances as source
 from elfslam.studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
 from elfslam.studies.finding import Finding
@@ -52,6 +53,7 @@ def finding(data: Path) -> Finding:
     only_own.setattr(source, "WORDS", data / "none")
     only_own.setattr(source, "SENTENCES", data / "none")
     only_own.setattr(shutil, "which", lambda name: None)
+    only_own.setattr(eavesdropping, "PLACES_HZ", (0, 1000))
     made = measure_speech(data, lambda what, share: None, levels_dbfs=(-40.0,))
     only_own.undo()
     return made

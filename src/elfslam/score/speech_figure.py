@@ -38,7 +38,7 @@ def speech_figure(series: Mapping[str, Understood]) -> go.Figure:
         each.showlegend = bool(each.name) and each.name not in shown
         shown.add(each.name)
     figure = styled(go.Figure(dots), height_px=110 + ROW_PX * len(names))
-    figure.update_xaxes(title_text="STOI (1: every word, below 0.3: none)", range=[-0.05, 1])
+    figure.update_xaxes(title_text="STOI (1: every word; grey: by chance)", range=[-0.05, 1])
     figure.update_yaxes(
         tickvals=list(range(len(names))), ticktext=[f"{name} " for name in names],
         range=[len(names) - 0.5, -0.5], showgrid=False,

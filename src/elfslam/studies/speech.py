@@ -1,7 +1,7 @@
 """What is left of speech in what the phone keeps: STOI before, as sent, and as an attacker may.
 
 STOI, the short-time objective intelligibility (Taal et al. 2011), is near 1 where every word is
-understood and below about 0.3 where none is; unrelated speech has about 0.2.
+understood. It is not 0 where none is: what noise and unrelated speech get is measured beside it.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ WALL_GAIN = 0.85
 RESPONSE_S = 0.3
 LEAD_S = 0.4
 """Before the first word and after the last."""
-NOISY_DB = (0.0, -10.0)
-Heard = Mapping[str, F64]
+NOISY_DB = (0.0, -10.0, -60.0)
+"""The last is noise alone: what STOI gives where there is nothing to understand."""
+SILENCE_DBFS = -200.0
 
 
 @dataclass(frozen=True)
@@ -216,6 +217,10 @@ def _control_rows(stoi: Callable[[F64, F64], float], spoken: Sequence[Utterance]
             loud = np.sqrt(np.mean(clean**2)) * 10 ** (-noise_db / 20)
             numbers.append(stoi(clean, clean + loud * noise))
         yield _row_of(f"control: in white noise, {noise_db:+g} dB", None, numbers)
+    silence = Circumstance(SILENCE_DBFS, chirps=True)
+    numbers_of = [_measured(stoi, spoken, n, silence) for n in range(len(spoken))]
+    for form in (*FORMS, *(f"{form}, enhanced" for form in FORMS)):
+        yield _row_of(f"control: nobody speaks, {form}", None, [each[form] for each in numbers_of])
     for form in ("shifted down", "envelope"):
         numbers = []
         for n, each in enumerate(spoken):
