@@ -118,7 +118,7 @@ def in_chromium(given: dict[str, Any]) -> dict[str, float]:
         options = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
         browser = play.chromium.launch(executable_path=CHROMIUM, args=options)
         page = browser.new_page()
-        page.goto(f"{address}/LICENSE")
+        page.goto(f"{address}/src/elfslam/serve/pages/style.css")
         page.evaluate(
             "async ([address, given]) => {"
             " Object.assign(window, await import(address), { given });"
@@ -202,7 +202,7 @@ def page_fixes(walks: dict[str, Any], imu: Imu, features: Features) -> tuple[Any
     edges_s = [[step["fromS"], step["tS"]] for step in steps]
     fewest = KNOWN.locate.fewest_echoes
     means = np.vstack([means_between(features, np.array(edge), fewest) for edge in edges_s])
-    scores = likeness(means, Payload("elf", walks["spots"], "page"))
+    scores = likeness(means, Payload("elf", "page", walks["spots"]))
     rows = [None if np.isnan(row[0]) else row.astype(float).tolist() for row in scores]
     covariance = walks["covariance_m2"].reshape(-1, 4)[:, [0, 1, 3]]
     told = in_node(
@@ -264,7 +264,7 @@ def compared(world: str, seed: int, keep: Path | None) -> dict[str, Any]:
 def map_from(walks: dict[str, Any]) -> FloorMap:
     """The floor map that was kept."""
     count = len(walks["xy_m"])
-    payload = Payload("elf", walks["spots"], "page")
+    payload = Payload("elf", "page", walks["spots"])
     order = np.arange(count)
     places = (walks["xy_m"], walks["heading_rad"], np.zeros(count), order, walks["covariance_m2"])
     return FloorMap(*places, (payload,), "", ("walk",))
