@@ -10,7 +10,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.tiles import encoder_identity, map_of_tiles, phone_of, tiles_of
+from elfslam.data.tiles import encoder_identity, map_of_parts, phone_of, stretches_of, tiles_of
 from elfslam.line.feature import MEAN_LOG_SPECTRUM, PHONE
 
 PLACES = np.array([[7.9, -0.1], [0.0, 0.0], [8.0, 0.0], [-3.0, 7.0], [7.0, 7.9], [0.5, 0.0]])
@@ -28,12 +28,12 @@ def a_map(phone: np.ndarray | None = None) -> FloorMap:
     return FloorMap(
         xy_m=PLACES,
         heading_rad=generator.uniform(-3, 3, count),
-        walk=np.zeros(count, dtype=np.int64),
-        order=np.arange(count),
+        walk=np.array([0, 0, 0, 0, 0, 2]),
+        order=np.array([5, 0, 300, 256, 255, 5]),
         covariance_m2=root @ root.transpose(0, 2, 1),
         payloads=tuple(payloads),
         parameters_digest="d",
-        sources=("walk",),
+        sources=("one", "two", "three"),
         weight=generator.uniform(0.1, 1, count),
     )
 
@@ -41,16 +41,20 @@ def a_map(phone: np.ndarray | None = None) -> FloorMap:
 def test_what_is_cut_is_put_together() -> None:
     phone = np.linspace(-1, 1, 12, dtype=np.float32)
     given = a_map(phone)
-    tiles = tiles_of(given)
+    tiles, stretches = tiles_of(given), stretches_of(given)
     assert [(tile.square, tile.spots) for tile in tiles] == [
         ((-1, 0), 1), ((0, -1), 1), ((0, 0), 3), ((1, 0), 1)
     ]  # fmt: skip
-    read = map_of_tiles(
+    assert [(each.walk, each.spots) for each in stretches] == [(0, 3), (0, 2), (2, 1)]
+    read = map_of_parts(
         [tile.content for tile in tiles],
+        [(each.walk, each.content) for each in stretches],
         encoder=encoder_identity(given),
         phone=phone_of(given),
-        source="walk",
+        sources=given.sources,
     )
+    for name in ("walk", "order"):
+        npt.assert_array_equal(getattr(read, name), getattr(given, name)[ORDER])
     for name in ("xy_m", "heading_rad", "covariance_m2", "weight"):
         wanted = getattr(given, name)[ORDER].astype(np.float32)
         npt.assert_array_equal(getattr(read, name), wanted)
@@ -66,17 +70,44 @@ def test_a_change_stays_in_its_tile() -> None:
     given = a_map()
     weight = given.weight.copy()
     weight[2] /= 2
-    before, after = tiles_of(given), tiles_of(replace(given, weight=weight))
+    faded = replace(given, weight=weight)
+    before, after = tiles_of(given), tiles_of(faded)
+    assert stretches_of(faded) == stretches_of(given)
     assert [a.content == b.content for a, b in zip(before, after, strict=True)] == [
         True, True, True, False
     ]  # fmt: skip
 
 
-@pytest.mark.parametrize("kept", [0, 3, 100, -1])
-def test_a_tile_that_is_cut_off_is_refused(kept: int) -> None:
-    content = tiles_of(a_map())[0].content[:kept]
+@pytest.mark.parametrize("kept", [0, 3, 30, -1])
+def test_a_part_that_is_cut_off_is_refused(kept: int) -> None:
+    given = a_map()
+    tiles = [tile.content for tile in tiles_of(given)]
+    stretches = [(each.walk, each.content) for each in stretches_of(given)]
+    known = {"encoder": "abc", "phone": None, "sources": given.sources}
     with pytest.raises(InputError, match="fetch it again"):
-        map_of_tiles([content], encoder="abc", phone=None, source="walk")
+        map_of_parts([tiles[0][:kept], *tiles[1:]], stretches, **known)
+    first = stretches[0][0], stretches[0][1][:kept]
+    with pytest.raises(InputError, match="fetch it again"):
+        map_of_parts(tiles, [first, *stretches[1:]], **known)
+
+
+def test_spots_without_features_are_refused() -> None:
+    given = a_map()
+    tiles = [tile.content for tile in tiles_of(given)]
+    stretches = [(each.walk, each.content) for each in stretches_of(given)]
+    other = [(walk + 1, content) for walk, content in stretches]
+    for some in (stretches[1:], stretches[:-1], other, []):
+        with pytest.raises(InputError, match="no features"):
+            map_of_parts(tiles, some, encoder="abc", phone=None, sources=given.sources)
+
+
+def test_spots_that_their_order_does_not_tell_apart_keep_their_features() -> None:
+    given = replace(a_map(), walk=np.zeros(6, dtype=np.int64), order=np.zeros(6, dtype=np.int64))
+    tiles = [tile.content for tile in tiles_of(given)]
+    stretches = [(each.walk, each.content) for each in stretches_of(given)]
+    read = map_of_parts(tiles, stretches, encoder="abc", phone=None, sources=("one",))
+    halves = given.payloads[0].vectors[ORDER].astype(np.float16)
+    npt.assert_array_equal(read.payloads[0].vectors, halves.astype(np.float32))
 
 
 def test_a_map_without_learnt_features_is_refused() -> None:
@@ -84,4 +115,4 @@ def test_a_map_without_learnt_features_is_refused() -> None:
     other = Payload("elf", "spectral-1", np.zeros((len(PLACES), 576), dtype=np.float32))
     for payloads in ((), (other,)):
         with pytest.raises(InputError, match="by its echoes"):
-            tiles_of(replace(given, payloads=payloads))
+            stretches_of(replace(given, payloads=payloads))

@@ -265,14 +265,16 @@ class Planted:
     services: Services
     scratch: Path
 
-    def put(self, floor_map: FloorMap, map_id: str | None = None) -> str:
+    def put(
+        self, floor_map: FloorMap, map_id: str | None = None, encoder: bytes | None = None
+    ) -> str:
         """A map of the owner's, or another content of one; its id."""
         folder = self.scratch / f"map{len(list(self.scratch.iterdir()))}"
         folder.mkdir()
         write_map(floor_map, folder / MAP)
-        encoder = load_encoder("compact")
-        assert isinstance(encoder, OnnxEncoder)
-        (folder / ENCODER).write_bytes(encoder.content)
+        shipped = load_encoder("compact")
+        assert isinstance(shipped, OnnxEncoder)
+        (folder / ENCODER).write_bytes(encoder or shipped.content)
         store = self.services.settings.blobs_folder
         with blobs.locked(store), transaction(self.services.sessions) as session:
             made = blobs.put_folder(store, folder)

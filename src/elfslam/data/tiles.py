@@ -1,75 +1,114 @@
-"""A floor map in tiles of 8 m, as phones fetch it: what changed in one corner is fetched alone.
+"""A floor map in parts, as phones fetch it: what did not change is not fetched again.
 
-A tile is little-endian: the number of spots n (uint32); float32 blocks of places (n, 2), headings
-(n), covariances (n, 3: xx, xy, yy) and weights (n); float16 features (n, 128).
+Numbers lie in tiles of 8 m, features (nine tenths of the bytes) in stretches of 256 spots along a
+walk: those stay the same where a map grows, is bent, or its spots fade. All is little-endian.
+A tile: the number of spots n, their walks (n) and their order along them (n) as uint32; float32
+blocks of places (n, 2), headings (n), covariances (n, 3: xx, xy, yy) and weights (n).
+A stretch: n and the order of its spots (n) as uint32; float16 features (n, 128).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F32
+from elfslam.base.arrays import F32, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ELF_SIZE, FloorMap, Payload
 from elfslam.line.feature import BINS, MEAN_LOG_SPECTRUM, PHONE
 
-TILE_M = 8.0
-COUNT, NUMBERS, VECTORS = np.dtype("<u4"), np.dtype("<f4"), np.dtype("<f2")
+TILE_M, STRETCH_SPOTS = 8.0, 256
+WHOLE, NUMBERS, VECTORS = np.dtype("<u4"), np.dtype("<f4"), np.dtype("<f2")
 COLUMNS = (2, 1, 3, 1)
 """How many numbers a spot has of each: place, heading, covariance, weight."""
 
 
 @dataclass(frozen=True)
 class Tile:
-    """The spots of one square: those with x in [8 i, 8 i + 8) and y in [8 j, 8 j + 8)."""
+    """Numbers of the spots of one square: x in [8 i, 8 i + 8) and y in [8 j, 8 j + 8)."""
 
     square: tuple[int, int]
     spots: int
     content: bytes
 
 
-def tiles_of(floor_map: FloorMap) -> list[Tile]:
-    """The map by squares, these in order; within each the spots keep theirs.
+@dataclass(frozen=True)
+class Stretch:
+    """Features of spots that follow each other along a walk."""
 
-    Raises InputError where the map has no ELFs of the usual size.
-    """
-    vectors = _elfs(floor_map).vectors
+    walk: int
+    spots: int
+    content: bytes
+
+
+def tiles_of(floor_map: FloorMap) -> list[Tile]:
+    """The numbers of a map by squares, these in order; within each the spots keep theirs."""
     squares = np.floor(floor_map.xy_m / TILE_M).astype(np.int64)
-    table = _table(floor_map)
-    known, tile = np.unique(squares, axis=0, return_inverse=True)
+    flat = floor_map.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
+    blocks = (floor_map.xy_m, floor_map.heading_rad, flat, floor_map.weight)
+    order = _orders(floor_map)
     return [
-        Tile((int(i), int(j)), int(rows.sum()), _packed(table[rows], vectors[rows]))
-        for k, (i, j) in enumerate(known)
-        for rows in [tile.reshape(-1) == k]
+        Tile(
+            (int(square[0]), int(square[1])),
+            len(rows),
+            _whole(len(rows), floor_map.walk[rows], order[rows])
+            + b"".join(block[rows].astype(NUMBERS).tobytes() for block in blocks),
+        )
+        for square, rows in _grouped(squares)
     ]
 
 
-def map_of_tiles(
-    contents: Sequence[bytes], *, encoder: str, phone: F32 | None, source: str
+def stretches_of(floor_map: FloorMap) -> list[Stretch]:
+    """The features of a map by walks and along them.
+
+    Raises InputError where the map has no ELFs of the usual size.
+    """
+    vectors, order = _elfs(floor_map).vectors, _orders(floor_map)
+    keys = np.column_stack([floor_map.walk, order // STRETCH_SPOTS])
+    return [
+        Stretch(
+            int(key[0]),
+            len(rows),
+            _whole(len(rows), order[rows]) + vectors[rows].astype(VECTORS).tobytes(),
+        )
+        for key, rows in _grouped(keys)
+    ]
+
+
+def map_of_parts(
+    tiles: Sequence[bytes],
+    stretches: Sequence[tuple[int, bytes]],
+    *,
+    encoder: str,
+    phone: Sequence[float] | F32 | None,
+    sources: tuple[str, ...],
 ) -> FloorMap:
-    """The map that a phone holds: all spots, tile after tile, as one walk.
+    """The map that a phone holds: its spots tile after tile; `stretches` with their walks.
 
     `encoder` is the identity of what made the features, `phone` (12) as whom others are to be
-    heard. Raises InputError for a tile that is cut off.
+    heard. Raises InputError for a part that is cut off, and where features are missing.
     """
-    tables, vectors = zip(*map(_unpacked, contents), strict=True)
-    place, heading, flat, weight = _columns(np.concatenate(tables).astype(np.float64))
-    count = len(place)
-    payloads = [Payload("elf", encoder, np.concatenate(vectors))]
+    parts = [_tile(content) for content in tiles]
+    walk, order = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
+    place, heading, flat, weight = np.split(
+        np.concatenate([part[2] for part in parts]).astype(np.float64),
+        np.cumsum(COLUMNS)[:-1],
+        axis=1,
+    )
+    payloads = [Payload("elf", encoder, _features(stretches, _keys(walk, order)))]
     if phone is not None:
-        payloads.append(Payload(PHONE, MEAN_LOG_SPECTRUM, np.tile(phone, (count, 1))))
+        payloads.append(Payload(PHONE, MEAN_LOG_SPECTRUM, np.tile(phone, (len(walk), 1))))
     return FloorMap(
         xy_m=place,
         heading_rad=heading[:, 0],
-        walk=np.zeros(count, dtype=np.int64),
-        order=np.arange(count),
+        walk=walk.astype(np.int64),
+        order=order.astype(np.int64),
         covariance_m2=flat[:, [0, 1, 1, 2]].reshape(-1, 2, 2),
         payloads=tuple(payloads),
         parameters_digest="",
-        sources=(source,),
+        sources=sources,
         weight=weight[:, 0],
     )
 
@@ -97,35 +136,62 @@ def _elfs(floor_map: FloorMap) -> Payload:
     )
 
 
-def _table(floor_map: FloorMap) -> F32:
-    """All numbers of each spot but its features (m, 7)."""
-    flat = floor_map.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
-    columns = (floor_map.xy_m, floor_map.heading_rad, flat, floor_map.weight)
-    return np.column_stack(columns).astype(np.float32)
+def _orders(floor_map: FloorMap) -> I64:
+    """The order of spots along their walks, or, where that does not tell them apart, their row."""
+    unique = len(np.unique(_keys(floor_map.walk, floor_map.order))) == len(floor_map.walk)
+    return floor_map.order if unique else np.arange(len(floor_map.walk))
 
 
-def _columns(table: np.ndarray) -> list[np.ndarray]:
-    return np.split(table, np.cumsum(COLUMNS)[:-1], axis=1)
+def _keys(walk: I64, order: I64) -> I64:
+    return np.asarray((walk.astype(np.int64) << 32) + order, dtype=np.int64)
 
 
-def _packed(table: F32, vectors: F32) -> bytes:
-    blocks = [block.astype(NUMBERS).tobytes() for block in _columns(table)]
-    return b"".join([COUNT.type(len(table)).tobytes(), *blocks, vectors.astype(VECTORS).tobytes()])
+def _grouped(keys: I64) -> Iterator[tuple[I64, I64]]:
+    """Each different row of keys (n, 2), in order, and where it stands."""
+    known, group = np.unique(keys, axis=0, return_inverse=True)
+    for k, key in enumerate(known):
+        yield key, np.flatnonzero(group.reshape(-1) == k)
 
 
-def _unpacked(content: bytes) -> tuple[F32, F32]:
-    """Numbers (n, 7) and features (n, 128) of a tile. Raises InputError."""
-    count = int(np.frombuffer(content[: COUNT.itemsize].ljust(COUNT.itemsize), COUNT)[0])
-    numbers = count * sum(COLUMNS)
-    start, middle = COUNT.itemsize, COUNT.itemsize + numbers * NUMBERS.itemsize
-    wanted = middle + count * ELF_SIZE * VECTORS.itemsize
-    if len(content) != wanted:
-        raise InputError(f"tile: wanted {wanted} bytes, got {len(content)}; fetch it again")
-    flat = np.frombuffer(content[start:middle], NUMBERS)
+def _whole(count: int, *columns: I64) -> bytes:
+    return np.concatenate([[count], *columns]).astype(WHOLE).tobytes()
+
+
+def _tile(content: bytes) -> tuple[I64, I64, F32]:
+    """Walk (n), order (n) and numbers (n, 7) of a tile. Raises InputError."""
+    count = _count(content, 2 * WHOLE.itemsize + sum(COLUMNS) * NUMBERS.itemsize)
+    walk, order = np.frombuffer(content, WHOLE, 2 * count, WHOLE.itemsize).reshape(2, count)
+    flat = np.frombuffer(content, NUMBERS, offset=(1 + 2 * count) * WHOLE.itemsize)
     ends = np.cumsum(np.multiply(COLUMNS, count))[:-1]
-    blocks = [
-        part.reshape(count, width)
-        for part, width in zip(np.split(flat, ends), COLUMNS, strict=True)
-    ]
-    vectors = np.frombuffer(content[middle:], VECTORS).reshape(count, ELF_SIZE)
-    return np.hstack(blocks), vectors.astype(np.float32)
+    blocks = zip(np.split(flat, ends), COLUMNS, strict=True)
+    numbers = np.hstack([block.reshape(count, width) for block, width in blocks])
+    return walk.astype(np.int64), order.astype(np.int64), numbers
+
+
+def _features(stretches: Sequence[tuple[int, bytes]], wanted: I64) -> F32:
+    """The features of spots by their keys (m). Raises InputError."""
+    keys, vectors = [np.empty(0, dtype=np.int64)], [np.empty((0, ELF_SIZE), dtype=np.float32)]
+    for walk, content in stretches:
+        count = _count(content, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
+        order = np.frombuffer(content, WHOLE, count, WHOLE.itemsize).astype(np.int64)
+        halves = np.frombuffer(content, VECTORS, offset=(1 + count) * WHOLE.itemsize)
+        keys.append(_keys(np.full(count, walk), order))
+        vectors.append(halves.reshape(count, ELF_SIZE).astype(np.float32))
+    known = np.concatenate(keys)
+    sort = np.argsort(known)
+    found = np.searchsorted(known[sort], wanted)
+    if (found == len(known)).any() or (known[sort][found] != wanted).any():
+        raise InputError("map: spots of its tiles have no features; fetch it again")
+    return np.asarray(np.concatenate(vectors)[sort[found]])
+
+
+def _count(content: bytes, spot_bytes: int) -> int:
+    """How many spots a part has, if it is as long as they are. Raises InputError."""
+    start = content[: WHOLE.itemsize]
+    count = int(np.frombuffer(start.ljust(WHOLE.itemsize, b"\xff"), WHOLE)[0])
+    if len(content) != WHOLE.itemsize + count * spot_bytes:
+        raise InputError(
+            f"map: a part of {count} spots has {len(content)} bytes, wanted "
+            f"{WHOLE.itemsize + count * spot_bytes}; fetch it again"
+        )
+    return count

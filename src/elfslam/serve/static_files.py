@@ -59,6 +59,7 @@ class PageFiles(StaticFiles):
         super().__init__(directory=folder, check_dir=False)
         self._folder, self._lock = folder, threading.Lock()
         self._copies: dict[Path, tuple[Stamp, Copy]] = {}
+        self._alone: dict[Path, threading.Lock] = {}
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """A file, or that it has not changed. Raises HTTPException."""
@@ -99,7 +100,9 @@ class PageFiles(StaticFiles):
         """What is known of a file, found out anew when it changed. Raises FileNotFoundError."""
         about = file.stat()
         stamp = about.st_mtime_ns, about.st_size
-        with self._lock:
+        with self._lock:  # short: nobody waits for a large file but who wants that file
+            alone = self._alone.setdefault(file, threading.Lock())
+        with alone:
             known = self._copies.get(file)
             if known is None or known[0] != stamp:
                 known = self._copies[file] = stamp, _copied(file)

@@ -7,6 +7,7 @@ import hashlib
 import io
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,8 +21,9 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from elfslam.base.parameters import as_dict
+from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
-from elfslam.data.tiles import map_of_tiles, tiles_of
+from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, MapFile, MapPart, new_id, transaction
 from elfslam.slam import Parameters
@@ -65,15 +67,33 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
     assert (told["format"], told["map"], told["name"]) == (1, map_id, name)
     tiles = [part(owner, map_id, tile) for tile in told["tiles"]]
     assert tiles == [tile.content for tile in tiles_of(floor_map)]
+    stretches = [(each["walk"], part(owner, map_id, each)) for each in told["features"]]
+    assert stretches == [(each.walk, each.content) for each in stretches_of(floor_map)]
     identity = told["encoder"]["identity"]
     assert identity == floor_map.payloads[0].encoder
-    read = map_of_tiles(tiles, encoder=identity, phone=told["phone"], source=name)
+    read = map_of_parts(
+        tiles, stretches, encoder=identity, phone=told["phone"], sources=floor_map.sources
+    )
     assert sum(tile["spots"] for tile in told["tiles"]) == len(read.xy_m) == len(floor_map.xy_m)
     npt.assert_allclose(sorted(read.xy_m[:, 0]), sorted(floor_map.xy_m[:, 0]), atol=1e-5)
     assert part(owner, map_id, told["encoder"]) == (runs / name / "encoder.onnx").read_bytes()
     known = as_dict(Parameters())
     for group in ("chirp", "echo", "motion", "locate", "track"):
         assert told["parameters"][group] == known[group]
+
+
+def test_a_map_brings_its_own_encoder(
+    owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
+) -> None:
+    """As one of superimposed spots does, which hears no phone as another."""
+    content = b"an encoder that learnt this floor"
+    elf = replace(maps[0].payloads[0], encoder=hashlib.sha256(content).hexdigest()[:16])
+    floor_map = replace(maps[0], payloads=(elf,))
+    map_id = plant(tmp_path / "data").put(floor_map, encoder=content)
+    told = manifest(owner, map_id)
+    assert told["phone"] is None
+    assert told["encoder"]["identity"] == elf.encoder
+    assert part(owner, map_id, told["encoder"]) == content
 
 
 def test_it_is_made_once_and_grows_with_what_changes(owner: TestClient, keep_map: Keep) -> None:
@@ -177,5 +197,7 @@ def test_tiles_that_went_are_dropped(
     assert owner.get(f"/api/maps/{map_id}/package/{gone}").status_code == 404
     assert not (services.settings.blobs_folder / gone[:2] / gone).exists()
     with transaction(services.sessions) as session:
-        assert session.query(MapPart).filter_by(map_id=map_id).count() == len(second["tiles"])
+        assert session.query(MapPart).filter_by(map_id=map_id).count() == len(
+            [*second["tiles"], *second["features"]]
+        )
         assert session.get(Map, new_id()) is None

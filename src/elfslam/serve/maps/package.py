@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -19,7 +19,14 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
-from elfslam.data.tiles import Tile, encoder_identity, phone_of, tiles_of
+from elfslam.data.tiles import (
+    Stretch,
+    Tile,
+    encoder_identity,
+    phone_of,
+    stretches_of,
+    tiles_of,
+)
 from elfslam.senses import Settings
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.routes import my_map
@@ -120,23 +127,32 @@ def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
             f"{NOT_FOR_PHONES}: it has no {MAP if MAP not in named else ENCODER}; "
             "map the walk by its echoes"
         )
-    floor_map = _read(settings, named, sources.name)
-    tiles, encoder = tiles_of(floor_map), sources.files[ENCODER]
+    floor_map = _read(settings, {MAP: named[MAP]}, sources.name)
+    tiles, stretches = tiles_of(floor_map), stretches_of(floor_map)
+    encoder = sources.files[ENCODER]
     identity, phone = encoder_identity(floor_map), phone_of(floor_map)
     if identity.partition("+")[0] != encoder.sha256[: len(identity.partition("+")[0])]:
         raise InputError(
             f"{NOT_FOR_PHONES}: made with encoder {identity}, {encoder.sha256[:16]} lies beside it"
         )
     with scratch(settings) as folder, blobs.locked(settings.blobs_folder):
-        parts = [blobs.put(settings.blobs_folder, file) for file in _written(folder, tiles)]
+        numbers, features = (
+            [_told(blobs.put(settings.blobs_folder, file)) for file in _written(folder, parts)]
+            for parts in (tiles, stretches)
+        )
         content = {
             "encoder": {**_told(encoder), "identity": identity},
             "phone": None if phone is None else phone.tolist(),
             "tiles": [
-                {**_told(part), "spots": tile.spots, "square": list(tile.square)}
-                for part, tile in zip(parts, tiles, strict=True)
+                {**part, "spots": tile.spots, "square": list(tile.square)}
+                for part, tile in zip(numbers, tiles, strict=True)
+            ],
+            "features": [
+                {**part, "spots": stretch.spots, "walk": stretch.walk}
+                for part, stretch in zip(features, stretches, strict=True)
             ],
         }
+        parts = {part["sha256"]: part["size_bytes"] for part in (*numbers, *features)}
         with transaction(services.sessions) as session:
             manifest, dropped = _kept(session, my_map(session, user, map_id), content, parts)
     drop_unnamed(services, dropped)
@@ -152,7 +168,7 @@ def _read(settings: ServerSettings, named: Mapping[str, str], name: str) -> Floo
 
 
 def _kept(
-    session: Session, found: Map, content: Json, parts: Sequence[Blob]
+    session: Session, found: Map, content: Json, sizes: Mapping[str, int]
 ) -> tuple[str, list[str]]:
     """Keep a package beside its map; its manifest, and the SHA-256 of what it names no more."""
     sources, older = sources_of(session, found), session.get(MapPackage, found.id)
@@ -163,7 +179,6 @@ def _kept(
     manifest = manifest_of(found.id, sources, content, revision=revision, made_utc=now_utc())
     before = [row.sha256 for row in session.query(MapPart).filter_by(map_id=found.id)]
     session.execute(delete(MapPart).where(MapPart.map_id == found.id))
-    sizes = {part.sha256: part.size_bytes for part in parts}
     session.add_all(
         MapPart(map_id=found.id, sha256=sha256, size_bytes=size) for sha256, size in sizes.items()
     )
@@ -178,11 +193,13 @@ def _kept(
     return manifest, [sha256 for sha256 in before if sha256 not in sizes]
 
 
-def _written(folder: Path, tiles: Iterable[Tile]) -> Iterable[Path]:
-    for count, tile in enumerate(tiles):
-        file = folder / str(count)
-        file.write_bytes(tile.content)
+def _written(folder: Path, parts: Iterable[Tile] | Iterable[Stretch]) -> Iterator[Path]:
+    """Each as a file of its own, which is gone when the next one is asked for."""
+    for part in parts:
+        file = folder / "part"
+        file.write_bytes(part.content)
         yield file
+        file.unlink()
 
 
 def _told(blob: Blob) -> Json:

@@ -47,8 +47,9 @@ async function holding(state) {
   return store;
 }
 
-function block({ xyM, headingRad, covarianceM2, weight, vectors, phone }) {
-  const parts = [xyM, headingRad, covarianceM2, weight, vectors, phone];
+function block({ walk, order, xyM, headingRad, covarianceM2, weight, vectors, phone }) {
+  const whole = [walk, order].map((column) => Float32Array.from(column));
+  const parts = [...whole, xyM, headingRad, covarianceM2, weight, vectors, phone];
   return Buffer.concat(parts.map((part) => Buffer.from(part.buffer, part.byteOffset, part.byteLength)));
 }
 
@@ -84,6 +85,7 @@ test("only what changed is fetched, and what is not needed any more goes", async
   assert.equal(again.parts(), 0);
   const server = serverIn("second");
   const made = await openPackages(store, server.ask).update(MAP);
+  assert.deepEqual(manifestOf("second").features, manifestOf("first").features);
   const before = new Set(manifestOf("first").tiles.map((tile) => tile.sha256));
   const fresh = manifestOf("second").tiles.filter((tile) => !before.has(tile.sha256));
   assert.ok(fresh.length > 1 && fresh.length < 5, "a planted change touches a few of 16 tiles");
@@ -241,9 +243,17 @@ test("the key of an address", () => {
   assert.equal(keyIn("#token=abc&key=<script>"), null);
 });
 
-test("tiles that are cut off are no tiles; halves are read as they are", () => {
-  const tile = readFileSync(`${FOLDER}/parts/${manifestOf("first").tiles[0].sha256}`);
-  for (const size of [0, 3, 4, tile.length - 1]) assert.throws(() => spotsOf([tile.subarray(0, size)]), RangeError);
+test("parts that are cut off or missing make no map; halves are read as they are", () => {
+  const read = ({ sha256 }) => readFileSync(`${FOLDER}/parts/${sha256}`);
+  const { tiles, features } = manifestOf("first");
+  const stretches = features.map((part) => ({ walk: part.walk, bytes: read(part) }));
+  const all = tiles.map(read);
+  assert.equal(spotsOf(all, stretches).headingRad.length, 400);
+  for (const size of [0, 3, 4, all[0].length - 1]) {
+    assert.throws(() => spotsOf([all[0].subarray(0, size), ...all.slice(1)], stretches), RangeError);
+  }
+  assert.throws(() => spotsOf(all, stretches.slice(1)), RangeError);
+  assert.throws(() => spotsOf(all, stretches.map((each) => ({ ...each, walk: 1 }))), RangeError);
   const halves = [[0x3c00, 1], [0xc000, -2], [0x0001, 2 ** -24], [0x7bff, 65504], [0x3555, 0.333251953125], [0x8000, -0]];
   for (const [half, number] of halves) assert.ok(Object.is(wholeOf(half), number));
   assert.ok(Number.isNaN(wholeOf(0x7e00)));

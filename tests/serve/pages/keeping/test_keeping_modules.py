@@ -15,7 +15,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap
-from elfslam.data.tiles import map_of_tiles, tiles_of
+from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
 
 HERE = Path(__file__).parent
 node = shutil.which("node")
@@ -25,7 +25,7 @@ def state_of(client: TestClient, map_id: str, parts: Path) -> dict[str, Any]:
     """A signed package, its parts put into a folder."""
     signed: dict[str, Any] = client.get(f"/api/maps/{map_id}/package").raise_for_status().json()
     told = json.loads(signed["manifest"])
-    for part in [*told["tiles"], told["encoder"]]:
+    for part in [*told["tiles"], *told["features"], told["encoder"]]:
         answer = client.get(f"/api/maps/{map_id}/package/{part['sha256']}").raise_for_status()
         (parts / part["sha256"]).write_bytes(answer.content)
     return signed
@@ -33,11 +33,21 @@ def state_of(client: TestClient, map_id: str, parts: Path) -> dict[str, Any]:
 
 def wanted(floor_map: FloorMap, file: Path) -> None:
     """What a phone should hold of a map, as one block of float32."""
-    contents = [tile.content for tile in tiles_of(floor_map)]
+    tiles = [tile.content for tile in tiles_of(floor_map)]
+    stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
     phone = floor_map.payloads[1].vectors[0]
-    read = map_of_tiles(contents, encoder="", phone=phone, source="")
+    read = map_of_parts(tiles, stretches, encoder="", phone=phone, sources=("",))
     flat = read.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
-    columns = (read.xy_m, read.heading_rad, flat, read.weight, read.payloads[0].vectors, phone)
+    columns = (
+        read.walk,
+        read.order,
+        read.xy_m,
+        read.heading_rad,
+        flat,
+        read.weight,
+        read.payloads[0].vectors,
+        phone,
+    )
     file.write_bytes(np.concatenate([c.ravel() for c in columns]).astype("<f4").tobytes())
 
 

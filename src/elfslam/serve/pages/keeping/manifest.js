@@ -13,7 +13,7 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  * @typedef {{
  *   format: number, map: string, name: string, revision: number, made_utc: string,
  *   encoder: Part & {identity: string}, parameters: Record<string, Record<string, any>>,
- *   phone: number[] | null, tiles: (Part & {spots: number, square: [number, number]})[],
+ *   phone: number[] | null, tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
  *   floor_plan?: Part & {type: string, width_px: number, height_px: number, placement: any},
  * }} Manifest
  * @typedef {{manifest: string, signature: string}} Signed the exact text, and base64 of r and s
@@ -50,8 +50,8 @@ async function isSigned(text, signature, spki) {
   }
 }
 
-/** All that a manifest names: tiles, encoder, floor plan. @param {Manifest} manifest @returns {Part[]} */
+/** All that a manifest names. @param {Manifest} manifest @returns {Part[]} */
 export function partsOf(manifest) {
   const plan = manifest.floor_plan ? [manifest.floor_plan] : [];
-  return [...manifest.tiles, manifest.encoder, ...plan];
+  return [...manifest.tiles, ...manifest.features, manifest.encoder, ...plan];
 }

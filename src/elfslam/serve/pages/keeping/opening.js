@@ -39,7 +39,9 @@ async function readAll(store, prefix, manifest) {
   const bytesOf = (part) => wholePart(store, prefix + part.sha256, part.sha256);
   const tiles = [];
   for (const tile of manifest.tiles) tiles.push(await bytesOf(tile));
-  const spots = spotsOf(tiles);
+  const stretches = [];
+  for (const part of manifest.features) stretches.push({ walk: part.walk, bytes: await bytesOf(part) });
+  const spots = spotsOf(tiles, stretches);
   const floorMap = {
     ...spots,
     phone: manifest.phone && Float32Array.from(manifest.phone),

@@ -1,62 +1,83 @@
 /**
- * Tiles of a map, read back into one map. A tile is little-endian: the number of spots n (uint32), float32
- * blocks of places (2n), headings (n), covariances (3n: xx, xy, yy) and weights (n), float16 features (128n).
+ * The parts of a map, read back into one. All is little-endian. A tile: the number of spots n, their walks (n) and
+ * their order along them (n) as uint32; float32 blocks of places (2n), headings (n), covariances (3n: xx, xy, yy)
+ * and weights (n). A stretch of features: n and the order of its spots (n) as uint32; float16 features (128n).
  */
 
-const COUNT_BYTES = 4;
-const BLOCKS = { xyM: 2, headingRad: 1, covarianceM2: 3, weight: 1 };
-const NUMBERS = 7;
+const HEAD_BYTES = 4;
+const WHOLE = { walk: 1, order: 1 };
+const NUMBERS = { xyM: 2, headingRad: 1, covarianceM2: 3, weight: 1 };
+const TILE_SPOT_BYTES = 4 * 9;
 const FEATURES = 128;
-const SPOT_BYTES = 4 * NUMBERS + 2 * FEATURES;
+const STRETCH_SPOT_BYTES = 4 + 2 * FEATURES;
+const WALK = 2 ** 32;
+const CUT_OFF = "A part of the map is cut off.";
+const NO_FEATURES = "Spots of the map have no features.";
 
 /**
  * @typedef {{
  *   xyM: Float32Array, headingRad: Float32Array, covarianceM2: Float32Array, weight: Float32Array,
- *   vectors: Float32Array,
+ *   walk: Uint32Array, order: Uint32Array, vectors: Float32Array,
  * }} Spots
+ * @typedef {{walk: number, bytes: Uint8Array}} Stretch
  */
 
 /**
- * The spots of all tiles, tile after tile. Raises RangeError for a tile that is cut off.
- * @param {Uint8Array[]} tiles @returns {Spots}
+ * The spots of all tiles, tile after tile. Raises RangeError for a part that is cut off or missing.
+ * @param {Uint8Array[]} tiles @param {Stretch[]} stretches @returns {Spots}
  */
-export function spotsOf(tiles) {
-  const counts = tiles.map(countOf);
+export function spotsOf(tiles, stretches) {
+  const counts = tiles.map((tile) => countOf(tile, TILE_SPOT_BYTES));
   const total = counts.reduce((sum, count) => sum + count, 0);
   const spots = { vectors: new Float32Array(FEATURES * total) };
-  for (const [name, width] of Object.entries(BLOCKS)) spots[name] = new Float32Array(width * total);
+  for (const [name, width] of Object.entries(WHOLE)) spots[name] = new Uint32Array(width * total);
+  for (const [name, width] of Object.entries(NUMBERS)) spots[name] = new Float32Array(width * total);
   let first = 0;
   tiles.forEach((tile, k) => {
     fill(spots, first, aligned(tile), counts[k]);
     first += counts[k];
   });
+  fillFeatures(spots, stretches);
   return spots;
 }
 
-function countOf(tile) {
-  const count = tile.length < COUNT_BYTES ? NaN : viewOf(tile).getUint32(0, true);
-  if (tile.length !== COUNT_BYTES + SPOT_BYTES * count) throw new RangeError("A tile of the map is cut off.");
-  return count;
+function fill(spots, first, tile, count) {
+  let at = tile.byteOffset + HEAD_BYTES;
+  for (const [name, width] of Object.entries({ ...WHOLE, ...NUMBERS })) {
+    const Numbers = spots[name].constructor;
+    spots[name].set(new Numbers(tile.buffer, at, width * count), width * first);
+    at += 4 * width * count;
+  }
 }
 
-function viewOf(bytes) {
-  return new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+function fillFeatures({ walk, order, vectors }, stretches) {
+  const rows = new Map(Array.from(order, (each, row) => [walk[row] * WALK + each, row]));
+  let filled = 0;
+  for (const { walk: of, bytes } of stretches) {
+    const count = countOf(bytes, STRETCH_SPOT_BYTES);
+    const { buffer, byteOffset } = aligned(bytes);
+    const orders = new Uint32Array(buffer, byteOffset + HEAD_BYTES, count);
+    const halves = new Uint16Array(buffer, byteOffset + HEAD_BYTES + 4 * count, FEATURES * count);
+    for (let k = 0; k < count; k += 1) {
+      const row = rows.get(of * WALK + orders[k]);
+      if (row === undefined) continue;
+      for (let j = 0; j < FEATURES; j += 1) vectors[FEATURES * row + j] = wholeOf(halves[FEATURES * k + j]);
+      filled += 1;
+    }
+  }
+  if (filled !== order.length) throw new RangeError(NO_FEATURES);
+}
+
+function countOf(bytes, spotBytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  const count = bytes.length < HEAD_BYTES ? NaN : view.getUint32(0, true);
+  if (bytes.length !== HEAD_BYTES + spotBytes * count) throw new RangeError(CUT_OFF);
+  return count;
 }
 
 /** The same bytes where numbers may begin. */
 function aligned(bytes) {
   return bytes.byteOffset % 4 === 0 ? bytes : bytes.slice();
-}
-
-function fill(spots, first, tile, count) {
-  let at = tile.byteOffset + COUNT_BYTES;
-  for (const [name, width] of Object.entries(BLOCKS)) {
-    spots[name].set(new Float32Array(tile.buffer, at, width * count), width * first);
-    at += 4 * width * count;
-  }
-  const halves = new Uint16Array(tile.buffer, at, FEATURES * count);
-  const out = spots.vectors.subarray(FEATURES * first);
-  for (let k = 0; k < halves.length; k += 1) out[k] = wholeOf(halves[k]);
 }
 
 /** A half-precision number: browsers without Float16Array are many. */
