@@ -10,6 +10,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.testing as npt
 import pytest
+from scipy import signal
 
 from elfslam import slam
 from elfslam.base.arrays import F32, F64
@@ -245,6 +246,45 @@ def test_with_footsteps_another_walk_is_located_better(
     assert shape_error_m(fixes.xy_m[good], true_xy_m(truth, fixes.t_s[good])) < 0.4
     again = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
     npt.assert_array_equal(again.xy_m, fixes.xy_m)
+
+
+def jammed(recording: Recording) -> tuple[Recording, float]:
+    """A walk with noise in the chirp's band from some moment (s) on."""
+    assert recording.audio is not None
+    samples = recording.audio.samples.copy()
+    first = samples.shape[1] // 2
+    rough = np.random.default_rng(0).standard_normal(samples.shape[1] - first)
+    band = signal.butter(4, [15_000, 20_000], "bandpass", fs=44_100, output="sos")
+    samples[0, first:] += (0.05 * signal.sosfilt(band, rough)).astype(np.float32)
+    return dataclasses.replace(recording, audio=Audio(samples, 44_100)), first / 44_100
+
+
+@pytest.fixture(scope="module")
+def scheduled() -> Recording:
+    today = Circumstances(jitter_s=0.025)
+    return simulate(load_world("studio"), seed=8, rounds=1, circumstances=today)[0]
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_what_cannot_be_trusted_is_suspect(
+    run: Run, encoder: Encoder, scheduled: Recording, mode: Mode
+) -> None:
+    assert run.floor_map is not None
+    recording, from_s = jammed(scheduled)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    told = fixes.status == FixStatus.SUSPECT
+    assert not told[fixes.t_s < from_s].any()
+    assert told[fixes.t_s > from_s + 2.0].mean() > 0.9
+    if mode is not Mode.TRACK:
+        assert np.isnan(fixes.xy_m[told]).all()
+
+
+def test_without_a_schedule_nothing_is_judged(
+    run: Run, encoder: Encoder, recording: Recording
+) -> None:
+    assert run.floor_map is not None
+    fixes = slam.locate(jammed(recording)[0], run.floor_map, encoder, PARAMETERS)
+    assert FixStatus.SUSPECT not in fixes.status
 
 
 def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> None:

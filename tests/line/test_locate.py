@@ -8,7 +8,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.values import Features, FixStatus, FloorMap, Payload
 from elfslam.line.locate import (
@@ -16,6 +16,7 @@ from elfslam.line.locate import (
     elf_payload,
     fixes_of,
     locate_one_shot,
+    trusted_one_shot,
 )
 
 PARAMETERS = LocateParameters()
@@ -154,6 +155,24 @@ def test_an_unknown_place_gets_no_position() -> None:
     assert np.isnan(fixes.covariance_m2).all()
     assert np.isnan(fixes.heading_rad).all()
     assert fixes.score[0] < PARAMETERS.unknown_below
+
+
+def test_what_is_suspect_has_no_position_and_the_other_fixes_stand() -> None:
+    vectors = place_vectors()
+    features, floor_map = heard_at(vectors, [3, 17, 30, 44]), made_map(vectors)
+    plain = locate_one_shot(features, floor_map, PARAMETERS)
+    asked: list[F64] = []
+
+    def second(edges_s: F64) -> Bool:
+        asked.append(edges_s)
+        return np.arange(len(edges_s) - 1) == 1
+
+    fixes = trusted_one_shot(features, floor_map, PARAMETERS, second)
+    npt.assert_allclose(asked[0], 2.0 + 0.6 * np.arange(5))
+    assert fixes.status.tolist() == [FixStatus.OK, FixStatus.SUSPECT, FixStatus.OK, FixStatus.OK]
+    assert np.isnan(fixes.xy_m[1]).all()
+    assert np.isnan(fixes.covariance_m2[1]).all()
+    npt.assert_array_equal(fixes.xy_m[[0, 2, 3]], plain.xy_m[[0, 2, 3]])
 
 
 def test_missing_echoes_are_said_and_the_other_fixes_stand() -> None:

@@ -60,7 +60,7 @@ class TrackParameters:
         0.68, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     jump: float = parameter(
-        0.3,
+        0.35,
         "",
         "a place out of reach of the steps that is more alike by this is SUSPECT",
         low=0.0,
@@ -272,8 +272,8 @@ def densest(cloud: Cloud, near_m: float) -> F64:
 
 
 def _reach_m(xy_m: F64, best_m: F64, near_m: float) -> float:
-    """How far from the best place (2) guesses (p, 2) may reach: thrice as far as half of them."""
-    return near_m / 2 + 3 * float(np.median(np.linalg.norm(xy_m - best_m, axis=1)))
+    """How far from the best place (2) guesses (p, 2) may reach: twice as far as half of them."""
+    return near_m / 2 + 2 * float(np.median(np.linalg.norm(xy_m - best_m, axis=1)))
 
 
 def _cells(xy_m: F64, size_m: float) -> I64:

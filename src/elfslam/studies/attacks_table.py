@@ -36,7 +36,7 @@ def attacks_rows(numbers: Sequence[Numbers]) -> list[Row]:
     honest = [_honest_row(numbers, [key], key.split("|")[1]) for key in kinds]
     for mode in dict.fromkeys(key.split("|")[2] for key in kinds):
         alone = [key for key in kinds if key.endswith(mode) and OTHERS not in key]
-        honest.append(_honest_row(numbers, alone, ALL))
+        honest += [_honest_row(numbers, alone, ALL)] if alone else []
     return [*attacks, *honest]
 
 

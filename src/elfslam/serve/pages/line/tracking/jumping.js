@@ -3,7 +3,7 @@
 import { densest } from "./cloud.js";
 
 /**
- * How far from the best place guesses may reach: thrice as far as half of them, and a little.
+ * How far from the best place guesses may reach: twice as far as half of them, and a little.
  * @param {Float64Array} poses (3p) @param {ArrayLike<number>} best (2) @returns {number}
  */
 export function reachOf(poses, [x, y], nearM) {
@@ -14,7 +14,7 @@ export function reachOf(poses, [x, y], nearM) {
   away.sort();
   const half = away.length >> 1;
   const median = away.length % 2 ? away[half] : (away[half - 1] + away[half]) / 2;
-  return nearM / 2 + 3 * median;
+  return nearM / 2 + 2 * median;
 }
 
 /**
