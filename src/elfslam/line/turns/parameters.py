@@ -24,7 +24,7 @@ class TurnsParameters:
         100, "", "slots without another phone after which one is alone", low=1, high=10_000
     )
     check: float = parameter(
-        0.5,
+        0.3,
         "",
         "chance to keep silent in an own slot and listen, when it is new",
         low=0.0,
@@ -44,14 +44,14 @@ class TurnsParameters:
         high=1.0,
     )
     keep: float = parameter(
-        2.0,
+        0.5,
         "",
         "of m slots one is given up with chance m / (m + keep) where it is disputed",
         low=0.1,
         high=100.0,
     )
     challenge: float = parameter(
-        0.1, "", "chance of who has no slot to take one that is not free", low=0.0, high=1.0
+        0.05, "", "chance of who has no slot to take one that is not free", low=0.0, high=1.0
     )
     stir: float = parameter(
         0.01,
