@@ -37,7 +37,7 @@ from elfslam.line.acoustic_odometry import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
-from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.line.echo import EchoParameters, echoes_of, find_frames
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
@@ -53,6 +53,7 @@ from elfslam.line.phone import heard_as_map
 from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker, TrackParameters
+from elfslam.line.turns import TurnsParameters, spoiled_frames
 
 
 @dataclass(frozen=True)
@@ -72,6 +73,7 @@ class Parameters:
     locate: LocateParameters = field(default_factory=LocateParameters)
     segments: SegmentParameters = field(default_factory=SegmentParameters)
     track: TrackParameters = field(default_factory=TrackParameters)
+    turns: TurnsParameters = field(default_factory=TurnsParameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +317,10 @@ def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
 
 
 def hear(recording: Recording, parameters: Parameters) -> Echoes:
-    """The echoes of a recording's sound."""
+    """The echoes of a recording's sound.
+
+    Where it says when its chirps were played, frames that other phones chirped into are left out.
+    """
     if recording.audio is None:
         raise InputError(
             f"{recording.name}: it has no sound; "
@@ -324,7 +329,11 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
     motion = recording.imu or recording.odometry
     duration_s = None if motion is None else float(motion.t_s[-1])
-    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s, recording.played_t_s)
+    frames = find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
+    spoiled = None
+    if frames.scheduled:
+        spoiled = spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.turns)
+    return echoes_of(frames, parameters.echo, duration_s, spoiled)
 
 
 def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
