@@ -8,30 +8,17 @@ import { test } from "node:test";
 
 import { makeChirp } from "../../../../src/elfslam/serve/pages/line/chirp.js";
 import { makeEchoCutter } from "../../../../src/elfslam/serve/pages/line/echo.js";
-import { assertNear, assertSameFacts, cutAll, floats, heardAll, told } from "./vectors.mjs";
+import { assertNear, assertSameFacts, cutAll, floats, heardAll, makeRandom, plantedSound, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
 const WORKLET_BLOCK = 1024;
 
-/** Chirps at random within each period, an echo behind each, noise; heard `lateS` after they are played. */
+/** Chirps at random within each period, heard `lateS` after they are played. */
 function scheduledSound(chirp, rateHz, count, lateS) {
-  let state = 7;
-  const random = () => {
-    state = (16807 * state) % 2147483647;
-    return state / 2147483647;
-  };
+  const random = makeRandom(7);
   const playedS = Array.from({ length: count }, (_, k) => 0.5 + 0.1 * k + 0.025 * random());
-  const sound = Float32Array.from({ length: (0.6 + 0.1 * count + 1.2) * rateHz }, () => 2e-4 * (random() - 0.5));
   const directS = playedS.map((tS, k) => tS + lateS(k));
-  for (const tS of directS) {
-    for (const [delayS, gain] of [[0, 0.2], [0.013, 0.05], [0.031, 0.03]]) {
-      const at = Math.round((tS + delayS) * rateHz);
-      chirp.forEach((value, n) => {
-        sound[at + n] += gain * value;
-      });
-    }
-  }
-  return { sound, playedS, directS };
+  return { sound: plantedSound(chirp, rateHz, directS, directS[count - 1] + 1.2), playedS, directS };
 }
 
 function cutByPlan({ parameters, rateHz, chirp, sound, playedS, block = WORKLET_BLOCK }) {

@@ -10,7 +10,7 @@ import { makeChirp } from "../../../../src/elfslam/serve/pages/line/chirp.js";
 import { makeEchoCutter } from "../../../../src/elfslam/serve/pages/line/echo.js";
 import { makeEnvelope } from "../../../../src/elfslam/serve/pages/line/echo_envelope.js";
 import { makeResampler } from "../../../../src/elfslam/serve/pages/line/resample.js";
-import { assertNear, assertSameFacts, concatenated, cutAll, floats, heardAll, streamed, told } from "./vectors.mjs";
+import { assertNear, assertSameFacts, concatenated, cutAll, floats, heardAll, makeRandom, plantedSound, streamed, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
 const WORKLET_BLOCK = 1024;
@@ -93,17 +93,53 @@ for (const folder of SCENES) {
   });
 }
 
+for (const folder of SCENES) {
+  const { rate_hz: rateHz } = told(folder, "stages.json");
+  const { parameters } = told(folder, "map.json");
+  const chirp = makeChirp(parameters.chirp, rateHz);
+  const heard = (sound) => heardAll(makeEchoCutter({ rateHz, chirp, parameters }), sound);
+
+  test(`how late chirps come at ${rateHz} Hz, that they jump or are missed, is told`, () => {
+    const lateS = (k) => (k % 2 ? 0.001 : 0) + (k < 20 ? 0 : 0.03);
+    const directS = Array.from({ length: 40 }, (_, k) => 0.3 + 0.1 * k + lateS(k)).filter((_, k) => k !== 9);
+    const { echoes, frames } = heard(plantedSound(chirp, rateHz, directS, 4.6));
+    assertNear(echoes.map(({ tS }) => tS), directS, 1.5 / 44100, "arrivals");
+    const isMissed = frames.slice(0, 40).map((frame) => Number.isNaN(frame.lateS));
+    assert.deepEqual(isMissed, isMissed.map((_, k) => k === 9));
+    assertNear([frames[9].dueS], [1.2], 2 / 44100, "when the missed one was due");
+    assertNear(frames.slice(1, 9).map((frame) => frame.lateS), [1, -1, 1, -1, 1, -1, 1, -1].map((ms) => ms / 1000), 2 / 44100, "late");
+    const jumps = echoes.map(({ facts }) => facts.jumpedS).map((jumpedS, k) => [k, jumpedS]).filter(([, jumpedS]) => jumpedS !== 0);
+    assert.deepEqual(jumps.map(([k]) => k), [19]);
+    assertNear([jumps[0][1]], [0.029], 2 / 44100, "jump");
+    assert.ok(frames[9].level < 0.01 * frames[8].level);
+  });
+
+  test(`chirps at ${rateHz} Hz that become softer for good are found again`, () => {
+    const directS = Array.from({ length: 100 }, (_, k) => 0.3 + 0.1 * k);
+    const sound = plantedSound(chirp, rateHz, directS, 10.6, (k) => (k < 50 ? 0.4 : 0.08));
+    const found = heard(sound).echoes.map(({ tS }) => tS);
+    assert.ok(found.some((tS) => tS > 5.4 && tS < 8.5), `${found.slice(50)}`);
+    assertNear(found.slice(-20), directS.slice(-20), 1.5 / 44100, "the last ones");
+  });
+
+  test(`an echo at ${rateHz} Hz of which nothing was recorded is none`, () => {
+    const directS = Array.from({ length: 30 }, (_, k) => 0.3 + 0.1 * k);
+    const sound = plantedSound(chirp, rateHz, directS, 3.5);
+    sound.fill(0, Math.round(1.308 * rateHz), Math.round(1.39 * rateHz));
+    const { echoes, frames } = heard(sound);
+    assertNear(echoes.map(({ tS }) => tS), directS.filter((_, k) => k !== 10), 1.5 / 44100, "arrivals");
+    assert.ok(Math.abs(frames[10].lateS) < 1e-3, `${frames[10].lateS}`);
+  });
+}
+
 test("nothing is found in noise, and chirps are once they come", () => {
   const [folder] = SCENES;
   const { rate_hz: rateHz } = told(folder, "stages.json");
   const { parameters } = told(folder, "map.json");
   const chirp = makeChirp(parameters.chirp, rateHz);
   const sound = floats(folder, "sound").subarray(0, 4 * rateHz);
-  let state = 1;
-  const noise = Float32Array.from({ length: 3 * rateHz }, () => {
-    state = (16807 * state) % 2147483647;
-    return 0.01 * (state / 2147483647 - 0.5);
-  });
+  const random = makeRandom(1);
+  const noise = Float32Array.from({ length: 3 * rateHz }, () => 0.01 * (random() - 0.5));
   const live = makeEchoCutter({ rateHz, chirp, parameters });
   assert.deepEqual(live.push(0, noise), []);
   const echoes = live.push(noise.length, sound);

@@ -76,6 +76,7 @@ def scene_at(rate_hz: int, *, calibrate: bool) -> Scene:
     used: Encoder = calibrated(encoder, echoes) if calibrate else encoder
     covariance = np.tile(np.diag([0.01, 0.02, 0.001]), (len(nodes.t_s), 1, 1))
     covariance[:, 0, 1] = covariance[:, 1, 0] = 0.003
+    covariance *= np.linspace(1.0, 3.0, len(nodes.t_s))[:, None, None]
     floor_map = trajectory_map(
         Trajectory(nodes.t_s, nodes.world_from_body, covariance, np.empty(0), "OK"),
         extract_features(echoes, used),

@@ -82,3 +82,27 @@ export function assertSameFacts(frames, wanted, dueS) {
   for (const name of ["level", "noise", "tail", "clipped"]) assertNear(ofAll(frames, name), ofAll(wanted, name), 1e-5, name);
   assertNear(ofAll(frames, "before"), ofAll(wanted, "before"), 1e-4, "before");
 }
+
+/** Numbers in (0, 1), the same for the same seed. */
+export function makeRandom(seed) {
+  let state = seed;
+  return () => {
+    state = (16807 * state) % 2147483647;
+    return state / 2147483647;
+  };
+}
+
+/** Noise, and chirps with two echoes each whose direct sound comes at some times, as loud as `gainAt` says. */
+export function plantedSound(chirp, rateHz, directS, durationS, gainAt = () => 0.2) {
+  const random = makeRandom(11);
+  const sound = Float32Array.from({ length: Math.round(durationS * rateHz) }, () => 2e-4 * (random() - 0.5));
+  directS.forEach((tS, k) => {
+    for (const [delayS, share] of [[0, 1], [0.013, 0.25], [0.031, 0.15]]) {
+      const at = Math.round((tS + delayS) * rateHz);
+      chirp.forEach((value, n) => {
+        sound[at + n] += share * gainAt(k) * value;
+      });
+    }
+  });
+  return sound;
+}

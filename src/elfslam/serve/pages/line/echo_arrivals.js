@@ -46,7 +46,9 @@ export function makePeriodSearch(period, parameters) {
     if (due === null && !begin(envelope, isOver)) return null;
     const reaches = (to) => isOver || envelope.end() >= to;
     if (!reaches(due + slack + 1) || due >= envelope.end()) return null;
-    const level = levelBefore(envelope, due - slack);
+    const isKnown = levelBefore(envelope, due - slack) < Infinity;
+    if (!isKnown && !reaches(due + period)) return null;
+    const level = levelBefore(envelope, isKnown ? due - slack : due + period);
     const near = strongestIn(envelope, due - slack, due + slack + 1);
     if (near.value >= level) return found(envelope, near, 0);
     if (!reaches(due + half)) return null;
