@@ -134,6 +134,7 @@ class Tracker:
         guesses go on by the steps alone.
         """
         heard = not np.isnan(scores[0]) and not suspect
+        self._doubts |= suspect
         if self._cloud is None:
             if not heard:
                 status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO

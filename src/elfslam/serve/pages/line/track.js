@@ -40,7 +40,8 @@ export function makeTracker(floorMap, parameters, random) {
     if (cloud === null && scores === null) return nowhere(NaN, isSuspect ? "SUSPECT" : "NO_ECHO");
     const isFirst = cloud === null;
     const after = guessed(cloud, move, sigma, scores);
-    if (scores && !isFirst) isDoubting = isJump(after, scores);
+    if (isSuspect) isDoubting = true;
+    else if (scores && !isFirst) isDoubting = isJump(after, scores);
     if (isSuspect || (scores && isDoubting)) {
       cloud = after.cloud;
       return fixed(cloud, null, "SUSPECT");
