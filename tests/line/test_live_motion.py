@@ -107,14 +107,15 @@ def test_the_gyroscope_at_rest_is_remembered_when_the_rest_has_left_the_window(e
     assert abs(steps.moves[:, 2].sum()) < 0.06
 
 
-def test_after_a_gap_the_walk_begins_anew_with_the_same_gyroscope() -> None:
+@pytest.mark.parametrize("gap_s", [8.0, 20.0])
+def test_after_a_gap_the_walk_begins_anew_with_the_same_gyroscope(gap_s: float) -> None:
     imu = walk(30.0, bias_radps=0.02)
-    behind = imu.t_s > 20.0
+    behind = imu.t_s > gap_s
     broken = Imu(imu.t_s + 1.0 * behind, imu.accel_mps2, imu.gyro_radps)
     steps = joined(live(broken))
-    across = (steps.from_s < 20.0) & (steps.t_s > 20.0)
+    across = (steps.from_s < gap_s) & (steps.t_s > gap_s)
     assert not across.any()
-    later = steps.from_s > 20.0
+    later = steps.from_s > gap_s
     assert later.sum() > 10
     assert abs(steps.moves[later, 2].sum()) < 0.05
     first = np.argmax(later)

@@ -67,7 +67,7 @@ def go_on(walk: Going, newer: Imu, parameters: MotionParameters) -> tuple[Going,
     After a gap that is too long the walk begins anew; only the gyroscope at rest is remembered.
     Readings that are too few or too slow give no steps. Raises InputError where time runs back.
     """
-    walk = _continued(walk, newer, parameters.longest_gap_s)
+    walk = _continued(walk, newer, parameters)
     if not _enough(walk.window.t_s, parameters):
         return walk, NO_STEPS
     levelled = level(walk.window, parameters, walk.rest)
@@ -116,15 +116,26 @@ def rest_kept(still: Bool, cut: int, least: int) -> int:
     return max(0, min(cut, end - least))
 
 
-def _continued(walk: Going, newer: Imu, longest_gap_s: float) -> Going:
+def _continued(walk: Going, newer: Imu, parameters: MotionParameters) -> Going:
     rows = [
         np.concatenate([getattr(part, name) for part in (walk.window, newer)])
         for name in ("t_s", "accel_mps2", "gyro_radps")
     ]
-    gaps = np.flatnonzero(np.diff(rows[0]) > longest_gap_s)
-    if len(gaps) == 0:
-        return replace(walk, window=Imu(*rows))
-    return replace(BEGINNING, window=Imu(*(each[gaps[-1] + 1 :] for each in rows)), rest=walk.rest)
+    gaps = np.flatnonzero(np.diff(rows[0]) > parameters.longest_gap_s) + 1
+    pieces = [Imu(*piece) for piece in zip(*(np.split(each, gaps) for each in rows), strict=True)]
+    walk = replace(walk, window=pieces[0])
+    for piece in pieces[1:]:
+        walk = replace(BEGINNING, window=piece, rest=_rested(walk, np.inf, parameters))
+    return walk
+
+
+def _rested(walk: Going, until_s: float, parameters: MotionParameters) -> Rest:
+    """The gyroscope at rest before the window, and in it until a time."""
+    if not _enough(walk.window.t_s, parameters):
+        return walk.rest
+    t_s, accel, gyro = evenly_sampled(walk.window)
+    left = still_rows(accel, gyro, rate_of(t_s), parameters) & (t_s < until_s)
+    return Rest(walk.rest.sum_radps + gyro[left].sum(axis=0), walk.rest.count + int(left.sum()))
 
 
 def _enough(t_s: F64, parameters: MotionParameters) -> bool:
@@ -159,8 +170,7 @@ def _slid(walk: Going, levelled: Level, parameters: MotionParameters) -> Going:
     if row == 0:
         return walk
     begin_s = walk.window.t_s[row]
-    left = still & (t_s < begin_s)
-    rest = Rest(walk.rest.sum_radps + gyro[left].sum(axis=0), walk.rest.count + int(left.sum()))
+    rest = _rested(walk, begin_s, parameters)
     turned_rad = walk.turned_rad + float(np.interp(begin_s, t_s, phone_turn(levelled)))
     window = Imu(
         *(each[row:] for each in (walk.window.t_s, walk.window.accel_mps2, walk.window.gyro_radps))

@@ -8,7 +8,7 @@ import { bounceRms, footfalls, verticalBounce } from "../../../../src/elfslam/se
 import { phoneTurn, smoothHeading, turnedSinceRest } from "../../../../src/elfslam/serve/pages/line/motion/heading.js";
 import { lengthsBetween } from "../../../../src/elfslam/serve/pages/line/motion/lengths.js";
 import { makeFootsteps, notGiven, restKept } from "../../../../src/elfslam/serve/pages/line/motion/live.js";
-import { level } from "../../../../src/elfslam/serve/pages/line/motion/level.js";
+import { inRunsOf, level } from "../../../../src/elfslam/serve/pages/line/motion/level.js";
 import { findPeaks } from "../../../../src/elfslam/serve/pages/line/motion/peaks.js";
 import { deadReckon, movesBetween } from "../../../../src/elfslam/serve/pages/line/motion/reckoning.js";
 import { columnsOf, roundHalfEven, wrapAngle } from "../../../../src/elfslam/serve/pages/line/motion/series.js";
@@ -106,6 +106,11 @@ test("a footstep near the last given is that one, and a rest is not cut to piece
   assert.deepEqual(notGiven([9.5, 10.01, 10.1, 10.16], [9.4, 10], parameters), [10.16]);
   const isStill = Array.from({ length: 40 }, (_, k) => k >= 10 && k < 30);
   assert.deepEqual([0, 3, 16, 25, 30].map((cut) => restKept(isStill, cut, 10)), [0, 3, 16, 20, 30]);
+});
+
+test("stillness counts from a shortest run on", () => {
+  const shown = (text) => inRunsOf([...text].map((each) => each === "x"), 3).map((each) => (each ? "x" : ".")).join("");
+  assert.deepEqual(["xx.xxx.xxxx", "xxx", "xx", "..xxx"].map(shown), ["...xxx.xxxx", "xxx", "..", "..xxx"]);
 });
 
 test("peaks, plateaus and prominences", () => {

@@ -94,8 +94,8 @@ def live_vectors(imu: Imu, every: int) -> dict[str, Any]:
 
 
 def broken(imu: Imu) -> Imu:
-    """The same walk with a second missing in its middle."""
-    behind = np.arange(len(imu.t_s)) > len(imu.t_s) // 2
+    """The same walk with a second missing."""
+    behind = np.arange(len(imu.t_s)) > 0.65 * len(imu.t_s)
     return Imu(imu.t_s + 1.0 * behind, imu.accel_mps2, imu.gyro_radps)
 
 
@@ -106,7 +106,7 @@ WALKS: dict[str, Callable[[], Imu]] = {
 }
 LIVE: dict[str, Callable[[], Imu]] = {
     "browser": WALKS["browser"],
-    "broken": lambda: broken(simulated("lounge", 103)),
+    "broken": lambda: broken(pausing(simulated("lounge", 103), 4.0)),
     "long pause": lambda: pausing(simulated("studio", 104), 14.0),
 }
 

@@ -5,6 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { makeTracker } from "../../../../src/elfslam/serve/pages/line/track.js";
+import { densest } from "../../../../src/elfslam/serve/pages/line/tracking/cloud.js";
 import { nearestIn, treeOf } from "../../../../src/elfslam/serve/pages/line/tracking/nearest.js";
 import { makeRandom } from "../../../../src/elfslam/serve/pages/line/tracking/random.js";
 
@@ -75,6 +76,13 @@ test("the nearest points are scipy's", () => {
     const near = ask(...point, nearest.within);
     assert.deepEqual([...near.indices.subarray(0, near.found)], nearest.rows_within[k]);
   });
+});
+
+test("of places that weigh the same the first in x is taken, then in y", () => {
+  const at = (...places) => densest({ poses: Float64Array.from(places.flat()), weight: new Float64Array(places.length).fill(1 / places.length) }, 1);
+  assert.deepEqual(at([9.5, -9.5, 0], [-9.5, 9.5, 0]), [-9.5, 9.5]);
+  assert.deepEqual(at([9.5, 9.5, 0], [9.5, -9.5, 0]), [9.5, -9.5]);
+  assert.deepEqual(at([-9.5, 9.5, 0], [9.5, -9.5, 0], [9.5, -9.5, 0]), [9.5, -9.5]);
 });
 
 test("few points and equal points are found too", () => {

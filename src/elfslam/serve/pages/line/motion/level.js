@@ -158,8 +158,12 @@ function turned(turns, [vx, vy, vz], sense) {
   return out;
 }
 
-/** Rows inside stretches where the phone hardly shakes or turns for long enough. @returns {boolean[]} */
-function stillRows(accel, gyro, rateHz, parameters) {
+/**
+ * Rows inside stretches where the phone hardly shakes or turns for long enough.
+ * @param {Axes} accel @param {Axes} gyro @param {number} rateHz
+ * @returns {boolean[]}
+ */
+export function stillRows(accel, gyro, rateHz, parameters) {
   const window = Math.max(1, roundHalfEven(parameters.still_s * rateHz));
   const shake = accel.map((axis) => {
     const mean = runningMean(axis, window, "reflect");
@@ -172,8 +176,8 @@ function stillRows(accel, gyro, rateHz, parameters) {
   return inRunsOf(isCalm, window);
 }
 
-/** True where it is true for `least` rows on end. */
-function inRunsOf(isTrue, least) {
+/** True where it is true for `least` rows on end. @param {boolean[]} isTrue @returns {boolean[]} */
+export function inRunsOf(isTrue, least) {
   const out = new Array(isTrue.length).fill(false);
   let begun = 0;
   for (let k = 0; k <= isTrue.length; k += 1) {

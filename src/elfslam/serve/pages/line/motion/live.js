@@ -7,7 +7,7 @@
 import { footfalls, verticalBounce } from "./footsteps.js";
 import { phoneTurn, smoothHeading } from "./heading.js";
 import { STEPS_AROUND, lengthsBetween } from "./lengths.js";
-import { NO_REST, level, rateOf, restUntil } from "./level.js";
+import { NO_REST, evenlySampled, level, rateOf, restUntil, stillRows } from "./level.js";
 import { moveOf, settingOffSigmaRad, sigmaOf } from "./reckoning.js";
 import { interpolate } from "./series.js";
 
@@ -45,8 +45,8 @@ export function makeFootsteps(parameters) {
     const lastS = rows.tS[rows.tS.length - 1] ?? -Infinity;
     if (!(tS > lastS)) return;
     if (rows.tS.length && tS - lastS > parameters.longest_gap_s) {
+      past = beginning(restedIn(rows, past, parameters));
       rows = { tS: [], accelMps2: [], gyroRadps: [] };
-      past = beginning(past.rest);
     }
     rows.tS.push(tS);
     rows.accelMps2.push(...accelMps2);
@@ -83,6 +83,14 @@ function isEnough(tS, parameters) {
   return tS.length > 1
     && tS[tS.length - 1] - tS[0] >= parameters.least_duration_s
     && rateOf(tS) >= parameters.least_rate_hz;
+}
+
+/** The gyroscope at rest before these readings and in them. @returns {Rest} */
+function restedIn(window, past, parameters) {
+  if (!isEnough(window.tS, parameters)) return past.rest;
+  const { accel, gyro, tS } = evenlySampled(window);
+  const isStill = stillRows(accel, gyro, rateOf(tS), parameters);
+  return restUntil(gyro, isStill, isStill.length, past.rest);
 }
 
 /**
