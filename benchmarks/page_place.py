@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import argparse
 import io
+import json
 import os
 import sys
 import tempfile
@@ -144,7 +145,7 @@ def get_map(profile: Path, address: str) -> None:
         page.click("#where")
         page.click("text=Get this map")
         page.wait_for_selector("text=Find me here", timeout=120_000)
-        page.wait_for_timeout(2000)
+        page.locator("html[data-offline=kept]").wait_for(timeout=120_000)
 
 
 def locate_walk(
@@ -160,7 +161,11 @@ def locate_walk(
     page.click(f"label:has(input[value={mode}])")
     time.sleep(PAUSE_S + 0.5)
     requests: list[Any] = []
-    page.context.on("request", requests.append)
+
+    def note(request: Any) -> None:
+        requests.append(request)
+
+    page.context.on("request", note)
     room.go()
     tapped_s = time.monotonic()
     page.click("#place-start")
@@ -275,7 +280,7 @@ def main() -> None:
     parser.add_argument("--map-seed", type=int, default=107)
     parser.add_argument("--seed", type=int, default=108)
     parser.add_argument("--rounds", type=int, default=2, help="of the walk that is located")
-    parser.add_argument("--keep", type=Path, default=None)
+    parser.add_argument("--keep", type=Path, default=None, help="where the map is kept and used")
     given = parser.parse_args()
     if missing_programs() or not CHROMIUM:
         sys.exit(f"install first: {', '.join(missing_programs() or ['chromium'])}")
@@ -289,16 +294,14 @@ def compare(world_name: str, map_seed: int, seed: int, rounds: int, folder: Path
     """Map, get, stop the server, start the browser again, walk, and print."""
     world = load_world(world_name)
     course = plan_course(world, seed, rounds)
-    with serving(folder / "data") as address:
-        map_id, world_in_map = make_map(address, world_name, map_seed, 3)
-        run = fetch_map(address, map_id, folder / "map")
-        get_map(folder / "profile", address)
+    address, world_in_map = prepared(world_name, map_seed, folder)
+    run = next((folder / "map").rglob("trajectory.tum")).parent
     print(f"walk of {course.duration_s:.0f} s; the server is stopped", flush=True)
     twin = simulated_twin(world, seed, rounds, folder / "twin")
     for name, mode in MODES.items():
         placed = walk_once(course, address, mode, folder, seed)
         own = errors_of(placed.fixes, course.truth, world_in_map)
-        python = locate_by_python(twin, run, name, folder / f"python_{mode}.csv")
+        python = locate_by_python(twin, run, mode, folder / f"python_{mode}.csv")
         print(told(f"{name}, page", own))
         print(told(f"{name}, Python", errors_of(python, course.truth, world_in_map)))
         print(
@@ -308,6 +311,22 @@ def compare(world_name: str, map_seed: int, seed: int, rounds: int, folder: Path
             f"{placed.requests or 'nothing'}",
             flush=True,
         )
+
+
+def prepared(world: str, seed: int, folder: Path) -> tuple[str, Any]:
+    """A map that a server made and a browser has got: the server's address, the world's pose.
+
+    Made once in a folder that is kept.
+    """
+    told = folder / "prepared.json"
+    if not told.is_file():
+        with serving(folder / "data") as address:
+            map_id, world_in_map = make_map(address, world, seed, 3)
+            fetch_map(address, map_id, folder / "map")
+            get_map(folder / "profile", address)
+        told.write_text(json.dumps([address.partition("#")[0], list(world_in_map)]))
+    address, world_in_map = json.loads(told.read_text())
+    return address, world_in_map
 
 
 def walk_once(course: Course, address: str, mode: str, folder: Path, seed: int) -> Placed:
@@ -320,7 +339,7 @@ def walk_once(course: Course, address: str, mode: str, folder: Path, seed: int) 
         room_between(environment, course.responses, scratch, seed) as room,
         kept_browser(folder / "profile", environment) as context,
     ):
-        page = open_page(context, address.partition("#")[0])
+        page = open_page(context, address)
         return locate_walk(page, course, room, mode, folder, lambda _: None)
 
 

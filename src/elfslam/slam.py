@@ -38,7 +38,7 @@ from elfslam.line.acoustic_odometry import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
-from elfslam.line.echo import EchoParameters, cut_echoes, echoes_of, find_frames, frame_facts
+from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames, frame_facts
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
 from elfslam.line.floormap import FloorMapParameters, trajectory_map
 from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
@@ -56,6 +56,7 @@ from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker, TrackParameters
 from elfslam.line.trust import TrustParameters, judge
+from elfslam.line.turns import TurnsParameters, spoiled_frames
 
 
 @dataclass(frozen=True)
@@ -76,6 +77,7 @@ class Parameters:
     segments: SegmentParameters = field(default_factory=SegmentParameters)
     track: TrackParameters = field(default_factory=TrackParameters)
     trust: TrustParameters = field(default_factory=TrustParameters)
+    turns: TurnsParameters = field(default_factory=TurnsParameters)
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +301,8 @@ def hear_for_fixes(
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
     frames = find_frames(recording.audio, chirp, lenient, recording.played_t_s)
     duration_s = _duration_s(recording)
-    return echoes_of(frames, lenient, duration_s), frame_facts(frames, lenient, duration_s)
+    echoes = echoes_of(frames, lenient, duration_s, _spoiled(frames, parameters.turns))
+    return echoes, frame_facts(frames, lenient, duration_s)
 
 
 def heard_in(
@@ -357,15 +360,26 @@ def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
 
 
 def hear(recording: Recording, parameters: Parameters) -> Echoes:
-    """The echoes of a recording's sound."""
+    """The echoes of a recording's sound.
+
+    Where it says when its chirps were played, frames that other phones chirped into are left out.
+    """
     if recording.audio is None:
         raise InputError(
             f"{recording.name}: it has no sound; "
             "map it with --by magnetic, or record while chirping"
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    duration_s, played_t_s = _duration_s(recording), recording.played_t_s
-    return cut_echoes(recording.audio, chirp, parameters.echo, duration_s, played_t_s)
+    frames = find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
+    spoiled = _spoiled(frames, parameters.turns)
+    return echoes_of(frames, parameters.echo, _duration_s(recording), spoiled)
+
+
+def _spoiled(frames: Frames, parameters: TurnsParameters) -> Bool | None:
+    """Which frames other phones chirped into; nobody knows where chirps came once per period."""
+    if not frames.scheduled:
+        return None
+    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters)
 
 
 def _duration_s(recording: Recording) -> float | None:

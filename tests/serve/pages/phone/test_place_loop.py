@@ -43,9 +43,7 @@ def located(page_place: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
         pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
     course = page_place.plan_course(load_world(WORLD), SEED, ROUNDS)
     folder = tmp_path_factory.mktemp("place")
-    with page_place.serving(folder / "data") as address:
-        _, world_in_map = page_place.make_map(address, WORLD, MAP_SEED, 3)
-        page_place.get_map(folder / "profile", address)
+    address, world_in_map = page_place.prepared(WORLD, MAP_SEED, folder)
     for _ in range(ATTEMPTS):
         placed = page_place.walk_once(course, address, "track", folder, SEED)
         if placed.heard_share >= HEARD:

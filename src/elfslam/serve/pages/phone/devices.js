@@ -3,7 +3,8 @@
 import { makeChirp, periodSamples } from "./chirp.js";
 import { openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion_sensor.js";
-import { startChirps } from "./player.js";
+import { TURNS } from "../line/turns.js";
+import { startChirps, startTurns } from "./player.js";
 import { startSound } from "./sound.js";
 import { watchClocks } from "./walking.js";
 
@@ -11,7 +12,9 @@ import { watchClocks } from "./walking.js";
  * @typedef {{
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   clocks: ReturnType<typeof watchClocks>, isMotionAllowed: boolean,
- *   play: (delayS: number, count?: number, schedule?: {jitterS?: number, onPlayed?: (frame: number) => void}) => ReturnType<typeof startChirps>,
+ *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
+ *   playTurns: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null}) => void,
+ *     parameters?: import("../line/turns.js").TurnsParameters) => ReturnType<typeof startTurns>,
  * }} Devices
  */
 
@@ -28,6 +31,8 @@ export async function openDevices(keeper, chirp) {
   const rateHz = microphone.context.sampleRate;
   const samples = makeChirp(chirp, rateHz);
   const period = periodSamples(chirp, rateHz);
-  const play = (delayS, count, schedule) => startChirps(microphone.context, samples, period, delayS, count, schedule);
-  return { microphone, sound, play, clocks: watchClocks(microphone.context), isMotionAllowed };
+  const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
+  const playTurns = (delayS, tell, parameters = TURNS) =>
+    startTurns(microphone.context, samples, period, delayS, parameters, tell);
+  return { microphone, sound, play, playTurns, clocks: watchClocks(microphone.context), isMotionAllowed };
 }

@@ -118,7 +118,7 @@ function askName() {
 }
 
 async function walk() {
-  const { microphone, sound, play, clocks } = page.phone;
+  const { microphone, sound, playTurns, clocks } = page.phone;
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
@@ -142,7 +142,10 @@ async function walk() {
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
-  const given = { microphone, sound, keeper, clocks, play, sent, software: page.software };
+  const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
+  const given = {
+    microphone, sound, keeper, clocks, play: playTurns, latencyS, sent, software: page.software,
+  };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
     showView("name");
     throw error;
