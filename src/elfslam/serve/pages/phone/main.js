@@ -118,7 +118,7 @@ function askName() {
 }
 
 async function walk() {
-  const { microphone, sound, playTurns, clocks } = page.phone;
+  const { microphone, sound, playTurns, clocks, measured } = page.phone;
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
