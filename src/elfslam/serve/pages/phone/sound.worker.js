@@ -56,7 +56,7 @@ function answerMeasured({ due, count }) {
  * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
  * sound took from playing to hearing until now, null where nobody knows.
  */
-function startRecording({ walk, kind, latencyS }) {
+function startRecording({ walk, kind, latencyS = null }) {
   const { rateHz } = sound;
   const period = periodSamples(sound.chirp, rateHz);
   const late = latencyS === null ? null : Math.round(latencyS * rateHz);
