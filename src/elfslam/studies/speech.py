@@ -197,7 +197,7 @@ def down(samples: F64) -> F64:
 
 
 def _row(audio: Audio) -> F64:
-    return audio.samples[0].astype(np.float64)
+    return np.asarray(audio.samples[0], dtype=np.float64)
 
 
 def moved_into_band(samples: F64) -> F64:
