@@ -16,6 +16,7 @@ COLORS = (SLAM, DEAD_RECKONING, *WALKS[2:])
 ROW_PX = 64
 SPREAD = 0.5
 JITTER = 0.05
+CHANCE = "unrelated speech"
 
 
 def speech_figure(series: Mapping[str, Understood]) -> go.Figure:
@@ -30,13 +31,14 @@ def speech_figure(series: Mapping[str, Understood]) -> go.Figure:
         for row, name in enumerate(names):
             floor = numbers.get(f"unrelated {name.removesuffix(', enhanced')}")
             if floor is not None:
-                dots.append(_dots(floor, row + shift, TRUTH, 0.25, "unrelated speech"))
+                dots.append(_dots(floor, row + shift, TRUTH, 0.25, CHANCE))
             dots.append(_dots(numbers[name], row + shift, color, 0.6, label))
             dots.append(_mean(numbers[name], row + shift, color))
     shown: set[object] = set()
     for each in dots:
         each.showlegend = bool(each.name) and each.name not in shown
         shown.add(each.name)
+        each.legendrank = 2000 if each.name == CHANCE else 1000
     figure = styled(go.Figure(dots), height_px=110 + ROW_PX * len(names))
     figure.update_xaxes(title_text="STOI (1: every word; grey: by chance)", range=[-0.05, 1])
     figure.update_yaxes(
