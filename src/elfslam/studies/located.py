@@ -135,6 +135,11 @@ def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
     return numbers
 
 
+def map_placement(mapped: Mapped) -> F64:
+    """Where a map lies in the world by the best rigid fit of its own walk."""
+    return _world_from_map(mapped.run, mapped.truth, Alignment.ALIGNED)
+
+
 def _world_from_map(run: Run, truth: Truth, alignment: Alignment) -> F64:
     matched = match(run.trajectory.t_s, run.trajectory.world_from_body, truth)
     return placement(matched, alignment).world_from_map

@@ -24,7 +24,7 @@ import {
 
 const keeper = startKeeper();
 /** What the page knows; `phone` is there once sound and motion are allowed. */
-const page = { chirp: CHIRP, software: "elfslam", phone: null, walks: [], ending: null };
+const page = { chirp: CHIRP, turns: TURNS, software: "elfslam", phone: null, walks: [], ending: null };
 
 /** Runs what a tap starts; what goes wrong is said in one line. */
 function act(work) {
@@ -49,9 +49,10 @@ async function begin() {
   try {
     await openSession(window.location, window.history);
     await ask("GET", "/api/me");
-    const { version, chirp } = await ask("GET", "/api/version");
+    const { version, chirp, turns } = await ask("GET", "/api/version");
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
+    if (turns) page.turns = only(turns, Object.keys(TURNS));
   } catch (error) {
     showProblem(error.message);
   }
@@ -82,7 +83,7 @@ async function allow() {
   const period = periodSamples(page.chirp, rateHz);
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
   const playTurns = (delayS, tell) =>
-    startTurns(microphone.context, samples, period, delayS, TURNS, tell);
+    startTurns(microphone.context, samples, period, delayS, page.turns, tell);
   const clocks = watchClocks(microphone.context);
   page.phone = { microphone, sound, play, playTurns, clocks, isMotionAllowed, measured: null };
   watchForInterruptions(microphone);
@@ -147,7 +148,8 @@ async function walk() {
   showView("record");
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
   const given = {
-    microphone, sound, keeper, clocks, play: playTurns, latencyS, sent, software: page.software,
+    microphone, sound, keeper, clocks, play: playTurns, turns: page.turns, latencyS, sent,
+    software: page.software,
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
     showView("name");
