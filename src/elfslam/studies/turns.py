@@ -39,7 +39,7 @@ SEEDS = tuple(range(4))
 COUNTS = (1, 2, 3, 4, 5)
 ALONE = 5
 """Where one phone chirps alone so many are looked at, one after the other."""
-SECONDS = 60.0
+SECONDS = 40.0
 SETTLED_S = 10.0
 """What is heard before that is left out: phones find their turns."""
 SPOILED_DB = -10.0
