@@ -31,6 +31,7 @@ from elfslam.studies.intervals import mean_row
 from elfslam.studies.localization import shipped
 from elfslam.studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
 from elfslam.studies.repeats import Numbers, finished
+from elfslam.workers import Workers
 from elfslam.world.crowd import Crowd, alone, crowd_in
 from elfslam.world.simulate import load_world
 
@@ -74,6 +75,7 @@ def measure_turns(
     announce: Announce,
     kept: Path | None = None,
     *,
+    workers: Workers | None = None,
     places: Sequence[str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     counts: Sequence[int] = COUNTS,
@@ -87,7 +89,7 @@ def measure_turns(
         for seed in seeds
         for count in counts
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=1)
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = _rows(tasks, numbers)
     return Finding(rows, turns_page(rows))
 
