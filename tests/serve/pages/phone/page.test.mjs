@@ -14,7 +14,7 @@ import { joined } from "../../../../src/elfslam/serve/pages/phone/shelf_database
 import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/sound_files.js";
 import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
-import { makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
+import { makeChirpLog, makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 import { tokenIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
 import { formatBytes, formatDuration } from "../../../../src/elfslam/serve/pages/shared/format.js";
 
@@ -108,17 +108,22 @@ test("motion is kept in order of time, from the start of the recording on", () =
 });
 
 test("the way of the sound is known from its first chirp, and followed where it jumps", () => {
-  const late = makeLateness(0.25, 0.1);
+  const late = makeLateness();
   assert.equal(late.latencyS(), null);
-  late.add(0.2);
-  assert.equal(late.latencyS(), null);
-  for (let c = 0; c < 20; c += 1) late.add(0.25 + 0.1 * c + 0.27);
+  assert.equal(late.endS(), undefined);
+  for (let c = 0; c < 20; c += 1) late.add(0.52 + 0.1 * c, 0.27);
   assert.ok(Math.abs(late.latencyS() - 0.27) < 1e-9);
-  for (let c = 20; c < 40; c += 1) late.add(0.25 + 0.1 * c + 0.31);
+  for (let c = 20; c < 40; c += 1) late.add(0.56 + 0.1 * c, 0.31);
   assert.ok(Math.abs(late.latencyS() - 0.31) < 1e-9);
-  for (let c = 43; c < 60; c += 1) late.add(0.25 + 0.1 * c + 0.29);
-  assert.ok(Math.abs(late.latencyS() - 0.29) < 1e-9);
-  assert.ok(Math.abs(late.endS() - (0.25 + 5.9 + 0.29 + 0.075)) < 1e-9);
+  assert.ok(Math.abs(late.endS() - (0.56 + 3.9 + 0.075)) < 1e-9);
+});
+
+test("chirps are written down once they have begun, and those called back never", () => {
+  const log = makeChirpLog(48000, 48000);
+  for (const frame of [60000, 64801, 69600, 74400]) log.add(frame);
+  assert.equal(log.take(64801), "0.250000000\n");
+  assert.equal(log.take(70000), "0.350020833\n0.450000000\n");
+  assert.equal(log.take(70000), "");
 });
 
 const EARS = {

@@ -10,6 +10,8 @@ import { makeBaseband, scaleFor, toInt16 } from "../../../../src/elfslam/serve/p
 import { CHIRP, makeChirp, periodSamples } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
 import { analyticSignal, complexZeros, fourierOf } from "../../../../src/elfslam/serve/pages/phone/fourier.js";
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
+import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
+import { TURNS } from "../../../../src/elfslam/serve/pages/line/turns.js";
 import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
@@ -142,6 +144,86 @@ test("lost samples are filled with silence, so that the clock goes on", () => {
   assert.deepEqual([...stream.slice(-1, 8)], [0, 1, 2, 3, 0, 0, 6, 7, 0]);
   assert.equal(stream.append(6, Float32Array.of(99, 8)), 0);
   assert.deepEqual([...stream.slice(4, 8)], [0, 6, 7, 8]);
+});
+
+/** Chirps and an echo each, played at these samples and heard `late` samples later. */
+function playedSound(played, late, rateHz, seconds, level = 0.2) {
+  const chirp = makeChirp(CHIRP, rateHz);
+  const sound = Float32Array.from({ length: seconds * rateHz }, (_, n) => 1e-4 * Math.sin(n * n));
+  for (const start of played) {
+    for (const [gain, delay] of [[1, 0], [0.3, 1000]]) {
+      chirp.forEach((value, n) => { sound[start + late + delay + n] += level * gain * value; });
+    }
+  }
+  return sound;
+}
+
+const RANDOM = [0.3, 0.9, 0.1, 0.7, 0.5, 0.2, 0.95, 0.05, 0.6, 0.4];
+
+function randomSchedule(count, rateHz, from = 0.3) {
+  return Array.from({ length: count }, (_, k) =>
+    Math.round((from + 0.1 * k + 0.025 * RANDOM[(k * 7 + (k >> 3)) % 10]) * rateHz));
+}
+
+for (const rateHz of RATES_HZ) {
+  for (const hint of [null, 0, 2000]) {
+    test(`chirps of a random schedule at ${rateHz} Hz are found, known to be ${hint} late`, () => {
+      const late = hint || Math.round(0.31 * rateHz);
+      const played = randomSchedule(60, rateHz);
+      const framer = makeFramer({ ...framing(rateHz, "whole"), late: hint });
+      played.forEach((sample) => framer.played(sample));
+      const frames = pushed(framer, playedSound(played, late, rateHz, 8), 1024);
+      const found = frames.filter(({ arrival }) => arrival.isFound).map(({ arrival }) => arrival);
+      const right = found.filter(({ sample, played: from }) => Math.abs(sample - from - late) <= 1);
+      assert.ok(right.length >= (hint === null ? 59 : 25), `${right.length} of ${found.length} are right`);
+      assert.ok(right.length >= found.length - (hint === null ? 0 : 10));
+      assert.ok(Math.abs(framer.late() - late) <= 1);
+    });
+  }
+}
+
+test("another phone's chirps are not taken for those of a schedule", () => {
+  const rateHz = 44100;
+  const played = randomSchedule(60, rateHz);
+  const sound = playedSound(played, 9000, rateHz, 8);
+  const theirs = playedSound(played.map((_, k) => played[59 - k] % 4410 + 4410 * (k + 4)), 0, rateHz, 8, 0.1);
+  theirs.forEach((value, n) => { sound[n] += value; });
+  const framer = makeFramer({ ...framing(rateHz, "whole"), late: null });
+  played.forEach((sample) => framer.played(sample));
+  const found = pushed(framer, sound, 1024).filter(({ arrival }) => arrival.isFound);
+  const off = found.map(({ arrival }) => Math.abs(arrival.sample - arrival.played - 9000));
+  assert.ok(off.filter((samples) => samples <= 2).length >= 50, off.join(" "));
+});
+
+test("others are heard in silent slots and in silence before the own chirp", () => {
+  for (const rateHz of RATES_HZ) {
+    const period = rateHz / 10;
+    const late = Math.round(0.2 * rateHz);
+    const slots = Array.from({ length: 60 }, (_, slot) => {
+      const start = Math.round(0.3 * rateHz) + slot * period;
+      const isOurs = slot % 2 === 0;
+      return { slot, start, played: isOurs ? start + Math.round(0.025 * RANDOM[slot % 10] * rateHz) : null };
+    });
+    const played = slots.filter((each) => each.played !== null).map((each) => each.played);
+    const others = [11, 23, 35, 47].map((slot) => slots[slot].start + Math.round(0.012 * rateHz));
+    const sound = playedSound(played, late, rateHz, 7);
+    playedSound(others, late, rateHz, 7, 0.02).forEach((value, n) => { sound[n] += value; });
+    const framer = makeFramer({ ...framing(rateHz, "whole"), late });
+    const hearing = makeHearing(rateHz, period, TURNS);
+    for (const slot of slots) {
+      hearing.add(slot);
+      if (slot.played !== null) framer.played(slot.played);
+    }
+    const heard = [];
+    for (let first = 0; first < sound.length; first += 1024) {
+      framer.push(first, sound.subarray(first, first + 1024));
+      heard.push(...hearing.take(framer));
+    }
+    const met = heard.filter(({ othersS }) => othersS.length > 0);
+    assert.deepEqual(met.map(({ slot }) => slot), [11, 23, 35, 47]);
+    assert.ok(met.every(({ othersS }) => Math.abs(othersS[0] + 0.0005) < 0.001));
+    assert.ok(heard.length >= 57);
+  }
 });
 
 test("the stream forgets what is behind it and nothing else", () => {

@@ -2,7 +2,7 @@
 
 import { ask } from "../shared/api.js";
 import { formatBytes, formatDuration } from "../shared/format.js";
-import { SOUND_FILES, MOTION_FILES } from "./mending.js";
+import { SOUND_FILES, TABLE_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
   at, offer, showFinishFacts, showFinishTrouble, showFinishing, showStage, showView,
@@ -15,7 +15,7 @@ const MOST_FAILURES = 40;
 /** @param {import("./manifest.js").Walk} state @returns {string[]} its files, the manifest last */
 export function filesOf({ kind }) {
   const { table, file } = SOUND_FILES[kind];
-  return [file, table, ...MOTION_FILES, "recording.json"];
+  return [file, table, ...TABLE_FILES, "recording.json"];
 }
 
 /**

@@ -10,7 +10,8 @@ import { describeDevice, NO_FACTS } from "./manifest.js";
 import { describeEars, openMicrophone } from "./microphone.js";
 import { describeMotion } from "./motion.js";
 import { allowMotion, listenToMotion } from "./motion_sensor.js";
-import { startChirps } from "./player.js";
+import { TURNS } from "../line/turns.js";
+import { startChirps, startTurns } from "./player.js";
 import { probeSound, startSound } from "./sound.js";
 import { findUnfinished, makeSent, mend } from "./unfinished.js";
 import { judge, summarise } from "./verdicts.js";
@@ -80,8 +81,10 @@ async function allow() {
   const samples = makeChirp(page.chirp, rateHz);
   const period = periodSamples(page.chirp, rateHz);
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
+  const playTurns = (delayS, tell) =>
+    startTurns(microphone.context, samples, period, delayS, TURNS, tell);
   const clocks = watchClocks(microphone.context);
-  page.phone = { microphone, sound, play, clocks, isMotionAllowed, measured: null };
+  page.phone = { microphone, sound, play, playTurns, clocks, isMotionAllowed, measured: null };
   watchForInterruptions(microphone);
   navigator.storage?.persist?.();
   await probe();
@@ -117,7 +120,7 @@ function askName() {
 }
 
 async function walk() {
-  const { microphone, sound, play, clocks, measured } = page.phone;
+  const { microphone, sound, playTurns, clocks, measured } = page.phone;
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
@@ -142,7 +145,10 @@ async function walk() {
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
-  const given = { microphone, sound, keeper, clocks, play, sent, software: page.software };
+  const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
+  const given = {
+    microphone, sound, keeper, clocks, play: playTurns, latencyS, sent, software: page.software,
+  };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
     showView("name");
     throw error;

@@ -11,12 +11,13 @@ import { BASEBAND } from "./baseband.js";
  *   isOver: boolean,
  * }} Walk
  * @typedef {{seconds: number, steps: number, frames: number, missed: number, latencyS: number | null,
- *   jumps: {t_s: number, by_s: number}[], gaps: {t_s: number, lost_s: number}[]}} Facts
+ *   jumps: {t_s: number, by_s: number}[], gaps: {t_s: number, lost_s: number}[], others: number}} Facts
+ *   others: chirps of other phones that were heard
  */
 
 /** @type {Facts} */
 export const NO_FACTS = {
-  seconds: 0, steps: 0, frames: 0, missed: 0, latencyS: null, jumps: [], gaps: [],
+  seconds: 0, steps: 0, frames: 0, missed: 0, latencyS: null, jumps: [], gaps: [], others: 0,
 };
 
 /** @param {Walk} walk @param {string} software @returns {string} */
@@ -40,6 +41,7 @@ export function manifestOf(walk, software) {
       jumps: facts.jumps,
       gaps: facts.gaps,
       steps: facts.steps,
+      others: facts.others,
     },
   };
   return `${JSON.stringify(manifest, null, 2)}\n`;

@@ -1,11 +1,13 @@
 /** What has to be cut off a walk that ended without being stopped, so that its files agree again. */
 
-const TABLES = ["accelerometer.csv", "gyroscope.csv"];
+const TABLES = ["accelerometer.csv", "gyroscope.csv", "chirps.csv"];
+/** When each chirp was played. */
+export const CHIRPS = "chirps.csv";
 export const SOUND_FILES = {
   baseband: { table: "baseband.csv", file: "baseband.iq", headerBytes: 0 },
   whole: { table: "frames.csv", file: "frames.wav", headerBytes: 44 },
 };
-export const MOTION_FILES = TABLES;
+export const TABLE_FILES = TABLES;
 
 /**
  * Sizes to cut files down to; only those that are too long are named.

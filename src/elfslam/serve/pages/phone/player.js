@@ -1,14 +1,19 @@
 /** Plays the chirps: one source per chirp, each put on its sample of the audio clock in advance. */
 
+import { afterSlot, isPlayed, noTurns } from "../line/turns.js";
+
 /** So far ahead chirps are put on the clock: a page in the background wakes up once a second. */
 const AHEAD_S = 3;
-const EVERY_MS = 250;
+/** A page that is seen wakes up in time, and what it has heard of others counts sooner. */
+const SEEN_AHEAD_S = 0.4;
+const EVERY_MS = 100;
 /** Too late to be called back. */
 const MARGIN_S = 0.05;
 /** Of full scale: leaves room for resampling on the way to the loudspeaker. */
 const LEVEL = 0.8;
 
 /**
+ * Chirps once per period.
  * @param {AudioContext} context
  * @param {Float32Array} chirp samples at the context's rate
  * @param {number} period samples
@@ -18,28 +23,16 @@ const LEVEL = 0.8;
  *   begins; stop: lets those that sound end, and gives the frame at which the last one begins
  */
 export function startChirps(context, chirp, period, delayS, count = Infinity) {
-  const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
-  buffer.copyToChannel(chirp, 0);
-  const gain = new GainNode(context, { gain: LEVEL });
-  gain.connect(context.destination);
+  const speaker = openSpeaker(context, chirp);
   const firstFrame = Math.ceil((context.currentTime + delayS) * context.sampleRate);
-  const due = new Map();
   let next = 0;
-
-  const play = (frame) => {
-    const source = new AudioBufferSourceNode(context, { buffer });
-    source.connect(gain);
-    source.onended = () => due.delete(source);
-    source.start(frame / context.sampleRate);
-    due.set(source, frame);
-  };
 
   const schedule = () => {
     const now = context.currentTime * context.sampleRate;
     const until = now + AHEAD_S * context.sampleRate;
     for (; next < count && firstFrame + next * period < until; next += 1) {
       const frame = firstFrame + next * period;
-      if (frame > now) play(frame);
+      if (frame > now) speaker.play(frame);
     }
   };
 
@@ -47,10 +40,79 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
   const timer = setInterval(schedule, EVERY_MS);
   const stop = () => {
     clearInterval(timer);
-    const now = context.currentTime * context.sampleRate;
-    const limit = now + MARGIN_S * context.sampleRate;
-    due.forEach((frame, source) => frame > limit && source.stop());
+    const limit = speaker.stop();
     return firstFrame + Math.max(Math.floor((limit - firstFrame) / period), 0) * period;
   };
   return { firstFrame, stop };
+}
+
+/**
+ * Chirps by turns: at a random moment of each slot of one period that is ours.
+ * @param {AudioContext} context
+ * @param {Float32Array} chirp samples at the context's rate
+ * @param {number} period samples
+ * @param {number} delayS from now to the first slot
+ * @param {import("../line/turns.js").TurnsParameters} parameters
+ * @param {(slot: {slot: number, start: number, played: number | null}) => void} tell of each slot in its
+ *   order and in advance; start and played are frames of the clock
+ * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:
+ *   tells what was heard in a slot; stop: gives the frame from which on nothing is played any more
+ */
+export function startTurns(context, chirp, period, delayS, parameters, tell) {
+  const rateHz = context.sampleRate;
+  const speaker = openSpeaker(context, chirp);
+  const firstFrame = Math.ceil((context.currentTime + delayS) * rateHz);
+  let turns = noTurns(parameters);
+  let slot = 0;
+
+  const schedule = () => {
+    const now = context.currentTime * rateHz;
+    const until = now + (document.hidden ? AHEAD_S : SEEN_AHEAD_S) * rateHz;
+    for (;; slot += 1) {
+      const start = firstFrame + slot * period + Math.round(turns.shiftS * rateHz);
+      if (start >= until) return;
+      const frame = start + Math.floor(chance() * parameters.jitter_s * rateHz);
+      const isOurs = isPlayed(turns, slot, chance(), parameters) && frame > now;
+      if (isOurs) speaker.play(frame);
+      tell({ slot, start, played: isOurs ? frame : null });
+    }
+  };
+
+  schedule();
+  const timer = setInterval(schedule, EVERY_MS);
+  const stop = () => {
+    clearInterval(timer);
+    return speaker.stop();
+  };
+  const heard = (at, othersS, played) => {
+    turns = afterSlot(turns, at, othersS, played, chance(), parameters);
+  };
+  return { heard, stop };
+}
+
+/** Uniform in [0, 1), and nobody can foresee it. */
+function chance() {
+  return crypto.getRandomValues(new Uint32Array(1))[0] / 2 ** 32;
+}
+
+/** play: puts a chirp on a frame of the clock; stop: calls back those that do not sound yet. */
+function openSpeaker(context, chirp) {
+  const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
+  buffer.copyToChannel(chirp, 0);
+  const gain = new GainNode(context, { gain: LEVEL });
+  gain.connect(context.destination);
+  const due = new Map();
+  const play = (frame) => {
+    const source = new AudioBufferSourceNode(context, { buffer });
+    source.connect(gain);
+    source.onended = () => due.delete(source);
+    source.start(frame / context.sampleRate);
+    due.set(source, frame);
+  };
+  const stop = () => {
+    const limit = (context.currentTime + MARGIN_S) * context.sampleRate;
+    due.forEach((frame, source) => frame > limit && source.stop());
+    return limit;
+  };
+  return { play, stop };
 }

@@ -4,7 +4,9 @@
  */
 
 import { makeChirp, periodSamples } from "./chirp.js";
+import { TURNS } from "../line/turns.js";
 import { makeFramer } from "./framer.js";
+import { makeHearing } from "./hearing.js";
 import { measure } from "./probe.js";
 import { FRAME_HEADER, wavHeader } from "./sound_files.js";
 
@@ -13,6 +15,7 @@ let sound = null;
 let keeper = null;
 let take = (_first, _samples) => {};
 let finish = () => {};
+let note = (_slot) => {};
 
 const orders = {
   open({ rateHz, chirp, source, store }) {
@@ -23,6 +26,7 @@ const orders = {
   listen: startListening,
   measure: answerMeasured,
   record: startRecording,
+  slot: ({ slot }) => note(slot),
   stop: () => finish(),
 };
 
@@ -48,16 +52,21 @@ function answerMeasured({ due, count }) {
   self.postMessage({ is: "measured", measured });
 }
 
-/** Recording begins with the next block; its first sample is the recording's time 0. */
-function startRecording({ walk, kind, scale }) {
-  const framer = makeFramer({
-    rateHz: sound.rateHz,
-    chirp: sound.samples,
-    period: periodSamples(sound.chirp, sound.rateHz),
-    kind,
-    scale,
-  });
+/**
+ * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
+ * sound took from playing to hearing until now, null where nobody knows.
+ */
+function startRecording({ walk, kind, scale, latencyS }) {
+  const { rateHz } = sound;
+  const period = periodSamples(sound.chirp, rateHz);
+  const late = latencyS === null ? null : Math.round(latencyS * rateHz);
+  const framer = makeFramer({ rateHz, chirp: sound.samples, period, kind, scale, late });
+  const hearing = makeHearing(rateHz, period, TURNS);
   let zero = -1;
+  note = ({ slot, start, played }) => {
+    if (played !== null) framer.played(played - zero);
+    hearing.add({ slot, start: start - zero, played: played === null ? null : played - zero });
+  };
   sizes = {};
   keepHeaders(walk, kind);
   take = (first, samples) => {
@@ -69,10 +78,12 @@ function startRecording({ walk, kind, scale }) {
     const at = (first - zero) / sound.rateHz;
     if (missing > 0) self.postMessage({ is: "gap", tS: at, lostS: missing / sound.rateHz });
     frames.forEach((frame) => keepFrame(walk, kind, frame));
+    hearing.take(framer).forEach((heard) => self.postMessage({ is: "heard", ...heard }));
   };
   finish = () => {
     take = () => {};
     finish = () => {};
+    note = () => {};
     self.postMessage({ is: "stopped", seconds: framer.end() / sound.rateHz, sizes });
   };
 }
@@ -91,7 +102,8 @@ function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
   keep(walk, [[table, new TextEncoder().encode(row)], [file, bytes]]);
   const directS = arrival.sample / sound.rateHz;
   const jumpedS = arrival.jumped / sound.rateHz;
-  self.postMessage({ is: "frame", tS, directS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
+  const lateS = (arrival.sample - arrival.played) / sound.rateHz;
+  self.postMessage({ is: "frame", tS, directS, lateS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
 }
 
 let sizes = {};

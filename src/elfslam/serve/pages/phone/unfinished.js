@@ -1,7 +1,7 @@
 /** Walks that an earlier page left behind: made whole again, so that they can be sent or discarded. */
 
 import { BASEBAND } from "./baseband.js";
-import { MOTION_FILES, SOUND_FILES, cutsFor, lastTime } from "./mending.js";
+import { TABLE_FILES, SOUND_FILES, cutsFor, lastTime } from "./mending.js";
 import { closeWalk } from "./walking.js";
 
 const WHOLE_FRAME_S = 0.08;
@@ -40,7 +40,7 @@ export async function mend(sent, keeper, software) {
   };
   const frames = await text(table);
   const tables = {};
-  for (const name of MOTION_FILES) tables[name] = await text(name);
+  for (const name of TABLE_FILES) tables[name] = await text(name);
   const frameBytes = frameBytesOf(state);
   const cuts = cutsFor(
     { table: frames, frameBytes, headerBytes, fileBytes: sizes[file] ?? 0 },
@@ -53,7 +53,7 @@ export async function mend(sent, keeper, software) {
   };
   await cut(table, cuts.sound.table);
   await cut(file, cuts.sound.file);
-  for (const name of MOTION_FILES) await cut(name, cuts.tables[name]);
+  for (const name of TABLE_FILES) await cut(name, cuts.tables[name]);
   await cut("recording.json", sizes["recording.json"] ? 0 : undefined);
   state.facts.seconds = lastTime(frames) + WHOLE_FRAME_S;
   await closeWalk(sent, keeper, software);

@@ -2,6 +2,7 @@
 
 import { fitClocks, readClocks, soundTime } from "./clocks.js";
 import { NO_FACTS, manifestOf } from "./manifest.js";
+import { CHIRPS } from "./mending.js";
 import { median } from "./matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
@@ -15,7 +16,7 @@ const FIRST_CHIRP_S = 0.25;
 const FRAME_S = 0.08;
 const AHEAD_MS = 300;
 /** Without a chirp by then, motion is timed as if sound took no time. */
-const LATENCY_PATIENCE_S = 3;
+const LATENCY_PATIENCE_S = 6;
 /** Until the last chirp has been heard whole. */
 const TAIL_MS = 400;
 /** What is kept behind a direct arrival. */
@@ -23,6 +24,7 @@ const BEHIND_S = 0.075;
 /** So many arrivals tell how long sound takes through the phone by now. */
 const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
+const CHIRPS_HEADER = "t_s\n";
 
 /** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
 export function watchClocks(context) {
@@ -71,12 +73,14 @@ export function makeMotionLog(onReading) {
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   keeper: import("./keeper.js").Keeper, clocks: ReturnType<typeof watchClocks>,
- *   play: (delayS: number) => {firstFrame: number, stop: () => void},
+ *   play: (delayS: number, tell: (slot: object) => void) => ReturnType<typeof import("./player.js").startTurns>,
+ *   latencyS: number | null,
  *   sent: import("./sending.js").Sent, software: string, heard: (peak: number, isFound: boolean) => void,
  * }} given
  * @returns {Promise<{stop: () => Promise<void>}>}
  */
-export async function startWalking({ microphone, sound, keeper, clocks, play, sent, software, heard }) {
+export async function startWalking(given) {
+  const { microphone, sound, keeper, clocks, play, latencyS, sent, software, heard } = given;
   const { state, walk } = sent;
   const rateHz = microphone.context.sampleRate;
   state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
@@ -91,20 +95,31 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
   // Motion is heard a little ahead of the sound, which takes its time through the phone.
   const stopMotion = listenToMotion(log.add);
   await pause(AHEAD_MS);
-  const zero = await beginSound(sound, state, walk);
-  const chirps = play(FIRST_CHIRP_S);
+  const zero = await beginSound(sound, state, walk, latencyS);
+  const chirpLog = makeChirpLog(zero, rateHz);
+  const chirps = play(FIRST_CHIRP_S, (slot) => {
+    sound.order({ do: "slot", slot });
+    if (slot.played !== null) chirpLog.add(slot.played);
+  });
+  sound.on("heard", ({ slot, othersS, played }) => {
+    state.facts.others += othersS.length;
+    chirps.heard(slot, othersS, played);
+  });
   sound.on("gap", ({ tS, lostS }) => state.facts.gaps.push({ t_s: tS, lost_s: lostS }));
-  const late = makeLateness((chirps.firstFrame - zero) / rateHz, state.chirp.period_s);
+  const late = makeLateness();
   let keptUntilS = 0;
   sound.on("frame", (frame) => {
     noteFrame(state.facts, frame);
-    if (frame.isFound) late.add(frame.directS);
+    if (frame.isFound) late.add(frame.directS, frame.lateS);
     keptUntilS = frame.tS + FRAME_S;
     state.facts.latencyS ??= late.latencyS();
     heard(frame.peak, frame.isFound);
   });
 
+  let limit = Infinity;
   const flush = async (untilS) => {
+    const begun = chirpLog.take(Math.min(microphone.context.currentTime * rateHz, limit));
+    if (begun !== "") await keep(CHIRPS, (sent.sizes[CHIRPS] ? "" : CHIRPS_HEADER) + begun);
     const isKnown = late.latencyS() !== null || state.facts.seconds > LATENCY_PATIENCE_S;
     if (!isKnown && untilS === undefined) return;
     const line = clocks.line();
@@ -119,7 +134,7 @@ export async function startWalking({ microphone, sound, keeper, clocks, play, se
 
   // Sound and motion end together: what one lasts longer than the other counts as lost.
   const stop = async () => {
-    chirps.stop();
+    limit = chirps.stop();
     await pause(1000 * (late.latencyS() ?? 0) + TAIL_MS);
     stopMotion();
     clearInterval(timer);
@@ -149,9 +164,9 @@ function appendOrder(walk, name, text) {
   return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
 }
 
-async function beginSound(sound, { kind, scale }, walk) {
+async function beginSound(sound, { kind, scale }, walk, latencyS) {
   const started = sound.answer("started");
-  sound.order({ do: "record", walk, kind, scale });
+  sound.order({ do: "record", walk, kind, scale, latencyS });
   return (await started).zero;
 }
 
@@ -162,19 +177,32 @@ function noteFrame(facts, { tS, jumpedS, isFound }) {
 }
 
 /**
- * How long sound takes from playing to hearing, followed from chirp to chirp: it jumps where the browser
- * loses sound. The first chirp that is heard is the first that was played.
- * @param {number} dueS when that was due, on the recording's clock
- * @param {number} periodS
+ * When chirps were played, as rows of their table.
+ * @param {number} zero frame of the clock at which the recording began
+ * @param {number} rateHz
  */
-export function makeLateness(dueS, periodS) {
+export function makeChirpLog(zero, rateHz) {
+  let frames = [];
+  return {
+    add: (frame) => frames.push(frame),
+    /** Rows of those that began before a frame of the clock. */
+    take: (before) => {
+      const begun = frames.filter((frame) => frame < before);
+      frames = frames.filter((frame) => frame >= before);
+      return begun.map((frame) => `${((frame - zero) / rateHz).toFixed(9)}\n`).join("");
+    },
+  };
+}
+
+/**
+ * How long sound takes from playing to hearing, followed from chirp to chirp: it jumps where the browser
+ * loses sound.
+ */
+export function makeLateness() {
   let recent = [];
   let lastS = null;
-  const add = (directS) => {
-    if (directS < dueS) return;
-    const before = recent.length > 0 ? median(recent) : directS - dueS;
-    const count = Math.round((directS - dueS - before) / periodS);
-    recent = [...recent, directS - dueS - count * periodS].slice(-RECENT);
+  const add = (directS, lateS) => {
+    recent = [...recent, lateS].slice(-RECENT);
     lastS = directS;
   };
   return {

@@ -1,0 +1,93 @@
+"""Turns in the page are those of the line, slot by slot, on vectors that the line computes."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import subprocess
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import matched_envelope
+from elfslam.line.turns import (
+    Listening,
+    Slot,
+    TurnsParameters,
+    after_slot,
+    hear_slot,
+    is_played,
+    no_turns,
+)
+
+RATE_HZ = 44_100
+PARAMETERS = TurnsParameters()
+node = shutil.which("node")
+needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+
+
+def turns_vectors(parameters: TurnsParameters, seed: int) -> dict[str, Any]:
+    generator = np.random.default_rng(seed)
+    turns, slots = no_turns(parameters), []
+    for slot in range(400):
+        draw = generator.uniform(size=2).tolist()
+        busy = (slot > 30 and slot % 8 in (1, 4)) or generator.uniform() < 0.02
+        others = generator.uniform(-0.03, 0.05, int(busy) * generator.integers(1, 3)).tolist()
+        played = is_played(turns, slot, draw[0], parameters)
+        turns = after_slot(turns, slot, others, played, draw[1], parameters)
+        slots.append(
+            {"draw": draw, "others": others, "wanted": {**asdict(turns), "played": played}}
+        )
+    return {"parameters": asdict(parameters), "slots": slots}
+
+
+def hearing_vectors(folder: Path) -> dict[str, Any]:
+    generator = np.random.default_rng(3)
+    chirp = make_chirp(ChirpParameters(), RATE_HZ)
+    samples = 1e-5 * generator.standard_normal(6 * RATE_HZ)
+    dues: list[int | None] = []
+    for slot in range(50):
+        due = round((0.2 + 0.1 * slot + generator.uniform(0, 0.025)) * RATE_HZ)
+        dues.append(due if slot % 3 else None)
+        for gain, delay in ((0.2, 0), (0.02, 700), (0.01, 1900)) if slot % 3 else ():
+            samples[due + delay : due + delay + 441] += gain * chirp.samples
+        if slot % 3 == 0 or slot % 7 == 0:
+            at = round((0.2 + 0.1 * slot + generator.uniform(-0.03, 0.06)) * RATE_HZ)
+            for gain, delay in ((0.006, 0), (0.004, 900)):
+                samples[at + delay : at + delay + 441] += gain * chirp.samples
+    envelope = matched_envelope(samples.astype(np.float32), chirp)
+    (folder / "envelope.f32").write_bytes(envelope.tobytes())
+    listening, slots = Listening(), []
+    for k, due in enumerate(dues[:-1]):
+        start = round((0.2 + 0.1 * k) * RATE_HZ)
+        slot = Slot(start, start + 4410, due, dues[k + 1])
+        first, last = start - 6000, start + 11_000
+        others, listening = hear_slot(listening, envelope[first:last], first, slot, PARAMETERS)
+        slots.append({"first": first, "last": last, "slot": asdict(slot), "wanted": list(others)})
+    return {"envelope": str(folder / "envelope.f32"), "slots": slots}
+
+
+@needs_node
+def test_turns_in_node(tmp_path: Path) -> None:
+    eager = replace(PARAMETERS, slots=5, forget=20, follow=0.2, stir=0.1)
+    vectors = {
+        "parameters": asdict(PARAMETERS),
+        "turns": [turns_vectors(each, seed) for seed, each in enumerate((PARAMETERS, eager))],
+        **hearing_vectors(tmp_path),
+    }
+    (tmp_path / "turns.json").write_text(json.dumps(vectors))
+    done = subprocess.run(
+        [str(node), "--test", str(Path(__file__).parent / "turns.test.mjs")],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+        env={**os.environ, "ELFSLAM_VECTORS": str(tmp_path / "turns.json")},
+    )
+    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
+    assert "# fail 0" in done.stdout
