@@ -23,3 +23,12 @@ def test_every_package_is_held_by_its_content_and_not_by_a_place() -> None:
     assert "://" not in text
     packages = json.loads(text)["packages"]
     assert all(item["integrity"].startswith("sha512-") for name, item in packages.items() if name)
+
+
+def test_the_page_carries_the_pinned_runtime_with_its_licence() -> None:
+    pages = FOLDER.parents[1] / "src" / "elfslam" / "serve" / "pages"
+    vendored = pages / "vendor" / "onnxruntime-web"
+    version = json.loads((FOLDER / "package.json").read_text())["dependencies"]["onnxruntime-web"]
+    assert f"ONNX Runtime Web v{version}\n" in (vendored / "ort.wasm.min.mjs").read_text()[:200]
+    assert (vendored / "ort-wasm-simd-threaded.wasm").read_bytes().startswith(b"\0asm")
+    assert "MIT License" in (vendored / "LICENSE").read_text()
