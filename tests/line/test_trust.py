@@ -76,6 +76,14 @@ def test_an_arrival_off_its_time_is_odd_and_a_slow_clock_is_not() -> None:
     assert np.delete(off_s, 30).max() < 1e-9
 
 
+def test_sound_that_comes_later_from_now_on_is_no_attack() -> None:
+    """A browser may drop or insert a block of sound: all that follows is off by as much."""
+    facts, echoes = quiet()
+    moved = replace(facts, late_s=facts.late_s + np.where(np.arange(COUNT) >= 30, 0.01, 0.0))
+    assert (off_time_s(moved) > PARAMETERS.off_time_s).sum() == 4
+    assert not judge(moved, echoes, EDGES_S, PARAMETERS).any()
+
+
 def test_loudness_is_that_of_the_band_beside_the_direct_sound() -> None:
     facts, echoes = quiet()
     npt.assert_allclose(loudness(facts, echoes), 0.01, rtol=0.01)

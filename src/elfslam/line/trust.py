@@ -19,7 +19,7 @@ PARTS = 4
 """Into so many parts of equal length an echo trace falls (13.3 ms each)."""
 SHARPENED = (2 * np.sin(np.pi * 17_500 / 44_100)) ** 4
 """What the fourth difference makes of the middle of the band."""
-RECENT = 31
+RECENT = 7
 """Chirps whose median says when a direct arrival is due."""
 REASONS = (
     "",

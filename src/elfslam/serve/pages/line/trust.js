@@ -5,7 +5,7 @@ const PARTS = 4;
 /** What the fourth difference makes of the middle of the band. */
 const SHARPENED = (2 * Math.sin((Math.PI * 17_500) / 44_100)) ** 4;
 /** Chirps whose median says when a direct arrival is due. */
-const RECENT = 31;
+const RECENT = 7;
 /** An echo belongs to the frame whose direct sound came then, within so many seconds. */
 const SAME_S = 1e-3;
 
