@@ -65,7 +65,7 @@ export function makeLocating({ devices, act, problem, paired }) {
       throw error;
     });
     tell(WAITING[mode()]);
-    shown.begin();
+    shown.begin(placing.playedUntil);
     here.running = () => {
       shown.end();
       placing.stop();
