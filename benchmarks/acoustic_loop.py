@@ -199,7 +199,8 @@ def answer(responses: np.ndarray, seed: int) -> None:
     assert mouth.stdin is not None
     print("ready", flush=True)
     line, played = Line(np.zeros(4 * FRAME, dtype=np.float32), -LAG), np.zeros(0, dtype=np.float32)
-    read, silent_from, chirp, asked = 0, 0, -1, False
+    read, silent_from, asked = 0, 0, False
+    begun: int | None = None
     pending: int | None = None
     while True:
         block = np.frombuffer(ears.stdout.read(4 * BLOCK), dtype=np.float32)
@@ -210,10 +211,8 @@ def answer(responses: np.ndarray, seed: int) -> None:
         if pending is None and len(loud) and read + loud[0] - silent_from > FRAME // 4:
             pending = read + int(loud[0])
             was_pause = pending - silent_from > 3 * FRAME
-            if chirp >= 0:
-                chirp += 1
-            elif asked and was_pause:
-                chirp = 0
+            if begun is None and asked and was_pause:
+                begun = pending
                 print("begun", now - (read + len(block) - pending) / RATE_HZ, flush=True)
         if len(loud):
             silent_from = read + int(loud[-1])
@@ -221,7 +220,8 @@ def answer(responses: np.ndarray, seed: int) -> None:
         if pending is not None and read >= pending + HEARD:
             start = len(played) - (read - pending)
             heard = played[start : start + HEARD]
-            response = responses[min(max(chirp, 0), len(responses) - 1)]
+            chirp = 0 if begun is None else round((pending - begun) / FRAME)
+            response = responses[min(chirp, len(responses) - 1)]
             sound = np.fft.irfft(np.fft.rfft(heard, FRAME) * response, FRAME)
             line.add(pending, sound.astype(np.float32))
             pending = None

@@ -39,8 +39,6 @@ HEARD_S = 10.0
 ACCELERATION_MPS2 = (0.3, 1.2, 9.7)
 TURNING_RADPS = (0.1, -0.2, 0.3)
 PATIENCE_S = 40.0
-NO_CHANCE = "crypto.getRandomValues = (array) => array.fill(0);"
-"""The fake microphone hears a chirp every 100 ms, whenever the page plays them."""
 RoomSound = Callable[[int, float], np.ndarray]
 
 
@@ -90,10 +88,11 @@ class Server:
     address: str = ""
     process: subprocess.Popen[str] | None = None
     options: tuple[str, ...] = ("--no-jobs",)
+    code: str = SERVE
 
     def start(self, port: str = "0") -> None:
         """Start it, or start it again on the port that it had."""
-        command = [sys.executable, "-c", SERVE, "serve", "--http", "--port", port]
+        command = [sys.executable, "-c", self.code, "serve", "--http", "--port", port]
         self.process = subprocess.Popen(
             [*command, "--data", str(self.data), *self.options], stdout=subprocess.PIPE, text=True
         )
@@ -273,7 +272,6 @@ class Pocket:
             reduced_motion="reduce",
             accept_downloads=True,
         )
-        context.add_init_script(NO_CHANCE)
         page = context.pages[0]
         page.set_default_timeout(1500 * PATIENCE_S)
         page.on("pageerror", lambda error: self.problems.append(str(error)))

@@ -27,6 +27,16 @@ HERE_M = (3.0, 2.0)
 SIDE_M, APART_M = 6.0, 0.5
 HEIGHTS_PX = 48
 
+EVENLY = """
+from elfslam.cli import main
+from elfslam.serve.maps import package
+told = package.phone_parameters()
+told["turns"] |= {"jitter_s": 0.0, "listen": 0, "forget": 0}
+package.phone_parameters = lambda: told
+main()
+"""
+"""The fake microphone hears a chirp every 100 ms, whoever plays one; so everybody chirps evenly."""
+
 pytestmark = pytest.mark.slow
 
 
@@ -57,6 +67,15 @@ def map_of(sound: np.ndarray, rate_hz: int) -> FloorMap:
 def heard_map(heard: tuple[Path, np.ndarray]) -> FloorMap:
     """A map of the place that the fake microphone is in."""
     return map_of(np.asarray(heard[1] / 32768, dtype=np.float32), 44_100)
+
+
+@pytest.fixture(scope="module")
+def server(running_server: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+    """A real server whose maps say that nobody takes turns."""
+    running = type(running_server)(tmp_path_factory.mktemp("even") / "data", code=EVENLY)
+    running.start()
+    yield running
+    running.stop()
 
 
 @pytest.fixture

@@ -12,6 +12,8 @@ import { makeStream } from "../phone/stream.js";
 export const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
+/** Of the envelope so much is there for whoever listens to others. */
+const HEARD = ECHO_RATE_HZ;
 /** Frames whose facts are kept until somebody asks. */
 const UNASKED = 1000;
 
@@ -20,7 +22,9 @@ const UNASKED = 1000;
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
  * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
- *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void}} EchoCutter
+ *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void,
+ *   heard: {envelope: (from: number, to: number) => Float32Array, end: () => number,
+ *     sampleAt: (tS: number) => number}}} EchoCutter heard: the envelope at 44.1 kHz, of the last second
  */
 
 /**
@@ -99,7 +103,8 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
 
   const forget = () => {
     const asked = [search(), bySchedule ?? search(), facts].map((each) => each.needs());
-    const before = Math.max(Math.min(...asked), envelope.end() - REMEMBERED);
+    const end = envelope.end();
+    const before = Math.max(Math.min(...asked, end - HEARD), end - REMEMBERED);
     envelope.forget(before);
     sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
   };
@@ -112,7 +117,12 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
 
   const frames = () => known.splice(0).map((each) => ({ ...each, dueS: each.dueS + input.startS() }));
 
-  return { push, played, frames, end: () => take(input.end(), true) };
+  const heard = {
+    envelope: envelope.slice,
+    end: envelope.end,
+    sampleAt: (tS) => Math.round((tS - input.startS()) * ECHO_RATE_HZ),
+  };
+  return { push, played, frames, heard, end: () => take(input.end(), true) };
 }
 
 function endOf(sample) {

@@ -234,7 +234,7 @@ function walkAgain() {
   else showView("start");
 }
 
-const locating = makeLocating({ devices: openPhone, act, problem: showProblem });
+const locating = makeLocating({ devices: openPhone, act, problem: showProblem, paired: () => page.begun });
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
@@ -251,4 +251,4 @@ at("another").addEventListener("click", walkAgain);
 window.addEventListener("beforeunload", (event) => {
   if (page.ending) event.preventDefault();
 });
-begin();
+page.begun = begin();

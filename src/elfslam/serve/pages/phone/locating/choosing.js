@@ -11,10 +11,11 @@ const NO_SERVER = "The server does not answer. The maps on this phone work witho
 
 /**
  * @param {{act: (work: () => Promise<void>) => (event?: Event) => Promise<void>,
- *   chosen: (row: import("./maps.js").MapRow, packages: import("../../keeping/packages.js").Packages) => Promise<void>}} given
+ *   chosen: (row: import("./maps.js").MapRow, packages: import("../../keeping/packages.js").Packages) => Promise<void>,
+ *   paired: () => Promise<void>}} given paired: when the server knows this phone, or does not answer
  * @returns {{list: () => Promise<void>}}
  */
-export function makeChoosing({ act, chosen }) {
+export function makeChoosing({ act, chosen, paired }) {
   /** @type {import("../../keeping/packages.js").Packages | null} */
   let packages = null;
 
@@ -24,6 +25,7 @@ export function makeChoosing({ act, chosen }) {
     packages ??= openPackages(await openStore());
     const kept = await packages.list();
     showMaps(rowsOf(kept, null), does);
+    await paired();
     const offered = await offeredMaps(kept).catch((error) => {
       showMapsTrouble(kept.length > 0 && error.status === 0 ? NO_SERVER : error.message);
       return null;

@@ -26,12 +26,13 @@ import { READYING, STOPPED, WAITING } from "./words.js";
  *   devices: () => Promise<import("../devices.js").Devices>,
  *   act: (work: () => Promise<void>) => (event?: Event) => Promise<void>,
  *   problem: (said: string | null) => void,
+ *   paired: () => Promise<void>,
  * }} given devices: opened by the tap that starts locating
  */
-export function makeLocating({ devices, act, problem }) {
+export function makeLocating({ devices, act, problem, paired }) {
   /** @type {Here} */
   const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
-  const choosing = makeChoosing({ act, chosen: open });
+  const choosing = makeChoosing({ act, chosen: open, paired });
 
   async function open(row, packages) {
     const opening = devices(); // before anything is waited for: it needs the tap
@@ -64,7 +65,7 @@ export function makeLocating({ devices, act, problem }) {
       throw error;
     });
     tell(WAITING[mode()]);
-    shown.begin();
+    shown.begin(placing.playedUntil);
     here.running = () => {
       shown.end();
       placing.stop();

@@ -5,8 +5,7 @@ import { soundTime } from "../clocks.js";
 
 const MOTION_EVERY_MS = 150;
 const FIRST_CHIRP_S = 0.25;
-/** Of maps that do not say. */
-const JITTER_S = 0.025;
+const SAME_S = 0.01;
 
 /**
  * @typedef {{
@@ -21,14 +20,14 @@ const JITTER_S = 0.025;
  * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array}} kept
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
- * @returns {Promise<{stop: () => void, zeroS: () => number}>} zeroS: when, on the clock of the fixes, the
- *   first chirp was heard
+ * @returns {Promise<{stop: () => void, zeroS: () => number, playedUntil: (heardS: number) => number}>} zeroS:
+ *   when, on the clock of the fixes, the first chirp was heard; playedUntil: how many should have been
  */
-export async function startPlacing({ microphone, clocks, play }, { floorMap, encoderBytes }, mode, told) {
+export async function startPlacing({ microphone, clocks, playTurns }, { floorMap, encoderBytes }, mode, told) {
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
   const { port1, port2 } = new MessageChannel();
   const rateHz = microphone.context.sampleRate;
-  const latest = { latenessS: null };
+  const latest = { latenessS: null, playedS: [], heard: () => {} };
   const ready = untilReady(worker, told, latest);
   worker.postMessage({ do: "open", rateHz, floorMap, encoderBytes, mode, source: port1 }, [port1]);
   try {
@@ -38,10 +37,12 @@ export async function startPlacing({ microphone, clocks, play }, { floorMap, enc
     throw error;
   }
   const stopMotion = sendMotion(worker, clocks);
-  const chirps = play(FIRST_CHIRP_S, Infinity, {
-    jitterS: floorMap.parameters.turns?.jitter_s ?? JITTER_S,
-    onPlayed: (frame) => worker.postMessage({ do: "played", tS: frame / rateHz }),
-  });
+  const chirps = playTurns(FIRST_CHIRP_S, ({ slot, start, played }) => {
+    const playedS = played === null ? null : played / rateHz;
+    if (playedS !== null) latest.playedS.push(playedS);
+    worker.postMessage({ do: "slot", slot: { slot, startS: start / rateHz, playedS } });
+  }, floorMap.parameters.turns);
+  latest.heard = chirps.heard;
   microphone.pour("place", port2); // the schedule first, then what is heard
   const stop = () => {
     chirps.stop();
@@ -49,7 +50,12 @@ export async function startPlacing({ microphone, clocks, play }, { floorMap, enc
     microphone.pour("place", null);
     worker.terminate();
   };
-  return { stop, zeroS: () => chirps.firstFrame / rateHz + (latest.latenessS ?? 0) };
+  const lateS = () => latest.latenessS ?? 0;
+  return {
+    stop,
+    zeroS: () => (latest.playedS[0] ?? 0) + lateS(),
+    playedUntil: (heardS) => latest.playedS.filter((playedS) => playedS + lateS() < heardS + SAME_S).length,
+  };
 }
 
 /** @param {Worker} worker @param {Told} told @returns {Promise<void>} */
@@ -63,6 +69,7 @@ function untilReady(worker, told, latest) {
         latest.latenessS = data.latenessS;
         told.echo(data);
       }
+      if (data.is === "heard") latest.heard(data.slot, data.othersS, data.played);
       if (data.is === "problem") {
         reject(new Error(data.said));
         told.problem(data.said);

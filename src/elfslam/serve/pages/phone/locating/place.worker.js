@@ -10,12 +10,14 @@ import { encoderFor } from "../../line/feature.js";
 import { checkedMap } from "../../line/floor_map.js";
 import { makeFootsteps } from "../../line/motion/live.js";
 import { makeTracker } from "../../line/track.js";
+import { TURNS } from "../../line/turns.js";
 import { makeTrust } from "../../line/trust.js";
 import { makeRandom } from "../../line/tracking/random.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
 import { followLateness } from "./lateness.js";
 import { makeMemory } from "./memory.js";
 import { delayMotion } from "./motion_delay.js";
+import { hearOthers } from "./others.js";
 import { makePlacer } from "./placer.js";
 
 /** Of the tracker's draws. */
@@ -23,14 +25,17 @@ const SEED = 0;
 
 let motion = { push() {} };
 let cutter = { played() {} };
+let others = { add() {}, take: () => [] };
 const lateness = followLateness();
 
 const orders = {
   open: openMap,
   motion: ({ readings }) => motion.push(readings),
-  played({ tS }) {
-    lateness.played(tS);
-    cutter.played(tS);
+  slot({ slot }) {
+    others.add(slot);
+    if (slot.playedS === null) return;
+    lateness.played(slot.playedS);
+    cutter.played(slot.playedS);
   },
 };
 
@@ -39,7 +44,10 @@ self.onmessage = ({ data }) => orders[data.do](data);
 async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
   try {
     const placer = await placerFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
-    source.onmessage = ({ data }) => placer.push(data.first, data.samples).catch(tellProblem);
+    source.onmessage = ({ data }) => {
+      placer.push(data.first, data.samples).catch(tellProblem);
+      others.take().forEach((heard) => self.postMessage({ is: "heard", ...heard }));
+    };
     self.postMessage({ is: "ready" });
   } catch (error) {
     tellProblem(error);
@@ -50,6 +58,7 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = await encoderFor(floorMap, await openEncoder(encoderBytes, {}));
   cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
+  others = hearOthers(cutter, lateness.latenessS, parameters.chirp.period_s, parameters.turns ?? TURNS);
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
   motion = delayMotion(footsteps, lateness.latenessS);

@@ -11,12 +11,12 @@ const CLOCK_MS = 500;
 /**
  * @param {import("./locating.js").Here} here @param {"track" | "one-shot"} mode
  * @returns {{told: {fix: (fix: import("./words.js").Fix) => void, echo: (echo: {tS: number}) => void},
- *   begin: () => void, end: () => void, fixes: () => import("./words.js").Fix[]}}
+ *   begin: (playedUntil: (heardS: number) => number) => void, end: () => void, fixes: () => import("./words.js").Fix[]}}
  */
 export function showFixes(here, mode) {
   /** @type {import("./words.js").Fix[]} */
   const fixes = [];
-  const echoes = { count: 0, firstS: NaN, lastS: NaN };
+  const echoes = { count: 0, lastS: NaN };
   const speaker = makeSpeaker(WAITING[mode]);
   let timer = 0;
 
@@ -28,15 +28,13 @@ export function showFixes(here, mode) {
     speaker.consider(wordsOf(found));
   };
   const echo = ({ tS }) => {
-    echoes.firstS = echoes.count === 0 ? tS : echoes.firstS;
     echoes.lastS = tS;
     echoes.count += 1;
   };
-  const begin = () => {
+  const begin = (playedUntil) => {
     const beganMs = performance.now();
-    const periodS = here.kept.floorMap.parameters.chirp.period_s;
     const show = () => showPlaceFacts({
-      seconds: (performance.now() - beganMs) / 1000, fixes: here.trail.count, heardShare: heardShare(echoes, periodS),
+      seconds: (performance.now() - beganMs) / 1000, fixes: here.trail.count, heardShare: heardShare(echoes, playedUntil),
     });
     show();
     timer = setInterval(show, CLOCK_MS);
@@ -48,9 +46,9 @@ export function showFixes(here, mode) {
   return { told: { fix, echo }, begin, end, fixes: () => fixes };
 }
 
-/** Of the chirps between the first and the last that were heard. */
-function heardShare({ count, firstS, lastS }, periodS) {
-  return count === 0 ? null : Math.min(count / Math.round(1 + (lastS - firstS) / periodS), 1);
+/** Of the chirps that were played until the last that was heard. */
+function heardShare({ count, lastS }, playedUntil) {
+  return count === 0 ? null : Math.min(count / Math.max(playedUntil(lastS), 1), 1);
 }
 
 /** Says aloud what has become different and stays so. @param {import("./words.js").Words} first */

@@ -1,0 +1,43 @@
+/** Hears other phones in the slots of our turns, by the envelope that the echoes are cut by. */
+
+import { ECHO_RATE_HZ } from "../../line/resample.js";
+import { makeHearing } from "../hearing.js";
+
+/**
+ * @typedef {{slot: number, startS: number, playedS: number | null}} Slot when it starts, and when the own
+ *   chirp in it is played
+ */
+
+/**
+ * @param {import("../../line/echo.js").EchoCutter} cutter
+ * @param {() => number | null} latenessS
+ * @param {number} periodS
+ * @param {import("../../line/turns.js").TurnsParameters} parameters
+ * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[]}} take: what was heard in
+ *   the slots that are over; after the first sound only
+ */
+export function hearOthers({ heard }, latenessS, periodS, parameters) {
+  const hearing = makeHearing(ECHO_RATE_HZ, Math.round(periodS * ECHO_RATE_HZ), parameters);
+  let waiting = [];
+  let hasPlayed = false;
+  /** Before the own chirps are known from others', what is heard must not be taken for theirs. */
+  const late = () => {
+    if (latenessS() === null) return hasPlayed ? null : 0;
+    return Math.round(latenessS() * ECHO_RATE_HZ);
+  };
+  const framer = {
+    late,
+    envelope: heard.envelope,
+    end: heard.end,
+  };
+  const take = () => {
+    for (const { slot, startS, playedS } of waiting) {
+      const played = playedS === null ? null : heard.sampleAt(playedS);
+      hasPlayed ||= played !== null;
+      hearing.add({ slot, start: heard.sampleAt(startS), played });
+    }
+    waiting = [];
+    return hearing.take(framer);
+  };
+  return { add: (slot) => waiting.push(slot), take };
+}
