@@ -107,7 +107,8 @@ def measured(task: Task) -> Numbers:
     own_gain = OWN_GAIN.get(task.what, 1.0)
     numbers: Numbers = {}
     for level_db in task.levels_db:
-        audio = recorded(victim.walked, sound_of(victim, level_db), own_gain=own_gain)
+        sound = sound_of(victim, level_db)
+        audio = recorded(victim.walked, sound, own_gain=own_gain, since=victim.onset)
         for mode, found in _came_of_it(victim, audio, mapped).items():
             key = f"{task.what}|{level_db:g}|{mode}"
             numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
