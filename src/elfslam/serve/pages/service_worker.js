@@ -8,8 +8,11 @@ const PREFIX = "elfslam-pages-";
 const LIST = "/precache.json";
 const PAGE = "/";
 const ALSO_PAGE = "/phone.html";
-const NOT_OURS = ["/api", "/desk", "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
+const DESK = "/desk";
+const NOT_OURS = ["/api", DESK, "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
 const AT_ONCE = 6;
+/** Windows of the desk, as far as this worker saw them open: asking for a client could wait for what waits for us. */
+const deskClients = new Set();
 
 self.addEventListener("install", (event) => event.waitUntil(keepAll()));
 self.addEventListener("activate", (event) => event.waitUntil(begin()));
@@ -19,21 +22,16 @@ self.addEventListener("message", (event) => {
 self.addEventListener("fetch", (event) => {
   const { method, url } = event.request;
   const { origin, pathname } = new URL(url);
-  if (method === "GET" && origin === self.location.origin && !NOT_OURS.some((start) => pathname.startsWith(start))) {
-    event.respondWith(answer(event, pathname === ALSO_PAGE ? PAGE : pathname));
-  }
+  if (pathname.startsWith(DESK)) deskClients.add(event.resultingClientId);
+  if (method !== "GET" || origin !== self.location.origin || deskClients.has(event.clientId)) return;
+  if (NOT_OURS.some((start) => pathname.startsWith(start))) return;
+  event.respondWith(answer(event.request, pathname === ALSO_PAGE ? PAGE : pathname));
 });
 
-/** What is kept; what is not, and all that the desk asks, comes from the server. */
-async function answer(event, path) {
-  if (event.request.mode !== "navigate" && (await isOfDesk(event.clientId))) return fetch(event.request);
+/** What is kept; what is not comes from the server. */
+async function answer(request, path) {
   const kept = await (await caches.open(PREFIX + VERSION)).match(path);
-  return kept ?? fetch(event.request);
-}
-
-async function isOfDesk(clientId) {
-  const client = clientId ? await self.clients.get(clientId) : undefined;
-  return client !== undefined && new URL(client.url).pathname.startsWith("/desk");
+  return kept ?? fetch(request);
 }
 
 /** Fetch the page as the server lists it, or as an older version had it; all of it, or nothing. */
@@ -84,8 +82,16 @@ async function fetched({ path, sha256 }) {
 }
 
 async function begin() {
-  for (const name of await olderCaches()) await caches.delete(name);
+  const older = await olderCaches();
+  for (const name of older) await caches.delete(name);
   await self.clients.claim();
+  if (older.length > 0) (await pages()).forEach((page) => page.postMessage("changed"));
+}
+
+/** The windows that show the phone page. */
+async function pages() {
+  const windows = await self.clients.matchAll({ type: "window", includeUncontrolled: true });
+  return windows.filter(({ url }) => !new URL(url).pathname.startsWith(DESK));
 }
 
 async function olderCaches() {
@@ -94,7 +100,5 @@ async function olderCaches() {
 
 /** The page asks for it when nothing goes on there; another window may be on a walk. */
 async function beginUnlessOthersWalk() {
-  const windows = await self.clients.matchAll({ type: "window", includeUncontrolled: true });
-  const pages = windows.filter(({ url }) => !new URL(url).pathname.startsWith("/desk"));
-  if (pages.length <= 1) await self.skipWaiting();
+  if ((await pages()).length <= 1) self.skipWaiting();
 }

@@ -33,6 +33,7 @@ OPEN = f"""async (id) => {{ {HOLD}
       x: Array.from(floorMap.xyM.slice(0, 4)), listed: (await packages.list()).length }};
   }} catch (error) {{ return error.message; }}
 }}"""
+WALKS = """async () => (await import("/phone/keeper.js")).startKeeper().ask({ do: "list" })"""
 CACHED = """async () => {
   const found = [];
   for (const name of await caches.keys()) {
@@ -87,6 +88,7 @@ def test_after_one_visit_nothing_of_the_server_is_needed(
         page.reload()
         assert page.is_visible("#allow")
         assert page.evaluate(OPEN, map_id) == known
+        assert page.evaluate(WALKS) == []
         refused = page.evaluate(UPDATE, map_id)
         assert "does not answer" in refused
     with browser.opened() as page:  # a browser that was closed meanwhile
@@ -96,6 +98,7 @@ def test_after_one_visit_nothing_of_the_server_is_needed(
         colour = page.evaluate("getComputedStyle(document.querySelector('#allow')).cursor")
         assert colour == "pointer"
         assert page.evaluate(OPEN, map_id) == known
+        assert page.evaluate(WALKS) == []
 
 
 def test_only_what_changed_is_fetched_and_what_was_tampered_with_is_refused(
@@ -152,7 +155,9 @@ def test_signing_out_forgets_the_maps(
         visit(page, pairing(server))
         page.evaluate(UPDATE, map_id)
         page.goto(f"{server.url}desk")
-        page.evaluate("""async () => (await import("/desk/session.js")).signOut()""")
+        page.click("text=Sign out")
+        page.wait_for_selector("body[data-page=door]")
+        page.wait_for_load_state("networkidle")
         page.goto(server.url)
         assert "not on this phone" in page.evaluate(OPEN, map_id)
         assert "does not know the server's key" in page.evaluate(UPDATE, map_id)
@@ -181,8 +186,10 @@ def test_a_new_version_takes_the_place_of_the_old_one(
         wait_for(page, lambda: len(names_of_caches(page)) == 2, "the next version is fetched")
         page.wait_for_timeout(500)
         assert page.inner_text("h1", timeout=1000) == "Go, and get a map"
-        page.reload()
-        wait_for(page, lambda: title(page) == "Run, and get a map", "the next visit")
+    with browser.opened() as page:  # the next visit
+        page.goto(server.url)
+        assert title(page) == "Run, and get a map"
+        wait_for(page, lambda: len(names_of_caches(page)) == 1, "the old version is dropped")
         stop(server)
         page.reload()
         assert title(page) == "Run, and get a map"

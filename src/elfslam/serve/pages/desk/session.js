@@ -20,10 +20,10 @@ export async function whoIsHere() {
   }
 }
 
-/** Forget this browser's session, and the maps that it keeps. */
+/** Forget the maps that this browser keeps, and its session: the page leaves as soon as that is gone. */
 export async function signOut() {
-  await ask("/api/session", { method: "DELETE" });
   await forgetHere();
+  await ask("/api/session", { method: "DELETE" });
 }
 
 /** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */

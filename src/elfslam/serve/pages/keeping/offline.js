@@ -17,8 +17,6 @@ export const NOT_WHOLE = {
   isKept: false,
   why: "The page did not come whole, or this phone has no room for it. Open it again later.",
 };
-const AGAIN_MS = 2000;
-
 /**
  * Keep the page, and change to a new version of it while `isIdle` says that nothing goes on.
  * @param {() => boolean} isIdle @returns {Promise<Offline>} when it is kept, or cannot be
@@ -27,8 +25,8 @@ export async function keepPage(isIdle) {
   const workers = navigator.serviceWorker;
   if (!workers) return NO_WORKER;
   const hadOlder = workers.controller !== null;
-  workers.addEventListener("controllerchange", () => {
-    if (hadOlder && isIdle()) window.location.reload();
+  workers.addEventListener("message", ({ data }) => {
+    if (data === "changed" && isIdle()) window.location.reload();
   });
   try {
     const worker = new URL("../service_worker.js", import.meta.url);
@@ -49,16 +47,15 @@ function failing({ installing }) {
   });
 }
 
-/** @param {ServiceWorkerRegistration} registration @param {() => boolean} isIdle */
+/**
+ * A version that has just come takes over if nothing goes on, else when this page has been closed.
+ * @param {ServiceWorkerRegistration} registration @param {() => boolean} isIdle
+ */
 function watch(registration, isIdle) {
-  const offer = () => {
-    const { active, waiting } = registration;
-    if (!active || !waiting) return;
-    if (isIdle()) waiting.postMessage("begin");
-    setTimeout(offer, AGAIN_MS); // another window may be open, or a walk going on
-  };
   registration.addEventListener("updatefound", () => {
-    registration.installing?.addEventListener("statechange", offer);
+    const { installing } = registration;
+    installing?.addEventListener("statechange", () => {
+      if (installing.state === "installed" && registration.active && isIdle()) installing.postMessage("begin");
+    });
   });
-  offer();
 }
