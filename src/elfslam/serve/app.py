@@ -12,6 +12,7 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
+from elfslam.line.turns import TurnsParameters
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans as floor_plan_routes
@@ -49,6 +50,7 @@ class Version(BaseModel):
 
     version: str
     chirp: dict[str, object]
+    turns: dict[str, float]
     limits: dict[str, float]
 
 
@@ -57,10 +59,11 @@ public = APIRouter(tags=["server"])
 
 @public.get("/version", operation_id="get_version")
 def version(services: Here) -> Version:
-    """The version, the chirp that phones should play, and the limits."""
+    """The version, the chirp that phones should play and how they take turns, and the limits."""
     return Version(
         version=__version__,
         chirp=played(ChirpParameters()),
+        turns=asdict(TurnsParameters()),
         limits=told_limits(services.settings.limits),
     )
 

@@ -40,6 +40,7 @@ from elfslam.studies.speed import measure_speed
 from elfslam.studies.spots import measure_spots
 from elfslam.studies.superimposition import measure_superimposition
 from elfslam.studies.trace import measure_trace
+from elfslam.studies.turns import measure_turns
 from elfslam.studies.unknown_phone import measure_unknown_phone
 
 STUDIES: Mapping[str, Study | LongStudy] = {
@@ -71,6 +72,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "spots": LongStudy(measure_spots),
     "superimposition": LongStudy(measure_superimposition),
     "trace": measure_trace,
+    "turns": LongStudy(measure_turns),
     "unknown-phone": LongStudy(measure_unknown_phone),
 }
 

@@ -104,7 +104,7 @@ def _play(
     crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now_s: float, turns: bool
 ) -> list[float]:
     """When the chirps leave the loudspeaker that are put on the clock now."""
-    sounding = []
+    sounding: list[float] = []
     walking = crowd.phones[k]
     while True:
         slot = len(phone.starts_s)

@@ -10,7 +10,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.values import Chirp, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import Circumstances, air_on, room_on
-from elfslam.world.device import Device, random_device
+from elfslam.world.device import Device, built_in_device
 from elfslam.world.paths import Reach
 from elfslam.world.phone import (
     Ends,
@@ -64,14 +64,16 @@ class Crowd:
 LATENCY_S = (0.012, 0.300)
 """From playing to hearing, constant within a run, another in each phone."""
 CLOCK_PPM = 30.0
+LEVELS_DB = 3.0
+NOISES_RMS = (5e-6, 1e-4)
 
 
 def crowd_in(
     world: World, count: int, seed: int, *, rounds: int = 1, rate_hz: int = 44_100
 ) -> Crowd:
-    """People who walk the world's route from anywhere on it, one way or the other.
+    """People who walk the world's route from anywhere on it, each at their own pace.
 
-    The first ones are the same however many follow.
+    Their phones are of one model. The first ones are the same however many follow.
     """
     phones = tuple(
         _walking(world, np.random.default_rng([seed, 9, k]), rounds) for k in range(count)
@@ -85,12 +87,24 @@ def crowd_in(
 def _walking(world: World, generator: np.random.Generator, rounds: int) -> Walking:
     walker = random_walker(generator)
     route_m = np.roll(world.route_m, int(generator.integers(len(world.route_m))), axis=0)
-    route_m = route_m[::-1] if generator.uniform() < 0.5 else route_m
     motion = walk(walker, route_m, rounds, generator)
     latency_s, share = generator.uniform(*LATENCY_S), generator.uniform(0.2, 0.8)
-    device = random_device(generator)
+    device = _of_one_model(generator)
     ppm = generator.uniform(-CLOCK_PPM, CLOCK_PPM)
     return Walking(walker, motion, device, share * latency_s, (1 - share) * latency_s, ppm)
+
+
+def _of_one_model(generator: np.random.Generator) -> Device:
+    """Phones of one model differ in level and noise."""
+    usual = built_in_device("simulated phone")
+    level = usual.level * 10 ** (generator.uniform(-LEVELS_DB, LEVELS_DB) / 20)
+    noise_rms = float(np.exp(generator.uniform(*np.log(NOISES_RMS))))
+    return replace(usual, level=level, noise_rms=noise_rms)
+
+
+def alone(crowd: Crowd, phone: int) -> Crowd:
+    """The same room with one of the phones."""
+    return replace(crowd, phones=(crowd.phones[phone],))
 
 
 def heard_by_all(crowd: Crowd, source: int, at_s: F64) -> F32:

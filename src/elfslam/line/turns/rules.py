@@ -19,7 +19,7 @@ import numpy as np
 
 from elfslam.line.turns.parameters import TurnsParameters
 
-Value = TypeVar("Value", bool, int)
+Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)

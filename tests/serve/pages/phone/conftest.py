@@ -215,6 +215,14 @@ class Phone:
         self.wait_for(lambda: part in self.text(selector), f"{selector} says {part!r}")
 
 
+def regular_chirps(route: Any) -> None:
+    """The fake microphone chirps once per period, whatever the page plays: so must the page."""
+    answer = route.fetch()
+    told = answer.json()
+    told["turns"] |= {"jitter_s": 0, "forget": 0, "listen": 0}
+    route.fulfill(response=answer, json=told)
+
+
 @pytest.fixture
 def phone(server: Server, room_sound_file: Path) -> Iterator[Phone]:
     """A phone that was just handed over; whatever its page throws fails the test."""
@@ -233,6 +241,7 @@ def phone(server: Server, room_sound_file: Path) -> Iterator[Phone]:
             reduced_motion="reduce",
         )
         page = context.new_page()
+        page.route("**/api/version", regular_chirps)
         handed = Phone(page, context.new_cdp_session(page), server.address)
         page.on("pageerror", lambda error: handed.problems.append(str(error)))
         page.on("dialog", lambda dialog: dialog.accept())

@@ -62,7 +62,8 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     course, recorded, _ = compared
     told = json.loads((recorded / "recording.json").read_text())["capture"]
-    assert told["frames"] == pytest.approx(10 * course.duration_s, abs=8)
+    listened = 25  # slots before the first chirp, and on the way of the sound
+    assert 10 * course.duration_s - listened < told["frames"] < 10 * course.duration_s + 8
     assert told["missed"] < 0.02 * told["frames"]
     assert told["steps"] == pytest.approx(course.motion.steps[-1], rel=0.1)
     turns = np.loadtxt(recorded / "gyroscope.csv", delimiter=",", skiprows=1)

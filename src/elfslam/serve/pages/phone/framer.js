@@ -8,6 +8,8 @@ import { PATIENCE, STRETCH, findLate, lateBy, scheduledArrival } from "./schedul
 import { makeStream } from "./stream.js";
 
 const FRAME_S = 0.08;
+/** Chirps in vain, before any was heard, and how late they come is not believed. */
+const DOUBTFUL = 3;
 
 /**
  * @typedef {"baseband" | "whole"} Kind what is kept: the chirp band alone, or the whole sound
@@ -34,6 +36,7 @@ export function makeFramer({ rateHz, chirp, period, kind, scale, late = null }) 
   let lateness = lateBy(late);
   let isScheduled = false;
   const schedule = [];
+  const inVain = [];
   let waiting = [];
   let last = -1;
 
@@ -81,9 +84,18 @@ export function makeFramer({ rateHz, chirp, period, kind, scale, late = null }) 
       if (stream.end() < to + chirp.length) return;
       const step = scheduledArrival(lateness, envelope(from, to), from, schedule.shift(), rateHz);
       lateness = step.lateness;
-      if (step.arrival.sample >= 0) waiting.push(step.arrival);
       hunted = to;
+      if (lateness.recent.length === 0) doubt(step.arrival.played);
+      else if (step.arrival.sample >= 0) waiting.push(step.arrival);
     }
+  };
+
+  /** What was said of the lateness may be wrong: after some chirps in vain all are searched anew. */
+  const doubt = (sample) => {
+    inVain.push(sample);
+    if (inVain.length < DOUBTFUL) return;
+    schedule.unshift(...inVain.splice(0));
+    lateness = lateBy(null);
   };
 
   const played = (sample) => {
@@ -108,7 +120,7 @@ export function makeFramer({ rateHz, chirp, period, kind, scale, late = null }) 
     if (isScheduled) findScheduled();
     else if (late === null) findMore();
     const frames = cutReady();
-    const due = isScheduled ? (schedule[0] ?? stream.end()) : (search.due ?? hunted);
+    const due = isScheduled ? (inVain[0] ?? schedule[0] ?? stream.end()) : (search.due ?? hunted);
     const oldest = Math.min(waiting[0]?.sample ?? due, due);
     stream.forget(oldest - Math.max(2 * period, rateHz));
     return { frames, missing };

@@ -1,6 +1,7 @@
 /** The phone page, from the first tap to the map. */
 
 import { Problem, ask, openSession } from "../shared/api.js";
+import { TURNS } from "../line/turns.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
 import { scaleFor } from "./baseband.js";
@@ -27,7 +28,7 @@ const WITHOUT_SERVER =
 
 const keeper = startKeeper();
 /** What the page knows; `phone` is there once sound and motion are allowed. */
-const page = { chirp: CHIRP, software: "elfslam", phone: null, walks: [], ending: null };
+const page = { chirp: CHIRP, turns: TURNS, software: "elfslam", phone: null, walks: [], ending: null };
 
 /** Runs what a tap starts; what goes wrong is said in one line. */
 function act(work) {
@@ -52,9 +53,10 @@ async function begin() {
   try {
     await openSession(window.location, window.history);
     await ask("GET", "/api/me");
-    const { version, chirp } = await ask("GET", "/api/version");
+    const { version, chirp, turns } = await ask("GET", "/api/version");
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
+    if (turns) page.turns = only(turns, Object.keys(TURNS));
   } catch (error) {
     const isAway = error.status === 0;
     showProblem(isAway ? WITHOUT_SERVER : error.message, isAway ? "doubt" : "fail");
@@ -84,7 +86,7 @@ async function allow() {
 /** Sound and motion, opened once. Must be called from a tap. */
 async function openPhone() {
   if (page.phone) return page.phone;
-  page.phone = { ...(await openDevices(keeper, page.chirp)), measured: null };
+  page.phone = { ...(await openDevices(keeper, page.chirp, page.turns)), measured: null };
   watchForInterruptions(page.phone.microphone);
   navigator.storage?.persist?.();
   return page.phone;
@@ -147,7 +149,8 @@ async function walk() {
   showView("record");
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
   const given = {
-    microphone, sound, keeper, clocks, play: playTurns, latencyS, sent, software: page.software,
+    microphone, sound, keeper, clocks, play: playTurns, turns: page.turns, latencyS, sent,
+    software: page.software,
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
     showView("name");

@@ -5,7 +5,8 @@ import { afterSlot, isPlayed, noTurns } from "../line/turns.js";
 /** So far ahead chirps are put on the clock: a page in the background wakes up once a second. */
 const AHEAD_S = 3;
 /** A page that is seen wakes up in time, and what it has heard of others counts sooner. */
-const SEEN_AHEAD_S = 0.4;
+const SEEN_AHEAD_S = 1.5;
+const AMONG_OTHERS_AHEAD_S = 0.4;
 const EVERY_MS = 100;
 /** Too late to be called back. */
 const MARGIN_S = 0.05;
@@ -67,7 +68,7 @@ export function startTurns(context, chirp, period, delayS, parameters, tell) {
 
   const schedule = () => {
     const now = context.currentTime * rateHz;
-    const until = now + (document.hidden ? AHEAD_S : SEEN_AHEAD_S) * rateHz;
+    const until = now + aheadS(turns.alone >= parameters.forget) * rateHz;
     for (;; slot += 1) {
       const start = firstFrame + slot * period + Math.round(turns.shiftS * rateHz);
       if (start >= until) return;
@@ -88,6 +89,11 @@ export function startTurns(context, chirp, period, delayS, parameters, tell) {
     turns = afterSlot(turns, at, othersS, played, chance(), parameters);
   };
   return { heard, stop };
+}
+
+function aheadS(isAlone) {
+  if (document.hidden) return AHEAD_S;
+  return isAlone ? SEEN_AHEAD_S : AMONG_OTHERS_AHEAD_S;
 }
 
 /** Uniform in [0, 1), and nobody can foresee it. */

@@ -4,7 +4,6 @@
  */
 
 import { makeChirp, periodSamples } from "./chirp.js";
-import { TURNS } from "../line/turns.js";
 import { makeFramer } from "./framer.js";
 import { makeHearing } from "./hearing.js";
 import { measure } from "./probe.js";
@@ -56,12 +55,12 @@ function answerMeasured({ due, count }) {
  * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
  * sound took from playing to hearing until now, null where nobody knows.
  */
-function startRecording({ walk, kind, scale, latencyS }) {
+function startRecording({ walk, kind, scale, turns, latencyS }) {
   const { rateHz } = sound;
   const period = periodSamples(sound.chirp, rateHz);
   const late = latencyS === null ? null : Math.round(latencyS * rateHz);
   const framer = makeFramer({ rateHz, chirp: sound.samples, period, kind, scale, late });
-  const hearing = makeHearing(rateHz, period, TURNS);
+  const hearing = makeHearing(rateHz, period, turns);
   let zero = -1;
   note = ({ slot, start, played }) => {
     if (played !== null) framer.played(played - zero);
