@@ -10,7 +10,7 @@ from functools import partial
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64, Bool
+from elfslam.base.arrays import F32, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import digest
@@ -23,7 +23,6 @@ from elfslam.base.values import (
     Features,
     Fixes,
     FloorMap,
-    FrameFacts,
     MeanSimilarity,
     Odometry,
     Recording,
@@ -55,7 +54,7 @@ from elfslam.line.phone import heard_as_map
 from elfslam.line.segments import SegmentParameters, locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker, TrackParameters
-from elfslam.line.trust import TrustParameters, judge
+from elfslam.line.trust import Suspicion, TrustParameters, nothing_suspect, suspicion
 from elfslam.line.turns import TurnsParameters, spoiled_frames
 
 
@@ -98,7 +97,6 @@ class Run:
 Announce = Callable[[str], None]
 Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
-Suspicion = Callable[[F64], Bool]
 SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
 
 
@@ -264,11 +262,10 @@ def locate(
 
     The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
     """
-    echoes, facts = hear_for_fixes(recording, parameters)
+    echoes, suspect = hear_for_fixes(recording, parameters)
     features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
     if translation is not None:
         features = heard_as_map(features, translation)
-    suspect = suspicion(echoes, facts, parameters.trust)
     if mode is Mode.ONE_SHOT:
         return trusted_one_shot(features, floor_map, parameters.locate, suspect)
     nodes = walk_nodes(recording, parameters)
@@ -277,32 +274,23 @@ def locate(
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
 
 
-def suspicion(echoes: Echoes, facts: FrameFacts | None, parameters: TrustParameters) -> Suspicion:
-    """Whether stretches between times (n) are suspect (n-1); never without facts."""
+def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
+    """The echoes of a recording, and which stretches of it are suspect.
 
-    def suspect(edges_s: F64) -> Bool:
-        if facts is None:
-            return np.zeros(len(edges_s) - 1, dtype=np.bool_)
-        return judge(facts, echoes, edges_s, parameters) > 0
-
-    return suspect
-
-
-def hear_for_fixes(
-    recording: Recording, parameters: Parameters
-) -> tuple[Echoes, FrameFacts | None]:
-    """The echoes of a recording, and what to judge them by where it says when it chirped.
-
-    Frames that are lacking or clipped are then judged one by one; else many of them are refused.
+    Where it says when it chirped, frames that are lacking, clipped or spoiled are judged one by
+    one; else many of them are refused, and nothing is suspect.
     """
-    if recording.audio is None or recording.played_t_s is None:
-        return hear(recording, parameters), None
+    if recording.played_t_s is None:
+        return hear(recording, parameters), nothing_suspect
     lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
-    chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    frames = find_frames(recording.audio, chirp, lenient, recording.played_t_s)
-    duration_s = _duration_s(recording)
-    echoes = echoes_of(frames, lenient, duration_s, _spoiled(frames, parameters.turns))
-    return echoes, frame_facts(frames, lenient, duration_s)
+    frames = _frames(recording, replace(parameters, echo=lenient))
+    duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
+    every = echoes_of(frames, lenient, duration_s)
+    suspect = suspicion(frame_facts(frames, lenient, duration_s), every, parameters.trust)
+    if spoiled is None or len(spoiled) < 2:
+        return every, suspect
+    ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they tell how long it lasted
+    return echoes_of(frames, lenient, duration_s, spoiled & ~ends), suspect
 
 
 def heard_in(
@@ -364,22 +352,24 @@ def hear(recording: Recording, parameters: Parameters) -> Echoes:
 
     Where it says when its chirps were played, frames that other phones chirped into are left out.
     """
+    frames = _frames(recording, parameters)
+    return echoes_of(frames, parameters.echo, _duration_s(recording), _spoiled(frames, parameters))
+
+
+def _frames(recording: Recording, parameters: Parameters) -> Frames:
     if recording.audio is None:
         raise InputError(
             f"{recording.name}: it has no sound; "
             "map it with --by magnetic, or record while chirping"
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    frames = find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
-    spoiled = _spoiled(frames, parameters.turns)
-    return echoes_of(frames, parameters.echo, _duration_s(recording), spoiled)
+    return find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
 
 
-def _spoiled(frames: Frames, parameters: TurnsParameters) -> Bool | None:
-    """Which frames other phones chirped into; nobody knows where chirps came once per period."""
+def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
     if not frames.scheduled:
         return None
-    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters)
+    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.turns)
 
 
 def _duration_s(recording: Recording) -> float | None:

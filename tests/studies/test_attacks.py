@@ -59,6 +59,13 @@ def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: Victim) -> 
     assert envelope[due - 4 : due + 5].max() > 0.5 * envelope[due - 1000 : due + 1000].max()
 
 
+def test_the_own_chirp_is_muffled_from_the_onset_on(victim: Victim) -> None:
+    plain = recorded(victim.walked).samples[0]
+    muffled = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
+    npt.assert_allclose(muffled[: victim.onset], plain[: victim.onset], atol=1e-6)
+    assert np.abs(muffled[victim.onset :]).max() < 0.05 * np.abs(plain).max()
+
+
 def test_levels_are_in_decibels(victim: Victim) -> None:
     quiet, loud = (np.std(noise(victim, level_db)) for level_db in (0.0, 20.0))
     assert loud == pytest.approx(10 * quiet, rel=1e-4)

@@ -7,6 +7,7 @@ of time is SUSPECT where too many of the frames up to its end are odd in one and
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.parameters import parameter
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 
+Suspicion = Callable[[F64], Bool]
+"""Times (n) in, whether each stretch between them (n-1) is suspect out."""
 PARTS = 4
 """Into so many parts of equal length an echo trace falls (13.3 ms each)."""
 SHARPENED = (2 * np.sin(np.pi * 17_500 / 44_100)) ** 4
@@ -84,6 +87,16 @@ def judge(facts: FrameFacts, echoes: Echoes, edges_s: F64, parameters: TrustPara
     for end_s in edges_s[1:]:
         reasons.append(_reason(odd, t_s, end_s, parameters, was_suspect=reasons[-1] > 0))
     return np.array(reasons[1:], dtype=np.int64)
+
+
+def suspicion(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Suspicion:
+    """Whether stretches between times (n) are suspect (n-1), by what was heard."""
+    return lambda edges_s: judge(facts, echoes, edges_s, parameters) > 0
+
+
+def nothing_suspect(edges_s: F64) -> Bool:
+    """No stretch (n-1) is."""
+    return np.zeros(len(edges_s) - 1, dtype=np.bool_)
 
 
 def odd_frames(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Bool:

@@ -38,8 +38,8 @@ def shares_figure(
 def _tiles(tiles: np.ndarray, rows: Sequence[str], across: Sequence[str], color: str) -> go.Heatmap:
     """Shares from none (clear) to all (full colour), with the number in per cent."""
     return go.Heatmap(
-        z=tiles, opacity=0.6, x=list(across), y=list(rows), zmin=0, zmax=1, showscale=False, xgap=2, ygap=2,
-        colorscale=[[0.0, "rgba(127,127,127,0.06)"], [1.0, color]],
+        z=tiles, x=list(across), y=list(rows), zmin=0, zmax=1, showscale=False, xgap=2, ygap=2,
+        opacity=0.6, colorscale=[[0.0, "rgba(127,127,127,0.06)"], [1.0, color]],
         texttemplate="%{z:.0%}", textfont={"size": 10},
         hovertemplate="%{y}, %{x}: %{z:.0%}<extra></extra>",
     )  # fmt: skip

@@ -106,10 +106,16 @@ def laid(sounds: F32, starts: I64, total: int) -> F32:
     return stream
 
 
-def recorded(walked: Walked, added: F32 | None = None, *, own_gain: float = 1.0) -> Audio:
-    """What the phone records of its own sound, of what was `added` (n), and of the room's noise."""
+def recorded(
+    walked: Walked, added: F32 | None = None, *, own_gain: float = 1.0, since: int = 0
+) -> Audio:
+    """What the phone records of its own sound, of what was `added` (n), and of the room's noise.
+
+    Its own sound is heard `own_gain` times as loud from sample `since` on.
+    """
     generator = np.random.default_rng([walked.seed, 9])
-    stream = own_gain * walked.own + rumble(len(walked.own), RATE_HZ, generator)
+    gain = np.where(np.arange(len(walked.own)) < since, 1.0, own_gain)
+    stream = gain * walked.own + rumble(len(walked.own), RATE_HZ, generator)
     if added is not None:
         stream = stream + added
     for k, (name, sound_of) in enumerate(SOUNDS.items()):

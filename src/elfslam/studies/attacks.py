@@ -19,8 +19,9 @@ from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.line.feature import encoder_for, extract_features
 from elfslam.line.locate import trusted_one_shot
+from elfslam.line.trust import nothing_suspect
 from elfslam.senses import Settings
-from elfslam.slam import footstep_likeness, hear_for_fixes, locate_walk, suspicion, walk_nodes
+from elfslam.slam import footstep_likeness, hear_for_fixes, locate_walk, walk_nodes
 from elfslam.studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from elfslam.studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
 from elfslam.studies.attacks_table import attacks_page, attacks_rows
@@ -104,7 +105,8 @@ def measured(task: Task) -> Numbers:
     own_gain = OWN_GAIN.get(task.what, 1.0)
     numbers: Numbers = {}
     for level_db in task.levels_db:
-        audio = recorded(victim.walked, sound_of(victim, level_db), own_gain=own_gain)
+        sound = sound_of(victim, level_db)
+        audio = recorded(victim.walked, sound, own_gain=own_gain, since=victim.onset)
         for mode, found in _came_of_it(victim, audio, mapped).items():
             key = f"{task.what}|{level_db:g}|{mode}"
             numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
@@ -169,14 +171,13 @@ def _located(
     recording = Recording(
         name="walk", device=walk.device.name, audio=audio, imu=walk.imu, played_t_s=walk.played_t_s
     )
-    echoes, facts = hear_for_fixes(recording, known)
+    echoes, suspicious = hear_for_fixes(recording, known)
     features = extract_features(echoes, encoder_for(floor_map, shipped(), echoes))
     nodes = walk_nodes(recording, known)
     scores = footstep_likeness(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))
     found = []
-    for settings, used in ((known, facts), (credulous, None)):
-        suspect = suspicion(echoes, used, settings.trust)
+    for settings, suspect in ((known, suspicious), (credulous, nothing_suspect)):
         doubt = suspect(nodes.t_s)
         one_shot = trusted_one_shot(features, floor_map, settings.locate, suspect)
         track = locate_walk(nodes, scores, floor_map, settings, mode=Mode.TRACK, suspect=doubt)
