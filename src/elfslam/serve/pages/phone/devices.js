@@ -3,7 +3,6 @@
 import { makeChirp, periodSamples } from "./chirp.js";
 import { openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion_sensor.js";
-import { TURNS } from "../line/turns.js";
 import { startChirps, startTurns } from "./player.js";
 import { startSound } from "./sound.js";
 import { watchClocks } from "./walking.js";
@@ -21,9 +20,10 @@ import { watchClocks } from "./walking.js";
 /**
  * Must be called from a tap. Raises Problem.
  * @param {import("./keeper.js").Keeper} keeper @param {import("./chirp.js").Chirp} chirp
+ * @param {import("../line/turns.js").TurnsParameters} turns as the server takes them
  * @returns {Promise<Devices>}
  */
-export async function openDevices(keeper, chirp) {
+export async function openDevices(keeper, chirp, turns) {
   const motion = allowMotion();
   const microphone = await openMicrophone();
   const isMotionAllowed = await motion;
@@ -32,7 +32,7 @@ export async function openDevices(keeper, chirp) {
   const samples = makeChirp(chirp, rateHz);
   const period = periodSamples(chirp, rateHz);
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
-  const playTurns = (delayS, tell, parameters = TURNS) =>
+  const playTurns = (delayS, tell, parameters = turns) =>
     startTurns(microphone.context, samples, period, delayS, parameters, tell);
   return { microphone, sound, play, playTurns, clocks: watchClocks(microphone.context), isMotionAllowed };
 }

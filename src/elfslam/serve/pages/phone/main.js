@@ -85,7 +85,7 @@ async function allow() {
 /** Sound and motion, opened once. Must be called from a tap. */
 async function openPhone() {
   if (page.phone) return page.phone;
-  page.phone = { ...(await openDevices(keeper, page.chirp)), measured: null };
+  page.phone = { ...(await openDevices(keeper, page.chirp, page.turns)), measured: null };
   watchForInterruptions(page.phone.microphone);
   navigator.storage?.persist?.();
   return page.phone;
