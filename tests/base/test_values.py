@@ -47,6 +47,9 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "FloorMap": lambda: values.FloorMap(
         np.zeros((3, 2)), T_S, [0, 0, 0], [0, 1, 2], np.zeros((3, 2, 2)), (), "digest", ("walk",)
     ),
+    "FrameFacts": lambda: values.FrameFacts(
+        np.arange(3.0), np.zeros(3), *(np.ones(3) for _ in range(5))
+    ),
     "Fixes": lambda: values.Fixes(
         T_S,
         np.full((3, 2), np.nan),
@@ -59,6 +62,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
 NAN_ALLOWED = {
     "WifiScans.rssi_dbm",
     "WifiScans.age_s",
+    "FrameFacts.late_s",
     "Truth.world_from_body",
     "Fixes.xy_m",
     "Fixes.heading_rad",

@@ -38,7 +38,29 @@ def test_one_listens_first_and_alone_has_every_slot() -> None:
     assert not any(
         is_played(lone(PARAMETERS.listen - 1), slot, 0.99, PARAMETERS) for slot in range(8)
     )
-    assert all(is_played(lone(PARAMETERS.listen), slot, 0.0, PARAMETERS) for slot in range(99))
+    assert all(is_played(lone(PARAMETERS.listen), slot, 0.5, PARAMETERS) for slot in range(99))
+
+
+def test_who_is_alone_keeps_silent_now_and_then_to_hear_a_newcomer() -> None:
+    silent = [not is_played(lone(50), 50, draw, PARAMETERS) for draw in np.linspace(0, 0.999, 1000)]
+    assert np.mean(silent) == pytest.approx(PARAMETERS.check_alone, abs=0.002)
+
+
+def test_a_newcomer_who_was_not_heard_coming_is_heard_in_the_end() -> None:
+    """Both believe that they are alone, and hear only in the slots that they keep silent in."""
+    generator = np.random.default_rng(3)
+    turns, played = [lone(PARAMETERS.forget)] * 2, np.zeros((2000, 2), dtype=bool)
+    for slot in range(len(played)):
+        for k in range(2):
+            played[slot, k] = is_played(turns[k], slot, generator.uniform(), PARAMETERS)
+        for k in range(2):
+            heard = [0.0] * int(played[slot, 1 - k] and not played[slot, k])
+            turns[k] = after_slot(
+                turns[k], slot, heard, generator.uniform(), PARAMETERS, played=bool(played[slot, k])
+            )
+    late = played[500:]
+    assert late.all(axis=1).mean() < 0.1
+    assert late.mean(axis=0).min() > 0.25
 
 
 def test_a_disputed_slot_is_given_up_sooner_by_who_has_more() -> None:

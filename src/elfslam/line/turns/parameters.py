@@ -33,6 +33,10 @@ class TurnsParameters:
     check_least: float = parameter(
         0.08, "", "the same for one in which nobody was heard time and again", low=0.0, high=1.0
     )
+    check_alone: float = parameter(
+        0.05, "", "the same for who heard nobody for long: that is how a newcomer is noticed",
+        low=0.0, high=1.0,
+    )  # fmt: skip
     free_after: int = parameter(
         2, "", "rounds without another phone after which a slot is free", low=1, high=20
     )

@@ -2,8 +2,8 @@
 
 Listening right before a chirp tells little, as a phone hears 12 to 500 ms late. But turns repeat
 from round to round, so what was heard in a slot some rounds ago tells who will chirp in it. A phone
-alone has all slots. Once others were heard it keeps silent in a slot of its own now and then and
-listens: two that chirp at once mostly hear themselves first. Where two are heard in one slot each
+alone has all slots. It keeps silent in one now and then and listens, more often once others were
+heard: two that chirp at once mostly hear themselves first. Where two are heard in one slot each
 may give it up, sooner who has more of them; where nobody is heard for some rounds each may take it,
 sooner who has fewer. That is reservation ALOHA (Crowther et al., 1973) with chances that even out
 the shares. Slots have no common clock: each phone moves its own towards the others' it hears.
@@ -49,7 +49,7 @@ def no_turns(parameters: TurnsParameters) -> Turns:
 def is_played(turns: Turns, slot: int, draw: float, parameters: TurnsParameters) -> bool:
     """Whether to chirp in a slot, counted from the beginning; `draw` is uniform in [0, 1)."""
     if turns.alone >= parameters.forget:
-        return True
+        return draw >= parameters.check_alone
     k = slot % parameters.slots
     silent = max(parameters.check / (1 + turns.sure[k]), parameters.check_least)
     return turns.mine[k] and draw >= silent
