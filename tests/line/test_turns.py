@@ -30,7 +30,7 @@ CHIRP = make_chirp(ChirpParameters(), RATE_HZ)
 def lone(slots: int) -> Turns:
     turns = no_turns(PARAMETERS)
     for slot in range(slots):
-        turns = after_slot(turns, slot, (), True, 0.5, PARAMETERS)
+        turns = after_slot(turns, slot, (), 0.5, PARAMETERS, played=True)
     return turns
 
 
@@ -47,7 +47,9 @@ def test_a_disputed_slot_is_given_up_sooner_by_who_has_more() -> None:
     for own in (1, 4, 8):
         mine = tuple(k < own for k in range(8))
         turns = Turns(mine, (3,) * 8, (0,) * 8, 5)
-        kept = [after_slot(turns, 0, [0.01], True, draw, PARAMETERS).mine[0] for draw in draws]
+        kept = [
+            after_slot(turns, 0, [0.01], draw, PARAMETERS, played=True).mine[0] for draw in draws
+        ]
         shares.append(1 - np.mean(kept))
     np.testing.assert_allclose(shares, [1 / 1.5, 4 / 4.5, 8 / 8.5], atol=0.002)
 
@@ -57,10 +59,10 @@ def test_a_free_slot_is_taken_sooner_by_who_has_fewer() -> None:
     for own in (0, 3):
         mine = tuple(0 < k <= own for k in range(8))
         turns = Turns(mine, (1,) * 8, (0,) * 8, 5)
-        taken = [after_slot(turns, 0, (), False, draw, PARAMETERS).mine[0] for draw in draws]
+        taken = [after_slot(turns, 0, (), draw, PARAMETERS, played=False).mine[0] for draw in draws]
         assert np.mean(taken) == pytest.approx(PARAMETERS.claim / (1 + own), abs=0.002)
         too_early = replace(turns, quiet=(0,) * 8)
-        assert not after_slot(too_early, 0, (), False, 0.06, PARAMETERS).mine[0]
+        assert not after_slot(too_early, 0, (), 0.06, PARAMETERS, played=False).mine[0]
 
 
 def test_a_new_slot_is_checked_often_and_a_sure_one_seldom() -> None:
@@ -70,15 +72,15 @@ def test_a_new_slot_is_checked_often_and_a_sure_one_seldom() -> None:
         1 - np.mean([is_played(turns, slot, draw, PARAMETERS) for draw in draws]) for slot in (0, 1)
     ]
     np.testing.assert_allclose(silent, [PARAMETERS.check, PARAMETERS.check_least], atol=0.002)
-    heard = after_slot(turns, 0, (), False, 0.9, PARAMETERS)
+    heard = after_slot(turns, 0, (), 0.9, PARAMETERS, played=False)
     assert heard.sure[0] == 1
-    assert after_slot(heard, 8, [0.0], False, 0.99, PARAMETERS).sure[0] == 0
+    assert after_slot(heard, 8, [0.0], 0.99, PARAMETERS, played=False).sure[0] == 0
 
 
 def test_slots_move_towards_those_of_others() -> None:
     turns = lone(20)
     for slot in range(20, 60):
-        turns = after_slot(turns, slot, [0.02 - turns.shift_s], False, 0.5, PARAMETERS)
+        turns = after_slot(turns, slot, [0.02 - turns.shift_s], 0.5, PARAMETERS, played=False)
     assert turns.shift_s == pytest.approx(0.02, abs=0.003)
 
 
@@ -97,7 +99,7 @@ def rounds_of(phones: int, seed: int, slots: int = 1500) -> np.ndarray:
             others = int(played[heard].sum()) - own
             audible = others if not own else int(generator.uniform() < 0.06) * others
             turns[k] = after_slot(
-                turns[k], heard, [0.0] * audible, own, generator.uniform(), PARAMETERS
+                turns[k], heard, [0.0] * audible, generator.uniform(), PARAMETERS, played=own
             )
     return played
 

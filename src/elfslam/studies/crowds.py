@@ -71,7 +71,7 @@ def overhear(
     queue: list[tuple[int, float]] = []
     for now_s in steps:
         for k, phone in enumerate(phones):
-            queue += [(k, at_s) for at_s in _play(crowd, phone, k, parameters, now_s, turns)]
+            queue += [(k, at_s) for at_s in _play(crowd, phone, k, parameters, now_s, turns=turns)]
         if turns or now_s == steps[-1]:
             _sound(crowd, phones, queue)
             queue = []
@@ -101,7 +101,7 @@ def _begin(crowd: Crowd, k: int, parameters: TurnsParameters, seed: int, seconds
 
 
 def _play(
-    crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now_s: float, turns: bool
+    crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now_s: float, *, turns: bool
 ) -> list[float]:
     """When the chirps leave the loudspeaker that are put on the clock now."""
     sounding: list[float] = []
@@ -156,7 +156,9 @@ def _listen(crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now
         middle = there.start + _sample(parameters.jitter_s / 2)
         others_s = [(each - middle) / ECHO_RATE_HZ for each in found]
         draw = phone.generator.uniform()
-        phone.turns = after_slot(phone.turns, slot, others_s, due is not None, draw, parameters)
+        phone.turns = after_slot(
+            phone.turns, slot, others_s, draw, parameters, played=due is not None
+        )
         phone.heard += 1
 
 

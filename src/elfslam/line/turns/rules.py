@@ -59,9 +59,10 @@ def after_slot(
     turns: Turns,
     slot: int,
     others_s: Sequence[float],
-    played: bool,
     draw: float,
     parameters: TurnsParameters,
+    *,
+    played: bool,
 ) -> Turns:
     """What is known once a slot has been heard.
 

@@ -39,7 +39,7 @@ def turns_vectors(parameters: TurnsParameters, seed: int) -> dict[str, Any]:
         busy = (slot > 30 and slot % 8 in (1, 4)) or generator.uniform() < 0.02
         others = generator.uniform(-0.03, 0.05, int(busy) * generator.integers(1, 3)).tolist()
         played = is_played(turns, slot, draw[0], parameters)
-        turns = after_slot(turns, slot, others, played, draw[1], parameters)
+        turns = after_slot(turns, slot, others, draw[1], parameters, played=played)
         slots.append(
             {"draw": draw, "others": others, "wanted": {**asdict(turns), "played": played}}
         )
