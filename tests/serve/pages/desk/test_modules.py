@@ -26,9 +26,7 @@ def test_modules_can_be_parsed() -> None:
 
 
 @pytest.mark.skipif(NODE is None, reason="node is missing: install nodejs")
-@pytest.mark.parametrize(
-    "file", sorted(HERE.parent.glob("*.test.mjs")), ids=lambda file: file.stem
-)
+@pytest.mark.parametrize("file", sorted(HERE.parent.glob("*.test.mjs")), ids=lambda file: file.stem)
 def test_what_needs_no_page_is_tested_in_node(file: Path) -> None:
     ran = subprocess.run(
         [str(NODE), "--test", str(file)], capture_output=True, text=True, check=False
