@@ -107,9 +107,7 @@ def fill(client: httpx.Client) -> str:
     return str(floor)
 
 
-def upload(
-    client: httpx.Client, name: str, seed: int, rounds: int, world: str = WORLD
-) -> Truth:
+def upload(client: httpx.Client, name: str, seed: int, rounds: int, world: str = WORLD) -> Truth:
     """Simulate a walk and send it as a .zip; gives its truth, which is not sent."""
     recording, truth = simulate(load_world(world), seed, rounds=rounds)
     with tempfile.TemporaryDirectory() as scratch:

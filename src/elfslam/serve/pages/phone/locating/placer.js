@@ -1,7 +1,7 @@
 /** Where the phone is, as sound and motion come in. Only the encoder takes its time; nothing else waits. */
 
-/** Echoes are cut by so long after the sound of their direct arrival. */
-const SETTLED_S = 0.25;
+/** So long a fix waits for echoes: a cutter that has to find the chirps anew gives them late. */
+const PATIENCE_S = 1.5;
 /** Traces that go through the encoder together, where several wait. */
 const MOST_AT_ONCE = 32;
 const TRACE = 2352;
@@ -23,6 +23,7 @@ export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, 
   /** @type {import("../../line/echo.js").Echo[]} */
   let waiting = [];
   let heardS = 0;
+  let echoedS = -Infinity;
   let working = Promise.resolve();
   let isWorking = false;
 
@@ -33,13 +34,14 @@ export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, 
     echoes.forEach((echo, k) => samples.set(echo.samples, k * TRACE));
     const vectors = await listener.embed(samples, echoes.length);
     memory.add(echoes.map(({ tS }) => tS), vectors);
+    echoedS = echoes[echoes.length - 1].tS;
   };
 
   const work = async () => {
     do {
-      const untilS = heardS - SETTLED_S;
+      const longAgoS = heardS - PATIENCE_S;
       while (waiting.length > 0) await embedSome();
-      deciding.decide(untilS).forEach(onFix);
+      deciding.decide(Math.max(longAgoS, echoedS)).forEach(onFix);
     } while (waiting.length > 0);
   };
 
