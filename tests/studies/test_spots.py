@@ -36,7 +36,7 @@ def silent(what: str, share: float | None) -> None:
 
 
 def run(kept: Path) -> Finding:
-    return measure_spots(None, silent, kept, points=FEW, recipe=HARDLY, stable_spots=3, workers=1)
+    return measure_spots(None, silent, kept, points=FEW, recipe=HARDLY, stable_spots=3)
 
 
 @pytest.fixture(scope="module")

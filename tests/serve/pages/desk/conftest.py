@@ -200,9 +200,9 @@ def person(invite: Callable[[str], Person]) -> Person:
     return invite("Ada")
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Any]:
-    """Chromium without a window."""
+    """Chromium without a window; closed with the file, as others open their own."""
     if CHROMIUM is None:
         pytest.skip("chromium is missing: install Debian's chromium")
     with sync_api.sync_playwright() as playwright:

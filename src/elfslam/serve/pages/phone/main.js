@@ -103,6 +103,7 @@ async function probe() {
     accelerations.push(acceleration);
   });
   const measured = await probeSound(sound, play, page.chirp.period_s);
+  page.phone.measured = measured;
   stop();
   const motion = describeMotion(times, accelerations);
   const checks = judge(describeEars(microphone), measured, motion, await freeBytes());
