@@ -409,6 +409,7 @@ def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_fo
     page = open_desk(person, "#/maps")
     for map_id in itertools.islice(itertools.cycle((first, second)), 5):
         page.evaluate("id => { location.hash = `#/maps/${id}`; }", map_id)
+    page.wait_for_load_state("networkidle")
     page.get_by_role("heading", name="first").wait_for()
     page.wait_for_timeout(500)
     assert page.locator(".stage").count() == 1
