@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from pathlib import Path
 
@@ -119,6 +120,7 @@ def test_finished_repeats_are_not_measured_again(
 ) -> None:
     assert len(json.loads(kept.read_text())) == 3
 
+    @functools.wraps(spots.measure_repeat)
     def refuse(repeat: Repeat) -> Numbers:
         raise AssertionError(f"measured again: {repeat}")
 
