@@ -20,10 +20,7 @@ ATTEMPTS = 3
 BROKEN, LOST = "breaks tell", "shorter than the motion"
 """What the server says of sound that broke off too often, and of sound that did not come at all."""
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.xfail(reason="not steady yet with chirps by turns; see docs/log.md", strict=False),
-]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +59,7 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
     pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times: {said}")
 
 
+@pytest.mark.xfail(reason="chirps are missed after jumps; see docs/log.md", strict=False)
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     course, recorded, _ = compared
     told = json.loads((recorded / "recording.json").read_text())["capture"]
