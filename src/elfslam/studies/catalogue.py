@@ -23,6 +23,7 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.fleet import measure_fleet
 from elfslam.studies.floor_plan import measure_floor_plan
 from elfslam.studies.localization import measure_localization
 from elfslam.studies.localization_cost import measure_localization_cost
@@ -58,6 +59,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "fleet": measure_fleet,
     "floor-plan": LongStudy(measure_floor_plan),
     "localization": LongStudy(measure_localization),
     "localization-cost": measure_localization_cost,
