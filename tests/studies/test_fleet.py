@@ -55,5 +55,5 @@ def test_nobody_is_refused():
 
 def test_a_disk_fills_in_as_many_days_as_its_bytes_last():
     a_day = stores_of(CALM, COSTS)["runs"][1]
-    assert rows(times=(1,), disk_bytes=7 * a_day)["runs"]["full at"].endswith("in 7 days")
+    assert rows(times=(1,), disk_bytes=7 * a_day)["runs"]["full"] == "7 days"
     assert np.isfinite(a_day)

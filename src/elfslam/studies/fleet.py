@@ -170,19 +170,19 @@ def _row(station: Station, waits: Mapping[int, F64]) -> Row:
         "simulated": _shown_s(_busiest_s(station, rate_hz)),
         "99 %": _shown_s(_late_s(waits[min(waits)])),
         "breaks at": f"{min(late)} times" if late else f"beyond {max(waits)} times",
-        "full at": f"{1 / busy:.1f} times",
+        "full": f"{1 / busy:.1f} times",
     }
 
 
 def _store_row(name: str, stays: float, comes: float, disk_bytes: float) -> Row:
     days = disk_bytes / comes if comes else math.inf
-    full = f"{disk_bytes / GB:,.0f} GB in {days:,.0f} days" if comes else ""
+    full = f"{days:,.0f} days" if comes else ""
     return {
         "what": name,
         "a day": f"{comes / GB:.1f} GB" if comes else f"{stays / GB:.2f} GB in all",
         **dict.fromkeys(("work a day", "busiest hour", "wait, formula", "simulated", "99 %"), ""),
         "breaks at": "",
-        "full at": full,
+        "full": full,
     }
 
 
