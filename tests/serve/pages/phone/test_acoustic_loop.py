@@ -59,7 +59,6 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
     pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times: {said}")
 
 
-@pytest.mark.xfail(reason="chirps are missed after jumps; see docs/log.md", strict=False)
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     course, recorded, _ = compared
     told = json.loads((recorded / "recording.json").read_text())["capture"]

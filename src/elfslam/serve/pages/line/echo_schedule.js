@@ -31,7 +31,7 @@ const REMEMBERED = 100;
  * @typedef {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void,
  *   late: (sample: number) => number | null | undefined, lateNow: () => number | null}} ScheduleSearch
  *   played: tells of the next chirp, before it is heard; late: how many samples late what is played at a
- *   sample is heard, undefined where that is not settled yet and null where nobody will know; lateNow: as
+ *   sample is heard, undefined where that is not settled yet and null where its chirp was not; lateNow: as
  *   far as is known by now, null before the first chirp
  * @typedef {import("./echo_arrivals.js").Arrival & {played: number}} Scheduled
  */
@@ -146,7 +146,7 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
   };
 
   const missed = (envelope, start, due) => {
-    remember(start, due - start);
+    remember(start, null);
     return { ...missedAt(envelope, due, slack), played: start };
   };
 
