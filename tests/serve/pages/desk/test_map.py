@@ -423,7 +423,11 @@ def test_a_view_that_comes_too_late_is_not_shown(
     first, second = (person.plant_map(name, run_folder) for name in ("first", "second"))
     page = open_desk(person, "#/maps")
     held: list[Any] = []
-    page.route(f"**/api/maps/{second}/view", lambda route: held.append(route))
+
+    def hold(route: Any) -> None:
+        held.append(route)
+
+    page.route(f"**/api/maps/{second}/view", hold)
     with page.expect_request(f"**/api/maps/{second}/view"):
         page.evaluate("id => { location.hash = `#/maps/${id}`; }", second)
     heading, address = {"maps": ("Maps", "#/maps"), "first": ("first", f"#/maps/{first}")}[
