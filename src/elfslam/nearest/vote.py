@@ -1,0 +1,13 @@
+"""x"""
+
+
+class Candidate: ...
+
+
+class Naming: ...
+
+
+class VoteParameters: ...
+
+
+def which_map(): ...
