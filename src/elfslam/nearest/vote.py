@@ -4,21 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
-
-
-class NamingStatus(StrEnum):
-    """How a vote ended: one map stands out, several do, or none does."""
-
-    OK = "OK"
-    AMBIGUOUS = "AMBIGUOUS"
-    UNKNOWN_PLACE = "UNKNOWN_PLACE"
+from elfslam.base.values import FixStatus
 
 
 @dataclass(frozen=True)
@@ -45,7 +37,7 @@ class Candidate:
 class Naming:
     """What a vote gave: candidates, best first; where AMBIGUOUS, those up to the lead are it."""
 
-    status: NamingStatus
+    status: FixStatus
     candidates: tuple[Candidate, ...]
 
 
@@ -75,7 +67,7 @@ def which_map(
         for j in order[: parameters.candidates]
         if score[j] > 0
     )
-    return Naming(_status(found, parameters), found)
+    return Naming(_status(found, parameters) if len(ids) else FixStatus.NO_ECHO, found)
 
 
 def _excess(ids: I64, similarity: F32, map_of: Callable[[I64], I64]) -> tuple[I64, F64]:
@@ -89,9 +81,9 @@ def _excess(ids: I64, similarity: F32, map_of: Callable[[I64], I64]) -> tuple[I6
     return numbers.astype(np.int64), excess
 
 
-def _status(found: tuple[Candidate, ...], parameters: VoteParameters) -> NamingStatus:
+def _status(found: tuple[Candidate, ...], parameters: VoteParameters) -> FixStatus:
     if not found or found[0].score < parameters.least:
-        return NamingStatus.UNKNOWN_PLACE
+        return FixStatus.UNKNOWN_PLACE
     if len(found) > 1 and found[0].score - found[1].score < parameters.lead:
-        return NamingStatus.AMBIGUOUS
-    return NamingStatus.OK
+        return FixStatus.AMBIGUOUS
+    return FixStatus.OK

@@ -115,7 +115,7 @@ def walk_in(generator: np.random.Generator, room: Room, count: int) -> Walk:
     """Straight legs from one random place to the next, wherever nothing stands in the way."""
     legs: list[F64] = []
     at = free_place(generator, room)
-    while sum(map(len, legs)) < count:
+    while not legs or sum(map(len, legs)) < count:
         leg = _free_leg(generator, room, at)
         if len(leg) * STEP_M < SHORTEST_LEG_M:
             at = free_place(generator, room)
