@@ -32,6 +32,9 @@ from elfslam.studies.mall_fifths import measure_mall_fifths
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.merging import measure_merging
+from elfslam.studies.nearest_maps import measure_nearest_map
+from elfslam.studies.nearest_spots import measure_nearest
+from elfslam.studies.nearest_times import measure_nearest_times
 from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
@@ -68,6 +71,9 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
+    "nearest": LongStudy(measure_nearest),
+    "nearest-map": LongStudy(measure_nearest_map),
+    "nearest-times": LongStudy(measure_nearest_times),
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
