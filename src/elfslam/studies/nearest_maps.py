@@ -67,14 +67,17 @@ def measure_nearest_map(
     for maps in extent.maps:
         announce(f"{maps} maps", extent.maps.index(maps) / len(extent.maps))
         exact = exact_answers(folder, shards, extent.count(maps), lookups)
-        ends = extent.spots * np.arange(1, maps + 1)
-        rows += _rows(EXACT, maps, exact, lookups, partial(np.searchsorted, ends, side="right"))
+        rows += _rows(EXACT, maps, exact, lookups, partial(_floor_divided, extent.spots))
         for way, kind in BY.items():
             if kind in extent.kinds:
                 index = opened(index_of(folder, shards, maps, extent, kind), way)
                 found = {who: index.search(footsteps(lookups[who]), NEIGHBOURS) for who in VISITORS}
                 rows += _rows(way, maps, found, lookups, index.map_of)
     return Finding(rows, _page(rows))
+
+
+def _floor_divided(spots: int, ids: I64) -> I64:
+    return ids // spots
 
 
 def _rows(
