@@ -108,7 +108,7 @@ def votes(
     ]
     right = np.array([_first(each) for each in named]) == true[walk]
     house = np.array([_first(each) for each in built]) == true[walk] // FLOORS
-    ends = Counter(_ending(each, bool(ok)) for each, ok in zip(named, right, strict=True))
+    ends = Counter(_ending(each, int(true[k])) for each, k in zip(named, walk, strict=True))
     low, high = interval(list(right.astype(float).reshape(len(true), -1)), _mean, _seed())
     return {
         "votes": len(groups),
@@ -132,9 +132,9 @@ def _first(naming: Naming) -> int:
     return naming.candidates[0].number if naming.candidates else -1
 
 
-def _ending(naming: Naming, right: bool) -> str:
+def _ending(naming: Naming, true: int) -> str:
     if naming.status is FixStatus.OK:
-        return "right" if right else "wrong"
+        return "right" if _first(naming) == true else "wrong"
     return "ambiguous" if naming.status is FixStatus.AMBIGUOUS else "unknown"
 
 
