@@ -153,13 +153,16 @@ def make_lookups(maps: list[int], purpose: int, *, other_phone: bool, spots: int
     Another holder, air and people each time; the phone is that of the map, or another.
     """
     encoder = OneThread()
-    made = [_lookup(number, purpose, other_phone, spots, encoder) for number in maps]
+    made = [
+        _lookup(number, purpose, other_phone=other_phone, spots=spots, encoder=encoder)
+        for number in maps
+    ]
     vectors, places = (np.stack(column) for column in zip(*made, strict=True))
     return Lookups(vectors, np.array(maps), places)
 
 
 def _lookup(
-    number: int, purpose: int, other_phone: bool, spots: int, encoder: Encoder
+    number: int, purpose: int, *, other_phone: bool, spots: int, encoder: Encoder
 ) -> tuple[F32, F32]:
     again, generator = _generator(number, 0), _generator(number, purpose)
     rooms = floor_rooms(*divmod(number, FLOORS))

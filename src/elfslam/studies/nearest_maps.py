@@ -67,14 +67,17 @@ def measure_nearest_map(
     for maps in extent.maps:
         announce(f"{maps} maps", extent.maps.index(maps) / len(extent.maps))
         exact = exact_answers(folder, shards, extent.count(maps), lookups)
-        ends = extent.spots * np.arange(1, maps + 1)
-        rows += _rows(EXACT, maps, exact, lookups, partial(np.searchsorted, ends, side="right"))
+        rows += _rows(EXACT, maps, exact, lookups, partial(_floor_divided, extent.spots))
         for way, kind in BY.items():
             if kind in extent.kinds:
                 index = opened(index_of(folder, shards, maps, extent, kind), way)
                 found = {who: index.search(footsteps(lookups[who]), NEIGHBOURS) for who in VISITORS}
                 rows += _rows(way, maps, found, lookups, index.map_of)
     return Finding(rows, _page(rows))
+
+
+def _floor_divided(spots: int, ids: I64) -> I64:
+    return ids // spots
 
 
 def _rows(
@@ -105,7 +108,7 @@ def votes(
     ]
     right = np.array([_first(each) for each in named]) == true[walk]
     house = np.array([_first(each) for each in built]) == true[walk] // FLOORS
-    ends = Counter(_ending(each, bool(ok)) for each, ok in zip(named, right, strict=True))
+    ends = Counter(_ending(each, int(true[k])) for each, k in zip(named, walk, strict=True))
     low, high = interval(list(right.astype(float).reshape(len(true), -1)), _mean, _seed())
     return {
         "votes": len(groups),
@@ -129,9 +132,9 @@ def _first(naming: Naming) -> int:
     return naming.candidates[0].number if naming.candidates else -1
 
 
-def _ending(naming: Naming, right: bool) -> str:
+def _ending(naming: Naming, true: int) -> str:
     if naming.status is FixStatus.OK:
-        return "right" if right else "wrong"
+        return "right" if _first(naming) == true else "wrong"
     return "ambiguous" if naming.status is FixStatus.AMBIGUOUS else "unknown"
 
 

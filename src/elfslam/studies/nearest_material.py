@@ -105,17 +105,24 @@ def lookups_of(folder: Path, extent: Extent, announce: Announce) -> dict[str, Lo
 def exact_answers(
     folder: Path, shards: Sequence[Path], count: int, lookups: Mapping[str, Lookups]
 ) -> dict[str, tuple[I64, F32]]:
-    """For each visitor the exact ids and cosines (footsteps, 20) among the first `count` spots."""
-    walks = len(lookups[VISITORS[0]].vectors)
-    file = folder / f"exact-{count}-{walks}.npz"
-    if not file.exists():
-        asked = np.concatenate([footsteps(lookups[who]) for who in VISITORS])
-        ids, cosines = exact_search(first_rows(shards, count), asked, NEIGHBOURS)
-        with new_file(file) as partial:
-            write_npz(partial, {"ids": ids, "cosines": cosines})
-    known = read_npz(file, ("ids", "cosines"))
-    parts = zip(*(np.split(known[name], len(VISITORS)) for name in ("ids", "cosines")), strict=True)
-    return dict(zip(VISITORS, parts, strict=True))
+    """For each visitor the exact ids and cosines (footsteps, 20) among the first `count` spots.
+
+    What each shard gives is kept, so that looking at all goes on after a kill.
+    """
+    asked, first, parts = np.concatenate([footsteps(lookups[who]) for who in VISITORS]), 0, []
+    for number, rows in enumerate(first_rows(shards, count)):
+        file = folder / "exact" / f"{number:05d}-{len(rows)}-{len(asked)}.npz"
+        if not file.exists():
+            ids, cosines = exact_search([rows], asked, NEIGHBOURS)
+            with new_file(file) as partial:
+                write_npz(partial, {"ids": np.where(ids < 0, ids, ids + first), "cosines": cosines})
+        parts.append(read_npz(file, ("ids", "cosines")))
+        first += len(rows)
+    ids, cosines = (np.hstack([part[name] for part in parts]) for name in ("ids", "cosines"))
+    order = np.lexsort((ids, -cosines, ids < 0), axis=1)[:, :NEIGHBOURS]
+    best = (np.take_along_axis(each, order, 1) for each in (ids, cosines))
+    split = zip(*(np.split(each, len(VISITORS)) for each in best), strict=True)
+    return dict(zip(VISITORS, split, strict=True))
 
 
 def footsteps(lookups: Lookups) -> F32:
