@@ -43,6 +43,8 @@ class Claim:
     user_id: str
     kind: JobKind
     given: dict[str, Any]
+    attempt: int
+    """How often it was begun, this time among them."""
 
 
 def queue_job(session: Session, user_id: str, kind: JobKind, given: dict[str, Any]) -> Job:
@@ -70,7 +72,8 @@ def claim(sessions: Sessions) -> Claim | None:
         }
         with transaction(sessions) as session:
             if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begun):
-                return Claim(job.id, token, job.user_id, JobKind(job.kind), job.given)
+                kind, attempt = JobKind(job.kind), job.attempts + 1
+                return Claim(job.id, token, job.user_id, kind, job.given, attempt)
 
 
 def _next() -> Select[Job]:
@@ -111,9 +114,17 @@ def finish(session: Session, held: Claim, gave: dict[str, Any], problem: str | N
 
 def give_back(sessions: Sessions, held: Claim) -> bool:
     """Queue a job again that was not at fault; whether the claim still held."""
-    again = {**_waiting(), "attempts": Job.attempts - 1}
+    return _again(sessions, held, {"attempts": Job.attempts - 1})
+
+
+def begin_again(sessions: Sessions, held: Claim) -> bool:
+    """Queue a job again that may have been at fault; whether the claim still held."""
+    return _again(sessions, held, {})
+
+
+def _again(sessions: Sessions, held: Claim, besides: dict[str, Any]) -> bool:
     with transaction(sessions) as session:
-        return _set(session, _held(held), again)
+        return _set(session, _held(held), {**_waiting(), **besides})
 
 
 def cancel(session: Session, job_id: str) -> bool:
