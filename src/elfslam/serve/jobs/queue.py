@@ -78,11 +78,15 @@ def claim(sessions: Sessions) -> Claim | None:
 
 def _next() -> Select[Job]:
     """The oldest job of the user none of whose jobs began for the longest time."""
-    other = aliased(Job)
-    begun = select(func.max(other.started_utc)).where(other.user_id == Job.user_id)
-    last = begun.correlate(Job).scalar_subquery()
-    waiting = select(Job).where(Job.state == JobState.QUEUED)
-    return waiting.order_by(last.is_not(None), last, Job.created_utc, Job.id).limit(1)
+    waits, other = Job.state == JobState.QUEUED, aliased(Job)
+    oldest = func.min(Job.created_utc).label("oldest")
+    users = select(Job.user_id, oldest).where(waits).group_by(Job.user_id).subquery()
+    begun = select(func.max(other.started_utc)).where(other.user_id == users.c.user_id)
+    last = begun.correlate(users).scalar_subquery()
+    turns = select(users.c.user_id).order_by(last.is_not(None), last, users.c.oldest)
+    turn = turns.limit(1).scalar_subquery()
+    mine = select(Job).where(waits, Job.user_id == turn)
+    return mine.order_by(Job.created_utc, Job.id).limit(1)
 
 
 def tell(sessions: Sessions, held: Claim, doing: str, share: float | None) -> bool:
