@@ -99,7 +99,7 @@ def measure_scaling(
     rows: list[Row] = []
     wanted: dict[str, object] = {}
     for name, opened in kinds.items():
-        killer = Killer()
+        killer, undisturbed_s = Killer(), 0.0
         works: dict[tuple[str, int], Work] = {
             (WALKS, 0): partial(_timed, walks, killer=None),
             (WALKS, 1): partial(_timed, walks, killer=killer),
