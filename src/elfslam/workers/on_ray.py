@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.workers.interface import Result, Task
 from elfslam.workers.processes import MOST_TRIES
+from elfslam.workers.ray_stream import streamed
 from elfslam.workers.versions import done_by_the_same, own_version
 
 PORT, KNOCK_S = 10001, 5.0
@@ -90,6 +91,10 @@ class Cluster:
         finally:
             for reference in waiting:
                 ray.cancel(reference, force=True)
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says; by Ray Data."""
+        return streamed(self._ray, do, list(tasks), self.count)
 
     def _result(self, reference: Any) -> Any:
         try:
