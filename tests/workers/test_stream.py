@@ -19,10 +19,11 @@ from elfslam.base.errors import WorkerError
 from elfslam.workers import Workers, open_workers
 from elfslam.workers.processes import AHEAD
 
-ELSEWHERE = pytest.mark.parametrize("workers", ["2", "ray"], indirect=True)
+RAY = pytest.param("ray", marks=pytest.mark.slow)
+ELSEWHERE = pytest.mark.parametrize("workers", ["2", RAY], indirect=True)
 
 
-@pytest.fixture(scope="module", params=["1", "2", "ray"])
+@pytest.fixture(scope="module", params=["1", "2", RAY])
 def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
     if request.param == "ray":
         pytest.importorskip("ray", reason="Ray is not installed")
@@ -67,7 +68,7 @@ def test_few_are_made_ahead_of_who_takes_them(workers: Workers) -> None:
     found.close()
 
 
-@pytest.mark.parametrize("workers", ["ray"], indirect=True)
+@pytest.mark.parametrize("workers", [RAY], indirect=True)
 def test_a_cluster_makes_few_ahead_too(workers: Workers, tmp_path: Path) -> None:
     """Each result is large, so that few fit in what the stream may take of the store."""
     found = workers.in_order(partial(large, folder=tmp_path), range(200))

@@ -94,7 +94,7 @@ class _Gathered(torch.autograd.Function):
         return torch.stack(_of_each(rows, ranks))
 
     @staticmethod
-    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor, None]:  # type: ignore[override]
+    def backward(ctx: Any, slope: Tensor) -> tuple[Tensor, None]:
         return slope[ctx.number], None
 
 
@@ -148,7 +148,7 @@ class _Normed(torch.autograd.Function):
         return y.to(x.dtype), mean, variance
 
     @staticmethod
-    def backward(  # type: ignore[override]
+    def backward(
         ctx: Any, slope: Tensor, *statistics: Tensor
     ) -> tuple[Tensor, Tensor, Tensor, None, None]:
         """Ioffe and Szegedy 2015, section 3; the sums over the rows are over those of all ranks."""

@@ -51,13 +51,14 @@ def pretrain_by_several(
     die again and again, StoreError for a checkpoint of another run.
     """
     check_trainers(parameters, trainers)
+    device, ranks = training_device(has_gpu=torch.cuda.is_available()), Ranks(0, trainers)
+    so_far(parameters, seed, checkpoint, device, ranks)  # fails now, not in each of them
     do = partial(
         _pretrain, parameters=parameters, seed=seed, checkpoint=checkpoint,
         torch_version=torch.__version__,
     )  # fmt: skip
     work = Work(do, partial(_batches, stream, pairs_of, parameters.steps), part_of)
     together(work, trainers, hear=report)
-    device, ranks = training_device(has_gpu=torch.cuda.is_available()), Ranks(0, trainers)
     network, _, losses = so_far(parameters, seed, checkpoint, device, ranks)
     return Pretrained(network.cpu().eval(), np.array(losses), arithmetic_of(device, ranks))
 

@@ -66,11 +66,10 @@ def pretrain_on_simulated_echoes(
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
     checkpoint = out.with_suffix(".checkpoint")
-    learn = pretrain if trainers == 1 else partial(pretrain_by_several, trainers=trainers)
-    with _folder_of(out), open_stream(on) as stream:
-        made = learn(
+    with _folder_of(out):
+        made = train_on_stream(
             pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
-            report=report, stream=stream,
+            report=report, on=on, trainers=trainers,
         )  # fmt: skip
         card = card_of(made, parameters, seed, metrics or {})
         write_losses(out, made.losses, parameters, seed)
@@ -87,6 +86,24 @@ def pairs_in(parameters: PretrainParameters, seed: int) -> PairsOf:
 def step_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
     """Echo pairs of a step."""
     return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms)
+
+
+def train_on_stream(
+    pairs_of: PairsOf,
+    parameters: PretrainParameters,
+    *,
+    seed: int,
+    checkpoint: Path,
+    report: Callable[[Progress], None],
+    on: str | None,
+    trainers: int,
+) -> Pretrained:
+    """An encoder trained on batches that `on` makes, by this process or so many `trainers`."""
+    learn = pretrain if trainers == 1 else partial(pretrain_by_several, trainers=trainers)
+    with open_stream(on) as stream:
+        return learn(
+            pairs_of, parameters, seed=seed, checkpoint=checkpoint, report=report, stream=stream
+        )
 
 
 @contextmanager

@@ -71,6 +71,11 @@ class Cluster:
         self._ray = ray
         self.count = max(1, int(ray.cluster_resources().get("CPU", 1)))
 
+    @property
+    def address(self) -> str:
+        """Where other drivers find it."""
+        return str(self._ray.get_runtime_context().gcs_address)
+
     def each(
         self, do: Callable[[Task], Result], tasks: Iterable[Task]
     ) -> Iterator[tuple[int, Result]]:
