@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elfslam.base.errors import InputError
 from elfslam.learn.settings import PretrainParameters
 from elfslam.studies.pretraining import pairs_in
 from elfslam.studies.pretraining_kills import (
@@ -20,6 +21,7 @@ from elfslam.studies.pretraining_kills import (
     measure_pretraining_kills,
     pairs_or_death,
 )
+from elfslam.workers import open_workers
 
 SMALL = PretrainParameters(steps=6, pairs=8, rooms=2, width=4, warmup_steps=2, checkpoint_steps=2)
 ALONE, BESIDE, TWO, RAY = WAYS
@@ -38,6 +40,7 @@ def test_a_kill_changes_no_bit(way: Way, killed: str) -> None:
         ways=[replace(way, killed=(NOBODY, killed))],
         parameters=SMALL,
         kill_step=5,
+        timed=None,
     )
     assert [row["killed"] for row in rows] == [NOBODY, killed]
     assert rows[0]["weights"] == rows[1]["weights"]
@@ -58,3 +61,8 @@ def test_a_batch_kills_once_and_is_then_the_same(tmp_path: Path) -> None:
     dead.touch()
     made = pairs_or_death(3, pairs_of=known, step=3, dead=dead)
     assert np.array_equal(made.first, known(3).first)
+
+
+def test_it_is_no_work_to_be_given_away() -> None:
+    with open_workers("2") as two, pytest.raises(InputError, match="compares who works"):
+        measure_pretraining_kills(None, lambda *_: None, workers=two)

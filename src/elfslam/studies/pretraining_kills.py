@@ -28,9 +28,11 @@ WARM_STEPS = 5
 """Steps that do not count for the rate: the first wait for whoever makes the echoes."""
 NOBODY, DRIVER, STREAM, TRAINER = "nobody", "driver", "echoes", "trainer"
 MOST_STARTS = 3
-STUDY_PARAMETERS = PretrainParameters(steps=30, checkpoint_steps=10, warmup_steps=5)
+STUDY_PARAMETERS = PretrainParameters(steps=30, pairs=64, checkpoint_steps=10, warmup_steps=5)
 KILL_STEP = 16
 """Six steps after a checkpoint."""
+TIMED_PARAMETERS = PretrainParameters(steps=20, checkpoint_steps=10, warmup_steps=5)
+"""The usual batch; nobody is killed."""
 
 
 @dataclass(frozen=True)
@@ -98,11 +100,13 @@ def measure_pretraining_kills(
     ways: Sequence[Way] = WAYS,
     parameters: PretrainParameters = STUDY_PARAMETERS,
     kill_step: int = KILL_STEP,
+    timed: PretrainParameters | None = TIMED_PARAMETERS,
 ) -> list[Row]:
     """A row per way of training and per victim: seconds, steps done again, and the same weights.
 
     `lost (s)` is against nobody killed, `pairs/s` once training runs, `rate` that over the first
-    row's. Weights must be the same bit for bit within as many trainers. `data` is not needed.
+    row's of such batches. Weights must be the same bit for bit within as many trainers. Every way
+    but those by a cluster is `timed` with other parameters, too. `data` is not needed.
     Raises InputError for `workers`: who works is what is compared.
     """
     if workers is not None and workers.count > 1:
@@ -110,6 +114,8 @@ def measure_pretraining_kills(
             "study pretraining-kills: compares who works, wanted no --on; leave it out"
         )
     tasks = [Task(way, killed, parameters, kill_step) for way in ways for killed in way.killed]
+    if timed is not None:
+        tasks += [Task(way, NOBODY, timed, kill_step) for way in ways if way.on != "ray"]
     numbers = finished(measure_task, tasks, announce, kept=kept)
     rows: list[Row] = []
     for task, found in zip(tasks, numbers, strict=True):
@@ -120,13 +126,16 @@ def measure_pretraining_kills(
 def _row(task: Task, found: Numbers, every: Mapping[Task, Numbers]) -> Row:
     calm = task.killed == NOBODY
     undisturbed = every[replace(task, killed=NOBODY)]
-    first = next(iter(every.values()))
+    similar = {other: every[other] for other in every if other.parameters == task.parameters}
+    first = next(iter(similar.values()))
     alike = {
-        numbers["weights"] for other, numbers in every.items()
+        numbers["weights"]
+        for other, numbers in similar.items()
         if other.way.trainers == task.way.trainers
-    }  # fmt: skip
+    }
     return {
         "way": task.way.name,
+        "pairs": task.parameters.pairs,
         "killed": task.killed if calm or found["killed"] else "missed",
         "wall (s)": round(found["wall"], 1),
         "lost (s)": None if calm else round(found["wall"] - undisturbed["wall"], 1),
