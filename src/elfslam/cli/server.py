@@ -14,6 +14,9 @@ from elfslam.base.errors import InputError
 DATA_FOLDER = Path("~/.elfslam")
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
 Database = Annotated[str, typer.Option(help="SQLAlchemy's URL; default: SQLite in the folder.")]
+FilesUrl = Annotated[
+    str, typer.Option("--files", help="fsspec URL of published maps; default: in the folder.")
+]
 
 
 def serve_command(
@@ -29,9 +32,10 @@ def serve_command(
     new_token: Annotated[
         bool, typer.Option("--new-token", help="The owner's devices pair again.")
     ] = False,
+    files: FilesUrl = "",
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    with _extra():
+    with server_extra():
         from elfslam.serve.network.running import Listening, run
         from elfslam.serve.settings import ServerSettings
     settings = ServerSettings(
@@ -40,6 +44,7 @@ def serve_command(
         secure_cookie=not http,
         run_jobs=jobs,
         allow_public=allow_public,
+        files_url=files,
     )
     run(settings, Listening(host, port, http, new_token), _print)
 
@@ -50,7 +55,7 @@ def invite_command(
     database: Database = "",
 ) -> None:
     """Let somebody else use the server; prints the address that pairs their phone."""
-    with _extra():
+    with server_extra():
         from elfslam.serve.network.running import invite, qr_lines
         from elfslam.serve.settings import ServerSettings
     known, url = invite(ServerSettings(data.expanduser(), database), name)
@@ -59,7 +64,7 @@ def invite_command(
 
 
 @contextmanager
-def _extra() -> Iterator[None]:
+def server_extra() -> Iterator[None]:
     """Raise InputError where what the server needs is not installed."""
     try:
         yield
