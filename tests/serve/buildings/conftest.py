@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import secrets
 import warnings
@@ -14,13 +15,13 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import FloorMap
-from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.serve.buildings.publishing import NewFloor, Spot
-from elfslam.serve.buildings.wifi import FloorPoints
+from elfslam.serve.buildings.wifi import FloorPoints, bssid_text
 from elfslam.serve.settings import ServerSettings
 
 RADIOS = 0x0433_8900_0000 + 0x100 * np.arange(12)
 MakeFloor = Callable[..., NewFloor]
+HeardOn = Callable[..., list[dict[str, object]]]
 
 
 @pytest.fixture(scope="session")
@@ -81,25 +82,33 @@ def settings(tmp_path: Path, database_url: str, files_url: str) -> ServerSetting
 @pytest.fixture
 def new_floor(maps: tuple[FloorMap, FloorMap]) -> MakeFloor:
     """Makes floors of the two small maps; the points of a floor are loudest where `loud` says."""
-    shipped = load_encoder("compact")
-    assert isinstance(shipped, OnnxEncoder)
+    encoder = b"an encoder, as far as publishing looks at it"
+    identity = hashlib.sha256(encoder).hexdigest()[:16]
+    floors = [
+        replace(each, payloads=(replace(each.payloads[0], encoder=identity), *each.payloads[1:]))
+        for each in maps
+    ]
 
     def made(building: str = "Mall", level: int = 0, **changes: Any) -> NewFloor:
         which, loud = changes.pop("map", 0), changes.pop("loud", level)
         place = {"latitude_deg": 47.0, "longitude_deg": 8.0, **changes.pop("at", {})}
         levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * loud)
         points = FloorPoints(RADIOS, levels, np.full(12, 6.0), np.full(12, 0.5))
-        new = NewFloor(Spot(building, level, **place), maps[which], shipped.content, points)
+        new = NewFloor(Spot(building, level, **place), floors[which], encoder, points)
         return replace(new, **changes)
 
     return made
 
 
-def heard_on(level: int, deaf_db: float = 0.0) -> list[dict[str, object]]:
+@pytest.fixture
+def heard_on() -> HeardOn:
     """What a phone on a floor of `new_floor` hears, as it is sent."""
-    levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * level) - deaf_db
-    return [
-        {"bssid": ":".join(f"{int(number):012x}"[k : k + 2] for k in range(0, 12, 2)),
-         "rssi_dbm": float(dbm)}
-        for number, dbm in zip(RADIOS, levels, strict=True)
-    ]  # fmt: skip
+
+    def heard(level: int, deaf_db: float = 0.0) -> list[dict[str, object]]:
+        levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * level) - deaf_db
+        return [
+            {"bssid": bssid_text(number), "rssi_dbm": dbm}
+            for number, dbm in zip(RADIOS.tolist(), levels.tolist(), strict=True)
+        ]
+
+    return heard

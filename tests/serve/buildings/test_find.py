@@ -79,6 +79,16 @@ def test_a_sense_that_cannot_know_of_a_floor_says_nothing() -> None:
     assert echo.candidates[0].floor.number == 2
 
 
+def test_nothing_is_sure_where_one_sense_knows_another_building() -> None:
+    """Wi-Fi of the mall, at a position where a kiosk stands of which Wi-Fi knows nothing."""
+    kiosk = replace(floor(3, replace(MALL, latitude_deg=47.01), has_wifi=False), building="Kiosk")
+    evidence = Evidence(wifi={1: 20.0}, place=Place(47.01, 8.0, 15.0))
+    answer = decide([floor(1), kiosk], evidence, PARAMETERS)
+    assert (answer.status, answer.candidates[0].floor.number) == (Found.AMBIGUOUS, 3)
+    near = replace(evidence, wifi={1: 2.0})
+    assert decide([floor(1), kiosk], near, PARAMETERS).status is Found.OK
+
+
 def test_a_position_tells_the_building_and_an_altitude_the_floor() -> None:
     upper = replace(MALL, altitude_m=404.0)
     one, two = floor(1), floor(2, upper)

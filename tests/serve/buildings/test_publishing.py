@@ -30,7 +30,17 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import reading
 
 MakeFloor = Callable[..., NewFloor]
-STORES = pytest.mark.parametrize("files_url", ["default", "file", "memory", "s3"], indirect=True)
+STORES = pytest.mark.parametrize(
+    ("database_url", "files_url"),
+    [
+        ("sqlite", "default"),
+        ("postgresql", "default"),
+        ("sqlite", "file"),
+        ("sqlite", "memory"),
+        ("postgresql", "s3"),
+    ],
+    indirect=True,
+)
 BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
@@ -78,7 +88,6 @@ def test_a_phone_fetches_a_published_floor_as_a_map_of_its_own(
 
 
 @STORES
-@BOTH
 def test_a_new_revision_takes_the_place_of_the_old_one(
     services: Services, new_floor: MakeFloor
 ) -> None:
@@ -99,7 +108,6 @@ def test_a_new_revision_takes_the_place_of_the_old_one(
 
 
 @STORES
-@BOTH
 def test_what_is_withdrawn_leaves_nothing_that_others_do_not_need(
     services: Services, new_floor: MakeFloor
 ) -> None:
@@ -121,7 +129,6 @@ def test_what_is_withdrawn_leaves_nothing_that_others_do_not_need(
 
 
 @STORES
-@BOTH
 def test_a_publisher_that_was_killed_leaves_parts_that_are_swept(
     services: Services, new_floor: MakeFloor, monkeypatch: pytest.MonkeyPatch
 ) -> None:

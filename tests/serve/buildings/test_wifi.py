@@ -60,7 +60,8 @@ def test_access_points_that_are_gone_or_new_do_not_hide_a_floor() -> None:
         del heard[RADIOS[k]]
         heard[0x0455_0000_0000 + 0x100 * k] = -60.0
     odds = known(heard)
-    assert odds[UP] > 3 > 0 > odds[DOWN]
+    assert odds[UP] > 3
+    assert odds[DOWN] < 0
 
 
 def test_one_known_among_many_others_is_no_place() -> None:
@@ -91,7 +92,12 @@ def test_nothing_known_is_no_evidence() -> None:
 def test_what_is_kept_of_walks() -> None:
     names = ("00:00:00:00:01:00", "02:00:00:00:02:00", "02:00:00:00:03:00", "00:00:00:00:04:00")
     first = np.full((6, 4), np.nan)
-    first[:, 0], first[:4, 1], first[:5, 2], first[0, 3] = [-60, -62, -64, -66, -68, -70], -70, -50, -40
+    first[:, 0], first[:4, 1], first[:5, 2], first[0, 3] = (
+        [-60, -62, -64, -66, -68, -70],
+        -70,
+        -50,
+        -40,
+    )
     second = np.full((6, 4), np.nan)
     second[:4, 1] = -72
     t_s = np.arange(6) * 2.0

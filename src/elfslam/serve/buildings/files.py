@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -53,7 +53,7 @@ def put(files: Files, content: bytes) -> str:
     sha256 = hashlib.sha256(content).hexdigest()
     path = files.path(sha256)
     with _said(files):
-        if not (files.system.exists(path) and files.system.size(path) == len(content)):
+        if _size_bytes(files, path) != len(content):
             _write(files, path, content)
     return sha256
 
@@ -70,7 +70,7 @@ def delete(files: Files, sha256s: Iterable[str]) -> None:
     """Remove files; those that are gone already are no error. Raises StoreError."""
     with _said(files):
         for sha256 in sha256s:
-            if files.system.exists(files.path(sha256)):
+            with suppress(FileNotFoundError):
                 files.system.rm_file(files.path(sha256))
 
 
@@ -80,6 +80,13 @@ def listed(files: Files) -> Iterator[str]:
         found = files.system.find(files.root) if files.system.exists(files.root) else []
     names = (path.rpartition("/")[2] for path in found)
     return (name for name in names if SHA256.fullmatch(name))
+
+
+def _size_bytes(files: Files, path: str) -> int | None:
+    try:
+        return int(files.system.info(path)["size"])
+    except FileNotFoundError:
+        return None
 
 
 def _write(files: Files, path: str, content: bytes) -> None:

@@ -2,12 +2,13 @@
 
 Every sense gives log-odds for a floor, against being anywhere else; a sense that cannot know of a
 floor says nothing of it. Their sum, each bounded, gives the share of each floor and of "elsewhere"
-(odds 1). The best floor is the answer only where its share is large; nothing is ever guessed.
+(odds 1). The best floor is the answer only where its share is large and no sense knows another
+building instead; nothing is ever guessed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
@@ -40,6 +41,9 @@ class RuleParameters:
     sure_share: float = parameter(0.95, "", "of the best floor, to be the answer", low=0.5)
     elsewhere_share: float = parameter(
         0.5, "", "from here on the place is unknown", low=0.05, high=1.0
+    )
+    denying_log_odds: float = parameter(
+        5.0, "", "with so much a sense knows another building, or that it is not this", low=0.0
     )
     most_log_odds: float = parameter(30.0, "", "of one sense, either way", low=1.0)
     most_candidates: int = parameter(10, "", "are told", low=1, high=1000)
@@ -111,9 +115,10 @@ class Answer:
 def decide(floors: Iterable[KnownFloor], evidence: Evidence, parameters: FindParameters) -> Answer:
     """The answer from what the senses say of some floors."""
     known, rule = list(floors), parameters.rule
-    odds = [0.0, *(log_odds(floor, evidence, parameters) for floor in known)]
-    weight = np.exp(np.array(odds) - max(odds))
-    share = weight / weight.sum()
+    said = {floor.number: senses(floor, evidence, parameters) for floor in known}
+    odds = np.array([0.0, *(sum(each or 0.0 for each in said[floor.number]) for floor in known)])
+    share = np.exp(odds - odds.max())
+    share /= share.sum()
     order = sorted(range(len(known)), key=lambda k: (-share[k + 1], known[k].number))
     told = tuple(
         Candidate(known[k], float(share[k + 1]))
@@ -122,17 +127,37 @@ def decide(floors: Iterable[KnownFloor], evidence: Evidence, parameters: FindPar
     )
     if not told or share[0] >= rule.elsewhere_share:
         return Answer(Found.UNKNOWN_PLACE, told)
-    return Answer(Found.OK if told[0].share >= rule.sure_share else Found.AMBIGUOUS, told)
+    sure = told[0].share >= rule.sure_share and not _denied(told[0].floor, known, said, rule)
+    return Answer(Found.OK if sure else Found.AMBIGUOUS, told)
 
 
-def log_odds(floor: KnownFloor, evidence: Evidence, parameters: FindParameters) -> float:
-    """What all senses together say for a floor."""
-    said = []
+def senses(
+    floor: KnownFloor, evidence: Evidence, parameters: FindParameters
+) -> tuple[float | None, ...]:
+    """What Wi-Fi, position and echoes say for a floor; None where one says nothing of it."""
+    wifi = place = echo = None
     if evidence.wifi is not None and floor.has_wifi:
-        said.append(evidence.wifi.get(floor.number, evidence.wifi_silent))
+        wifi = evidence.wifi.get(floor.number, evidence.wifi_silent)
     if evidence.place is not None:
-        said.append(position_log_odds(evidence.place, floor.site, parameters.position))
+        place = position_log_odds(evidence.place, floor.site, parameters.position)
     if evidence.echo is not None:
-        said.append(evidence.echo.get(floor.number, 0.0))
+        echo = evidence.echo.get(floor.number)
     most = parameters.rule.most_log_odds
-    return float(np.clip(said, -most, most).sum())
+    return tuple(
+        None if each is None else max(-most, min(most, each)) for each in (wifi, place, echo)
+    )
+
+
+def _denied(
+    best: KnownFloor,
+    known: Sequence[KnownFloor],
+    said: Mapping[int, tuple[float | None, ...]],
+    rule: RuleParameters,
+) -> bool:
+    """Whether a sense knows another building, and that it is not this one, or nothing of this."""
+    for sense, here in enumerate(said[best.number]):
+        others = (said[each.number][sense] for each in known if each.building != best.building)
+        another = max((odds for odds in others if odds is not None), default=0.0)
+        if another >= rule.denying_log_odds and (here is None or here <= -rule.denying_log_odds):
+            return True
+    return False
