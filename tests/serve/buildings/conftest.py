@@ -21,7 +21,7 @@ from elfslam.serve.settings import ServerSettings
 
 RADIOS = 0x0433_8900_0000 + 0x100 * np.arange(12)
 MakeFloor = Callable[..., NewFloor]
-HeardOn = Callable[..., list[dict[str, object]]]
+HeardOn = Callable[..., dict[str, float]]
 
 
 @pytest.fixture(scope="session")
@@ -104,11 +104,8 @@ def new_floor(maps: tuple[FloorMap, FloorMap]) -> MakeFloor:
 def heard_on() -> HeardOn:
     """What a phone on a floor of `new_floor` hears, as it is sent."""
 
-    def heard(level: int, deaf_db: float = 0.0) -> list[dict[str, object]]:
+    def heard(level: int, deaf_db: float = 0.0) -> dict[str, float]:
         levels = np.roll(np.linspace(-45.0, -85.0, 12), 5 * level) - deaf_db
-        return [
-            {"bssid": bssid_text(number), "rssi_dbm": dbm}
-            for number, dbm in zip(RADIOS.tolist(), levels.tolist(), strict=True)
-        ]
+        return dict(zip(map(bssid_text, RADIOS.tolist()), levels.tolist(), strict=True))
 
     return heard

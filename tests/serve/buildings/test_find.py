@@ -109,7 +109,7 @@ def test_the_box_holds_what_is_within_reach(latitude_deg: float) -> None:
     place = Place(latitude_deg, 8.0, 100.0)
     south, west, north, east = box_deg(place, parameters)
     generator = np.random.default_rng(0)
-    reach_m = 4 * 100 + parameters.largest_m
+    reach_m = parameters.reach_sigmas * 100 + parameters.largest_m
     for bearing in generator.uniform(0, 2 * math.pi, 200):
         away_m = reach_m * generator.uniform(0.9, 1.0)
         lat = latitude_deg + away_m * math.cos(bearing) / 111_195

@@ -14,7 +14,7 @@ from elfslam.serve.services import Services
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 MakeFloor = Callable[..., NewFloor]
-HeardOn = Callable[..., list[dict[str, object]]]
+HeardOn = Callable[..., dict[str, float]]
 
 
 @pytest.fixture
@@ -125,9 +125,10 @@ def test_questions_that_are_none(heard_on: HeardOn, anyone: TestClient, guest: T
     assert anyone.post("/api/find", json={"wifi": heard_on(0)}).status_code == 401
     for wrong in (
         {},
-        {"wifi": []},
-        {"wifi": [{"bssid": "home", "rssi_dbm": -50}]},
-        {"wifi": heard_on(0) * 100},
+        {"wifi": {}},
+        {"wifi": {"home": -50}},
+        {"wifi": {"04:33:89:79:fc:7c": -200}},
+        {"wifi": {f"00:00:00:00:{k // 256:02x}:{k % 256:02x}": -50 for k in range(1001)}},
         {"position": position(91.0, 8.0, 10.0)},
         {"position": position(47.0, 8.0, 0.0)},
         {"echoes": {"encoder": "e", "vectors": [[0.1] * 127]}},

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from sqlalchemy import BigInteger, ColumnElement, and_, bindparam, false, or_, select
+from sqlalchemy import BigInteger, Float, Integer, and_, bindparam, func, or_, select
 from sqlalchemy.engine import Connection
 
 from elfslam.serve.buildings.echoes import EchoIndex, echo_log_odds
@@ -19,7 +19,14 @@ from elfslam.serve.buildings.find import (
     KnownFloor,
     decide,
 )
-from elfslam.serve.buildings.position import Place, PositionFindParameters, Site, box_deg
+from elfslam.serve.buildings.position import (
+    EARTH_M_PER_DEG,
+    Place,
+    PositionFindParameters,
+    Site,
+    box_deg,
+    reach_m,
+)
 from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
 from elfslam.serve.buildings.wifi import KnownPoints, Scan, scan_of, wifi_log_odds
 
@@ -28,11 +35,23 @@ MOST_FLOORS = 64
 POINTS = select(
     FloorPoint.bssid, FloorPoint.floor, FloorPoint.level_dbm, FloorPoint.spread_db, FloorPoint.share
 ).where(FloorPoint.bssid.in_(bindparam("bssids", type_=BigInteger, expanding=True)))
-
 FLOORS = select(
     Floor.number, Building.name, Floor.level, Floor.id, Floor.revision, Floor.has_wifi,
     Floor.latitude_deg, Floor.longitude_deg, Floor.radius_m, Floor.altitude_m,
 ).join(Building, Floor.building == Building.number)  # fmt: skip
+LIKELY = Floor.number.in_(bindparam("numbers", type_=Integer, expanding=True))
+AROUND = and_(
+    Floor.latitude_deg.between(bindparam("south"), bindparam("north")),
+    or_(
+        Floor.longitude_deg.between(bindparam("west"), bindparam("east")),
+        Floor.longitude_deg.between(bindparam("west_too"), bindparam("east_too")),
+    ),
+    func.abs(Floor.latitude_deg - bindparam("latitude", type_=Float)) * EARTH_M_PER_DEG
+    < Floor.radius_m + bindparam("reach", type_=Float),
+)
+BY_NUMBER, BY_PLACE, BY_BOTH = (
+    FLOORS.where(each) for each in (LIKELY, AROUND, or_(LIKELY, AROUND))
+)
 
 
 def find(
@@ -70,20 +89,25 @@ def _floors(
     parameters: PositionFindParameters,
 ) -> list[KnownFloor]:
     """The floors of these numbers, and those around a place."""
-    wanted = or_(
-        Floor.number.in_(sorted(numbers)),
-        false() if place is None else _around(box_deg(place, parameters)),
-    )
-    return [_known(row) for row in connection.execute(FLOORS.where(wanted))]
+    likely = {"numbers": sorted(numbers)}
+    if place is None:
+        rows = connection.execute(BY_NUMBER, likely)
+    elif likely["numbers"]:
+        rows = connection.execute(BY_BOTH, likely | _around(place, parameters))
+    else:
+        rows = connection.execute(BY_PLACE, _around(place, parameters))
+    return [_known(row) for row in rows]
 
 
-def _around(box: Sequence[float]) -> ColumnElement[bool]:
-    south, west, north, east = box
-    turns = (turn for turn in (-360.0, 0.0, 360.0) if west + turn <= 180 and east + turn >= -180)
-    return and_(
-        Floor.latitude_deg.between(south, north),
-        or_(*(Floor.longitude_deg.between(west + turn, east + turn) for turn in turns)),
-    )
+def _around(place: Place, parameters: PositionFindParameters) -> dict[str, float]:
+    """The box around a place, and beyond the date line its other part."""
+    south, west, north, east = box_deg(place, parameters)
+    turn = 360.0 if west < -180 else -360.0
+    return {
+        "south": south, "north": north, "west": west, "east": east,
+        "west_too": west + turn, "east_too": east + turn,
+        "latitude": place.latitude_deg, "reach": reach_m(place, parameters),
+    }  # fmt: skip
 
 
 def _known(row: Sequence[Any]) -> KnownFloor:

@@ -21,7 +21,7 @@ class PositionFindParameters:
         500.0, "m", "one building stands for all within this of a phone", low=10.0
     )
     largest_m: float = parameter(
-        1500.0, "m", "radius of the largest floor that is found from its edge", low=50.0
+        600.0, "m", "radius of the largest floor that is found from its edge", low=50.0
     )
 
 
@@ -46,10 +46,14 @@ class Site:
     altitude_m: float | None = None
 
 
+def reach_m(place: Place, parameters: PositionFindParameters) -> float:
+    """How far away the edge of a floor may be that is asked for."""
+    return place.sigma_m * parameters.reach_sigmas
+
+
 def box_deg(place: Place, parameters: PositionFindParameters) -> tuple[float, float, float, float]:
     """South, west, north and east of where the middles of floors are looked for."""
-    reach_m = place.sigma_m * parameters.reach_sigmas + parameters.largest_m
-    high = reach_m / EARTH_M_PER_DEG
+    high = (reach_m(place, parameters) + parameters.largest_m) / EARTH_M_PER_DEG
     steepest = min(abs(place.latitude_deg) + high, HIGHEST_DEG)
     wide = high / math.cos(math.radians(steepest))
     return (

@@ -16,19 +16,14 @@ from elfslam.serve.buildings.lookup import find
 from elfslam.serve.buildings.position import HIGHEST_DEG, Place
 from elfslam.serve.buildings.wifi import BSSID, bssid_number
 from elfslam.serve.services import Here
+from elfslam.serve.store.database import looking
 
 router = APIRouter(tags=["buildings"])
-MOST_SIGHTINGS, MOST_FOOTSTEPS = 1000, 32
+MOST_POINTS, MOST_FOOTSTEPS = 1000, 32
 PARAMETERS = FindParameters()
-Degrees = Annotated[float, Field(allow_inf_nan=False)]
+Bssid = Annotated[str, Field(pattern=f"^(?i:{BSSID.pattern})$")]
+Dbm = Annotated[float, Field(ge=-127, le=20)]
 Unit = Annotated[float, Field(ge=-1.001, le=1.001)]
-
-
-class Sighting(BaseModel):
-    """An access point that is heard."""
-
-    bssid: str = Field(pattern=f"^(?i:{BSSID.pattern})$")
-    rssi_dbm: float = Field(ge=-127, le=20)
 
 
 class Position(BaseModel):
@@ -51,9 +46,12 @@ class Heard(BaseModel):
 
 
 class Question(BaseModel):
-    """What a phone tells of where it is: any of these. Nothing of it is kept."""
+    """What a phone tells of where it is: any of these. Nothing of it is kept.
 
-    wifi: list[Sighting] = Field(default=[], max_length=MOST_SIGHTINGS)
+    `wifi`: the mean level of each access point that it hears, dBm by BSSID.
+    """
+
+    wifi: dict[Bssid, Dbm] = Field(default={}, max_length=MOST_POINTS)
     position: Position | None = None
     echoes: Heard | None = None
 
@@ -84,18 +82,15 @@ class AnswerBody(BaseModel):
 @router.post("/find", operation_id="find_floor")
 def find_floor(question: Question, services: Here) -> AnswerBody:
     """Which published floor a phone is on that hears this."""
-    with services.engine.connect() as connection:
+    with looking(services.engine) as connection:
         return told(find(connection, index_of(services), asked(question), PARAMETERS))
 
 
 def asked(question: Question) -> Asked:
-    """A question as the lookup takes it; addresses heard several times count their mean."""
-    levels: dict[int, list[float]] = {}
-    for each in question.wifi:
-        levels.setdefault(bssid_number(each.bssid), []).append(each.rssi_dbm)
+    """A question as the lookup takes it."""
     place, echoes = question.position, question.echoes
     return Asked(
-        {number: sum(some) / len(some) for number, some in levels.items()},
+        {bssid_number(text): dbm for text, dbm in question.wifi.items()},
         None if place is None else Place(**place.model_dump()),
         None if echoes is None else unit_rows(np.array(echoes.vectors, dtype=np.float32)),
         "" if echoes is None else echoes.encoder,
