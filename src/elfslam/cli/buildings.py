@@ -73,17 +73,25 @@ def buildings_command(
     sweep: Annotated[
         bool, typer.Option("--sweep", help="Delete files that no floor names.")
     ] = False,
+    index: Annotated[
+        bool, typer.Option("--index", help="Build the index that finds floors by echoes.")
+    ] = False,
     data: DataFolder = DATA_FOLDER,
     database: Database = "",
     files: FilesUrl = "",
 ) -> None:
     """List what is published."""
     with server_extra():
+        from elfslam.nearest import NearestParameters
         from elfslam.serve.buildings import publishing
+        from elfslam.serve.buildings.indexes import index_floors
         from elfslam.serve.buildings.listing import published_rows
         from elfslam.serve.services import open_services
         from elfslam.serve.settings import ServerSettings
     services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
     print_rows(published_rows(services), title="Published floors", as_json=False)
+    if index:
+        floors, spots = index_floors(services, NearestParameters())
+        say(f"indexed {spots} spots of {floors} floors")
     if sweep:
         say(f"swept {publishing.sweep(services)} files")

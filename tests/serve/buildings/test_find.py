@@ -9,12 +9,13 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, I64
+from elfslam.nearest import exact_search
 from elfslam.serve.buildings.echoes import (
+    EchoEvidence,
     EchoFindParameters,
     EchoIndex,
-    Ranges,
-    echo_log_odds,
-    floors_of,
+    echo_evidence,
+    unit_rows,
 )
 from elfslam.serve.buildings.find import Evidence, FindParameters, Found, KnownFloor, decide
 from elfslam.serve.buildings.position import (
@@ -75,7 +76,8 @@ def test_a_sense_that_cannot_know_of_a_floor_says_nothing() -> None:
     evidence = Evidence(wifi={}, wifi_silent=-20.0, place=Place(47.0, 8.0, 10.0))
     answer = decide([floor(1), bare], evidence, PARAMETERS)
     assert [each.floor.number for each in answer.candidates] == [3]
-    echo = decide(TWO, Evidence(wifi={1: 5.0, 2: 5.0}, echo={1: -8.0}), PARAMETERS)
+    said = EchoEvidence({"map1": -8.0}, -6.0, frozenset(["map1"]))
+    echo = decide(TWO, Evidence(wifi={1: 5.0, 2: 5.0}, echo=said), PARAMETERS)
     assert echo.candidates[0].floor.number == 2
 
 
@@ -132,44 +134,45 @@ class Exact:
         self._spots = spots
 
     def search(self, vectors: F32, k: int) -> tuple[I64, F32]:
-        scores = vectors @ self._spots.T
-        order = np.argsort(-scores, axis=1)[:, :k]
-        filler = ((0, 0), (0, k - order.shape[1]))
-        found = np.take_along_axis(scores, order, 1)
-        return (
-            np.pad(order.astype(np.int64), filler, constant_values=-1),
-            np.pad(found, filler, constant_values=-1.0),
-        )
+        return exact_search((self._spots,), vectors, k)
+
+
+def sounds(generator: np.random.Generator, count: int) -> F32:
+    """Places that have much in common, as all rooms sound like rooms."""
+    common = np.eye(1, 128, dtype=np.float32)
+    own = 0.6 * generator.standard_normal((count, 128)).astype(np.float32) / np.sqrt(128)
+    return unit_rows(common + own)
 
 
 def planted() -> tuple[EchoIndex, F32]:
     """Three floors of 40 spots, and footsteps heard on the middle one."""
     generator = np.random.default_rng(3)
-    spots = generator.standard_normal((120, 128)).astype(np.float32)
-    spots /= np.linalg.norm(spots, axis=1, keepdims=True)
-    ranges = Ranges(np.array([0, 40, 80]), np.array([7, 8, 9]))
-    steps = spots[60:64] + 0.05 * generator.standard_normal((4, 128)).astype(np.float32)
-    return EchoIndex(Exact(spots), ranges, "e"), (
-        steps / np.linalg.norm(steps, axis=1, keepdims=True)
-    ).astype(np.float32)
+    spots = sounds(generator, 120)
+    noise = 0.02 * generator.standard_normal((4, 128)).astype(np.float32)
+    floors = ("map7", "map8", "map9")
+    index = EchoIndex(Exact(spots), lambda ids: np.where(ids < 0, -1, ids // 40), floors, "e")
+    return index, unit_rows(spots[60:64] + noise)
 
 
 def test_echoes_tell_the_floor_whose_spots_are_nearest() -> None:
     index, steps = planted()
-    odds = echo_log_odds(steps, index, EchoFindParameters())
-    assert odds.keys() == {7, 8, 9}
-    assert odds[8] > 3
-    assert max(odds[7], odds[9]) < -3
-    few = echo_log_odds(steps, index, EchoFindParameters(nearest=1))
-    assert few[8] == odds[8]
+    told = echo_evidence(steps, index, EchoFindParameters())
+    said = {name: told.of(name) for name in index.floors}
+    assert said["map8"] is not None
+    assert said["map8"] > 3
+    assert max(odds for name, odds in said.items() if odds is not None and name != "map8") < -2
+    assert told.of("another floor") is None
+    answer = decide([floor(7), floor(8), floor(9)], Evidence(echo=told), PARAMETERS)
+    assert (answer.status, answer.candidates[0].floor.number) == (Found.OK, 8)
 
 
-def test_echoes_of_another_place_speak_against_all_floors() -> None:
-    index, steps = planted()
-    assert max(echo_log_odds(-steps, index, EchoFindParameters()).values()) < -3
+def test_echoes_of_another_place_speak_for_no_floor() -> None:
+    index, _ = planted()
+    told = echo_evidence(sounds(np.random.default_rng(4), 4), index, EchoFindParameters())
+    answer = decide([floor(7), floor(8), floor(9)], Evidence(echo=told), PARAMETERS)
+    assert answer.status is Found.UNKNOWN_PLACE
 
 
-def test_spots_belong_to_floors_by_their_range() -> None:
-    ranges = Ranges(np.array([10, 40, 80]), np.array([7, 8, 9]))
-    ids = np.array([[-1, 9, 10, 39], [40, 79, 80, 10_000]])
-    assert floors_of(ids, ranges).tolist() == [[-1, -1, 7, 7], [8, 8, 9, 9]]
+def test_rows_of_length_one() -> None:
+    rows = unit_rows(np.array([[3.0, 4.0], [0.0, 0.0]], dtype=np.float32))
+    assert rows.tolist() == [[pytest.approx(0.6), pytest.approx(0.8)]]

@@ -16,7 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32
 from elfslam.base.parameters import parameter
-from elfslam.serve.buildings.echoes import EchoFindParameters
+from elfslam.serve.buildings.echoes import EchoEvidence, EchoFindParameters
 from elfslam.serve.buildings.position import (
     Place,
     PositionFindParameters,
@@ -93,7 +93,7 @@ class Evidence:
     wifi: Mapping[int, float] | None = None
     wifi_silent: float = 0.0
     place: Place | None = None
-    echo: Mapping[int, float] | None = None
+    echo: EchoEvidence | None = None
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ def senses(
     if evidence.place is not None:
         place = position_log_odds(evidence.place, floor.site, parameters.position)
     if evidence.echo is not None:
-        echo = evidence.echo.get(floor.number)
+        echo = evidence.echo.of(floor.map_id)
     most = parameters.rule.most_log_odds
     return tuple(
         None if each is None else max(-most, min(most, each)) for each in (wifi, place, echo)

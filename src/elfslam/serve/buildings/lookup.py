@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, TypeVar
 
 import numpy as np
-from sqlalchemy import BigInteger, Float, Integer, and_, bindparam, func, or_, select
+from sqlalchemy import BigInteger, Float, Integer, String, and_, bindparam, func, or_, select
 from sqlalchemy.engine import Connection
 
-from elfslam.serve.buildings.echoes import EchoIndex, echo_log_odds
+from elfslam.serve.buildings.echoes import EchoIndex, echo_evidence
 from elfslam.serve.buildings.find import (
     Answer,
     Asked,
@@ -30,6 +30,7 @@ from elfslam.serve.buildings.position import (
 from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
 from elfslam.serve.buildings.wifi import KnownPoints, Scan, scan_of, wifi_log_odds
 
+Key = TypeVar("Key", int, str)
 MOST_FLOORS = 64
 """So many of the likeliest by each sense are looked at by the others."""
 POINTS = select(
@@ -39,7 +40,10 @@ FLOORS = select(
     Floor.number, Building.name, Floor.level, Floor.id, Floor.revision, Floor.has_wifi,
     Floor.latitude_deg, Floor.longitude_deg, Floor.radius_m, Floor.altitude_m,
 ).join(Building, Floor.building == Building.number)  # fmt: skip
-LIKELY = Floor.number.in_(bindparam("numbers", type_=Integer, expanding=True))
+LIKELY = or_(
+    Floor.number.in_(bindparam("numbers", type_=Integer, expanding=True)),
+    Floor.id.in_(bindparam("map_ids", type_=String, expanding=True)),
+)
 AROUND = and_(
     Floor.latitude_deg.between(bindparam("south"), bindparam("north")),
     or_(
@@ -63,8 +67,11 @@ def find(
     if len(scan.bssid):
         wifi = wifi_log_odds(scan, _known_points(connection, scan), parameters.wifi)
     if asked.vectors is not None and index is not None and asked.encoder == index.encoder:
-        echo = echo_log_odds(asked.vectors, index, parameters.echo)
-    likely = _likeliest(wifi or {}) | _likeliest(echo or {})
+        echo = echo_evidence(asked.vectors, index, parameters.echo)
+    likely: dict[str, Sequence[object]] = {
+        "numbers": _likeliest({} if wifi is None else wifi),
+        "map_ids": _likeliest({} if echo is None else echo.odds),
+    }
     floors = _floors(connection, likely, asked.place, parameters.position)
     silent = len(scan.bssid) * math.log(parameters.wifi.new_share)
     return decide(floors, Evidence(wifi, silent, asked.place, echo), parameters)
@@ -78,22 +85,21 @@ def _known_points(connection: Connection, scan: Scan) -> KnownPoints:
     return KnownPoints(*whole.T, *told.T)
 
 
-def _likeliest(odds: Mapping[int, float]) -> set[int]:
-    return set(sorted(odds, key=lambda number: -odds[number])[:MOST_FLOORS])
+def _likeliest(odds: Mapping[Key, float]) -> list[Key]:
+    return sorted(odds, key=lambda each: -odds[each])[:MOST_FLOORS]
 
 
 def _floors(
     connection: Connection,
-    numbers: Iterable[int],
+    likely: Mapping[str, Sequence[object]],
     place: Place | None,
     parameters: PositionFindParameters,
 ) -> list[KnownFloor]:
-    """The floors of these numbers, and those around a place."""
-    likely = {"numbers": sorted(numbers)}
+    """The floors of these numbers and maps, and those around a place."""
     if place is None:
         rows = connection.execute(BY_NUMBER, likely)
-    elif likely["numbers"]:
-        rows = connection.execute(BY_BOTH, likely | _around(place, parameters))
+    elif any(likely.values()):
+        rows = connection.execute(BY_BOTH, {**likely, **_around(place, parameters)})
     else:
         rows = connection.execute(BY_PLACE, _around(place, parameters))
     return [_known(row) for row in rows]
