@@ -10,7 +10,7 @@ import typer
 from elfslam.base.errors import ParameterError
 from elfslam.cli.server import DATA_FOLDER, Database, DataFolder, FilesUrl, server_extra
 from elfslam.console import print_rows, say
-from elfslam.data.geographic import parse_origin
+from elfslam.data.geographic import Origin, parse_origin
 
 BuildingName = Annotated[str, typer.Option("--building", help="Its name.")]
 Level = Annotated[int, typer.Option("--floor", help="0 is the ground floor.")]
@@ -41,7 +41,7 @@ def publish_command(
         name = plain_line(building)
     except ValueError as error:
         raise ParameterError(f"--building {building!r:.60}: {error}") from error
-    lies = parse_origin(at)
+    lies = _place(at)
     spot = Spot(name, floor, lies.latitude_deg, lies.longitude_deg, altitude)
     services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
     new = floor_of(services, source, spot, heard or [], WifiFindParameters())
@@ -95,3 +95,12 @@ def buildings_command(
         say(f"indexed {spots} spots of {floors} floors")
     if sweep:
         say(f"swept {publishing.sweep(services)} files")
+
+
+def _place(text: str) -> Origin:
+    try:
+        return parse_origin(text)
+    except ParameterError as error:
+        raise ParameterError(
+            str(error).replace("--origin", "--at").replace("[,BEARING_DEG]", "")
+        ) from error
