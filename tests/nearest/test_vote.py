@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from elfslam.base.arrays import F32, I64
 from elfslam.base.errors import InputError
+from elfslam.base.values import FixStatus
 from elfslam.nearest import VoteParameters, which_map
-from elfslam.nearest.vote import NamingStatus
 
 KNOWN = VoteParameters(least=0.05, lead=0.03, candidates=3)
 
@@ -27,10 +27,18 @@ def test_the_map_that_stands_out_is_named() -> None:
     ids = np.array([[31, 32, 50, 70], [52, 39, 33, 71]])
     similarity = like([[0.9, 0.89, 0.7, 0.6], [0.8, 0.79, 0.7, 0.5]])
     naming = which_map(ids, similarity, tens, KNOWN)
-    assert naming.status is NamingStatus.OK
+    assert naming.status is FixStatus.OK
     assert [each.number for each in naming.candidates] == [3, 5]
     np.testing.assert_allclose([each.score for each in naming.candidates], [0.295, 0.2], atol=1e-6)
     assert [each.footsteps for each in naming.candidates] == [2, 2]
+
+
+def test_more_footsteps_need_less_of_a_lead() -> None:
+    ids, similarity = np.array([[31, 41, 70]]), like([[0.9, 0.88, 0.6]])
+    once = which_map(ids, similarity, tens, KNOWN)
+    often = which_map(ids.repeat(4, 0), similarity.repeat(4, 0), tens, KNOWN)
+    assert once.status is FixStatus.AMBIGUOUS
+    assert often.status is FixStatus.OK
 
 
 def test_many_spots_of_a_map_do_not_outvote_its_best() -> None:
@@ -41,25 +49,26 @@ def test_many_spots_of_a_map_do_not_outvote_its_best() -> None:
 
 def test_maps_that_are_alike_are_ambiguous_and_a_coarser_vote_is_not() -> None:
     ids, similarity = np.array([[31, 41, 70], [42, 32, 71]]), like([[0.9, 0.88, 0.6]] * 2)
-    assert which_map(ids, similarity, tens, KNOWN).status is NamingStatus.AMBIGUOUS
-    coarse = which_map(ids, similarity, lambda x: (x // 10 + 1) // 2, KNOWN)
-    assert coarse.status is NamingStatus.AMBIGUOUS or coarse.candidates[0].number == 2
+    assert which_map(ids, similarity, tens, KNOWN).status is FixStatus.AMBIGUOUS
     paired = which_map(ids, similarity, lambda x: np.where(x < 50, 0, 1), KNOWN)
-    assert paired.status is NamingStatus.OK
+    assert paired.status is FixStatus.OK
     assert paired.candidates[0].number == 0
 
 
 def test_where_nothing_stands_out_the_place_is_unknown() -> None:
     ids = np.array([[31, 41, 70], [82, 52, 71]])
     naming = which_map(ids, like([[0.63, 0.62, 0.6]] * 2), tens, KNOWN)
-    assert naming.status is NamingStatus.UNKNOWN_PLACE
+    assert naming.status is FixStatus.UNKNOWN_PLACE
     assert naming.candidates
 
 
-@pytest.mark.parametrize("ids", [np.zeros((0, 5), int), np.full((3, 5), -1)])
-def test_without_neighbours_the_place_is_unknown(ids: I64) -> None:
+@pytest.mark.parametrize(
+    ("footsteps", "status"), [(0, FixStatus.NO_ECHO), (3, FixStatus.UNKNOWN_PLACE)]
+)
+def test_without_neighbours_there_is_no_candidate(footsteps: int, status: FixStatus) -> None:
+    ids = np.full((footsteps, 5), -1)
     naming = which_map(ids, np.full(ids.shape, -1, np.float32), tens, KNOWN)
-    assert naming.status is NamingStatus.UNKNOWN_PLACE
+    assert naming.status is status
     assert naming.candidates == ()
 
 

@@ -8,13 +8,12 @@ from elfslam.nearest.exact import best_per_range, exact_search
 from elfslam.nearest.folder import verify
 from elfslam.nearest.parameters import NearestParameters
 from elfslam.nearest.search import Index, open_index
-from elfslam.nearest.vote import Candidate, Naming, NamingStatus, VoteParameters, which_map
+from elfslam.nearest.vote import Candidate, Naming, VoteParameters, which_map
 
 __all__ = [
     "Candidate",
     "Index",
     "Naming",
-    "NamingStatus",
     "NearestParameters",
     "VoteParameters",
     "absorb",

@@ -4,32 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
-
-
-class NamingStatus(StrEnum):
-    """How a vote ended: one map stands out, several do, or none does."""
-
-    OK = "OK"
-    AMBIGUOUS = "AMBIGUOUS"
-    UNKNOWN_PLACE = "UNKNOWN_PLACE"
+from elfslam.base.values import FixStatus
 
 
 @dataclass(frozen=True)
 class VoteParameters:
-    """When a map is named. Both are cosines, per footstep."""
+    """When a map is named. Cosines, for votes of 20 neighbours a footstep."""
 
     least: float = parameter(
-        0.09, "", "how far the best map's spots must stand out of the other neighbours", low=0.0
+        0.04, "", "how far the best map's spots must stand out of the other neighbours", low=0.0
     )
-    lead: float = parameter(0.04, "", "how much further than those of the next map", low=0.0)
-    candidates: int = parameter(5, "", "maps that are given at most", low=1)
+    lead: float = parameter(
+        0.1,
+        "",
+        "how much further than those of the next map, over the root of the footsteps",
+        low=0.0,
+    )
+    candidates: int = parameter(5, "", "maps that are given at most", low=2)
 
 
 @dataclass(frozen=True)
@@ -43,9 +40,9 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Naming:
-    """What a vote gave: candidates, best first; where AMBIGUOUS, those up to the lead are it."""
+    """What a vote gave: candidates, best first; one is named only where the status is OK."""
 
-    status: NamingStatus
+    status: FixStatus
     candidates: tuple[Candidate, ...]
 
 
@@ -75,7 +72,7 @@ def which_map(
         for j in order[: parameters.candidates]
         if score[j] > 0
     )
-    return Naming(_status(found, parameters), found)
+    return Naming(_status(found, len(ids), parameters), found)
 
 
 def _excess(ids: I64, similarity: F32, map_of: Callable[[I64], I64]) -> tuple[I64, F64]:
@@ -89,9 +86,12 @@ def _excess(ids: I64, similarity: F32, map_of: Callable[[I64], I64]) -> tuple[I6
     return numbers.astype(np.int64), excess
 
 
-def _status(found: tuple[Candidate, ...], parameters: VoteParameters) -> NamingStatus:
+def _status(found: tuple[Candidate, ...], footsteps: int, parameters: VoteParameters) -> FixStatus:
+    if footsteps == 0:
+        return FixStatus.NO_ECHO
     if not found or found[0].score < parameters.least:
-        return NamingStatus.UNKNOWN_PLACE
-    if len(found) > 1 and found[0].score - found[1].score < parameters.lead:
-        return NamingStatus.AMBIGUOUS
-    return NamingStatus.OK
+        return FixStatus.UNKNOWN_PLACE
+    next_score = found[1].score if len(found) > 1 else 0.0
+    if found[0].score - next_score < parameters.lead / np.sqrt(footsteps):
+        return FixStatus.AMBIGUOUS
+    return FixStatus.OK

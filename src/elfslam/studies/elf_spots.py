@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,6 +27,7 @@ from elfslam.studies.simulated_buildings import (
     heard,
     random_visit,
 )
+from elfslam.workers import Here, Workers
 
 SPOTS = 4000
 """Of a map: the echoes of 7 minutes of walking."""
@@ -45,24 +47,53 @@ class MadeMap(NamedTuple):
     places: F32
 
 
+@dataclass(frozen=True)
+class Shard:
+    """Some maps that lie in one file."""
+
+    file: Path
+    maps: tuple[int, ...]
+    spots: int
+
+
 def make_spots(
-    folder: Path, maps: int, announce: Announce, *, spots: int = SPOTS, shard_maps: int = SHARD_MAPS
+    folder: Path,
+    maps: int,
+    announce: Announce,
+    *,
+    spots: int = SPOTS,
+    shard_maps: int = SHARD_MAPS,
+    workers: Workers | None = None,
 ) -> list[Path]:
     """The shards `spots-00000.npy` ... of so many maps, those that lie there left as they are.
 
     A shard holds unit rows (shard_maps x spots, 128) in half precision; beside it lie the
     `places`, x, y, heading and room of each.
     """
+    numbers = [range(maps)[k : k + shard_maps] for k in range(0, maps, shard_maps)]
+    shards = [
+        Shard(folder / f"spots-{k:05d}.npy", tuple(each), spots) for k, each in enumerate(numbers)
+    ]
+    waiting = [shard for shard in shards if not shard.file.exists()]
+    done = len(shards) - len(waiting)
+    announce(f"{done} of {len(shards)} shards", done / len(shards))
+    for _ in (workers or Here()).each(make_shard, waiting):
+        done += 1
+        announce(f"{done} of {len(shards)} shards", done / len(shards))
+    return [shard.file for shard in shards]
+
+
+def make_shard(shard: Shard) -> None:
+    """The files of a shard, the one that says that it is whole last."""
     encoder = OneThread()
-    shards = [folder / f"spots-{k:05d}.npy" for k in range(-(-maps // shard_maps))]
-    for k, shard in enumerate(shards):
-        announce(f"spots of {k * shard_maps} of {maps} maps", k / len(shards))
-        numbers = range(k * shard_maps, min((k + 1) * shard_maps, maps))
-        if not shard.exists():
-            made = [make_map(number, spots, encoder) for number in numbers]
-            _write(folder / f"places-{k:05d}.npy", np.concatenate([each.places for each in made]))
-            _write(shard, np.concatenate([each.vectors for each in made]))
-    return shards
+    made = [make_map(number, shard.spots, encoder) for number in shard.maps]
+    _write(places_of(shard.file), np.concatenate([each.places for each in made]))
+    _write(shard.file, np.concatenate([each.vectors for each in made]))
+
+
+def places_of(shard: Path) -> Path:
+    """Where the places of a shard's spots lie."""
+    return shard.with_name(shard.name.replace("spots", "places"))
 
 
 def make_map(number: int, spots: int, encoder: Encoder) -> MadeMap:
@@ -122,13 +153,16 @@ def make_lookups(maps: list[int], purpose: int, *, other_phone: bool, spots: int
     Another holder, air and people each time; the phone is that of the map, or another.
     """
     encoder = OneThread()
-    made = [_lookup(number, purpose, other_phone, spots, encoder) for number in maps]
+    made = [
+        _lookup(number, purpose, other_phone=other_phone, spots=spots, encoder=encoder)
+        for number in maps
+    ]
     vectors, places = (np.stack(column) for column in zip(*made, strict=True))
     return Lookups(vectors, np.array(maps), places)
 
 
 def _lookup(
-    number: int, purpose: int, other_phone: bool, spots: int, encoder: Encoder
+    number: int, purpose: int, *, other_phone: bool, spots: int, encoder: Encoder
 ) -> tuple[F32, F32]:
     again, generator = _generator(number, 0), _generator(number, purpose)
     rooms = floor_rooms(*divmod(number, FLOORS))

@@ -115,7 +115,7 @@ def walk_in(generator: np.random.Generator, room: Room, count: int) -> Walk:
     """Straight legs from one random place to the next, wherever nothing stands in the way."""
     legs: list[F64] = []
     at = free_place(generator, room)
-    while sum(map(len, legs)) < count:
+    while not legs or sum(map(len, legs)) < count:
         leg = _free_leg(generator, room, at)
         if len(leg) * STEP_M < SHORTEST_LEG_M:
             at = free_place(generator, room)
@@ -124,8 +124,8 @@ def walk_in(generator: np.random.Generator, room: Room, count: int) -> Walk:
         at = leg[-1]
     yaw = [np.full(len(leg), np.arctan2(*(leg[-1] - leg[0])[::-1])) for leg in legs]
     number = [np.full(len(leg), k) for k, leg in enumerate(legs)]
-    whole = Walk(np.concatenate(legs), np.concatenate(yaw), np.concatenate(number))
-    return Walk(*(column[:count] for column in whole))
+    xy_m, yaw_rad, leg_number = map(np.concatenate, (legs, yaw, number))
+    return Walk(xy_m[:count], yaw_rad[:count], leg_number[:count])
 
 
 def _ahead(yaw_rad: float) -> F64:

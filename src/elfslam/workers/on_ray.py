@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
 
 from elfslam.base.errors import InputError, WorkerError
-from elfslam.workers.interface import Result, Task
+from elfslam.workers.desk import AT_ONCE, Desk, watched
+from elfslam.workers.interface import News, Result, Task
 from elfslam.workers.processes import MOST_TRIES
+from elfslam.workers.ray_stream import streamed
 from elfslam.workers.versions import done_by_the_same, own_version
 
 PORT, KNOCK_S = 10001, 5.0
@@ -69,6 +71,12 @@ class Cluster:
     def __init__(self, ray: Any) -> None:
         self._ray = ray
         self.count = max(1, int(ray.cluster_resources().get("CPU", 1)))
+        self._free: list[Any] = []
+
+    @property
+    def address(self) -> str:
+        """Where other drivers find it."""
+        return str(self._ray.get_runtime_context().gcs_address)
 
     def each(
         self, do: Callable[[Task], Result], tasks: Iterable[Task]
@@ -90,6 +98,20 @@ class Cluster:
         finally:
             for reference in waiting:
                 ray.cancel(reference, force=True)
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says; by Ray Data."""
+        return streamed(self._ray, do, list(tasks), self.count)
+
+    def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News | None]:
+        """As `Watchers` says. Who worked before works again, which costs no start."""
+        kind = self._ray.remote(num_cpus=1, max_concurrency=AT_ONCE)(Desk)
+        try:
+            desk = self._free.pop()
+        except IndexError:
+            desk = kind.remote()
+        yield from watched(self._ray, desk, do, task)
+        self._free.append(desk)
 
     def _result(self, reference: Any) -> Any:
         try:
