@@ -34,7 +34,10 @@ from own_postgresql import Postgresql, own_postgresql
 from served import Served
 from simulated_city import PARAMETERS, SIGMA_M, Asker, City, askers, city_of
 
+from elfslam.base.arrays import F32
 from elfslam.console import print_rows
+from elfslam.nearest import NearestParameters, build_index
+from elfslam.serve.buildings.indexes import FOLDER, LATEST
 from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
 from elfslam.serve.store.database import open_database
 
@@ -49,7 +52,12 @@ run(settings, Listening("127.0.0.1", 0, plain_http=True), print)
 PATIENCE_S, DRAIN_S = 120.0, 20.0
 QUESTIONS = 2000
 SAID = ("OK", "OK wrong", "AMBIGUOUS", "UNKNOWN_PLACE")
-SENSES = ("wifi", "position", "both")
+ALONE = ("wifi", "position", "both", "echoes")
+SENSES = ("wifi", "position", "mixed")
+"""Mixed: a quarter each of the phones asks in each of the other ways; echoes come with a position.
+"""
+SPOTS, STEPS, SIZE, ENCODER = 100, 4, 128, "simulated"
+"""Of each floor and of each question: vectors with much in common, as many as there are ELFs."""
 TICKS = os.sysconf("SC_CLK_TCK")
 Row = dict[str, object]
 
@@ -113,11 +121,31 @@ def sizes(database: Postgresql) -> Row:
     return {f"{name} ({count})": f"{size / 2**20:.1f} MiB" for name, (count, size) in told.items()}
 
 
+def sounds(floor: int) -> F32:
+    """Unit rows (spots, 128) of a floor."""
+    generator = np.random.default_rng([7, floor])
+    own = 0.05 * generator.standard_normal((SPOTS, SIZE), dtype=np.float32)
+    rows = np.eye(1, SIZE, dtype=np.float32) + own
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def place_index(data: Path, city: City) -> None:
+    """An index of all floors' spots where the server looks for it."""
+    folder, count = data / FOLDER, len(city.radius_m)
+    folder.mkdir(parents=True)
+    kind = NearestParameters(kind="flat" if count * SPOTS < 20_000 else "ivf-flat")
+    maps = {_map_id(k): SPOTS for k in range(count)}
+    rows = np.vstack([sounds(k).astype(np.float16) for k in range(count)])
+    build_index([rows], folder / "1", kind, encoder=ENCODER, maps=maps)
+    (folder / LATEST).write_text("1")
+
+
 @contextmanager
-def serving(database: Postgresql) -> Iterator[Served]:
+def serving(database: Postgresql, city: City) -> Iterator[Served]:
     """The server, as `elfslam serve` runs it, but that it refuses no haste."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
+        place_index(data, city)
         command = [sys.executable, "-c", START, str(data), database.url]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         try:
@@ -135,15 +163,21 @@ def serving(database: Postgresql) -> Iterator[Served]:
 
 def requests_of(phones: Sequence[Asker], senses: str, token: str) -> list[Asked]:
     """What phones send, ready to be written to a socket."""
-    return [Asked(_request(_question(phone, senses), token), _map_id(phone.floor))
-            for phone in phones]  # fmt: skip
+    ways = ALONE if senses == "mixed" else (senses,)
+    return [
+        Asked(_request(_question(phone, ways[k % len(ways)]), token), _map_id(phone.floor))
+        for k, phone in enumerate(phones)
+    ]
 
 
 def _question(phone: Asker, senses: str) -> dict[str, Any]:
     told: dict[str, Any] = {}
     if senses in ("wifi", "both"):
         told["wifi"] = phone.wifi
-    if senses in ("position", "both"):
+    if senses == "echoes":
+        vectors = sounds(phone.floor)[:STEPS].round(5).tolist()
+        told["echoes"] = {"encoder": ENCODER, "vectors": vectors}
+    if senses != "wifi":
         place = {"latitude_deg": phone.latitude_deg, "longitude_deg": phone.longitude_deg}
         told["position"] = {**place, "sigma_m": SIGMA_M}
     return told
@@ -271,7 +305,7 @@ def main() -> None:
         fill(database, city)
         print_rows([sizes(database)], title="In the database", as_json=known.json)
         table = []
-        with serving(database) as served:
+        with serving(database, city) as served:
             for senses in known.senses.split(","):
                 asked = requests_of(phones, senses, served.token)
                 measured(served, database, asked, 20, 2)  # the first answers take longer
