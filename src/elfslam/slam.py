@@ -288,9 +288,7 @@ def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes
     facts = frame_facts(frames, lenient, duration_s, recording.gain_db)
     every = clean = echoes_of(frames, lenient, duration_s)
     if spoiled is not None and len(spoiled) >= 2:
-        ends = np.isin(
-            np.arange(len(spoiled)), [0, len(spoiled) - 1]
-        )  # they say how long it lasted
+        ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
         clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
     return clean, suspicion(facts, every, parameters.trust, clean)
 
