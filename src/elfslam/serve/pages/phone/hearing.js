@@ -6,6 +6,8 @@ const ECHO_RATE_HZ = 44100;
 /** Of the sound around a slot: what was not listened to yet, and what may still come. */
 const BEFORE_S = 0.15;
 const BEHIND_S = 0.05;
+/** Samples about an own arrival, at 44.1 kHz. */
+const NEAR = 88;
 
 /**
  * @typedef {{slot: number, start: number, played: number | null}} Told samples of the stream as they were
@@ -38,10 +40,13 @@ export function makeHearing(rateHz, period, parameters) {
     const start = told.start + sound.late(told.played ?? told.start);
     const from = Math.max(start - Math.round(BEFORE_S * rateHz), 0);
     const envelope = atEchoRate(sound.envelope(from, start + period + Math.round(BEHIND_S * rateHz)), rateHz);
+    // Where sound comes later than was guessed, what lies between was not listened to.
+    if (listening.until !== null) listening = { ...listening, until: Math.max(listening.until, onLine(from)) };
     const heard = (sample) => (sample === null ? null : onLine(sample + sound.late(sample)));
     const slot = {
       start: onLine(start), end: onLine(start + period), due: heard(told.played), following: heard(next.played),
     };
+    if (listening.direct === 0) listening = { ...listening, direct: levelOf(envelope, slot, onLine(from)) };
     const found = hearSlot(listening, envelope, onLine(from), slot, parameters);
     listening = found.listening;
     const middle = slot.start + Math.round((parameters.jitter_s / 2) * ECHO_RATE_HZ);
@@ -70,6 +75,12 @@ export function makeHearing(rateHz, period, parameters) {
   };
 
   return { add: (told) => waiting.push(told), take };
+}
+
+/** How loud the first own chirp is, in a slot or behind it: it is heard a little before it comes, too. */
+function levelOf(envelope, { due, following }, first) {
+  const at = due ?? following;
+  return at === null ? 0 : envelope.slice(Math.max(at - first - NEAR, 0), at - first + NEAR).reduce((a, b) => Math.max(a, b), 0);
 }
 
 /** The larger of the two samples about each of 44.1 kHz. */
