@@ -36,6 +36,13 @@ def test_serving_beyond_the_network_wants_a_word(tmp_path: Path) -> None:
     assert "--allow-public" in str(said.exception)
 
 
+def test_workers_that_are_nobody_are_refused_before_anything_is_made(tmp_path: Path) -> None:
+    said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path / "data"), "--on", "two"])
+    assert isinstance(said.exception, InputError)
+    assert "wanted a number of processes, ray or ray://" in str(said.exception)
+    assert not (tmp_path / "data").exists()
+
+
 @pytest.mark.parametrize("words", [["serve"], ["invite", "Zoë"]])
 def test_without_the_extra_one_line_says_what_to_install(
     tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
