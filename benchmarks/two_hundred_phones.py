@@ -141,11 +141,12 @@ def place_index(data: Path, city: City) -> None:
 
 
 @contextmanager
-def serving(database: Postgresql, city: City) -> Iterator[Served]:
+def serving(database: Postgresql, city: City, *, echoes: bool) -> Iterator[Served]:
     """The server, as `elfslam serve` runs it, but that it refuses no haste."""
     with tempfile.TemporaryDirectory() as folder:
         data = Path(folder) / "data"
-        place_index(data, city)
+        if echoes:
+            place_index(data, city)
         command = [sys.executable, "-c", START, str(data), database.url]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         try:
@@ -305,8 +306,9 @@ def main() -> None:
         fill(database, city)
         print_rows([sizes(database)], title="In the database", as_json=known.json)
         table = []
-        with serving(database, city) as served:
-            for senses in known.senses.split(","):
+        ways = known.senses.split(",")
+        with serving(database, city, echoes=bool({"echoes", "mixed"} & {*ways})) as served:
+            for senses in ways:
                 asked = requests_of(phones, senses, served.token)
                 measured(served, database, asked, 20, 2)  # the first answers take longer
                 for rate in map(float, known.rates.split(",")):
