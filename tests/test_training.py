@@ -29,7 +29,7 @@ def command(monkeypatch: pytest.MonkeyPatch, out: Path, *options: str) -> int:
         (("--trainers", "0"), "trainers: got 0, wanted a number that pretrain.pairs (4)"),
         (("--trainers", "3"), "trainers: got 3, wanted a number that"),
         (("--trainers", "4"), "two times or more; change one"),
-        (("--trainers", "two"), "two"),
+        (("--trainers", "two"), "valid integer"),
         (("--on", "nobody"), "--on 'nobody': wanted a number of processes, ray or ray://"),
         (("--on", "ray://127.0.0.1:9"), "no cluster answers"),
     ],

@@ -285,12 +285,12 @@ def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes
     lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
     frames = _frames(recording, replace(parameters, echo=lenient))
     duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
-    every = echoes_of(frames, lenient, duration_s)
-    suspect = suspicion(frame_facts(frames, lenient, duration_s), every, parameters.trust)
-    if spoiled is None or len(spoiled) < 2:
-        return every, suspect
-    ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they tell how long it lasted
-    return echoes_of(frames, lenient, duration_s, spoiled & ~ends), suspect
+    facts = frame_facts(frames, lenient, duration_s, recording.gain_db)
+    every = clean = echoes_of(frames, lenient, duration_s)
+    if spoiled is not None and len(spoiled) >= 2:
+        ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
+        clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
+    return clean, suspicion(facts, every, parameters.trust, clean)
 
 
 def heard_in(

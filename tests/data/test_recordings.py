@@ -65,6 +65,26 @@ def test_when_chirps_were_played_makes_a_round_trip(tmp_path: Path) -> None:
     assert (tmp_path / "hall" / "chirps.csv").read_text().startswith("t_s\n")
 
 
+def test_how_loud_chirps_were_played_makes_a_round_trip(tmp_path: Path) -> None:
+    played_s, gain_db = 0.1 * np.arange(40), -4.0 * (np.arange(40) % 3 == 0)
+    walk = Recording("hall", "phone", played_t_s=played_s, gain_db=gain_db)
+    write_recording(walk, tmp_path / "hall")
+    read = read_recording(tmp_path / "hall")
+    assert read.gain_db is not None
+    np.testing.assert_allclose(read.gain_db, gain_db)
+    assert (tmp_path / "hall" / "chirps.csv").read_text().startswith("t_s,gain_db\n")
+
+
+def test_loudness_that_cannot_be_is_refused(folder: Path) -> None:
+    for rows, message in (
+        ("0.1,-4\n0.2,loud", r"chirps.csv: row 3 has 'loud', wanted a finite number"),
+        ("0.1,-4\n0.2,-300", r"chirps.csv: row 3 has -300 dB, wanted at most 100"),
+    ):
+        (folder / "chirps.csv").write_text(f"t_s,gain_db\n{rows}\n")
+        with pytest.raises(InputError, match=message):
+            read_recording(folder)
+
+
 @pytest.mark.parametrize(
     ("rows", "message"),
     [

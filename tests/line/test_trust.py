@@ -8,14 +8,23 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
-from elfslam.line.trust import REASONS, TrustParameters, judge, loudness, odd_frames, off_time_s
+from elfslam.line.trust import (
+    REASONS,
+    TrustParameters,
+    judge,
+    loudness,
+    loudness_changes,
+    odd_frames,
+    off_time_s,
+)
 
 PARAMETERS = TrustParameters()
 COUNT = 60
 PERIOD_S = 0.1
 LEVEL = 0.2
-LATE, EARLY, LOUD, NOISE, CLIPPED = range(1, len(REASONS))
+LATE, EARLY, LOUD, NOISE, CLIPPED, LAGGING = range(1, len(REASONS))
 
 
 def quiet() -> tuple[FrameFacts, Echoes]:
@@ -47,7 +56,7 @@ def test_nothing_odd_is_not_suspect() -> None:
     npt.assert_array_equal(judge(*quiet(), EDGES_S, PARAMETERS), 0)
 
 
-@pytest.mark.parametrize("reason", range(1, len(REASONS)))
+@pytest.mark.parametrize("reason", range(1, LAGGING))
 def test_what_is_planted_is_the_reason_and_is_forgotten(reason: int) -> None:
     found = judge(*planted(reason, slice(20, 40)), EDGES_S, PARAMETERS)
     ends_s = EDGES_S[1:]
@@ -97,4 +106,93 @@ def test_loudness_is_that_of_the_band_beside_the_direct_sound() -> None:
 
 
 def test_each_way_to_be_odd_has_its_reason() -> None:
-    assert odd_frames(*quiet(), PARAMETERS).shape == (COUNT, len(REASONS) - 1)
+    assert odd_frames(*quiet(), PARAMETERS).shape == (COUNT, LAGGING - 1)
+
+
+GAIN_DB = np.where(np.random.default_rng(5).uniform(size=COUNT) < 0.5, -4.0, 0.0)
+
+
+def by_chance(
+    added: float = 0.0, frames: slice = slice(None), *, flutter_db: float = 0.5, follows: float = 0
+) -> tuple[FrameFacts, Echoes]:
+    """Chirps of random loudness; the room's echoes flutter, and power is added to them in frames.
+
+    What is added is so many times as strong as they are under the loudest chirp, and follows the
+    chirps so far.
+    """
+    facts, echoes = quiet()
+    gain = 10 ** (GAIN_DB / 20)
+    flutter = 10 ** (flutter_db * np.random.default_rng(6).standard_normal(COUNT) / 20)
+    power = (gain * flutter) ** 2
+    power[frames] += added * gain[frames] ** (2 * follows)
+    samples = 0.1 * echoes.samples * np.sqrt(power)[:, None].astype(np.float32)
+    return replace(facts, level=facts.level * gain, gain_db=GAIN_DB), replace(
+        echoes, samples=samples
+    )
+
+
+def test_echoes_that_follow_their_chirps_are_not_suspect() -> None:
+    npt.assert_array_equal(judge(*by_chance(), EDGES_S, PARAMETERS), 0)
+    npt.assert_array_equal(judge(*by_chance(1.0, follows=1), EDGES_S, PARAMETERS), 0)
+
+
+def suspect_s(heard: tuple[FrameFacts, Echoes]) -> F64:
+    """When echoes are said to lag, looked at ten times a second; nothing else is said."""
+    edges_s = PERIOD_S * np.arange(COUNT + 1)
+    found = judge(*heard, edges_s, PARAMETERS)
+    assert set(found.tolist()) <= {0, LAGGING}
+    return edges_s[1:][found == LAGGING]
+
+
+@pytest.mark.parametrize("added", [1.0, 8.0])
+def test_echoes_that_do_not_follow_their_chirps_are_suspect(added: float) -> None:
+    told_s = suspect_s(by_chance(added, slice(30, None)))
+    assert 3.0 < told_s[0] < 5.6
+    npt.assert_allclose(np.diff(told_s), PERIOD_S)
+    assert told_s[-1] == pytest.approx(COUNT * PERIOD_S)
+
+
+def test_suspicion_ends_once_echoes_follow_their_chirps_again() -> None:
+    told_s = suspect_s(by_chance(2.0, slice(0, 30)))
+    assert told_s[0] < 2.7
+    assert 3.0 < told_s[-1] < 3.0 + PERIOD_S * PARAMETERS.compared_chirps
+
+
+def test_fewer_chirps_than_are_compared_are_not_judged() -> None:
+    told_s = suspect_s(by_chance(8.0))
+    assert told_s[0] == pytest.approx(PERIOD_S * (PARAMETERS.compared_chirps + 1))
+
+
+def test_nobody_is_suspected_without_loudness_without_change_or_in_a_flutter() -> None:
+    facts, echoes = by_chance(1.0)
+    silent = replace(facts, gain_db=None)
+    alike = replace(facts, gain_db=np.full(COUNT, -4.0))
+    fluttering = by_chance(0.3, flutter_db=12.0)
+    for heard in ((silent, echoes), (alike, echoes), fluttering):
+        npt.assert_array_equal(judge(*heard, EDGES_S, PARAMETERS), 0)
+
+
+def test_loudness_is_compared_among_clean_echoes_alone() -> None:
+    """Others' chirps lie in every second of the soft frames; those are known."""
+    spoiled = (np.arange(COUNT) % 4 > 0) & (GAIN_DB < 0)
+    facts, echoes = by_chance()
+    samples = np.where(spoiled[:, None], 1.5 * echoes.samples, echoes.samples)
+    among = replace(echoes, samples=samples)
+    kept = ~spoiled
+    clean = Echoes(echoes.t_s[kept], echoes.samples[kept], echoes.snr_db[kept], np.zeros((0, 2)))
+    assert (judge(facts, among, EDGES_S, PARAMETERS) == LAGGING).any()
+    npt.assert_array_equal(judge(facts, among, EDGES_S, PARAMETERS, clean), 0)
+    due_s, played_db, echoes_db = loudness_changes(facts, clean).T
+    npt.assert_allclose(due_s, facts.t_due_s[kept][1:])
+    npt.assert_allclose(played_db, np.diff(GAIN_DB[kept]))
+    assert np.abs(echoes_db).max() < 5
+
+
+def test_the_gain_of_a_microphone_that_follows_the_chirps_changes_nothing() -> None:
+    for heard in (by_chance(), by_chance(1.0)):
+        facts, echoes = heard
+        levelled = 10 ** (-0.7 * GAIN_DB / 20)
+        samples = echoes.samples * levelled[:, None].astype(np.float32)
+        same = replace(facts, level=facts.level * levelled), replace(echoes, samples=samples)
+        expected = judge(*heard, EDGES_S, PARAMETERS)
+        npt.assert_array_equal(judge(*same, EDGES_S, PARAMETERS), expected)

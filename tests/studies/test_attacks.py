@@ -6,13 +6,27 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.base.values import Recording
 from elfslam.line.echo import matched_envelope
 from elfslam.score.page import rendered
+from elfslam.senses import Settings
+from elfslam.slam import hear_for_fixes
 from elfslam.studies import attacks
-from elfslam.studies.attack_sounds import SOUNDS, Victim, noise, ramped_echoes, replayed_chirps
+from elfslam.studies.attack_sounds import (
+    SOUNDS,
+    Sound,
+    Victim,
+    _own_chirps,
+    echoes_of_elsewhere,
+    following_echoes,
+    noise,
+    ramped_echoes,
+    replayed_chirps,
+)
 from elfslam.studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
 from elfslam.studies.attacks import APART_S, measure_attacks, measured
 from elfslam.studies.attacks_table import attacks_page, attacks_rows, poisson_interval
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world
 
 
@@ -57,6 +71,61 @@ def test_a_replayed_chirp_comes_the_way_there_and_back_later(victim: Victim) -> 
     way_s = 2 * victim.away_m[k] / victim.walked.air.speed_mps + 0.015
     due = victim.walked.played[k] + round(way_s * RATE_HZ)
     assert envelope[due - 4 : due + 5].max() > 0.5 * envelope[due - 1000 : due + 1000].max()
+
+
+@pytest.fixture(scope="module")
+def by_chance() -> Victim:
+    """Chirps of random loudness; the walk that is replayed is of another phone, all alike."""
+    place = load_world("studio")
+    walk = walked(place, 100, 2, 0.025, Circumstances(softer_db=4.0))
+    return Victim(walk, walked(place, 101, 2, 0.025), np.array([2.0, 3.0, 1.2]), 0)
+
+
+def test_chirps_are_softer_by_chance(walk: Walked, by_chance: Victim) -> None:
+    assert walk.gain_db is None
+    gain_db = by_chance.walked.gain_db
+    assert gain_db is not None
+    assert set(gain_db.tolist()) == {0.0, -4.0}
+    direct = by_chance.walked.played[:, None] + np.arange(20, 200)
+    level_db = 20 * np.log10(by_chance.walked.own[direct].std(axis=1))
+    assert np.polyfit(gain_db, level_db, 1)[0] == pytest.approx(1.0, abs=0.05)
+
+
+def test_who_replays_chirps_replays_their_loudness(by_chance: Victim) -> None:
+    victim, gain_db = by_chance, by_chance.walked.gain_db
+    assert gain_db is not None
+    sent = _own_chirps(victim, np.zeros_like(victim.walked.played), 0.0)
+    fresh = victim.walked.played >= victim.onset
+    levels = np.abs(sent[victim.walked.played[fresh, None] + np.arange(441)]).max(axis=1)
+    npt.assert_allclose(20 * np.log10(levels / levels.max()), gain_db[fresh], atol=1e-3)
+
+
+def test_who_feels_the_chirps_is_as_loud_as_they_are(by_chance: Victim) -> None:
+    victim, gain_db = by_chance, by_chance.walked.gain_db
+    assert gain_db is not None
+    plain, follows = echoes_of_elsewhere(victim, 0.0), following_echoes(victim, 0.0)
+    fresh = victim.walked.played[victim.walked.played >= victim.onset][:-1]
+    rows = fresh[:, None] + np.arange(500, 3000)
+    factor_db = 20 * np.log10(np.abs(follows[rows]).sum(axis=1) / np.abs(plain[rows]).sum(axis=1))
+    assert np.corrcoef(factor_db, gain_db[-len(fresh) - 1 : -1])[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("sound", [None, echoes_of_elsewhere])
+def test_echoes_of_elsewhere_are_told_by_their_loudness(
+    by_chance: Victim, sound: Sound | None
+) -> None:
+    walk = by_chance.walked
+    audio = recorded(walk, None if sound is None else sound(by_chance, 0.0))
+    heard = Recording(
+        "walk", "phone", audio=audio, imu=walk.imu, played_t_s=walk.played_t_s,
+        gain_db=walk.gain_db,
+    )  # fmt: skip
+    _, suspicious = hear_for_fixes(heard, Settings())
+    edges_s = np.arange(0.0, walk.truth.t_s[-1], 0.5)
+    suspect = suspicious(edges_s)
+    begun_s = by_chance.onset / RATE_HZ
+    assert not suspect[edges_s[1:] <= begun_s].any()
+    assert (suspect[edges_s[1:] >= begun_s + 4.0] == (sound is not None)).all()
 
 
 def test_the_own_chirp_is_muffled_from_the_onset_on(victim: Victim) -> None:

@@ -81,3 +81,8 @@ def large(task: int, folder: Path) -> F32:
     """Sixteen megabytes."""
     (folder / str(task)).touch()
     return np.full((2048, 2048), task, dtype=np.float32)
+
+
+def stay(task: int) -> int:
+    time.sleep(600)
+    return task

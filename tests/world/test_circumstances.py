@@ -283,6 +283,7 @@ def test_people_are_the_recordings(world: World) -> None:
         ({"day": -1}, "day: wanted 0 to 36500, got -1"),
         ({"people": 51}, "people: wanted 0 to 50, got 51"),
         ({"other_phones": 9}, "other phones: wanted 0 to 8, got 9"),
+        ({"softer_db": 21.0}, "softer chirps: wanted 0.0 to 20.0, got 21.0"),
         ({"volume": 0.0}, "volume: wanted 0.001 to 1.0, got 0.0"),
         ({"volume": 1.5}, "volume: wanted 0.001 to 1.0, got 1.5"),
         ({"volume": float("nan")}, "volume: wanted 0.001 to 1.0, got nan"),

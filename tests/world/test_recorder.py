@@ -61,7 +61,7 @@ def recorded(
     seed: int = SEED,
     world: World | None = None,
 ) -> F32:
-    heard, _ = record_walk(
+    heard, *_ = record_walk(
         world or closet(), circumstances or Circumstances(device="flat"), walker(),
         standing(duration_s), rate_hz, seed, np.random.default_rng(seed), lambda share: None,
     )  # fmt: skip

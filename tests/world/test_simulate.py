@@ -12,7 +12,14 @@ from scipy import signal
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Recording, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes, find_arrivals, matched_envelope
+from elfslam.line.echo import (
+    EchoParameters,
+    cut_echoes,
+    find_arrivals,
+    find_frames,
+    frame_facts,
+    matched_envelope,
+)
 from elfslam.line.feature import SpectralEncoder
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ICM20948, built_in_device
@@ -47,6 +54,7 @@ EVERY_CIRCUMSTANCE = (
     Circumstances(sounds=("speech", "clicks")),
     Circumstances(other_phones=1),
     Circumstances(jitter_s=0.025),
+    Circumstances(softer_db=4.0),
 )
 
 
@@ -95,9 +103,24 @@ def test_chirps_are_played_within_their_periods_when_the_recording_says(studio: 
     assert np.ptp(late_s) < 2 / 44_100
 
 
+def test_chirps_are_softer_by_chance_and_the_recording_says_which(studio: World) -> None:
+    today = Circumstances(softer_db=4.0)
+    recording, _ = simulate(studio, 3, rounds=1, circumstances=today)
+    gain_db, played_s = recording.gain_db, recording.played_t_s
+    assert gain_db is not None
+    assert played_s is not None
+    assert set(gain_db.tolist()) == {0.0, -4.0}
+    assert 0.4 < np.mean(gain_db == 0) < 0.6
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    frames = find_frames(audio_of(recording), chirp, EchoParameters(), played_s)
+    level_db = 20 * np.log10(frame_facts(frames, EchoParameters()).level)
+    assert np.polyfit(gain_db, level_db, 1)[0] == pytest.approx(1.0, abs=0.05)
+
+
 def test_without_jitter_a_recording_says_nothing_of_its_chirps(walked: object) -> None:
     recording, _ = walked  # type: ignore[misc]
     assert recording.played_t_s is None
+    assert recording.gain_db is None
 
 
 def test_the_same_seed_gives_the_same_bytes(studio: World, walked: tuple[Recording, Truth]) -> None:

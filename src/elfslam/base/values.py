@@ -107,7 +107,8 @@ class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
     `played_t_s` (n) says when each chirp began to be played, on the recording's clock up to the
-    time that sound takes through the phone; without it chirps came once per period.
+    time that sound takes through the phone; without it chirps came once per period. `gain_db` (n)
+    is how loud each was played against the loudest; without it all were alike, or nobody says.
     """
 
     name: str
@@ -121,6 +122,7 @@ class Recording:
     wifi: WifiScans | None = None
     emr: Emr | None = None
     played_t_s: F64 | None = None
+    gain_db: F64 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,7 +158,8 @@ class FrameFacts(Value):
     `t_due_s` is when its direct sound was due and `late_s` how much later it came, NaN where it
     did not. Of the envelope of the matched filter: `level` of the direct sound, `before` the
     largest in the quiet stretch before it over `level`, `noise` the typical there, `tail` the
-    largest once its echoes are over. `clipped` is the share of its samples at full scale.
+    largest once its echoes are over. `clipped` is the share of its samples at full scale, and
+    `gain_db` how loud it was played, up to a constant; None where nobody says.
     """
 
     t_due_s: F64 = array("n")
@@ -166,6 +169,7 @@ class FrameFacts(Value):
     noise: F64 = array("n")
     tail: F64 = array("n")
     clipped: F64 = array("n")
+    gain_db: F64 | None = array("n", optional=True)
 
 
 @dataclass(frozen=True, eq=False)

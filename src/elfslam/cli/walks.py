@@ -76,10 +76,13 @@ def simulate_command(
     engine: Annotated[str, typer.Option(help=" or ".join(ENGINES))] = ENGINES[0],
     imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
     jitter: Annotated[float, typer.Option(help="Chirps begin so late in their period (s).")] = 0.0,
+    softer: Annotated[float, typer.Option(help="By chance chirps are so much softer (dB).")] = 0.0,
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     heard = parse_sounds(sounds)
-    today = Circumstances(state, day, people, device, volume, heard, other_phones, engine, jitter)
+    today = Circumstances(
+        state, day, people, device, volume, heard, other_phones, engine, jitter, softer
+    )
     with progress_bar() as announce:
         recording, truth = simulate(
             load_world(world),

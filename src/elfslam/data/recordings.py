@@ -70,7 +70,7 @@ def write_recording(
             write_audio(recording.audio, partial / FLAC)
         write_sensors(recording, partial)
         if recording.played_t_s is not None:
-            write_schedule(recording.played_t_s, partial)
+            write_schedule(recording.played_t_s, recording.gain_db, partial)
         if truth is not None:
             write_truth(truth, partial)
 
@@ -137,6 +137,7 @@ def _manifest(
 def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
     manifest = _read_manifest(folder / MANIFEST)
     wifi = folder / "wifi.csv"
+    played_t_s, gain_db = read_schedule(folder)
     recording = Recording(
         name=str(manifest.get("name") or name),
         device=str(manifest.get("device") or "unknown"),
@@ -148,7 +149,8 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         magnetometer=read_magnetometer(folder / "magnetometer.csv"),
         wifi=read_wifi(wifi) if wifi.is_file() else None,
         emr=read_emr(folder / "emr.csv"),
-        played_t_s=read_schedule(folder),
+        played_t_s=played_t_s,
+        gain_db=gain_db,
     )
     _check_clocks(folder, recording)
     return recording

@@ -3,6 +3,10 @@
 Each frame is looked at for what no room does: sound before the direct arrival, echoes louder than
 any room returns them, noise in the chirp's band, the own chirp missing or off its time. A stretch
 of time is SUSPECT where too many of the frames up to its end are odd in one and the same way.
+
+Where each chirp had a loudness of its own, the room's echoes follow it, dB for dB, and sound that
+somebody else plays does not: a stretch is SUSPECT, too, where echoes lag behind their chirps. Both
+are measured against each other in what was heard: whatever gain the microphone has is in both.
 """
 
 from __future__ import annotations
@@ -31,8 +35,12 @@ REASONS = (
     "echoes are louder than a room returns them",
     "there is noise in the band of the chirp",
     "the microphone is driven to its limit",
+    "echoes do not follow the loudness of their chirps",
 )
 """By number; 0 is trusted."""
+LAGGING = len(REASONS) - 1
+CALM = 0.5
+"""Both limits of a lag are so much lower while SUSPECT."""
 
 
 @dataclass(frozen=True)
@@ -73,25 +81,50 @@ class TrustParameters:
     clipped: float = parameter(
         0.01, "", "share of samples at full scale that is odd", low=0.0, high=1.0
     )
+    compared_chirps: int = parameter(
+        24, "", "chirps of which it is told whether echoes follow their loudness", low=8, high=600
+    )
+    lag: float = parameter(
+        0.3,
+        "",
+        "dB per dB of their chirps that echoes lack: SUSPECT from there on",
+        low=0.0,
+        high=1.0,
+    )
+    lag_errors: float = parameter(
+        5.0, "", "standard errors that such a lag has, at the least", low=0.0, high=100.0
+    )
 
 
-def judge(facts: FrameFacts, echoes: Echoes, edges_s: F64, parameters: TrustParameters) -> I64:
+def judge(
+    facts: FrameFacts,
+    echoes: Echoes,
+    edges_s: F64,
+    parameters: TrustParameters,
+    clean: Echoes | None = None,
+) -> I64:
     """Number of the reason (n-1) to suspect each stretch between times (n); 0 where there is none.
 
     `REASONS` has them in words. A stretch is judged by the frames up to its end, and more strictly
-    behind one that is suspect.
+    behind one that is suspect. Loudness is compared among `clean` echoes alone, where it is known
+    that others chirped into some.
     """
     odd = odd_frames(facts, echoes, parameters)
-    t_s = facts.t_due_s
+    changes = loudness_changes(facts, echoes if clean is None else clean)
     reasons = [0]
     for end_s in edges_s[1:]:
-        reasons.append(_reason(odd, t_s, end_s, parameters, was_suspect=reasons[-1] > 0))
+        was_suspect = reasons[-1] > 0
+        reason = _reason(odd, facts.t_due_s, end_s, parameters, was_suspect=was_suspect)
+        lags = echoes_lag(changes, end_s, parameters, was_suspect=was_suspect)
+        reasons.append(reason or (LAGGING if lags else 0))
     return np.array(reasons[1:], dtype=np.int64)
 
 
-def suspicion(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Suspicion:
+def suspicion(
+    facts: FrameFacts, echoes: Echoes, parameters: TrustParameters, clean: Echoes | None = None
+) -> Suspicion:
     """Whether stretches between times (n) are suspect (n-1), by what was heard."""
-    return lambda edges_s: judge(facts, echoes, edges_s, parameters) > 0
+    return lambda edges_s: judge(facts, echoes, edges_s, parameters, clean) > 0
 
 
 def nothing_suspect(edges_s: F64) -> Bool:
@@ -146,6 +179,43 @@ def loudness(facts: FrameFacts, echoes: Echoes) -> F64:
     parts = sharp.reshape(-1, PARTS, ECHO_SAMPLES // PARTS)
     loud[frame] = np.sqrt(np.mean(parts**2, axis=2)) / SHARPENED
     return np.asarray(loud / np.maximum(facts.level, 1e-12)[:, None])
+
+
+def loudness_changes(facts: FrameFacts, echoes: Echoes) -> F64:
+    """From each chirp to the next whose echoes were heard (k, 3): when the latter was due (s), how
+    much louder it was played (dB), and how much louder its echoes were over its direct sound (dB).
+
+    None where nobody says how loud chirps were played. Echoes count by the mean of their parts in
+    dB: late ones are as steady as early ones.
+    """
+    if facts.gain_db is None:
+        return np.empty((0, 3))
+    loud = loudness(facts, echoes)
+    heard = (loud > 0).all(axis=1) & ~np.isnan(facts.late_s)
+    echoes_db = 20 * np.log10(loud[heard]).mean(axis=1)
+    known = np.column_stack([facts.gain_db[heard], echoes_db])
+    return np.column_stack([facts.t_due_s[heard][1:], np.diff(known, axis=0)])
+
+
+def echoes_lag(
+    changes: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+) -> bool:
+    """Whether echoes did not follow the loudness of the last chirps before then.
+
+    The room's echoes over the direct sound are alike however loud the chirp; what is added to them
+    is over a soft one's the louder.
+    """
+    last = int(np.searchsorted(changes[:, 0], end_s))
+    if last < parameters.compared_chirps:
+        return False
+    _, played_db, echoes_db = changes[last - parameters.compared_chirps : last].T
+    spread = float(np.sum(played_db**2))
+    if spread == 0:
+        return False
+    lag = -float(np.sum(played_db * echoes_db)) / spread
+    rest = float(np.sum((echoes_db + lag * played_db) ** 2)) / (len(played_db) - 1)
+    limit = max(parameters.lag, parameters.lag_errors * np.sqrt(rest / spread))
+    return bool(lag >= (CALM * limit if was_suspect else limit))
 
 
 def _nearest(of_s: F64, t_s: F64) -> I64:

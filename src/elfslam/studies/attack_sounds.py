@@ -24,6 +24,7 @@ from elfslam.studies.attacked_walk import (
     through_room,
     to_the_phone,
 )
+from elfslam.world.recorder import louder
 
 ONSET_SHARE = 0.3
 """An attack begins after this share of the walk."""
@@ -33,6 +34,10 @@ CLOCK_PPM = 40.0
 SLOW_REACTION_S = 0.015
 ECHOES_FROM, ECHOES_TO = 485, 4_000
 """Samples behind a direct arrival that are its echoes."""
+FELT_S = 0.003
+"""So much of a chirp is listened to by who follows its loudness."""
+FELT_CHIRPS = 20
+"""The loudest of so many before is what its loudness is held against."""
 SWEEP_S = 0.05
 RAMP_S = 40.0
 RAMP_FROM_DB = -30.0
@@ -107,13 +112,13 @@ def same_rhythm(victim: Victim, level_db: float) -> F32:
 def replayed_chirps(victim: Victim, level_db: float, *, after_s: float) -> F32:
     """Each chirp of the phone once more, `after_s` behind its coming to the attacker."""
     late = np.round((victim.sound_s + after_s) * RATE_HZ).astype(np.int64)
-    return _from_loudspeaker(victim, _chirps(victim, victim.walked.played + late, level_db))
+    return _from_loudspeaker(victim, _own_chirps(victim, late, level_db))
 
 
 def replayed_room(victim: Victim, level_db: float, *, after_s: float) -> F32:
     """All that the attacker hears of the phone's chirps in the room, `after_s` later."""
     walked = victim.walked
-    sent = _chirps(victim, walked.played, 0.0, from_start=True)
+    sent = _own_chirps(victim, np.zeros_like(walked.played), 0.0, from_start=True)
     heard = through_room(walked, sent, from_the_phone(walked, victim.speaker_m))
     late = np.roll(heard, round(after_s * RATE_HZ)) * gain(level_db) * victim.away_m.mean()
     return _from_loudspeaker(victim, _begun(victim, np.asarray(late, np.float32)))
@@ -129,6 +134,18 @@ def echoes_of_elsewhere(
     """
     starts = victim.walked.played
     return _elsewhere(victim, starts, level_db, missing_s=missing_s, route=route)
+
+
+def following_echoes(victim: Victim, level_db: float) -> F32:
+    """As `echoes_of_elsewhere`, each as loud as the beginning of its chirp says.
+
+    The attacker hears the chirp at the phone's ear, and has 8 ms from there to the first echo.
+    """
+    walked = victim.walked
+    rows = walked.played[:, None] + np.arange(round(FELT_S * RATE_HZ))
+    felt = np.sqrt(np.mean(walked.own[np.minimum(rows, len(walked.own) - 1)] ** 2, axis=1))
+    loudest = [felt[max(k - FELT_CHIRPS, 0) : k + 1].max() for k in range(len(felt))]
+    return _elsewhere(victim, walked.played, level_db, follows=felt / np.array(loudest))
 
 
 def predicted_echoes(victim: Victim, level_db: float) -> F32:
@@ -188,6 +205,7 @@ SOUNDS: Mapping[str, Sound] = MappingProxyType(
         "echoes of elsewhere, predicted": predicted_echoes,
         "echoes of elsewhere, reactive": echoes_of_elsewhere,
         "echoes of elsewhere, 15 ms late": partial(echoes_of_elsewhere, missing_s=SLOW_REACTION_S),
+        "echoes of elsewhere, following": following_echoes,
         "echoes of one place, reactive": partial(echoes_of_elsewhere, route="still"),
         "echoes that lead away, reactive": partial(echoes_of_elsewhere, route="near"),
         "noise": noise,
@@ -202,12 +220,33 @@ OWN_GAIN: Mapping[str, float] = MappingProxyType({"recorded walk, own chirp muff
 """How much is heard of the phone's own sound where the attacker keeps it from the microphone."""
 
 
-def _chirps(victim: Victim, starts: I64, level_db: float, *, from_start: bool = False) -> F32:
-    """A stream of chirps that start then; those before the onset are left out."""
+def _chirps(
+    victim: Victim,
+    starts: I64,
+    level_db: float,
+    *,
+    from_start: bool = False,
+    gain_db: F64 | None = None,
+) -> F32:
+    """A stream of chirps that start then, each by so much louder.
+
+    Those before the onset are left out.
+    """
     walked = victim.walked
-    kept = starts if from_start else starts[starts >= victim.onset]
+    kept = np.full(len(starts), True) if from_start else starts >= victim.onset
     sound = walked.device.level * gain(level_db) * walked.chirp.samples
-    return laid(np.tile(sound, (len(kept), 1)), kept, len(walked.own))
+    sounds = np.tile(sound, (int(kept.sum()), 1))
+    if gain_db is not None:
+        sounds = louder(sounds, gain_db[kept])
+    return laid(sounds, starts[kept], len(walked.own))
+
+
+def _own_chirps(victim: Victim, late: I64, level_db: float, *, from_start: bool = False) -> F32:
+    """A stream of the phone's chirps, so many samples later and each as loud as it was."""
+    walked = victim.walked
+    return _chirps(
+        victim, walked.played + late, level_db, from_start=from_start, gain_db=walked.gain_db
+    )
 
 
 def _from_loudspeaker(victim: Victim, sent: F32) -> F32:
@@ -225,14 +264,25 @@ def _begun(victim: Victim, sound: F32) -> F32:
 
 
 def _elsewhere(
-    victim: Victim, starts: I64, level_db: float, *, missing_s: float = 0.0, route: str = "far"
+    victim: Victim,
+    starts: I64,
+    level_db: float,
+    *,
+    missing_s: float = 0.0,
+    route: str = "far",
+    follows: F64 | None = None,
 ) -> F32:
-    """Echoes of the other walk as if a chirp of ours had started then."""
+    """Echoes of the other walk as if a chirp of ours had started then.
+
+    `follows` are factors of their amplitude, chirp by chirp.
+    """
     other, walked = victim.other, victim.walked
     first = max(ECHOES_FROM, round(missing_s * RATE_HZ))
     fresh = np.flatnonzero(starts >= victim.onset)
     rows = other.played[_theirs(victim, fresh, route)][:, None] + np.arange(first, ECHOES_TO)
     sounds = gain(level_db) * other.own[np.minimum(rows, len(other.own) - 1)]
+    if follows is not None:
+        sounds = sounds * follows[fresh][:, None]
     return laid(np.asarray(sounds, np.float32), starts[fresh] + first, len(walked.own))
 
 

@@ -28,7 +28,7 @@ from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Ends, Poses, ends_of, image_echoes, render_frames, room_responses
 from elfslam.world.pulses import C64, Air
-from elfslam.world.recorder import LATENCY_S, phone_poses
+from elfslam.world.recorder import LATENCY_S, louder, loudness_of_chirps, phone_poses
 from elfslam.world.scene import Scene, scene_of
 from elfslam.world.simulate import truth_of
 from elfslam.world.walker import random_walker, walk
@@ -44,7 +44,8 @@ PLACED_M = 1.2
 class Walked:
     """One walk: what its phone alone would hear (n samples), and what an attacker needs to know.
 
-    `played` (k) are the samples at which its chirps began; `poses` the phone then.
+    `played` (k) are the samples at which its chirps began; `poses` the phone then. `gain_db` (k) is
+    how loud they were against the loudest, None where they were all alike.
     """
 
     seed: int
@@ -55,6 +56,7 @@ class Walked:
     device: Device
     chirp: Chirp
     played: I64
+    gain_db: F64 | None
     poses: Poses
     own: F32
     imu: Imu
@@ -73,7 +75,10 @@ def walked(
     jitter_s: float,
     circumstances: Circumstances | None = None,
 ) -> Walked:
-    """A walk of so many laps with each chirp at random in the first `jitter_s` of its period."""
+    """A walk of so many laps with each chirp at random in the first `jitter_s` of its period.
+
+    By chance chirps are softer where the circumstances say so.
+    """
     today = circumstances or Circumstances()
     generator = np.random.default_rng([seed, 1])
     walker = random_walker(generator)
@@ -89,9 +94,11 @@ def walked(
     poses = phone_poses(walker, motion, world, today.people, seed, played / RATE_HZ)
     heard = room_responses(scene, device, poses, air, reach_of(today))
     uneven_s = device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(played))
-    own = laid(render_frames(heard, chirp, device, uneven_s), played, total)
+    frames = render_frames(heard, chirp, device, uneven_s)
+    gain_db = loudness_of_chirps(today.softer_db, len(played), seed) if today.softer_db else None
+    own = laid(frames if gain_db is None else louder(frames, gain_db), played, total)
     return Walked(
-        seed, today, scene, air, reach_of(today), device, chirp, played, poses, own, imu,
+        seed, today, scene, air, reach_of(today), device, chirp, played, gain_db, poses, own, imu,
         truth_of(motion),
     )  # fmt: skip
 

@@ -20,6 +20,7 @@ from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.line.feature import encoder_for, extract_features
 from elfslam.line.locate import trusted_one_shot
 from elfslam.line.trust import nothing_suspect
+from elfslam.line.turns import TurnsParameters
 from elfslam.senses import Settings
 from elfslam.slam import footstep_likeness, hear_for_fixes, locate_walk, walk_nodes
 from elfslam.studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
@@ -37,7 +38,7 @@ ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
 """Of the stranger's walk: a minute or more."""
 SEEDS = (0, 1, 2, 3, 4)
 LEVELS_DB = (0.0, 10.0, 20.0)
-JITTER_S = 0.025
+JITTER_S, SOFTER_DB = TurnsParameters().jitter_s, TurnsParameters().softer_db
 OTHER_WALK = 2000
 """Added to a seed: the walk that the attacker recorded."""
 PREDICTED = "echoes of elsewhere, predicted"
@@ -123,7 +124,7 @@ def _mapped(world: str, seed: int, rounds: int) -> Mapped:
 @lru_cache(maxsize=2)
 def _victim(world: str, seed: int, rounds: int, jitter_s: float) -> Victim:
     place = load_world(world)
-    walk = walked(place, seed + STRANGER, rounds, jitter_s)
+    walk = walked(place, seed + STRANGER, rounds, jitter_s, Circumstances(softer_db=SOFTER_DB))
     other = walked(place, seed + OTHER_WALK, rounds, jitter_s)
     return Victim(walk, other, np.append(_free_place(place, seed), PLACED_M), seed)
 
@@ -171,8 +172,9 @@ def _located(
     known, floor_map = Settings(), mapped.run.floor_map
     assert floor_map is not None
     recording = Recording(
-        name="walk", device=walk.device.name, audio=audio, imu=walk.imu, played_t_s=walk.played_t_s
-    )
+        name="walk", device=walk.device.name, audio=audio, imu=walk.imu,
+        played_t_s=walk.played_t_s, gain_db=walk.gain_db,
+    )  # fmt: skip
     echoes, suspicious = hear_for_fixes(recording, known)
     features = extract_features(echoes, encoder_for(floor_map, shipped(), echoes))
     nodes = walk_nodes(recording, known)
@@ -202,6 +204,7 @@ def _most(off_m: F64) -> float:
 def _honest(task: Task, mapped: Mapped) -> Numbers:
     """False alarms of one walk without an attacker."""
     world, today = load_world(task.world), HONEST.get(task.what, Circumstances())
+    today = replace(today, softer_db=SOFTER_DB)
     walk = walked(world, task.seed + STRANGER, task.rounds, JITTER_S, today)
     places = range(NEIGHBOURS.get(task.what, 0))
     speakers_m = [_free_place(world, task.seed + 100 * (k + 1)) for k in places]

@@ -36,7 +36,7 @@ def open_cluster(address: str | None) -> Iterator[Cluster]:
     except (OSError, RuntimeError, ValueError) as cause:
         raise InputError(
             f"--on {address or 'ray'}: no cluster answers ({str(cause).splitlines()[0]}); "
-            "start one with: ray start --head"
+            "start one with: ray start --head, and set RAY_AUTH_MODE=token if it wants a token"
         ) from cause
     try:
         yield Cluster(ray)

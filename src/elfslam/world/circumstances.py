@@ -37,6 +37,7 @@ MOST_PEOPLE = 50
 MOST_PHONES = 8
 LONGEST_JITTER_S = 0.035
 """Chirps a period of 100 ms apart are then at least the 65 ms apart that a frame takes."""
+SOFTEST_DB = 20.0
 
 WARMTH_C = 1.5
 """Standard deviation of the room's temperature from day to day."""
@@ -55,7 +56,8 @@ class Circumstances:
 
     `state` names one of the world's states of the furniture, `day` counts from when the world was
     drawn, `volume` is the share of the phone's full level. Each chirp is played at a random moment
-    of the first `jitter_s` of its period. Raises ParameterError for what cannot be.
+    of the first `jitter_s` of its period, and by chance as loud as can be or `softer_db` softer.
+    Raises ParameterError for what cannot be.
     """
 
     state: str = ""
@@ -67,12 +69,14 @@ class Circumstances:
     other_phones: int = 0
     engine: str = "images"
     jitter_s: float = 0.0
+    softer_db: float = 0.0
 
     def __post_init__(self) -> None:
         _require("day", self.day, 0, 36_500)
         _require("people", self.people, 0, MOST_PEOPLE)
         _require("other phones", self.other_phones, 0, MOST_PHONES)
         _require("jitter", self.jitter_s, 0.0, LONGEST_JITTER_S)
+        _require("softer chirps", self.softer_db, 0.0, SOFTEST_DB)
         _require("volume", self.volume, 0.001, 1.0)
         for sound in self.sounds:
             if sound not in SOUNDS:

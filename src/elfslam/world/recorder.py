@@ -69,8 +69,11 @@ def record_walk(
     seed: int,
     generator: np.random.Generator,
     progress: Callable[[float], None],
-) -> tuple[Audio, F64]:
-    """What the phone records on its way, as one continuous stream, and when it played (n, s)."""
+) -> tuple[Audio, F64, F64]:
+    """What the phone records on its way, as one continuous stream.
+
+    Besides when it played each chirp (n, s), and how loud against the loudest (n, dB).
+    """
     stage = Stage(
         scene_of(room_on(world, circumstances)), air_on(world, circumstances.day),
         device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
@@ -84,6 +87,7 @@ def record_walk(
     if circumstances.engine != "images":
         poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
+    gain_db = loudness_of_chirps(circumstances.softer_db, len(starts), seed)
     for first in range(0, len(starts), BLOCK):
         rows = slice(first, first + BLOCK)
         block = _rows(poses, rows)
@@ -91,7 +95,7 @@ def record_walk(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
         sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
-        _lay_down(stream, starts[rows], sound)
+        _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
         progress(min((first + BLOCK) / len(starts), 1.0))
     for k in range(circumstances.other_phones):
         _add_other_phone(stream, stage, world, poses, starts, np.random.default_rng([seed, 5, k]))
@@ -100,7 +104,18 @@ def record_walk(
         if name in circumstances.sounds:
             stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
     audio = Audio(record(stream, stage.device, generator)[None, :], rate_hz)
-    return audio, np.asarray((starts - latency) / rate_hz)
+    return audio, np.asarray((starts - latency) / rate_hz), gain_db
+
+
+def loudness_of_chirps(softer_db: float, count: int, seed: int) -> F64:
+    """How loud each chirp (count) is played (dB): by chance at full level or so much softer."""
+    is_soft = np.random.default_rng([seed, 24]).uniform(size=count) < 0.5
+    return np.where(is_soft, -softer_db, 0.0)
+
+
+def louder(sounds: F32, gain_db: F64) -> F32:
+    """Sounds (n, samples), each by so many dB (n) louder."""
+    return np.asarray(sounds * (10 ** (gain_db / 20))[:, None].astype(np.float32))
 
 
 def _within_periods(starts: I64, circumstances: Circumstances, rate_hz: int, seed: int) -> I64:

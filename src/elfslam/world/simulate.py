@@ -52,9 +52,9 @@ def simulate(
     readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     today = circumstances or Circumstances()
     imu = read_imu(motion, grade, generator)
-    audio, played_t_s = None, None
+    audio, played_t_s, gain_db = None, None, None
     if sound:
-        audio, played_t_s = record_walk(
+        audio, played_t_s, gain_db = record_walk(
             world, today, walker, motion, rate_hz, seed, generator, progress
         )
     recording = Recording(
@@ -62,7 +62,8 @@ def simulate(
         device=f"{today.device}, {grade.name}",
         audio=audio,
         imu=imu,
-        played_t_s=played_t_s if today.jitter_s else None,
+        played_t_s=played_t_s if today.jitter_s or today.softer_db else None,
+        gain_db=gain_db if today.softer_db else None,
         **readings,
     )
     return recording, truth_of(motion)

@@ -19,16 +19,21 @@ FULL_SCALE = 0.999
 
 
 def frame_facts(
-    frames: Frames, parameters: EchoParameters, duration_s: float | None = None
+    frames: Frames,
+    parameters: EchoParameters,
+    duration_s: float | None = None,
+    gain_db: F64 | None = None,
 ) -> FrameFacts:
     """What is known of every chirp (m) that was due, heard or not.
 
-    `duration_s` is how long the other sensors ran, as for `cut_echoes`: the times agree.
+    `duration_s` is how long the other sensors ran, as for `cut_echoes`: the times agree. `gain_db`
+    (m) is how loud each was played, where a schedule says so.
     """
     rows = np.array([_row(frames, k, parameters) for k in range(len(frames.due))])
+    level, before, noise, tail, clipped = rows.T
     t_s, late = _times(frames, parameters, duration_s)
     late_s = np.where(frames.found < 0, np.nan, late)
-    return FrameFacts(t_s, late_s, *rows.T)
+    return FrameFacts(t_s, late_s, level, before, noise, tail, clipped, gain_db)
 
 
 def _times(frames: Frames, parameters: EchoParameters, duration_s: float | None) -> tuple[F64, F64]:

@@ -18,6 +18,9 @@ class TurnsParameters:
         low=0.0,
         high=0.03,
     )
+    softer_db: float = parameter(
+        4.0, "dB", "a chirp is by chance as loud as can be or so much softer", low=0.0, high=20.0
+    )
     slots: int = parameter(8, "", "slots of a round, after which turns repeat", low=1, high=64)
     listen: int = parameter(8, "", "slots to listen before the first chirp", low=1, high=100)
     forget: int = parameter(

@@ -6,7 +6,7 @@ import json
 import os
 import shutil
 import subprocess
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 from elfslam.line.trust import REASONS, TrustParameters, judge, loudness
 
 HERE = Path(__file__).parent
-COUNT = 240
+COUNT = 480
 node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
@@ -26,17 +26,22 @@ def heard(seed: int) -> tuple[FrameFacts, Echoes]:
     """Frames of which stretches are odd, each in another way; some have no echo."""
     generator = np.random.default_rng(seed)
     due_s = 0.5 + 0.1 * np.arange(COUNT) + generator.uniform(0, 0.025, COUNT)
-    stretch = np.arange(COUNT) // 20 % len(REASONS)
+    stretch = np.arange(COUNT) // 40 % len(REASONS)
     struck = (generator.uniform(size=COUNT) < 0.6) * stretch
     late_s = generator.normal(0, 1e-4, COUNT) + np.where(struck == 1, 0.004, 0.0)
     late_s[(struck == 1) & (generator.uniform(size=COUNT) < 0.5)] = np.nan
-    level = generator.uniform(0.1, 0.3, COUNT)
+    level = 0.2 * 10 ** (generator.normal(0, 0.3, COUNT) / 20)
+    gain_db = np.where(generator.uniform(size=COUNT) < 0.5, -6.0, 0.0)
     before = np.where(struck == 2, 0.3, 0.01)
     noise = np.where(struck == 4, 0.05, 1e-5)
     clipped = np.where(struck == 5, 0.1, 0.0)
     facts = FrameFacts(due_s, late_s, level, before, noise, np.zeros(COUNT), clipped)
     kept = ~np.isnan(late_s) & (np.arange(COUNT) % 17 > 0)
-    gain = np.where(struck == 3, 0.6, 0.01) * level
+    gain = np.where(struck == 3, 0.6, 0.002) * level
+    played = 10 ** (gain_db / 20)
+    lagging = stretch == 6
+    gain = np.where(lagging, np.hypot(gain * played, 0.002 * 0.2), gain * played)
+    facts = replace(facts, level=level * played, gain_db=gain_db)
     samples = gain[:, None] * generator.normal(size=(COUNT, ECHO_SAMPLES))
     samples = samples[kept].astype(np.float32)
     echoes = Echoes((due_s + late_s)[kept], samples, np.zeros(kept.sum()), np.zeros((0, 2)))
@@ -46,10 +51,11 @@ def heard(seed: int) -> tuple[FrameFacts, Echoes]:
 def vectors(seed: int) -> dict[str, Any]:
     facts, echoes = heard(seed)
     edges_s = np.arange(0.0, facts.t_due_s[-1] + 0.5, 0.55)
-    known = TrustParameters()
+    known = TrustParameters(compared_chirps=16)
     columns = {
         "dueS": facts.t_due_s, "lateS": facts.late_s, "level": facts.level,
         "before": facts.before, "noise": facts.noise, "clipped": facts.clipped,
+        "gainDb": facts.gain_db,
     }  # fmt: skip
     frames = [
         {

@@ -42,3 +42,13 @@ test("all at once and frame by frame: the reasons are the line's", () => {
   whole.take(facts, heard);
   assert.deepEqual(endsS.map(whole.reasonAt), found);
 });
+
+test("maps of before there was a rule of loudness, and pages that do not say it, are judged without", () => {
+  const { compared_chirps, lag, lag_errors, ...older } = parameters;
+  const unknown = facts.map(({ gainDb, ...each }) => each);
+  for (const [known, told] of [[older, facts], [parameters, unknown]]) {
+    const judge = makeTrust(known);
+    judge.take(told, heard);
+    assert.deepEqual(endsS.map(judge.reasonAt).filter((reason) => reason === REASONS.length - 1), []);
+  }
+});

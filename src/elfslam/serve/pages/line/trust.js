@@ -17,18 +17,24 @@ export const REASONS = [
   "echoes are louder than a room returns them",
   "there is noise in the band of the chirp",
   "the microphone is driven to its limit",
+  "echoes do not follow the loudness of their chirps",
 ];
+const LAGGING = REASONS.length - 1;
+/** Both limits of a lag are so much lower while SUSPECT. */
+const CALM = 0.5;
 
 /**
- * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, clipped: number}} Facts
- *   of one chirp, as echo_facts.js gives them
+ * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, clipped: number,
+ *   gainDb?: number}} Facts of one chirp, as echo_facts.js gives them; gainDb: how loud it was played, where
+ *   that is known
  * @typedef {{dueS: number, odd: boolean[]}} Judged whether a frame is odd, for each reason but the first
  */
 
 /**
  * A judge of frames as they come. `take` is given the facts of frames and the echoes, each in their order and
  * an echo not after its frame; `reasonAt(endS)` gives the number of the reason to suspect what was heard up
- * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words.
+ * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words. The room's
+ * echoes follow the loudness of their chirps, dB for dB; sound that somebody else plays does not.
  * @param {Record<string, number>} parameters the group "trust"
  * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[]) => void,
  *   reasonAt: (endS: number) => number}}
@@ -39,21 +45,25 @@ export function makeTrust(parameters) {
   let recent = [];
   /** @type {Judged[]} */
   let frames = [];
+  const following = makeFollowing(parameters);
   let last = 0;
 
   const take = (facts, echoes) => {
     loud.push(...echoes.map(({ tS, samples }) => ({ tS, rms: loudnessOf(samples) })));
-    for (const each of facts) frames.push({ dueS: each.dueS, odd: oddIn(each) });
+    for (const each of facts) {
+      const rms = loudnessOver(each);
+      frames.push({ dueS: each.dueS, odd: oddIn(each, rms) });
+      following.add(each, rms);
+    }
   };
 
-  const oddIn = ({ dueS, lateS, level, before, noise, clipped }) => {
+  const oddIn = ({ lateS, level, before, noise, clipped }, rms) => {
     const off = offTime(lateS);
     const floor = Math.max(level, 1e-12);
-    const rms = loudnessAt(dueS + (Number.isNaN(lateS) ? 0 : lateS));
     return [
       off > parameters.off_time_s,
       before > parameters.before,
-      rms.some((value, part) => value / floor > bounds[part]),
+      rms.some((value, part) => value > bounds[part]),
       noise / floor > parameters.noise,
       clipped > parameters.clipped,
     ];
@@ -66,24 +76,69 @@ export function makeTrust(parameters) {
     return off;
   };
 
-  const loudnessAt = (arrivedS) => {
+  /** Of each part of the echo trace over the direct level. */
+  const loudnessOver = ({ dueS, lateS, level }) => {
+    const arrivedS = dueS + (Number.isNaN(lateS) ? 0 : lateS);
     loud = loud.filter(({ tS }) => tS >= arrivedS - SAME_S);
-    return loud.length > 0 && loud[0].tS <= arrivedS + SAME_S ? loud[0].rms : [0, 0, 0, 0];
+    const rms = loud.length > 0 && loud[0].tS <= arrivedS + SAME_S ? loud[0].rms : [0, 0, 0, 0];
+    return rms.map((value) => value / Math.max(level, 1e-12));
   };
 
   const reasonAt = (endS) => {
     const seen = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s && dueS < endS);
     frames = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s);
-    last = seen.length < parameters.fewest_frames ? 0 : reasonIn(seen);
+    const lags = following.lagsAt(endS, last > 0);
+    const reason = seen.length < parameters.fewest_frames ? 0 : reasonIn(seen);
+    last = reason || (lags ? LAGGING : 0);
     return last;
   };
 
   const reasonIn = (seen) => {
     const limit = last > 0 ? parameters.calm_share : parameters.odd_share;
     const share = (reason) => seen.filter(({ odd }) => odd[reason - 1]).length / seen.length;
-    return Math.max(REASONS.findIndex((_, reason) => reason > 0 && share(reason) >= limit), 0);
+    const ofFrames = REASONS.slice(0, LAGGING);
+    return Math.max(ofFrames.findIndex((_, reason) => reason > 0 && share(reason) >= limit), 0);
   };
   return { take, reasonAt };
+}
+
+/**
+ * Whether echoes follow the loudness of their chirps. Over the direct sound the room's are alike however loud
+ * the chirp; what is added to them is over a soft one's the louder. Maps that were made before there was this
+ * rule do not have its parameters: then nothing is said.
+ * @param {{compared_chirps?: number, lag?: number, lag_errors?: number}} parameters
+ * @returns {{add: (facts: Facts, rms: number[]) => void, lagsAt: (endS: number, wasSuspect: boolean) => boolean}}
+ *   add: rms of each part of its echo trace over the direct level; lagsAt: by the last chirps before then
+ */
+function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_errors: errors }) {
+  let before = null;
+  let changes = [];
+
+  const add = ({ dueS, lateS, gainDb }, rms) => {
+    if (gainDb === undefined || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
+    const echoesDb = sum(rms.map((value) => 20 * Math.log10(value))) / rms.length;
+    if (before) changes.push({ dueS, played: gainDb - before.gainDb, echoes: echoesDb - before.echoesDb });
+    before = { gainDb, echoesDb };
+  };
+
+  const lagsAt = (endS, wasSuspect) => {
+    const first = changes.findIndex(({ dueS }) => dueS >= endS);
+    const last = first < 0 ? changes.length : first;
+    if (last < count) return false;
+    const compared = changes.slice(last - count, last);
+    changes = changes.slice(last - count);
+    const spread = sum(compared.map(({ played }) => played ** 2));
+    if (spread === 0) return false;
+    const lag = -sum(compared.map(({ played, echoes }) => played * echoes)) / spread;
+    const rest = sum(compared.map(({ played, echoes }) => (echoes + lag * played) ** 2)) / (count - 1);
+    const limit = Math.max(least, errors * Math.sqrt(rest / spread));
+    return lag >= (wasSuspect ? CALM * limit : limit);
+  };
+  return { add, lagsAt };
+}
+
+function sum(values) {
+  return values.reduce((total, value) => total + value, 0);
 }
 
 /**

@@ -6,7 +6,7 @@
 
 /**
  * The parameters of elfslam.line.turns, by their names there.
- * @typedef {{jitter_s: number, slots: number, listen: number, forget: number, check: number,
+ * @typedef {{jitter_s: number, softer_db: number, slots: number, listen: number, forget: number, check: number,
  *   check_least: number, check_alone: number, free_after: number, claim: number, keep: number, challenge: number, stir: number,
  *   follow: number, contrast: number, share: number, frames: number}} TurnsParameters
  * Whose turn it is, by slot of the round: whether it is ours; rounds since another phone was heard in it;
@@ -16,7 +16,7 @@
 
 /** @type {TurnsParameters} as long as no map brings its own */
 export const TURNS = {
-  jitter_s: 0.025, slots: 8, listen: 8, forget: 100, check: 0.3, check_least: 0.08, check_alone: 0.05,
+  jitter_s: 0.025, softer_db: 4, slots: 8, listen: 8, forget: 100, check: 0.3, check_least: 0.08, check_alone: 0.05,
   free_after: 2,
   claim: 0.5, keep: 0.5, challenge: 0.05, stir: 0.01, follow: 0.05, contrast: 3, share: 0.006, frames: 2,
 };
