@@ -39,7 +39,7 @@ from elfslam.world.city import Block, CityParameters, Hearing, block_of, heard_n
 
 PARAMETERS, CITY = FindParameters(), CityParameters()
 FRESH_S, WEAKEST_DBM = 3.0, -92.0
-SEED, BLOCKS, STRETCH_M = 300, 6, 8.0
+SEED, BLOCKS, STRETCH_M = 300, 3, 8.0
 Heard = dict[int, float]
 Rows = dict[int, list[tuple[float, ...]]]
 Row = dict[str, object]

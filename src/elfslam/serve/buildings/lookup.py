@@ -4,11 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
-from sqlalchemy import BigInteger, Float, Integer, String, and_, bindparam, func, or_, select
+from sqlalchemy import (
+    ARRAY,
+    BigInteger,
+    ColumnElement,
+    Float,
+    Integer,
+    Select,
+    String,
+    and_,
+    any_,
+    bindparam,
+    func,
+    or_,
+    select,
+)
 from sqlalchemy.engine import Connection
+from sqlalchemy.orm import InstrumentedAttribute
 
 from elfslam.serve.buildings.echoes import EchoIndex, echo_evidence
 from elfslam.serve.buildings.find import (
@@ -29,21 +45,18 @@ from elfslam.serve.buildings.position import (
 )
 from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
 from elfslam.serve.buildings.wifi import KnownPoints, Scan, scan_of, wifi_log_odds
+from elfslam.serve.store.database import POSTGRESQL
 
 Key = TypeVar("Key", int, str)
 MOST_FLOORS = 64
 """So many of the likeliest by each sense are looked at by the others."""
 POINTS = select(
     FloorPoint.bssid, FloorPoint.floor, FloorPoint.level_dbm, FloorPoint.spread_db, FloorPoint.share
-).where(FloorPoint.bssid.in_(bindparam("bssids", type_=BigInteger, expanding=True)))
+)
 FLOORS = select(
     Floor.number, Building.name, Floor.level, Floor.id, Floor.revision, Floor.has_wifi,
     Floor.latitude_deg, Floor.longitude_deg, Floor.radius_m, Floor.altitude_m,
 ).join(Building, Floor.building == Building.number)  # fmt: skip
-LIKELY = or_(
-    Floor.number.in_(bindparam("numbers", type_=Integer, expanding=True)),
-    Floor.id.in_(bindparam("map_ids", type_=String, expanding=True)),
-)
 AROUND = and_(
     Floor.latitude_deg.between(bindparam("south"), bindparam("north")),
     or_(
@@ -53,9 +66,42 @@ AROUND = and_(
     func.abs(Floor.latitude_deg - bindparam("latitude", type_=Float)) * EARTH_M_PER_DEG
     < Floor.radius_m + bindparam("reach", type_=Float),
 )
-BY_NUMBER, BY_PLACE, BY_BOTH = (
-    FLOORS.where(each) for each in (LIKELY, AROUND, or_(LIKELY, AROUND))
-)
+
+
+@dataclass(frozen=True)
+class Statements:
+    """What is asked of a database, made once."""
+
+    points: Select[Any]
+    by_number: Select[Any]
+    by_place: Select[Any]
+    by_both: Select[Any]
+
+
+def statements(*, arrays: bool) -> Statements:
+    """With a list as one parameter, which can be prepared, or as one for each of its values."""
+
+    def among(column: InstrumentedAttribute[Any], name: str, kind: Any) -> ColumnElement[bool]:
+        if arrays:
+            return column == any_(bindparam(name, type_=ARRAY(kind)))
+        return column.in_(bindparam(name, type_=kind, expanding=True))
+
+    likely = or_(among(Floor.number, "numbers", Integer), among(Floor.id, "map_ids", String))
+    points: Any = POINTS
+    floors: Any = FLOORS
+    return Statements(
+        points.where(among(FloorPoint.bssid, "bssids", BigInteger)),
+        floors.where(likely),
+        floors.where(AROUND),
+        floors.where(or_(likely, AROUND)),
+    )
+
+
+STATEMENTS = {arrays: statements(arrays=arrays) for arrays in (False, True)}
+
+
+def _statements(connection: Connection) -> Statements:
+    return STATEMENTS[connection.dialect.name == POSTGRESQL]
 
 
 def find(
@@ -78,7 +124,7 @@ def find(
 
 
 def _known_points(connection: Connection, scan: Scan) -> KnownPoints:
-    rows = connection.execute(POINTS, {"bssids": scan.bssid.tolist()}).all()
+    rows = connection.execute(_statements(connection).points, {"bssids": scan.bssid.tolist()}).all()
     place = {bssid: k for k, bssid in enumerate(scan.bssid.tolist())}
     whole = np.array([(place[row[0]], row[1]) for row in rows], dtype=np.int64).reshape(-1, 2)
     told = np.array([row[2:] for row in rows], dtype=np.float64).reshape(-1, 3)
@@ -96,12 +142,13 @@ def _floors(
     parameters: PositionFindParameters,
 ) -> list[KnownFloor]:
     """The floors of these numbers and maps, and those around a place."""
+    wanted = _statements(connection)
     if place is None:
-        rows = connection.execute(BY_NUMBER, likely)
+        rows = connection.execute(wanted.by_number, likely)
     elif any(likely.values()):
-        rows = connection.execute(BY_BOTH, {**likely, **_around(place, parameters)})
+        rows = connection.execute(wanted.by_both, {**likely, **_around(place, parameters)})
     else:
-        rows = connection.execute(BY_PLACE, _around(place, parameters))
+        rows = connection.execute(wanted.by_place, _around(place, parameters))
     return [_known(row) for row in rows]
 
 
