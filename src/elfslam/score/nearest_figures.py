@@ -33,7 +33,7 @@ def recall_figure(ways: Mapping[str, Recall]) -> go.Figure:
         [
             go.Scatter(
                 x=each.effort, y=each.share, name=name, mode="lines+markers",
-                line={"color": COLORS[k % len(COLORS)], "width": 2.5, "dash": DASHES[k % len(DASHES)]},
+                line=_look(k),
                 marker={"size": 7},
                 error_y={
                     "array": (each.high - each.share).round(4), "symmetric": False,
@@ -51,6 +51,10 @@ def recall_figure(ways: Mapping[str, Recall]) -> go.Figure:
     )  # fmt: skip
     figure.update_yaxes(title_text="recall at 1", range=[0, 1.03])
     return figure
+
+
+def _look(k: int) -> dict[str, object]:
+    return {"color": COLORS[k % len(COLORS)], "width": 2.5, "dash": DASHES[k % len(DASHES)]}
 
 
 def endings_figure(
