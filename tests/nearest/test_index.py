@@ -113,6 +113,14 @@ def test_exact_is_a_plain_sort(rows: F32, queries: F32) -> None:
     np.testing.assert_allclose(similarity, np.take_along_axis(scores, wanted, 1), atol=1e-6)
 
 
+def test_exact_gives_only_what_is_above(rows: F32, queries: F32) -> None:
+    ids, similarity = exact_search([rows], queries, 9)
+    part, cosines = exact_search([rows], queries, 9, above=similarity[:, 4])
+    assert (part[:, :4] == ids[:, :4]).all()
+    assert (part[:, 4:] == -1).all()
+    assert (cosines[:, 4:] == -1).all()
+
+
 def test_exact_leaves_out_what_is_gone_and_says_where_there_is_no_more() -> None:
     rows = unit(np.eye(4, dtype=np.float32))
     ids, similarity = exact_search([rows], rows[:1], 4, np.array([True, False, False, True]))

@@ -15,32 +15,38 @@ NONE = -1
 
 
 def exact_search(
-    shards: Sequence[Rows], vectors: F32, k: int, gone: Bool | None = None
+    shards: Sequence[Rows],
+    vectors: F32,
+    k: int,
+    gone: Bool | None = None,
+    *,
+    above: F32 | None = None,
 ) -> tuple[I64, F32]:
     """Ids (n, k) and cosines (n, k) of the spots nearest to unit rows (n, d), best first.
 
     A spot's id is its number in all shards; of equal ones the lower id comes first. `gone` marks
-    spots that are not to be found. Where there are fewer than k, the rest have id -1.
+    spots that are not to be found; only those more alike than `above` (n) are, where it is given.
+    Where there are fewer than k, the rest have id -1.
     """
+    least = np.full(len(vectors), -np.inf, dtype=np.float32) if above is None else above
     ids = np.full((len(vectors), k), NONE, dtype=np.int64)
     similarity = np.full((len(vectors), k), -1.0, dtype=np.float32)
     for first, rows in blocks([loaded(shard) for shard in shards], EXACT_BLOCK):
         scores = vectors @ rows.T
         if gone is not None:
             scores[:, gone[first : first + len(rows)]] = -np.inf
-        _keep_better(ids, similarity, scores, first)
+        _keep_better(ids, similarity, scores, first, least)
     return ids, similarity
 
 
-def _keep_better(ids: I64, similarity: F32, scores: F32, first: int) -> None:
+def _keep_better(ids: I64, similarity: F32, scores: F32, first: int, least: F32) -> None:
     """Put what beats the worst of each row's best into them, in place."""
     k = ids.shape[1]
-    open_ends = (ids[:, -1] == NONE) & (scores.max(axis=1) > -np.inf)
-    for row in np.flatnonzero(open_ends | (scores.max(axis=1) > similarity[:, -1])):
-        new = np.flatnonzero((scores[row] > similarity[row, -1]) | (ids[row, -1] == NONE))
+    bar = np.where(ids[:, -1] == NONE, least, similarity[:, -1])
+    for row in np.flatnonzero(scores.max(axis=1) > bar):
+        new = np.flatnonzero(scores[row] > bar[row])
         if len(new) > k:
             new = new[np.argpartition(-scores[row, new], k - 1)[:k]]
-        new = new[np.isfinite(scores[row, new])]
         both_ids = np.concatenate([ids[row], first + new])
         both = np.concatenate([similarity[row], scores[row, new]])
         order = np.lexsort((both_ids, -both, both_ids == NONE))[:k]

@@ -14,6 +14,9 @@ from elfslam.score.figures import styled
 
 ENDS = {"right": COLORS[0], "wrong": "#c0392b", "ambiguous": "#c9a227", "unknown": "#9aa3ad"}
 
+DASHES = ("solid", "solid", "dot", "dash")
+"""Ways that find the same lie on each other."""
+
 
 class Recall(NamedTuple):
     """Share found (n) by effort (n), and the interval it lies in."""
@@ -30,7 +33,8 @@ def recall_figure(ways: Mapping[str, Recall]) -> go.Figure:
         [
             go.Scatter(
                 x=each.effort, y=each.share, name=name, mode="lines+markers",
-                line={"color": COLORS[k % len(COLORS)], "width": 2}, marker={"size": 7},
+                line=_look(k),
+                marker={"size": 7},
                 error_y={
                     "array": (each.high - each.share).round(4), "symmetric": False,
                     "arrayminus": (each.share - each.low).round(4), "thickness": 1, "width": 0,
@@ -47,6 +51,10 @@ def recall_figure(ways: Mapping[str, Recall]) -> go.Figure:
     )  # fmt: skip
     figure.update_yaxes(title_text="recall at 1", range=[0, 1.03])
     return figure
+
+
+def _look(k: int) -> dict[str, object]:
+    return {"color": COLORS[k % len(COLORS)], "width": 2.5, "dash": DASHES[k % len(DASHES)]}
 
 
 def endings_figure(

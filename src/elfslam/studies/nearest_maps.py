@@ -42,7 +42,7 @@ NOTE = (
     "A map is one floor of a building of two, which are alike but for surfaces and furniture. "
     "Right map and right building: of the first candidate, however the vote ends; the maps of a "
     "building are taken together there. Right, wrong, ambiguous, unknown: how the vote ends. A "
-    "stranger walks through a building that has no map: all but unknown is wrong there. "
+    "stranger walks through a building that has no map: whatever is named is wrong there. "
     "Intervals: 95 %, over walks."
 )
 

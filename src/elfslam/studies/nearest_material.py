@@ -109,20 +109,28 @@ def exact_answers(
 
     What each shard gives is kept, so that looking at all goes on after a kill.
     """
-    asked, first, parts = np.concatenate([footsteps(lookups[who]) for who in VISITORS]), 0, []
+    asked, first = np.concatenate([footsteps(lookups[who]) for who in VISITORS]), 0
+    ids, cosines = exact_search([np.zeros((0, asked.shape[1]))], asked, NEIGHBOURS)
     for number, rows in enumerate(first_rows(shards, count)):
         file = folder / "exact" / f"{number:05d}-{len(rows)}-{len(asked)}.npz"
         if not file.exists():
-            ids, cosines = exact_search([rows], asked, NEIGHBOURS)
+            more, scores = exact_search([rows], asked, NEIGHBOURS, above=cosines[:, -1])
             with new_file(file) as partial:
-                write_npz(partial, {"ids": np.where(ids < 0, ids, ids + first), "cosines": cosines})
-        parts.append(read_npz(file, ("ids", "cosines")))
+                write_npz(
+                    partial, {"ids": np.where(more < 0, more, more + first), "cosines": scores}
+                )
+        part = read_npz(file, ("ids", "cosines"))
+        ids, cosines = _better(ids, cosines, part["ids"], part["cosines"])
         first += len(rows)
-    ids, cosines = (np.hstack([part[name] for part in parts]) for name in ("ids", "cosines"))
-    order = np.lexsort((ids, -cosines, ids < 0), axis=1)[:, :NEIGHBOURS]
-    best = (np.take_along_axis(each, order, 1) for each in (ids, cosines))
-    split = zip(*(np.split(each, len(VISITORS)) for each in best), strict=True)
+    split = zip(np.split(ids, len(VISITORS)), np.split(cosines, len(VISITORS)), strict=True)
     return dict(zip(VISITORS, split, strict=True))
+
+
+def _better(ids: I64, cosines: F32, more: I64, scores: F32) -> tuple[I64, F32]:
+    """The best 20 of two answers to the same questions."""
+    both, alike = np.hstack([ids, more]), np.hstack([cosines, scores])
+    order = np.lexsort((both, -alike, both < 0), axis=1)[:, :NEIGHBOURS]
+    return np.take_along_axis(both, order, 1), np.take_along_axis(alike, order, 1)
 
 
 def footsteps(lookups: Lookups) -> F32:
