@@ -2,7 +2,7 @@
 
 import { makeChirp } from "/line/chirp.js";
 import { makeEchoCutter } from "/line/echo.js";
-import { makeEnvelope } from "/line/echo_envelope.js";
+import { atEchoRate, makeEnvelope } from "/line/echo_envelope.js";
 import { openEncoder } from "/line/encoder.js";
 import { encoderFor } from "/line/feature.js";
 import { checkedMap } from "/line/floor_map.js";
@@ -78,7 +78,7 @@ async function whileItComes({ floorMap, listener, rateHz }, sound) {
 function insideEchoes({ floorMap, rateHz }, sound, windowS) {
   const size = Math.round(windowS * rateHz);
   const resampler = makeResampler(rateHz);
-  const envelope = makeEnvelope(makeChirp(floorMap.parameters.chirp, rateHz), rateHz);
+  const envelope = makeEnvelope(atEchoRate(makeChirp(floorMap.parameters.chirp, rateHz), rateHz));
   const out = [];
   for (let at = 0; at + size <= sound.length; at += size) {
     const start = performance.now();

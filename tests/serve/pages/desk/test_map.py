@@ -404,14 +404,41 @@ def large_view() -> dict[str, Any]:
     }
 
 
-@pytest.mark.xfail(reason="fails now and then on a busy machine; see docs/log.md", strict=False)
 def test_an_older_view_gives_way_to_a_newer(person: Any, open_desk: Open, run_folder: Path) -> None:
     first, second = (person.plant_map(name, run_folder) for name in ("first", "second"))
     page = open_desk(person, "#/maps")
     for map_id in itertools.islice(itertools.cycle((first, second)), 5):
         page.evaluate("id => { location.hash = `#/maps/${id}`; }", map_id)
-    page.wait_for_load_state("networkidle")
     page.get_by_role("heading", name="first").wait_for()
-    page.wait_for_timeout(500)
+    page.wait_for_load_state("networkidle")
     assert page.locator(".stage").count() == 1
     assert page.get_by_role("heading", name="first").count() == 1
+
+
+@pytest.mark.parametrize("elsewhere", ["maps", "first"])
+@pytest.mark.parametrize("status", [200, 503])
+def test_a_view_that_comes_too_late_is_not_shown(
+    person: Any, open_desk: Open, run_folder: Path, status: int, elsewhere: str
+) -> None:
+    first, second = (person.plant_map(name, run_folder) for name in ("first", "second"))
+    page = open_desk(person, "#/maps")
+    held: list[Any] = []
+
+    def hold(route: Any) -> None:
+        held.append(route)
+
+    page.route(f"**/api/maps/{second}/view", hold)
+    with page.expect_request(f"**/api/maps/{second}/view"):
+        page.evaluate("id => { location.hash = `#/maps/${id}`; }", second)
+    heading, address = {"maps": ("Maps", "#/maps"), "first": ("first", f"#/maps/{first}")}[
+        elsewhere
+    ]
+    page.evaluate("address => { location.hash = address; }", address)
+    page.get_by_role("heading", name=heading).wait_for()
+    with page.expect_event(
+        "requestfinished", lambda request: request.url.endswith(f"{second}/view")
+    ):
+        held[0].fulfill(response=held[0].fetch(), status=status)
+    page.wait_for_timeout(200)
+    assert page.locator("h1").all_inner_texts() == [heading]
+    assert page.locator(".stage").count() == int(elsewhere == "first")

@@ -8,7 +8,7 @@ import { test } from "node:test";
 
 import { makeChirp } from "../../../../src/elfslam/serve/pages/line/chirp.js";
 import { makeEchoCutter } from "../../../../src/elfslam/serve/pages/line/echo.js";
-import { makeEnvelope } from "../../../../src/elfslam/serve/pages/line/echo_envelope.js";
+import { atEchoRate, makeEnvelope } from "../../../../src/elfslam/serve/pages/line/echo_envelope.js";
 import { makeResampler } from "../../../../src/elfslam/serve/pages/line/resample.js";
 import { assertNear, assertSameFacts, concatenated, cutAll, floats, heardAll, makeRandom, plantedSound, streamed, told } from "./vectors.mjs";
 
@@ -33,7 +33,7 @@ for (const folder of SCENES) {
 
   test(`the envelope of sound at ${rateHz} Hz is Python's`, () => {
     const resampled = floats(folder, "resampled");
-    const envelope = streamed(makeEnvelope(chirp, rateHz), resampled, WORKLET_BLOCK);
+    const envelope = streamed(makeEnvelope(atEchoRate(chirp, rateHz)), resampled, WORKLET_BLOCK);
     assertNear(envelope, floats(folder, "envelope"), 2e-6, "envelope");
   });
 

@@ -6,7 +6,6 @@ import { test } from "node:test";
 import { decideBySteps, decideByWindows } from "../../../../src/elfslam/serve/pages/phone/locating/deciding.js";
 import { SIGMAS, ellipseOf, radiusOf } from "../../../../src/elfslam/serve/pages/phone/locating/ellipse.js";
 import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/ground_of_map.js";
-import { followLateness, latenessOf } from "../../../../src/elfslam/serve/pages/phone/locating/lateness.js";
 import { rowsOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
 import { makeMemory } from "../../../../src/elfslam/serve/pages/phone/locating/memory.js";
 import { delayMotion } from "../../../../src/elfslam/serve/pages/phone/locating/motion_delay.js";
@@ -97,29 +96,6 @@ test("maps on the phone come first, and say when the server has a newer one", ()
   assert.deepEqual(rows.map(({ isOld }) => isOld), [false, true, false, false]);
   assert.deepEqual(rows.map(({ canGet }) => canGet), [false, true, true, true]);
   assert.deepEqual(rowsOf(kept, null).map(({ canGet }) => canGet), [false, false]);
-});
-
-const every = (count, periodS, jitterS = () => 0) => Array.from({ length: count }, (_, k) => k * periodS + jitterS(k));
-
-test("a schedule by chance tells how long sound takes, whichever chirp was heard first", () => {
-  const played = every(40, 0.1, (k) => 0.025 * ((k * 0.618) % 1));
-  const heard = played.slice(17, 27).map((tS) => tS + 0.347);
-  near(latenessOf(heard, played), 0.347, 1e-9);
-});
-
-test("an even schedule takes the first heard for the first played, and is followed from there", () => {
-  const played = every(40, 0.1);
-  const follow = followLateness();
-  played.forEach(follow.played);
-  assert.equal(follow.latenessS(), null);
-  played.slice(0, 20).forEach((tS) => follow.heard(tS + 0.23));
-  near(follow.latenessS(), 0.23);
-  played.slice(20, 40).forEach((tS) => follow.heard(tS + 0.26));
-  near(follow.latenessS(), 0.26);
-});
-
-test("noise that agrees on nothing says nothing", () => {
-  assert.equal(latenessOf([5.01, 5.12, 5.27, 5.33], [4.9]), null);
 });
 
 test("motion waits for the sound's delay and is moved by it, never backwards", () => {

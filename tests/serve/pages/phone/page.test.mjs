@@ -107,6 +107,16 @@ test("motion is kept in order of time, from the start of the recording on", () =
   assert.equal(log.take((pageMs) => pageMs)["gyroscope.csv"], "");
 });
 
+test("motion waits for the sound that belongs to it", () => {
+  const log = makeMotionLog(() => {});
+  for (const pageMs of [10, 20, 30]) log.add(pageMs, [0, 0, 9.8], null);
+  const timesUntil = (untilS) =>
+    log.take((pageMs) => pageMs / 1000, untilS)["accelerometer.csv"].match(/^0\.\d+/gm) ?? [];
+  assert.deepEqual(timesUntil(0.02), ["0.010000", "0.020000"]);
+  assert.deepEqual(timesUntil(0.02), []);
+  assert.deepEqual(timesUntil(0.5), ["0.030000"]);
+});
+
 test("the way of the sound is known from its first chirp, and followed where it jumps", () => {
   const late = makeLateness();
   assert.equal(late.latencyS(), null);

@@ -19,6 +19,8 @@ SEED, ROUNDS = 107, 3
 ATTEMPTS = 3
 BROKEN, LOST = "breaks tell", "shorter than the motion"
 """What the server says of sound that broke off too often, and of sound that did not come at all."""
+LOST_S = 0.1
+"""Where the microphone's stream has gaps of more than that the machine was too busy to record."""
 
 pytestmark = pytest.mark.slow
 
@@ -43,7 +45,7 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
         pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
     world = load_world("studio")
     course = browser_walk.plan_course(world, SEED, ROUNDS)
-    said = ""
+    said, busy = "", 0
     for _ in range(ATTEMPTS):
         folder = tmp_path_factory.mktemp("loop")
         try:
@@ -52,20 +54,37 @@ def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any
             said = str(error)
             if BROKEN not in said:
                 raise
+            busy += LOST in said or lost_s(folder) > LOST_S
         else:
-            return course, next(folder.glob("recorded/**/recording.json")).parent, errors
-    if LOST not in said:
+            return course, recorded_in(folder), errors
+    if busy < ATTEMPTS:
         pytest.fail(said)
     pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times: {said}")
 
 
-@pytest.mark.xfail(reason="chirps are missed after jumps; see docs/log.md", strict=False)
+def recorded_in(folder: Path) -> Path:
+    return next(folder.glob("recorded/**/recording.json")).parent
+
+
+def capture_of(recorded: Path) -> dict[str, Any]:
+    return dict(json.loads((recorded / "recording.json").read_text())["capture"])
+
+
+def lost_s(folder: Path) -> float:
+    """How much of the microphone's stream never came."""
+    return sum(float(gap["lost_s"]) for gap in capture_of(recorded_in(folder))["gaps"])
+
+
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     course, recorded, _ = compared
-    told = json.loads((recorded / "recording.json").read_text())["capture"]
-    listened = 25  # slots before the first chirp, and on the way of the sound
-    assert 10 * course.duration_s - listened < told["frames"] < 10 * course.duration_s + 8
-    assert told["missed"] < 0.02 * told["frames"]
+    told = capture_of(recorded)
+    played = len((recorded / "chirps.csv").read_text().splitlines()) - 1
+    slots = 10 * course.duration_s
+    assert 0.85 * slots < told["frames"] < slots + 8  # silent in a few, to hear others
+    in_gaps = sum(2 + 10 * gap["lost_s"] for gap in told["gaps"])
+    assert told["frames"] >= 0.98 * played - 2
+    assert told["missed"] < 0.02 * told["frames"] + in_gaps
+    assert told["others"] <= 3
     assert told["steps"] == pytest.approx(course.motion.steps[-1], rel=0.1)
     turns = np.loadtxt(recorded / "gyroscope.csv", delimiter=",", skiprows=1)
     assert len(turns) / course.duration_s == pytest.approx(60, rel=0.1)

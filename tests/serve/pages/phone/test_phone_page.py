@@ -225,7 +225,6 @@ def test_a_walk_without_network_is_sent_when_it_is_back(
     check_sound(fetched(server, tmp_path)[0], heard)
 
 
-@pytest.mark.xfail(reason="too slow now and then on a busy machine; see docs/log.md", strict=False)
 @pytest.mark.parametrize("shelf", ["files", "database"])
 def test_a_walk_outlives_its_page(
     phone: Any, server: Any, heard: Heard, tmp_path: Path, shelf: str

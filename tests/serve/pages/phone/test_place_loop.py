@@ -20,10 +20,7 @@ ATTEMPTS = 3
 HEARD = 0.9
 """Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.xfail(reason="not steady yet with chirps by turns; see docs/log.md", strict=False),
-]
+pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")

@@ -35,6 +35,7 @@ function openDesk(me) {
   /** @type {import("./map_page.js").Opened | null} */
   let map = null;
   let shown = "";
+  let opened = 0;
 
   const { known, now } = keepKnown(() => {
     render();
@@ -72,8 +73,11 @@ function openDesk(me) {
     tickBoxes(main, desk);
   }
 
+  /** Whatever comes late, as maps do, is shown only as long as nothing else was opened. */
   async function open() {
     const { name, id } = pageOf(location.hash);
+    const turn = ++opened;
+    const isWanted = () => turn === opened;
     map?.leave();
     map = null;
     shown = name;
@@ -84,24 +88,24 @@ function openDesk(me) {
       if (here) link.setAttribute("aria-current", "page");
       else link.removeAttribute("aria-current");
     }
-    if (name === "map") await showMap(id);
+    if (name === "map") await showMap(id, isWanted);
     else {
       main.replaceChildren();
       if (name === "users") await loadUsers();
       render();
     }
+    if (!isWanted()) return;
     main.querySelector("h1")?.focus({ preventScroll: true });
     scrollTo(0, 0);
   }
 
-  /** @param {string} id */
-  async function showMap(id) {
+  /** @param {string} id @param {() => boolean} isWanted */
+  async function showMap(id, isWanted) {
     main.replaceChildren(h("div", { class: "map-page waiting", "aria-busy": "true" }));
     try {
-      const opened = await openMap(desk, id, main);
-      if (pageOf(location.hash).id === id) map = opened;
-      else opened.leave();
+      map = (await openMap(desk, id, main, isWanted)) ?? map;
     } catch (problem) {
+      if (!isWanted()) return;
       const words = problem instanceof Error ? problem.message : String(problem);
       main.replaceChildren(h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, "This map cannot be shown"), h("p", null, words),
         h("a", { class: "button", href: "#/maps" }, "Back to the maps")));

@@ -23,13 +23,15 @@ import { firstState } from "./viewer/state.js";
  * takes dropped files, or does not want them */
 
 /**
- * The page of a map, in `root`. Throws Problem where there is no such map.
- * @param {Desk} desk @param {string} id @param {HTMLElement} root
- * @returns {Promise<Opened>}
+ * The page of a map, in `root`; null where nobody wants it any more once it has come. Throws Problem where
+ * there is no such map.
+ * @param {Desk} desk @param {string} id @param {HTMLElement} root @param {() => boolean} isWanted
+ * @returns {Promise<Opened | null>}
  */
-export async function openMap(desk, id, root) {
+export async function openMap(desk, id, root, isWanted) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
   const [map, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
+  if (!isWanted()) return null;
   const scene = sceneOf(view);
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });

@@ -1,7 +1,7 @@
 /** Echo cutting as elfslam.line.echo does it, while the sound comes in. */
 
 import { makePeriodSearch } from "./echo_arrivals.js";
-import { makeEnvelope } from "./echo_envelope.js";
+import { atEchoRate, makeEnvelope } from "./echo_envelope.js";
 import { makeScheduleSearch } from "./echo_schedule.js";
 import { makeFacts } from "./echo_facts.js";
 import { ECHO_SAMPLES } from "./encoder.js";
@@ -12,8 +12,8 @@ import { makeStream } from "../phone/stream.js";
 export const DISCARDED_SAMPLES = 485;
 /** Sound that is remembered at the most, whatever is still waited for. */
 const REMEMBERED = 10 * ECHO_RATE_HZ;
-/** Of the envelope so much is there for whoever listens to others. */
-const HEARD = ECHO_RATE_HZ;
+/** Of the envelope so much is there for whoever listens to others, which waits for the own chirps. */
+const HEARD = 4 * ECHO_RATE_HZ;
 /** Frames whose facts are kept until somebody asks. */
 const UNASKED = 1000;
 
@@ -23,8 +23,9 @@ const UNASKED = 1000;
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
  * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
  *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void,
- *   heard: {envelope: (from: number, to: number) => Float32Array, end: () => number,
- *     sampleAt: (tS: number) => number}}} EchoCutter heard: the envelope at 44.1 kHz, of the last second
+ *   latenessS: () => number | null,
+ *   heard: import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}}} EchoCutter
+ *   latenessS: from playing to hearing, null before a told chirp was heard; heard: at 44.1 kHz
  */
 
 /**
@@ -44,7 +45,7 @@ const UNASKED = 1000;
  */
 export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const input = makeInput(rateHz);
-  const envelopeOf = makeEnvelope(chirp, rateHz);
+  const envelopeOf = makeEnvelope(atEchoRate(chirp, rateHz));
   const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
   const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
   const byPeriod = makePeriodSearch(period, parameters.echo);
@@ -117,12 +118,18 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
 
   const frames = () => known.splice(0).map((each) => ({ ...each, dueS: each.dueS + input.startS() }));
 
+  const latenessS = () => {
+    const late = bySchedule?.lateNow() ?? null;
+    return late === null ? null : late / ECHO_RATE_HZ;
+  };
+
   const heard = {
     envelope: envelope.slice,
     end: envelope.end,
+    late: (sample) => (bySchedule ? bySchedule.late(sample) : 0),
     sampleAt: (tS) => Math.round((tS - input.startS()) * ECHO_RATE_HZ),
   };
-  return { push, played, frames, heard, end: () => take(input.end(), true) };
+  return { push, played, frames, latenessS, heard, end: () => take(input.end(), true) };
 }
 
 function endOf(sample) {

@@ -76,8 +76,8 @@ export function makePeriodSearch(period, parameters) {
 }
 
 /** @returns {number} samples that a direct arrival may be off its time */
-export function slackOf(parameters) {
-  return Math.round(parameters.slack_s * ECHO_RATE_HZ);
+export function slackOf(parameters, rateHz = ECHO_RATE_HZ) {
+  return Math.round(parameters.slack_s * rateHz);
 }
 
 /** A chirp that was not heard. @returns {Arrival} */
@@ -96,8 +96,8 @@ export function strongestIn(envelope, from, to) {
 }
 
 /** What finds the direct arrival at or a little before a peak: an echo may be louder. */
-export function makeDirect(parameters) {
-  const early = Math.round(parameters.early_s * ECHO_RATE_HZ);
+export function makeDirect(parameters, rateHz = ECHO_RATE_HZ) {
+  const early = Math.round(parameters.early_s * rateHz);
   return (envelope, peak) => {
     const first = Math.max(peak.sample - early - 1, 0);
     const values = envelope.slice(first, peak.sample + 1);

@@ -1,20 +1,19 @@
-/** The envelope of the matched filter at 44.1 kHz, block by block, as elfslam.line.echo makes it. */
+/** The envelope of the matched filter, block by block, as elfslam.line.echo makes it at 44.1 kHz. */
 
 import { complexZeros, powerOfTwo } from "../phone/fourier.js";
 import { makeMatchedFilter } from "../phone/matched_filter.js";
 import { ECHO_RATE_HZ, joined } from "./resample.js";
 
 /**
- * `push` takes the next samples at 44.1 kHz and gives the values that have become final. They come in
+ * `push` takes the next samples and gives the values that have become final. They come in
  * blocks that begin at the same samples however the sound is cut, so that they are the same to the last
  * bit; no echo waits for them, as it ends later than its block. `end` gives the rest, as if silence
  * followed. Value k belongs to a chirp that starts at sample k.
  * @typedef {{push: (samples: Float32Array) => Float32Array, end: () => Float32Array}} Envelope
  */
 
-/** @param {Float32Array} chirp as played @param {number} rateHz its rate @returns {Envelope} */
-export function makeEnvelope(chirp, rateHz) {
-  const template = atEchoRate(chirp, rateHz);
+/** @param {Float32Array} template the chirp, at the rate of the samples @returns {Envelope} */
+export function makeEnvelope(template) {
   const size = powerOfTwo(4 * template.length);
   const filter = makeMatchedFilter(template, size);
   const block = size - template.length + 1;

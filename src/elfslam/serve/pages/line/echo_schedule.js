@@ -3,114 +3,192 @@
  * elfslam.line.echo, made as the sound comes in.
  *
  * Sound takes its time from playing to hearing, the same for all chirps until something jumps. What
- * differs from Python: that time comes from the first chirps that show it clearly, and from those that
- * were missed where several in a row were, as nobody knows what comes later.
+ * differs from Python, as nobody knows what comes later: that time comes from the first chirps that
+ * agree on one. A chirp that is not heard where it is due is held back, with all behind it, until it is
+ * known whether it was lost or the time has jumped: two that agree on another time, and were not heard at
+ * the old one, tell so at once.
  */
 
 import { median } from "../phone/matched_filter.js";
 import { makeDirect, makeLevel, missedAt, slackOf, strongestIn } from "./echo_arrivals.js";
 import { ECHO_RATE_HZ } from "./resample.js";
+import { bestOf, leadOf, peaksOf, votesOf } from "./schedule_votes.js";
 
-/** Chirps that tell together how late they arrive; as many missed in a row make it unknown again. */
+/** Chirps that are held back at the most; then the time from playing to hearing is unknown again. */
 const TOGETHER = 8;
-/** So many of them must be heard then. */
-const CLEAR = 0.8;
+/** So many more agree on a time than on any other, and it is believed; else all of them, by this share. */
+const [FEWEST, AHEAD, CLEAR] = [4, 2, 0.8];
+/** So many agree on a jump; further than half a period away somebody else's may do by chance. */
+const [JUMPED, JUMPED_FAR] = [2, 3];
 /** The median of so many arrivals says when the next one is due. */
 const RECENT = 5;
-const ABOUT_AS_CLEAR = 0.95;
+/** Within this of a louder sound another counts as its echo, s. */
+const APART_S = 0.02;
+/** Chirps of which it is remembered how late they were. */
+const REMEMBERED = 100;
+
+/**
+ * @typedef {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void,
+ *   late: (sample: number) => number | null | undefined, lateNow: () => number | null}} ScheduleSearch
+ *   played: tells of the next chirp, before it is heard; late: how many samples late what is played at a
+ *   sample is heard, undefined where that is not settled yet and null where its chirp was not; lateNow: as
+ *   far as is known by now, null before the first chirp
+ * @typedef {import("./echo_arrivals.js").Arrival & {played: number}} Scheduled
+ */
 
 /**
  * @param {number} first the sample at which the first chirp is played
  * @param {number} period samples
  * @param {{slack_s: number, early_s: number, latest_s: number, early_share: number,
  *   level_share: number, contrast: number}} parameters the group `echo`
- * @returns {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void}}
- *   played: tells of the next chirp, before it is heard
+ * @param {{rateHz?: number, guess?: number}} given guess: samples by which chirps are late, where none was
+ *   heard yet
+ * @returns {ScheduleSearch}
  */
-export function makeScheduleSearch(first, period, parameters) {
-  const slack = slackOf(parameters);
-  const latest = Math.round(parameters.latest_s * ECHO_RATE_HZ);
-  const directIn = makeDirect(parameters);
+export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RATE_HZ, guess = 0 } = {}) {
+  const slack = slackOf(parameters, rateHz);
+  const half = period >> 1;
+  const latest = Math.round(parameters.latest_s * rateHz);
+  const apart = Math.round(APART_S * rateHz);
+  const directIn = makeDirect(parameters, rateHz);
   const levelBefore = makeLevel(period, parameters, Math.max(first - 10 * period, 0));
-  const played = [first];
-  let row = 0;
-  let late = null;
-  let before = null;
-  let recent = [];
-  let missed = [];
-  let reach = 0;
-
-  /** Looks further and further for the time from playing to hearing; false where sound must come first. */
-  const begin = (envelope, isOver) => {
-    while (played.length >= row + TOGETHER) {
-      const chirps = played.slice(row, row + TOGETHER);
-      const end = chirps[TOGETHER - 1] + reach + slack + 1;
-      if (!isOver && envelope.end() < Math.max(end, period)) return false;
-      late = latenessOf(envelope, chirps, reach, slack, levelBefore(envelope, end));
-      if (late !== null) return true;
-      const isFar = reach >= latest;
-      reach = isFar ? latest : Math.min(reach + (period >> 1), latest);
-      if (isFar) return true;
-    }
-    return false;
-  };
+  /** Chirps that are not settled; the first `held` of them are in doubt. */
+  let [told, held, last] = [[first], 0, first];
+  /** How late chirps are heard, null where that is unknown; when one was heard last; as late as the last. */
+  let [late, before, recent] = [null, null, []];
+  /** Up to there the sound was searched for a time that is unknown; the last direct arrival. */
+  let [reached, arrived] = [first, -Infinity];
+  let settled = [];
 
   const next = (envelope, isOver) => {
-    if (late === null && !begin(envelope, isOver)) return null;
-    if (late === null) return passOver(envelope);
-    if (row >= played.length) return null;
-    const due = played[row] + late;
+    if (late === null) return begin(envelope, isOver);
+    if (held === told.length) return isOver && held > 0 ? settle(envelope, late) : null;
+    const due = told[held] + late;
     if (!isOver && envelope.end() < Math.max(due + slack + 1, period)) return null;
+    if (held === 0 && peakAt(envelope, due)) return settle(envelope, late, 1);
+    if (!isOver && envelope.end() < due + half) return null;
+    held += 1;
+    return decide(envelope, Math.min(due + half, envelope.end()));
+  };
+
+  /** What is loud where a chirp is due; null where nothing is. */
+  const peakAt = (envelope, due) => {
+    if (due < slack || due >= envelope.end() - slack) return null;
     const peak = strongestIn(envelope, due - slack, due + slack + 1);
-    const isInside = due >= slack && due < envelope.end() - slack;
-    row += 1;
-    const isHeard = isInside && peak.value >= levelBefore(envelope, due - slack);
-    return isHeard ? found(envelope, peak, due) : miss(envelope, due);
+    return peak.value >= levelBefore(envelope, due - slack) ? peak : null;
   };
 
-  const found = (envelope, peak, due) => {
-    const { sample, level } = directIn(envelope, peak);
-    const jumped = before !== null && Math.abs(late - before) > slack ? late - before : 0;
-    if (jumped !== 0) recent = [];
-    before = late;
-    recent = [...recent, sample - played[row - 1]].slice(-RECENT);
-    late = Math.round(median(recent));
-    const arrivals = [...missed, { sample, due, level, jumped, isFound: true }];
-    missed = [];
-    return arrivals;
+  /** Sound keeps its order: what was heard up to the last arrival is none of these chirps. */
+  const votes = (envelope, chirps, until) => {
+    const from = Math.max(arrived + apart, chirps[0], 0);
+    const values = envelope.slice(from, Math.max(until, from));
+    const peaks = peaksOf(values, from, levelBefore(envelope, until), apart);
+    return votesOf(chirps, peaks, { until, latest, alike: slack >> 1 });
   };
 
-  /** Nothing is said of missed chirps before it is known that they were not heard at another time. */
-  const miss = (envelope, due) => {
-    missed.push(missedAt(envelope, due, slack));
-    if (missed.length < TOGETHER) return [];
-    row -= TOGETHER;
-    [missed, late, reach, recent] = [[], null, 0, []];
+  /** Whether chirps were lost or the time has jumped, once one more was looked for where it was due. */
+  const decide = (envelope, until) => {
+    const chirps = told.slice(0, held);
+    const heard = chirps.filter((start) => peakAt(envelope, start + late)).length;
+    const others = votes(envelope, chirps, until).filter((vote) => Math.abs(vote.late - late) > slack);
+    const rival = bestOf(others, ({ hits }) => hits, late);
+    const rivals = rival?.hits ?? 0;
+    const wanted = rival && Math.abs(rival.late - late) <= half ? JUMPED : JUMPED_FAR;
+    if (rivals >= Math.max(wanted, heard + AHEAD)) {
+      const isOver = (start) => start + rival.late + slack < until;
+      return settle(envelope, rival.late, chirps.filter(isOver).length);
+    }
+    if (heard > 0 && (heard >= rivals || held >= TOGETHER)) return settle(envelope, late);
+    if (held >= TOGETHER) [late, held, recent, reached] = [null, 0, [], told[0]];
     return [];
   };
 
-  const passOver = (envelope) => {
-    const chirps = played.slice(row, row + TOGETHER);
-    row += TOGETHER;
-    return chirps.map((start) => missedAt(envelope, start + (before ?? 0), slack));
+  /** Looks further and further for the time from playing to hearing; null where sound must come first. */
+  const begin = (envelope, isOver) => {
+    while (told.length >= FEWEST || (isOver && told.length > 0)) {
+      const chirps = told.slice(0, TOGETHER);
+      const end = chirps[chirps.length - 1] + latest + slack + 1;
+      const until = Math.min(reached + half, end);
+      if (!isOver && envelope.end() < Math.max(until, period)) return null;
+      late = clearest(votes(envelope, chirps, until), slack);
+      if (late !== null) return [];
+      const isFar = until >= end;
+      if (isFar && (isOver || chirps.length === TOGETHER)) return passOver(envelope);
+      if (isFar) return null;
+      reached = until;
+    }
+    return null;
   };
 
-  const needs = () => played[Math.min(Math.max(row - TOGETHER, 0), played.length - 1)] - period;
+  const settle = (envelope, time, count = held) => {
+    const old = late;
+    if (Math.abs(time - old) > slack) recent = [];
+    [late, held] = [time, 0];
+    let isOld = true;
+    return told.splice(0, count).map((start) => {
+      const peak = peakAt(envelope, start + time);
+      isOld &&= !peak;
+      const earlier = isOld ? peakAt(envelope, start + old) : null;
+      const due = start + (isOld ? old : time);
+      return peak || earlier ? found(envelope, peak ?? earlier, start, due) : missed(envelope, start, due);
+    });
+  };
 
-  return { first, next, needs, played: (sample) => played.push(sample) };
+  const found = (envelope, peak, start, due) => {
+    const { sample, level } = directIn(envelope, peak);
+    const by = due - start;
+    const jumped = before !== null && Math.abs(by - before) > slack ? by - before : 0;
+    [before, arrived] = [by, sample];
+    recent = [...recent.filter((each) => Math.abs(each - by) <= slack), sample - start].slice(-RECENT);
+    if (Math.abs(late - by) <= slack) late = before = Math.round(median(recent));
+    remember(start, sample - start);
+    return { sample, due, level, jumped, isFound: true, played: start };
+  };
+
+  const missed = (envelope, start, due) => {
+    remember(start, null);
+    return { ...missedAt(envelope, due, slack), played: start };
+  };
+
+  const passOver = (envelope) => {
+    const chirps = told.splice(0, TOGETHER / 2);
+    reached = told[0] ?? reached;
+    return chirps.map((start) => {
+      remember(start, null);
+      return { ...missedAt(envelope, start + (before ?? guess), slack), played: start };
+    });
+  };
+
+  const remember = (start, by) => {
+    settled = [...settled, { start, by }].slice(-REMEMBERED);
+  };
+
+  const lateAt = (sample) => {
+    if (told.length > 0 && told[0] <= sample) return undefined;
+    const nearest = settled.findLast(({ start }) => start <= sample) ?? settled[0];
+    return nearest ? nearest.by : guess;
+  };
+
+  const played = (sample) => {
+    told.push(sample);
+    last = sample;
+  };
+
+  const needs = () => (told[0] ?? last) - period;
+
+  return { first, next, needs, played, late: lateAt, lateNow: () => late ?? before };
 }
 
-/** How late these chirps arrive, up to `reach`; null where most of them are not heard so. */
-function latenessOf(envelope, chirps, reach, slack, level) {
-  const total = new Float64Array(reach + 1);
-  for (const start of chirps) {
-    const values = envelope.slice(Math.max(start, 0), start + reach + 1);
-    const skipped = total.length - values.length;
-    for (let k = 0; k < values.length; k += 1) total[skipped + k] += Math.sqrt(values[k]);
-  }
-  // The earliest of equals: a regular schedule fits whole periods later as well.
-  const most = total.reduce((highest, value) => Math.max(highest, value), 0);
-  const late = total.findIndex((value) => value >= ABOUT_AS_CLEAR * most);
-  const isHeard = (start) => strongestIn(envelope, start + late - slack, start + late + slack + 1).value >= level;
-  return chirps.filter(isHeard).length >= CLEAR * chirps.length ? late : null;
+/**
+ * The time on which chirps agree; null where they do not yet. The earliest of equals: a regular schedule
+ * fits whole periods later as well.
+ * @param {import("./schedule_votes.js").Vote[]} all @param {number} slack
+ */
+function clearest(all, slack) {
+  const best = bestOf(all, leadOf, 0);
+  if (best === null || best.hits < FEWEST) return null;
+  const rival = bestOf(all.filter(({ late }) => Math.abs(late - best.late) > slack), leadOf, 0);
+  const isAhead = leadOf(best) >= Math.max(FEWEST, rival ? leadOf(rival) + AHEAD : 0);
+  const isClear = best.due >= TOGETHER && best.hits >= CLEAR * best.due;
+  return isAhead || isClear ? best.late : null;
 }

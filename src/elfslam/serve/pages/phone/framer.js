@@ -4,39 +4,33 @@ import { NOTHING_YET, nextArrival, wantedStretch } from "./arrivals.js";
 import { makeBandFilter } from "./band_filter.js";
 import { BASEBAND, makeBaseband, scaleOf, toInt16 } from "./baseband.js";
 import { makeMatchedFilter } from "./matched_filter.js";
+import { makeScheduled } from "./scheduled.js";
 import { frameRow, toBytes, toPcm } from "./sound_files.js";
-import { PATIENCE, STRETCH, findLate, lateBy, scheduledArrival } from "./scheduled.js";
 import { makeStream } from "./stream.js";
 
 const FRAME_S = 0.08;
-/** Chirps in vain, before any was heard, and how late they come is not believed. */
-const DOUBTFUL = 3;
 
 /**
  * @typedef {"baseband" | "whole"} Kind how the chirp band is kept: as I and Q, or as sound
  * @typedef {{arrival: import("./arrivals.js").Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
  * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
- *   played: (sample: number) => void, late: () => number | null,
- *   envelope: (from: number, to: number) => Float32Array, end: () => number}} Framer
- *   played: tells when a chirp was played, before it can be heard; without it they come once per period.
- *   late: samples from playing to hearing
+ *   played: (sample: number) => void, end: () => number,
+ *   heard: import("./hearing.js").HeardSound}} Framer
+ *   played: tells when a chirp was played, before it can be heard; without it they come once per period
  */
 
 /**
  * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind, late?: number | null}} given period
- *   in samples; late: samples from playing to hearing, as far as that is known
+ *   in samples; late: samples from playing to hearing, as far as that is known before one is heard
  * @returns {Framer}
  */
 export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   const stream = makeStream(4 * rateHz);
   const envelopeOf = makeMatchedFilter(chirp, period + chirp.length);
   const cutter = kind === "baseband" ? basebandCutter(rateHz) : wholeCutter(rateHz);
+  const scheduled = makeScheduled({ rateHz, chirp, period, guess: late ?? 0 });
   let search = NOTHING_YET;
   let hunted = 0;
-  let lateness = lateBy(late);
-  let isScheduled = false;
-  const schedule = [];
-  const inVain = [];
   let waiting = [];
   let last = -1;
 
@@ -52,57 +46,6 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
     }
   };
 
-  /** Envelope of [from, to), block by block. */
-  const envelope = (from, to) => {
-    const out = new Float32Array(Math.max(to - from, 0));
-    for (let at = from; at < to; at += period) {
-      const end = Math.min(at + period, to);
-      out.set(envelopeOf(stream.slice(at, end + chirp.length - 1)), at - from);
-    }
-    return out;
-  };
-
-  const isLateKnown = () => {
-    if (lateness.late !== null && lateness.missed < PATIENCE) return true;
-    const [first] = schedule;
-    const last = first + Math.round(STRETCH.seconds * rateHz);
-    const end = last + Math.round(STRETCH.latestS * rateHz);
-    if (stream.end() < end + chirp.length) return false;
-    const stretch = schedule.filter((sample) => sample < last);
-    const found = findLate(envelope(first, end), first, stretch, rateHz);
-    if (found !== null) lateness = lateBy(found);
-    else if (lateness.late === null) schedule.shift();
-    else lateness = { ...lateness, missed: 0 };
-    return lateness.late !== null;
-  };
-
-  const findScheduled = () => {
-    while (schedule.length > 0 && isLateKnown()) {
-      const due = schedule[0] + lateness.late;
-      const from = Math.max(due - (period >> 1), 0);
-      const to = due + (period >> 1);
-      if (stream.end() < to + chirp.length) return;
-      const step = scheduledArrival(lateness, envelope(from, to), from, schedule.shift(), rateHz);
-      lateness = step.lateness;
-      hunted = to;
-      if (lateness.recent.length === 0) doubt(step.arrival.played);
-      else if (step.arrival.sample >= 0) waiting.push(step.arrival);
-    }
-  };
-
-  /** What was said of the lateness may be wrong: after some chirps in vain all are searched anew. */
-  const doubt = (sample) => {
-    inVain.push(sample);
-    if (inVain.length < DOUBTFUL) return;
-    schedule.unshift(...inVain.splice(0));
-    lateness = lateBy(null);
-  };
-
-  const played = (sample) => {
-    isScheduled = true;
-    schedule.push(sample);
-  };
-
   const cutReady = () => {
     const frames = [];
     while (waiting.length > 0 && cutter.lastNeeded(waiting[0].sample) <= stream.end()) {
@@ -116,17 +59,18 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   };
 
   const push = (first, samples) => {
+    const begin = stream.end();
     const missing = stream.append(first, samples);
-    if (isScheduled) findScheduled();
-    else if (late === null) findMore();
+    waiting.push(...scheduled.push(stream.slice(begin, stream.end())));
+    if (!scheduled.hasBegun() && late === null) findMore();
     const frames = cutReady();
-    const due = isScheduled ? (inVain[0] ?? schedule[0] ?? stream.end()) : (search.due ?? hunted);
+    const due = scheduled.hasBegun() ? scheduled.needs() : (search.due ?? hunted);
     const oldest = Math.min(waiting[0]?.sample ?? due, due);
     stream.forget(oldest - Math.max(2 * period, rateHz));
     return { frames, missing };
   };
 
-  return { push, played, late: () => lateness.late, envelope, end: stream.end };
+  return { push, played: scheduled.played, end: stream.end, heard: scheduled.heard };
 }
 
 function basebandCutter(rateHz) {

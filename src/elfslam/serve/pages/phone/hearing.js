@@ -15,22 +15,30 @@ const BEHIND_S = 0.05;
  */
 
 /**
+ * @typedef {{envelope: (from: number, to: number) => Float32Array, end: () => number,
+ *   late: (sample: number) => number | null | undefined}} HeardSound the envelope of the last seconds; late:
+ *   how late what is played at a sample is heard, undefined where that is not settled yet and null where
+ *   nobody will know
+ */
+
+/**
  * @param {number} rateHz @param {number} period samples
  * @param {import("../line/turns.js").TurnsParameters} parameters
- * @returns {{add: (told: Told) => void, take: (framer: import("./framer.js").Framer) => Heard[]}}
+ * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
+ *   slots that are over; of those where own chirps cannot be told from others' nothing is said
  */
 export function makeHearing(rateHz, period, parameters) {
   const waiting = [];
   let listening = NOTHING_HEARD;
   const scale = ECHO_RATE_HZ / rateHz;
-  const onLine = (sample) => (sample === null ? null : Math.round(sample * scale));
+  const onLine = (sample) => Math.round(sample * scale);
+  const reach = period + Math.round(2 * BEHIND_S * rateHz);
 
-  const hear = (framer, told, next) => {
-    const late = framer.late();
-    const start = told.start + late;
+  const hear = (sound, told, next) => {
+    const start = told.start + sound.late(told.played ?? told.start);
     const from = Math.max(start - Math.round(BEFORE_S * rateHz), 0);
-    const envelope = atEchoRate(framer.envelope(from, start + period + Math.round(BEHIND_S * rateHz)), rateHz);
-    const heard = (sample) => (sample === null ? null : onLine(sample + late));
+    const envelope = atEchoRate(sound.envelope(from, start + period + Math.round(BEHIND_S * rateHz)), rateHz);
+    const heard = (sample) => (sample === null ? null : onLine(sample + sound.late(sample)));
     const slot = {
       start: onLine(start), end: onLine(start + period), due: heard(told.played), following: heard(next.played),
     };
@@ -41,12 +49,22 @@ export function makeHearing(rateHz, period, parameters) {
     return { slot: told.slot, othersS, played: told.played !== null };
   };
 
-  const take = (framer) => {
+  /** How late both slots are heard; undefined where it is too early to say. */
+  const lateBoth = (sound) => {
+    const [told, next] = waiting.map(({ start, played }) => played ?? start);
+    const both = [sound.late(told), sound.late(next)];
+    const isOver = () => sound.end() >= waiting[0].start + Math.max(...both) + reach;
+    return both.includes(undefined) || !isOver() ? undefined : both;
+  };
+
+  const take = (sound) => {
     const heard = [];
-    const reach = period + Math.round(2 * BEHIND_S * rateHz);
-    while (waiting.length > 1 && framer.late() !== null) {
-      if (framer.end() < waiting[0].start + framer.late() + reach) break;
-      heard.push(hear(framer, waiting.shift(), waiting[0]));
+    while (waiting.length > 1) {
+      const both = lateBoth(sound);
+      if (both === undefined) break;
+      const told = waiting.shift();
+      if (both.includes(null)) listening = { ...listening, until: null };
+      else heard.push(hear(sound, told, waiting[0]));
     }
     return heard;
   };

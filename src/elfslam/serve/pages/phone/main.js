@@ -146,11 +146,8 @@ async function walk() {
   at("record-title").textContent = state.name;
   showView("record");
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
-  // Recorded walks keep an even rhythm and take no turns until that is found in every recording.
-  const turns = { ...page.turns, jitter_s: 0, forget: 0, listen: 0, check_alone: 0 };
   const given = {
-    microphone, sound, keeper, clocks, turns,
-    play: (delayS, tell) => playTurns(delayS, tell, turns), latencyS, sent,
+    microphone, sound, keeper, clocks, turns: page.turns, play: playTurns, latencyS, sent,
     software: page.software,
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {

@@ -77,7 +77,7 @@ function startRecording({ walk, kind, turns, latencyS = null }) {
     const at = (first - zero) / sound.rateHz;
     if (missing > 0) self.postMessage({ is: "gap", tS: at, lostS: missing / sound.rateHz });
     frames.forEach((frame) => keepFrame(walk, kind, frame));
-    hearing.take(framer).forEach((heard) => self.postMessage({ is: "heard", ...heard }));
+    hearing.take(framer.heard).forEach((heard) => self.postMessage({ is: "heard", ...heard }));
   };
   finish = () => {
     take = () => {};

@@ -51,19 +51,19 @@ export function makeMotionLog(onReading) {
   return {
     add: (pageMs, acceleration, turning) => waiting.push({ pageMs, acceleration, turning }),
     /**
-     * Rows of both tables up to now, but none later than `untilS`.
+     * Rows of both tables up to now; those later than `untilS` wait.
      * @param {(pageMs: number) => number} timeOf
      */
     take: (timeOf, untilS = Infinity) => {
       const rows = { "accelerometer.csv": "", "gyroscope.csv": "" };
-      for (const { pageMs, acceleration, turning } of waiting) {
+      const isLater = ({ pageMs }) => timeOf(pageMs) > untilS;
+      for (const { pageMs, acceleration, turning } of waiting.filter((each) => !isLater(each))) {
         const tS = timeOf(pageMs);
-        if (tS > untilS) continue;
         rows["accelerometer.csv"] += row("acceleration", tS, acceleration);
         rows["gyroscope.csv"] += row("turning", tS, turning);
         if (acceleration) onReading(tS, acceleration);
       }
-      waiting = [];
+      waiting = waiting.filter(isLater);
       return rows;
     },
   };
@@ -116,23 +116,24 @@ export async function startWalking(given) {
     heard(frame.peak, frame.isFound);
   });
 
+  // Sound and motion end together, whenever that is: what one lasts longer than the other counts as lost.
+  const soundUntilS = () => Math.max(late.endS() ?? -Infinity, keptUntilS);
   let limit = Infinity;
-  const flush = async (untilS) => {
+  const flush = async () => {
     const begun = chirpLog.take(Math.min(microphone.context.currentTime * rateHz, limit));
     if (begun !== "") await keep(CHIRPS, (sent.sizes[CHIRPS] ? "" : CHIRPS_HEADER) + begun);
-    const isKnown = late.latencyS() !== null || state.facts.seconds > LATENCY_PATIENCE_S;
-    if (!isKnown && untilS === undefined) return;
+    const isKnown = late.latencyS() !== null;
+    if (!isKnown && !(state.facts.seconds > LATENCY_PATIENCE_S)) return;
     const line = clocks.line();
     const lateS = (late.latencyS() ?? 0) - zero / rateHz;
     const timeOf = (pageMs) => soundTime(line, pageMs) + lateS;
-    const rows = log.take(timeOf, untilS);
+    const rows = log.take(timeOf, isKnown ? soundUntilS() : Infinity);
     for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
       await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
     }
   };
   const timer = everySecond(microphone.context, zero, sent, flush);
 
-  // Sound and motion end together: what one lasts longer than the other counts as lost.
   const stop = async () => {
     limit = chirps.stop();
     await pause(1000 * (late.latencyS() ?? 0) + TAIL_MS);
@@ -141,9 +142,8 @@ export async function startWalking(given) {
     const stopped = sound.answer("stopped");
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
-    const untilS = late.endS() === undefined ? undefined : Math.max(late.endS(), keptUntilS);
-    await flush(untilS).catch(() => {}); // a full phone keeps what it has
     state.facts.seconds = seconds;
+    await flush().catch(() => {}); // a full phone keeps what it has
     await untilKept(sent, sizes);
     await closeWalk(sent, keeper, software);
   };

@@ -10,34 +10,21 @@ import { makeHearing } from "../hearing.js";
 
 /**
  * @param {import("../../line/echo.js").EchoCutter} cutter
- * @param {() => number | null} latenessS
  * @param {number} periodS
  * @param {import("../../line/turns.js").TurnsParameters} parameters
  * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[]}} take: what was heard in
  *   the slots that are over; after the first sound only
  */
-export function hearOthers({ heard }, latenessS, periodS, parameters) {
+export function hearOthers({ heard }, periodS, parameters) {
   const hearing = makeHearing(ECHO_RATE_HZ, Math.round(periodS * ECHO_RATE_HZ), parameters);
   let waiting = [];
-  let hasPlayed = false;
-  /** Before the own chirps are known from others', what is heard must not be taken for theirs. */
-  const late = () => {
-    if (latenessS() === null) return hasPlayed ? null : 0;
-    return Math.round(latenessS() * ECHO_RATE_HZ);
-  };
-  const framer = {
-    late,
-    envelope: heard.envelope,
-    end: heard.end,
-  };
   const take = () => {
     for (const { slot, startS, playedS } of waiting) {
       const played = playedS === null ? null : heard.sampleAt(playedS);
-      hasPlayed ||= played !== null;
       hearing.add({ slot, start: heard.sampleAt(startS), played });
     }
     waiting = [];
-    return hearing.take(framer);
+    return hearing.take(heard);
   };
   return { add: (slot) => waiting.push(slot), take };
 }

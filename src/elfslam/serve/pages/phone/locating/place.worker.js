@@ -14,7 +14,6 @@ import { TURNS } from "../../line/turns.js";
 import { makeTrust } from "../../line/trust.js";
 import { makeRandom } from "../../line/tracking/random.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
-import { followLateness } from "./lateness.js";
 import { makeMemory } from "./memory.js";
 import { delayMotion } from "./motion_delay.js";
 import { hearOthers } from "./others.js";
@@ -24,9 +23,8 @@ import { makePlacer } from "./placer.js";
 const SEED = 0;
 
 let motion = { push() {} };
-let cutter = { played() {} };
+let cutter = { played() {}, latenessS: () => null };
 let others = { add() {}, take: () => [] };
-const lateness = followLateness();
 
 const orders = {
   open: openMap,
@@ -34,7 +32,6 @@ const orders = {
   slot({ slot }) {
     others.add(slot);
     if (slot.playedS === null) return;
-    lateness.played(slot.playedS);
     cutter.played(slot.playedS);
   },
 };
@@ -58,10 +55,10 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = await encoderFor(floorMap, await openEncoder(encoderBytes, {}));
   cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
-  others = hearOthers(cutter, lateness.latenessS, parameters.chirp.period_s, parameters.turns ?? TURNS);
+  others = hearOthers(cutter, parameters.chirp.period_s, parameters.turns ?? TURNS);
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
-  motion = delayMotion(footsteps, lateness.latenessS);
+  motion = delayMotion(footsteps, cutter.latenessS);
   const trust = parameters.trust && makeTrust(parameters.trust);
   const deciding = mode === "track"
     ? decideBySteps({ floorMap, memory, footsteps, trust, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
@@ -74,8 +71,7 @@ function onFix(fix) {
 }
 
 function onEcho({ tS, facts }) {
-  lateness.heard(tS);
-  self.postMessage({ is: "echo", tS, facts, latenessS: lateness.latenessS() });
+  self.postMessage({ is: "echo", tS, facts, latenessS: cutter.latenessS() });
 }
 
 function tellProblem(error) {
