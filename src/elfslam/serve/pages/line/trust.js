@@ -116,7 +116,7 @@ function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_erro
   let chirps = [];
 
   const add = ({ dueS, lateS, level, noise, gainDb }, rms) => {
-    if (gainDb === undefined || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
+    if (gainDb === undefined || count === Infinity || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
     const hissDb = decibels(Math.max((HISS * noise) / Math.max(level, 1e-12), 1e-12));
     chirps.push({ dueS, gainDb, hissDb, partsDb: rms.map(decibels) });
   };
