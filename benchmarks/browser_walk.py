@@ -165,7 +165,7 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
     sensors = MotionSensors(page)
     sensors.read(course.imu, 0.0)
     page.click("#allow")
-    _move_until(page, sensors, course, lambda: page.is_visible("#go-on"), 20.0)
+    _move_until(page, sensors, course, lambda: page.is_visible("#go-on"), 60.0)
     said = page.inner_text("#probe-said")
     print("probe:", said, flush=True)
     page.click("#go-on")

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from elfslam.base.errors import InputError, NoAnswerError
-from elfslam.console import exit_code_of, print_rows, progress_bar
+from elfslam.console import exit_code_of, fitting_columns, print_rows, progress_bar
 
 ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]
 
@@ -53,3 +53,24 @@ def test_progress_is_silent_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> Non
         announce("working", 0.5)
         announce("working", None)
     assert capsys.readouterr() == ("", "")
+
+
+def test_a_table_keeps_the_columns_that_fit_and_names_the_others(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    row = {"name": "a walk", **{f"column {k} of many": f"value {k}" for k in range(20)}}
+    print_rows([row], title="Wide", as_json=False)
+    lines = capsys.readouterr().out.splitlines()
+    assert max(len(line) for line in lines) <= 120
+    text = "\n".join(lines)
+    assert all(f"value {k}" in text for k in range(5))
+    assert "value 19" not in text
+    assert "column 19 of many; --json has all columns" in " ".join(line.strip() for line in lines)
+
+
+def test_every_column_stays_where_the_table_fits_to_the_last_character() -> None:
+    rows = [{"one": "x" * 10, "two": "y" * 10}]
+    assert fitting_columns(rows, 26) == ["one", "two"]
+    assert fitting_columns(rows, 25) == ["one"]
+    assert fitting_columns(rows, 3) == ["one"]
+    assert fitting_columns([], 80) == []

@@ -22,6 +22,7 @@ FLOORS = {
     "baselines": 3,
     "data": 3,
     "score": 3,
+    "nearest": 3,
     "senses": 3.25,
     "mapping": 3.5,
     "mapping_many": 3.6,
@@ -39,6 +40,7 @@ ONLY_IN = {
     "fastapi": {"serve"},
     "plotly": {"score"},
     "ray": {"workers"},
+    "faiss": {"nearest"},
     "matplotlib": set[str](),
 }
 BASE_MAY_IMPORT = {"numpy", "elfslam"}

@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from itertools import accumulate
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
@@ -15,6 +16,12 @@ from rich.table import Table
 from elfslam.base.errors import ElfslamError, NoAnswerError
 
 DONE, NO_ANSWER, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+
+PIPE_WIDTH = 120
+GAP = 3
+"""Between two columns of a table."""
+FOLDED = 32
+"""Longer texts take several lines."""
 
 Announce = Callable[[str, float | None], None]
 """Hears what is being done, and the share done where it is known."""
@@ -38,19 +45,41 @@ def progress_bar() -> Iterator[Announce]:
 
 
 def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: bool) -> None:
-    """A table of rows that share their columns, or the same as JSON."""
+    """A table of rows that share their columns, or the same as JSON.
+
+    Of a table wider than the terminal the first columns, and the names of the others.
+    """
     if as_json:
         print(json.dumps(list(rows), indent=2))
         return
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     table = Table(
         title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False
     )
-    for name in rows[0] if rows else []:
+    fitting = fitting_columns(rows, console.width)
+    for name in fitting:
         numeric = all(isinstance(row[name], int | float | None) for row in rows)
         table.add_column(name, justify="right" if numeric else "left", overflow="fold")
     for row in rows:
-        table.add_row(*[_cell(value) for value in row.values()])
-    Console(width=None if sys.stdout.isatty() else 120).print(table)
+        table.add_row(*[_cell(row[name]) for name in fitting])
+    console.print(table)
+    others = [name for name in (rows[0] if rows else []) if name not in fitting]
+    if others:
+        console.print(f"too wide for this terminal: {', '.join(others)}; --json has all columns")
+
+
+def fitting_columns(rows: Sequence[Mapping[str, object]], width: int) -> list[str]:
+    """The first columns that fit side by side; a long text may take several lines."""
+    names = list(rows[0]) if rows else []
+    wide = [_column_width(name, [_cell(row[name]) for row in rows]) + GAP for name in names]
+    ends = list(accumulate(wide))
+    return [name for k, name in enumerate(names) if k == 0 or ends[k] <= width]
+
+
+def _column_width(name: str, cells: Sequence[str]) -> int:
+    """As wide as its longest cell, but not wider than a text that may be folded."""
+    heading = max((len(word) for word in name.split()), default=0)
+    return max(heading, min(max(len(cell) for cell in cells), FOLDED))
 
 
 def _cell(value: object) -> str:

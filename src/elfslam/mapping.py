@@ -140,9 +140,14 @@ def mapped_run(
 
 def unit_of(path: Path, job: MapJob) -> str:
     """The key of this piece of work: of the recording, the encoder and what the job asks for."""
+    return units_of(job)(path)
+
+
+def units_of(job: MapJob) -> Callable[[Path], str]:
+    """`unit_of` for many recordings: the encoder is read once."""
     encoder = load_encoder(job.encoder).identity
-    asked = replace(job, encoder=encoder, overwrite=False)
-    return unit_key(partial(mapped_run, job=asked), digest_of(path))
+    work = partial(mapped_run, job=replace(job, encoder=encoder, overwrite=False))
+    return lambda path: unit_key(work, digest_of(path))
 
 
 def _verdict(run: slam.Run, known: Settings) -> dict[str, Any]:

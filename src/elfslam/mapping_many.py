@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.runs import write_run
-from elfslam.mapping import Announce, MapJob, mapped_run, refuse_taken, unit_of
+from elfslam.mapping import Announce, MapJob, mapped_run, refuse_taken, units_of
 from elfslam.workers import Here, Workers
 
 
@@ -35,7 +36,8 @@ def map_many(
     them. `workers` on other machines must see the same folders. Raises StoreError before the
     first where one of the folders holds anything else.
     """
-    waiting = [path for path in paths if not _is_done(path, out, job)]
+    unit = units_of(job)
+    waiting = [path for path in paths if not _is_done(path, out, unit)]
     for path in waiting:
         refuse_taken(out / path.name, job)
     refused: dict[str, str] = {}
@@ -59,10 +61,10 @@ def _map_one(path: Path, out: Path, job: MapJob) -> str:
     return ""
 
 
-def _is_done(path: Path, out: Path, job: MapJob) -> bool:
+def _is_done(path: Path, out: Path, unit: Callable[[Path], str]) -> bool:
     if not (out / path.name / FACTS).exists():
         return False
     try:
-        return read_facts(out / path.name).get("unit") == unit_of(path, job)
+        return read_facts(out / path.name).get("unit") == unit(path)
     except (InputError, StoreError, OSError):
         return False

@@ -10,6 +10,8 @@ from typing import Annotated
 import typer
 
 from elfslam.base.errors import InputError
+from elfslam.cli.options import On
+from elfslam.workers.choosing import check_on
 
 DATA_FOLDER = Path("~/.elfslam")
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
@@ -22,6 +24,7 @@ def serve_command(
     port: Annotated[int, typer.Option(min=0, max=65_535, help="0 chooses a free one.")] = 8443,
     database: Database = "",
     jobs: Annotated[bool, typer.Option(help="Map what is uploaded.")] = True,
+    on: On = None,
     http: Annotated[bool, typer.Option("--http", help="Plain HTTP, on loopback alone.")] = False,
     allow_public: Annotated[
         bool, typer.Option("--allow-public", help="Answer beyond the local network.")
@@ -34,11 +37,13 @@ def serve_command(
     with _extra():
         from elfslam.serve.network.running import Listening, run
         from elfslam.serve.settings import ServerSettings
+    check_on(on)
     settings = ServerSettings(
         data.expanduser(),
         database,
         secure_cookie=not http,
         run_jobs=jobs,
+        on=on,
         allow_public=allow_public,
     )
     run(settings, Listening(host, port, http, new_token), _print)

@@ -58,7 +58,9 @@ class ServerSettings:
     """Off only where plain HTTP on loopback is spoken."""
     run_jobs: bool = True
     job_workers: int = 1
-    """Jobs that are worked on at once."""
+    """Jobs that are worked on at once, where `on` does not say."""
+    on: str | None = None
+    """Who works on jobs: a number of processes, `ray` or `ray://HOST:PORT`; this machine."""
     allow_public: bool = False
     """Answer also those who are neither on this machine nor in its local network."""
     pages_folder: Path = PAGES_FOLDER

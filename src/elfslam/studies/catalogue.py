@@ -23,6 +23,7 @@ from elfslam.studies.elf import measure_elf
 from elfslam.studies.fidelity import compare_engines
 from elfslam.studies.finding import Announce, Finding, LongStudy, Row, Study
 from elfslam.studies.finetuning import measure_finetuning
+from elfslam.studies.fleet import measure_fleet
 from elfslam.studies.floor_plan import measure_floor_plan
 from elfslam.studies.localization import measure_localization
 from elfslam.studies.localization_cost import measure_localization_cost
@@ -31,9 +32,13 @@ from elfslam.studies.mall_fifths import measure_mall_fifths
 from elfslam.studies.mall_floor import measure_mall_floor
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.merging import measure_merging
+from elfslam.studies.nearest_maps import measure_nearest_map
+from elfslam.studies.nearest_spots import measure_nearest
+from elfslam.studies.nearest_times import measure_nearest_times
 from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
+from elfslam.studies.queue import measure_queue
 from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.scaling import measure_scaling
 from elfslam.studies.sensitivity import measure_sensitivity
@@ -58,6 +63,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "fleet": measure_fleet,
     "floor-plan": LongStudy(measure_floor_plan),
     "localization": LongStudy(measure_localization),
     "localization-cost": measure_localization_cost,
@@ -66,9 +72,13 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "mall-floor": measure_mall_floor,
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
+    "nearest": LongStudy(measure_nearest),
+    "nearest-map": LongStudy(measure_nearest_map),
+    "nearest-times": LongStudy(measure_nearest_times),
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
+    "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
     "scaling": measure_scaling,
     "sensitivity": LongStudy(measure_sensitivity),

@@ -1,12 +1,16 @@
-"""The same units by one process, several, and a Ray cluster of two nodes on this machine."""
+"""The same work by one process, several, and a Ray cluster of two nodes on this machine.
+
+Walks that are mapped, each a unit, undisturbed and with a worker killed; then a whole study.
+"""
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
@@ -14,10 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.learn.settings import ScratchParameters
 from elfslam.line.feature import load_encoder
+from elfslam.score.charts import seconds_figure
 from elfslam.score.errors import Alignment, position_errors
+from elfslam.score.page import Page, Panel, rows_table
 from elfslam.slam import Parameters, map_by_echoes
-from elfslam.studies.finding import Announce, Row
+from elfslam.studies.finding import Announce, Finding, Row
+from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.repeats import Numbers
 from elfslam.workers import Here, Workers, open_workers
 from elfslam.workers.on_ray import cluster_here
@@ -25,7 +33,12 @@ from elfslam.world.simulate import load_world, simulate
 
 SECONDS = "seconds"
 """Of a unit's numbers the one that may differ from run to run."""
-NODES = 2
+PROCESSES = NODES = 2
+WALKS, STUDY = "walks", "study"
+SMALL = ScratchParameters(threads=1, steps=100)
+"""How the study's encoder learns that has heard one walk alone; the study itself takes longer."""
+NOTE_WALKS = "Seconds until all walks are mapped, without those that it took to start workers."
+NOTE_STUDY = "`study mapping` in the studio, in small: the same table from all."
 KILL_AFTER = 2
 """Units that are done before a worker is killed."""
 TENTH_S = 0.1
@@ -56,6 +69,8 @@ class Killer:
 
 
 Opened = Callable[[], AbstractContextManager[Workers]]
+Work = Callable[[Workers], tuple[Row, object]]
+"""Gives times that it knows, and what was found."""
 
 
 def measure_scaling(
@@ -65,27 +80,88 @@ def measure_scaling(
     worlds: Sequence[str] = ("studio", "lounge"),
     seeds: Sequence[int] = tuple(range(100, 110)),
     rounds: int = 3,
-) -> list[Row]:
-    """A row per kind of workers, undisturbed and with one of them killed: equal results, seconds.
+    study_seeds: Sequence[int] = tuple(range(100, 104)),
+    scratch: ScratchParameters = SMALL,
+) -> Finding:
+    """A row per kind of workers and work, undisturbed and with one of them killed.
 
-    `overhead (s)`: the time that workers did not spend on units, per unit. `data` is not needed.
+    `start (s)`: until there are workers. `overhead (s)`: what they did not spend on units, per
+    unit. `lost (s)`: by the kill. `equal`: what came out, to the last bit, to what this process
+    makes. `study` is `study mapping` in the studio with `study_seeds`. `data` is not needed.
     """
     walks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    study = partial(_study_table, seeds=study_seeds, rounds=rounds, scratch=scratch)
     kinds: dict[str, Opened] = {
         "this process": _here,
-        "2 processes": partial(open_workers, "2"),
+        f"{PROCESSES} processes": partial(open_workers, str(PROCESSES)),
         f"Ray, {NODES} nodes": partial(cluster_here, nodes=NODES),
     }
     rows: list[Row] = []
-    wanted: list[Numbers] | None = None
+    wanted: dict[str, object] = {}
     for name, opened in kinds.items():
-        for killer in (None, Killer()) if rows else (None,):
-            announce(f"{name}{' and a kill' if killer else ''}", len(rows) / (2 * len(kinds) - 1))
-            with opened() as workers:
-                row, found = _timed(walks, workers, killer)
-            wanted = wanted or found
-            rows.append({"workers": name, **row, "same results": found == wanted})
-    return rows
+        killer, undisturbed_s = Killer(), 0.0
+        works: dict[tuple[str, int], Work] = {
+            (WALKS, 0): partial(_timed, walks, killer=None),
+            (WALKS, 1): partial(_timed, walks, killer=killer),
+            (STUDY, 0): study,
+        }
+        if not rows:
+            del works[WALKS, 1]  # there would be nobody left
+        for (work, kills), start_s, wall_s, told, found in _done(opened, works, announce, name):
+            kind: Row = {"work": work, "workers": name, "kills": int(kills and bool(killer.killed))}
+            times: Row = {"start (s)": start_s, "wall (s)": wall_s, "overhead (s)": None, **told}
+            lost: Row = {"lost (s)": round(wall_s - undisturbed_s, 1) if kills else None}
+            undisturbed_s = wall_s
+            equal: Row = {"equal": found == wanted.setdefault(work, found)}
+            rows.append({**kind, **times, **lost, **equal})
+    rows.sort(key=lambda row: row["work"] == STUDY)
+    return Finding(rows, scaling_page(rows, len(walks)))
+
+
+def _done(
+    opened: Opened, works: Mapping[tuple[str, int], Work], announce: Announce, name: str
+) -> Iterator[tuple[tuple[str, int], float | None, float, Row, object]]:
+    """Each work done by workers: when these were there (said once), how long it took, and found."""
+    begin_s = time.perf_counter()
+    with opened() as workers:
+        start_s: float | None = round(time.perf_counter() - begin_s, 1)
+        for k, (which, work) in enumerate(works.items()):
+            announce(f"{name}: {which[0]}{' and a kill' * which[1]}", k / len(works))
+            begin_s = time.perf_counter()
+            told, found = work(workers)
+            yield which, start_s, round(time.perf_counter() - begin_s, 1), told, found
+            start_s = None
+
+
+def _study_table(
+    workers: Workers, *, seeds: Sequence[int], rounds: int, scratch: ScratchParameters
+) -> tuple[Row, str]:
+    """The table of a whole study as its file has it."""
+    made = measure_mapping(
+        None, lambda what, share: None,
+        workers=workers, worlds=("studio",), seeds=seeds, rounds=rounds, scratch=scratch,
+    )  # fmt: skip
+    return {}, json.dumps(made.rows, indent=2)
+
+
+def scaling_page(rows: Sequence[Row], units: int) -> Page:
+    """Times of each kind of workers, and the table."""
+    shown = {
+        work: {
+            f"{row['workers']}{', a kill' if row['kills'] else ''}": float(str(row["wall (s)"]))
+            for row in rows
+            if row["work"] == work
+        }
+        for work in (WALKS, STUDY)
+    }
+    panels = [
+        Panel(f"{units} walks mapped", seconds_figure(shown[WALKS]), NOTE_WALKS),
+        Panel("A whole study", seconds_figure(shown[STUDY]), NOTE_STUDY),
+        Panel("All times", rows_table(rows), wide=True),
+    ]
+    equal = sum(row["equal"] is True for row in rows)
+    tiles = {"equal results": f"{equal} of {len(rows)}"}
+    return Page("The same work by others", "One machine, whoever works.", panels, tiles)
 
 
 @contextmanager
@@ -94,7 +170,7 @@ def _here() -> Iterator[Workers]:
 
 
 def _timed(
-    walks: Sequence[Walk], workers: Workers, killer: Killer | None
+    walks: Sequence[Walk], workers: Workers, *, killer: Killer | None
 ) -> tuple[Row, list[Numbers]]:
     found: dict[int, Numbers] = {}
     busy_s, start_s = 0.0, time.perf_counter()
@@ -103,14 +179,8 @@ def _timed(
         found[index] = numbers
         if killer is not None:
             killer.hear(pid, len(found))
-    wall_s = time.perf_counter() - start_s
-    row: Row = {
-        "killed": 0 if killer is None or killer.killed is None else 1,
-        "units": len(walks),
-        "wall (s)": round(wall_s, 1),
-        "units (s)": round(busy_s, 1),
-        "overhead (s)": round((wall_s * workers.count - busy_s) / len(walks), 2),
-    }
+    beyond_s = (time.perf_counter() - start_s) * workers.count - busy_s
+    row: Row = {"overhead (s)": round(beyond_s / len(walks), 2)}
     return row, [found[index] for index in range(len(walks))]
 
 

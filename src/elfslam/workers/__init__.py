@@ -10,9 +10,19 @@ each call. Whoever has many of them asks for workers and takes results as they c
 `on` says who: nothing for this process, a number of processes, `ray` or `ray://HOST:10001`.
 """
 
-from elfslam.workers.choosing import open_workers
+from elfslam.workers.choosing import open_watchers, open_workers
 from elfslam.workers.here import Here
-from elfslam.workers.interface import Workers
+from elfslam.workers.interface import Watchers, WorkerDiedError, Workers, WorkersAwayError
 from elfslam.workers.units import silent_elsewhere, unit_key
 
-__all__ = ["Here", "Workers", "open_workers", "silent_elsewhere", "unit_key"]
+__all__ = [
+    "Here",
+    "Watchers",
+    "WorkerDiedError",
+    "Workers",
+    "WorkersAwayError",
+    "open_watchers",
+    "open_workers",
+    "silent_elsewhere",
+    "unit_key",
+]

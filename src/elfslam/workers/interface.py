@@ -5,8 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from typing import Protocol, TypeVar
 
+from elfslam.base.errors import WorkerError
+
 Task = TypeVar("Task")
 Result = TypeVar("Result")
+News = TypeVar("News")
 
 
 class Workers(Protocol):
@@ -27,3 +30,28 @@ class Workers(Protocol):
         Raises WorkerError where workers die again and again over one task, or are of another
         version.
         """
+
+
+class Watchers(Protocol):
+    """They do one long thing at a time, and say how it goes."""
+
+    @property
+    def count(self) -> int:
+        """How many may be watched at once, each by a thread of its own."""
+
+    def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News | None]:
+        """What `do` says of a task as it comes, and nothing every while.
+
+        Whoever closes it ends the work. Where that is done elsewhere, `do`, the task and what is
+        said are pickled. Raises WorkerDiedError where the worker died in the middle,
+        WorkersAwayError where all of them are gone, WorkerError where it is of another version,
+        and what `do` raises.
+        """
+
+
+class WorkerDiedError(WorkerError):
+    """A worker died in the middle of its work, which can be done again."""
+
+
+class WorkersAwayError(WorkerError):
+    """Whoever had the workers is gone; they have to be opened again."""

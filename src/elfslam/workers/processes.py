@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import queue
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
 from contextlib import suppress
+from multiprocessing.connection import wait
 
 from elfslam.base.errors import WorkerError
 from elfslam.workers.interface import Result, Task
@@ -107,4 +109,21 @@ class _Process:
 
 def _pool() -> ProcessPoolExecutor:
     # A forked process would inherit threads of torch and locks that nobody opens again.
-    return ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"))
+    return ProcessPoolExecutor(
+        1, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_the_driver
+    )
+
+
+def _end_with_the_driver() -> None:
+    """Whoever goes on after a kill does the unit again; two at once would be in each other's way.
+
+    A process of a pool does not notice by itself: it holds both ends of its pipe.
+    """
+    driver = multiprocessing.parent_process()
+    assert driver is not None
+
+    def watch() -> None:
+        wait([driver.sentinel])
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()

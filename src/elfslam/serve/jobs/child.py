@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import IO, Any, Protocol
 
 LOG = "log.txt"
 PATIENCE_S = 0.3
@@ -23,34 +23,72 @@ COMMAND = (sys.executable, "-m", "elfslam.serve.jobs.work")
 DIED = "the work ended in the middle ({why}); retry it, and look into the server's log if it recurs"
 OVERDUE = "the work took longer than {hours:g} h and was stopped; cut the recording up"
 
-Told = Callable[[str | None, float | None], bool]
-"""Hears what is being done, nothing where that is as before; whether to go on."""
+
+@dataclass(frozen=True)
+class Doing:
+    """What is being done and how much of it is; nothing where that is as before."""
+
+    what: str | None = None
+    share: float | None = None
 
 
 @dataclass(frozen=True)
 class Result:
-    """What came of the work: facts where something was made, the problem where something failed."""
+    """What came of the work: facts where something was made, the problem where something failed.
+
+    `died`: its process did, in the middle.
+    """
 
     facts: dict[str, Any] | None
     problem: str | None = None
+    died: bool = False
 
 
-def run_child(folder: Path, *, longest_s: float, told: Told, lock: int) -> Result | None:
-    """Do the task of a folder in a process of its own; nothing where `told` stopped it.
+class Child(Protocol):
+    """A process that does a job's work, and leads a group of its own."""
 
-    The process keeps the file `lock` open: it is free again when server and process both are gone.
+    pid: int
+
+    @property
+    def stdin(self) -> IO[bytes] | None:
+        """It ends when this is closed."""
+
+    @property
+    def stdout(self) -> IO[bytes] | None:
+        """Where it says what it does."""
+
+    def wait(self) -> int:
+        """Its exit status, once it has ended; -N where signal N ended it."""
+
+
+Begin = Callable[[Path, IO[bytes], int], Child]
+"""Begins the work in a folder, given the file for what libraries print and the lock it keeps."""
+
+
+def begin_anew(folder: Path, log: IO[bytes], lock: int) -> Child:
+    """A new interpreter for the work in a folder."""
+    return subprocess.Popen(
+        [*COMMAND, str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=log,
+        pass_fds=(lock,),
+        start_new_session=True,
+    )
+
+
+def child_news(
+    folder: Path, *, longest_s: float, lock: int, begin: Begin = begin_anew
+) -> Iterator[Doing | Result]:
+    """Do the task of a folder in a process of its own: what it does, what came of it at last.
+
+    Says something every while, be it nothing; whoever closes this ends the process. That keeps the
+    file `lock` open: it is free again when whoever began it and the process both are gone.
     """
     with (folder / LOG).open("wb") as log:
-        process = subprocess.Popen(
-            [*COMMAND, str(folder)],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=log,
-            pass_fds=(lock,),
-            start_new_session=True,
-        )
+        process = begin(folder, log, lock)
     try:
-        return _watched(process, longest_s, told)
+        yield from _watched(process, longest_s)
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
@@ -60,20 +98,20 @@ def run_child(folder: Path, *, longest_s: float, told: Told, lock: int) -> Resul
                 pipe.close()
 
 
-def _watched(process: subprocess.Popen[bytes], longest_s: float, told: Told) -> Result | None:
+def _watched(process: Child, longest_s: float) -> Iterator[Doing | Result]:
     began_s = time.monotonic()
     for news in _news(process):
         if news is not None and "problem" in news:
-            return Result(news["facts"], news["problem"])
-        doing, share = (None, None) if news is None else (news["doing"], news["share"])
-        if not told(doing, share):
-            return None
+            yield Result(news["facts"], news["problem"])
+            return
+        yield Doing() if news is None else Doing(news["doing"], news["share"])
         if time.monotonic() - began_s > longest_s:
-            return Result(None, OVERDUE.format(hours=longest_s / 3600))
-    return Result(None, DIED.format(why=_why(process.wait())))
+            yield Result(None, OVERDUE.format(hours=longest_s / 3600))
+            return
+    yield Result(None, DIED.format(why=_why(process.wait())), died=True)
 
 
-def _news(process: subprocess.Popen[bytes]) -> Iterator[dict[str, Any] | None]:
+def _news(process: Child) -> Iterator[dict[str, Any] | None]:
     """The latest line of a process every while, nothing where none came, and its last at once."""
     assert process.stdout is not None
     pipe, rest = process.stdout.fileno(), b""

@@ -43,6 +43,8 @@ class Claim:
     user_id: str
     kind: JobKind
     given: dict[str, Any]
+    attempt: int
+    """How often it was begun, this time among them."""
 
 
 def queue_job(session: Session, user_id: str, kind: JobKind, given: dict[str, Any]) -> Job:
@@ -70,16 +72,21 @@ def claim(sessions: Sessions) -> Claim | None:
         }
         with transaction(sessions) as session:
             if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begun):
-                return Claim(job.id, token, job.user_id, JobKind(job.kind), job.given)
+                kind, attempt = JobKind(job.kind), job.attempts + 1
+                return Claim(job.id, token, job.user_id, kind, job.given, attempt)
 
 
 def _next() -> Select[Job]:
     """The oldest job of the user none of whose jobs began for the longest time."""
-    other = aliased(Job)
-    begun = select(func.max(other.started_utc)).where(other.user_id == Job.user_id)
-    last = begun.correlate(Job).scalar_subquery()
-    waiting = select(Job).where(Job.state == JobState.QUEUED)
-    return waiting.order_by(last.is_not(None), last, Job.created_utc, Job.id).limit(1)
+    waits, other = Job.state == JobState.QUEUED, aliased(Job)
+    oldest = func.min(Job.created_utc).label("oldest")
+    users = select(Job.user_id, oldest).where(waits).group_by(Job.user_id).subquery()
+    begun = select(func.max(other.started_utc)).where(other.user_id == users.c.user_id)
+    last = begun.correlate(users).scalar_subquery()
+    turns = select(users.c.user_id).order_by(last.is_not(None), last, users.c.oldest)
+    turn = turns.limit(1).scalar_subquery()
+    mine = select(Job).where(waits, Job.user_id == turn)
+    return mine.order_by(Job.created_utc, Job.id).limit(1)
 
 
 def tell(sessions: Sessions, held: Claim, doing: str, share: float | None) -> bool:
@@ -111,9 +118,17 @@ def finish(session: Session, held: Claim, gave: dict[str, Any], problem: str | N
 
 def give_back(sessions: Sessions, held: Claim) -> bool:
     """Queue a job again that was not at fault; whether the claim still held."""
-    again = {**_waiting(), "attempts": Job.attempts - 1}
+    return _again(sessions, held, {"attempts": Job.attempts - 1})
+
+
+def begin_again(sessions: Sessions, held: Claim) -> bool:
+    """Queue a job again that may have been at fault; whether the claim still held."""
+    return _again(sessions, held, {})
+
+
+def _again(sessions: Sessions, held: Claim, besides: dict[str, Any]) -> bool:
     with transaction(sessions) as session:
-        return _set(session, _held(held), again)
+        return _set(session, _held(held), {**_waiting(), **besides})
 
 
 def cancel(session: Session, job_id: str) -> bool:

@@ -1,5 +1,7 @@
 """What works through the queue: one job after the other, each in a process of its own.
 
+Those processes are where `open_place` has them: on this machine, or on a cluster.
+
 One server alone works on the jobs of a data folder: it holds the lock on a file there, and so do
 the processes of its jobs. Whoever gets the lock knows that nobody works on anything, and queues
 again what was interrupted.
@@ -12,23 +14,35 @@ import logging
 import shutil
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from sqlalchemy.exc import OperationalError
 
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, WorkerError
 from elfslam.serve.jobs.child import LOG as CHILD_LOG
-from elfslam.serve.jobs.child import run_child
+from elfslam.serve.jobs.child import Doing, Result
 from elfslam.serve.jobs.folder import DISK_FULL
-from elfslam.serve.jobs.queue import Claim, claim, finish, give_back, holds, queue_interrupted, tell
+from elfslam.serve.jobs.places import News, Place, open_place
+from elfslam.serve.jobs.queue import (
+    Claim,
+    begin_again,
+    claim,
+    finish,
+    give_back,
+    holds,
+    queue_interrupted,
+    tell,
+)
 from elfslam.serve.jobs.results import keep
 from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.problems import is_disk_full
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import transaction
+from elfslam.workers import WorkerDiedError, WorkersAwayError
 
 LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"
@@ -36,9 +50,23 @@ FOLDERS = "job-"
 """How the names of jobs' folders begin."""
 POLL_S = 1.0
 """Jobs that another server queued are found after this long."""
+AWAY_S = 5.0
+"""How long until a cluster that was away is asked for again."""
 MISTAKE = "the server made a mistake over this job; its log says which"
 LOG_CHARACTERS = 4000
 T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Bench:
+    """What the threads that work on jobs have in common."""
+
+    services: Services
+    stopping: threading.Event
+    lock: int
+    place: Place
+    away: threading.Event
+    """Set where the workers of the place are gone."""
 
 
 @contextmanager
@@ -66,13 +94,26 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
         for left in services.settings.work_folder.glob(f"{FOLDERS}*"):
             shutil.rmtree(left, ignore_errors=True)
         _patiently(stopping, partial(queue_interrupted, services.sessions))
-        arguments = services, stopping, file.fileno()
-        count = services.settings.job_workers
-        workers = [threading.Thread(target=_work, args=arguments) for _ in range(count)]
+        while not stopping.is_set():
+            try:
+                _work_there(services, stopping, file.fileno())
+            except (InputError, WorkerError) as error:
+                LOG.warning("jobs wait: %s", error)
+                stopping.wait(AWAY_S)
+
+
+def _work_there(services: Services, stopping: threading.Event, lock: int) -> None:
+    """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
+    settings = services.settings
+    with open_place(settings.on, settings.job_workers) as place:
+        bench = Bench(services, stopping, lock, place, threading.Event())
+        workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(place.count)]
         for worker in workers:
             worker.start()
         for worker in workers:
             worker.join()
+        if bench.away.is_set():
+            raise WorkersAwayError("the cluster is gone; asking for it again")
 
 
 def _locked(file: int) -> bool:
@@ -83,62 +124,86 @@ def _locked(file: int) -> bool:
     return True
 
 
-def _work(services: Services, stopping: threading.Event, lock: int) -> None:
-    while not stopping.is_set():
+def _work(bench: Bench) -> None:
+    services = bench.services
+    while not bench.stopping.is_set() and not bench.away.is_set():
         services.jobs_wanted.clear()
-        held = _patiently(stopping, partial(claim, services.sessions))
+        held = _patiently(bench.stopping, partial(claim, services.sessions))
         if held is None:
             services.jobs_wanted.wait(POLL_S)
         else:
-            _work_on(services, held, stopping, lock)
+            _work_on(bench, held)
 
 
-def _work_on(services: Services, held: Claim, stopping: threading.Event, lock: int) -> None:
+def _work_on(bench: Bench, held: Claim) -> None:
+    services = bench.services
     folder = services.settings.work_folder / f"{FOLDERS}{held.job_id}-{held.token[:8]}"
     problem = None
     try:
         folder.mkdir()
-        _attempt(services, held, folder, stopping, lock)
+        _attempt(bench, held, folder)
     except InputError as error:
         problem = str(error)
+    except WorkerError as error:
+        _put_back(bench, held, error)
     except Exception as error:
         LOG.exception("job %s failed", held.job_id)
         problem = DISK_FULL if is_disk_full(error) else MISTAKE
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     if problem is not None:
-        _patiently(stopping, partial(_fail, services, held, problem))
+        _patiently(bench.stopping, partial(_fail, services, held, problem))
 
 
-def _attempt(
-    services: Services, held: Claim, folder: Path, stopping: threading.Event, lock: int
-) -> None:
+def _attempt(bench: Bench, held: Claim, folder: Path) -> None:
+    services = bench.services
     lay_out(services, held, folder)
-    told = partial(_told, services, held, stopping)
     longest_s = services.settings.limits.job_s
-    result = run_child(folder, longest_s=longest_s, told=told, lock=lock)
-    if result is not None:
-        if result.problem is not None:
-            _log(folder, held, result.problem)
-        _patiently(stopping, partial(keep, services, held, folder, result))
-    elif stopping.is_set():
-        give_back(services.sessions, held)
+    result = _heard(bench, held, bench.place.news(folder, longest_s, bench.lock))
+    if result is None:
+        if bench.stopping.is_set():
+            give_back(services.sessions, held)
+        return
+    if result.problem is not None:
+        _log(folder, held, result.problem)
+    if result.died and held.attempt < bench.place.tries:
+        _patiently(bench.stopping, partial(begin_again, services.sessions, held))
+    else:
+        _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _told(
-    services: Services,
-    held: Claim,
-    stopping: threading.Event,
-    doing: str | None,
-    share: float | None,
-) -> bool:
+def _heard(bench: Bench, held: Claim, news: News) -> Result | None:
+    """What came of a job, nothing where it was given up before: what it does is told meanwhile."""
+    with closing(news):  # type: ignore[type-var]
+        try:
+            for said in news:
+                if isinstance(said, Result):
+                    return said
+                if not _told(bench, held, said):
+                    return None
+        except WorkerDiedError as error:
+            return Result(None, str(error), died=True)
+    raise WorkersAwayError("the cluster stopped in the middle; asking for it again")
+
+
+def _put_back(bench: Bench, held: Claim, error: WorkerError) -> None:
+    """Nobody there can do a job that is not at fault: it waits."""
+    LOG.warning("job %s waits: %s", held.job_id, error)
+    if isinstance(error, WorkersAwayError):
+        bench.away.set()
+    _patiently(bench.stopping, partial(give_back, bench.services.sessions, held))
+    bench.stopping.wait(POLL_S)
+
+
+def _told(bench: Bench, held: Claim, doing: Doing) -> bool:
     """Pass on what is being done; whether to go on. A database that is away stops nobody."""
-    if stopping.is_set():
+    if bench.stopping.is_set():
         return False
+    sessions = bench.services.sessions
     try:
-        if doing is None:
-            return holds(services.sessions, held)
-        return tell(services.sessions, held, doing, share)
+        if doing.what is None:
+            return holds(sessions, held)
+        return tell(sessions, held, doing.what, doing.share)
     except OperationalError as error:
         LOG.warning("job %s: %s", held.job_id, error)
         return True
@@ -162,5 +227,7 @@ def _patiently(stopping: threading.Event, act: Callable[[], T]) -> T | None:
 
 def _log(folder: Path, held: Claim, problem: str) -> None:
     """What the work's own process said of its failure, where it said anything."""
-    said = (folder / CHILD_LOG).read_text(encoding="utf-8", errors="replace")[-LOG_CHARACTERS:]
+    file = folder / CHILD_LOG
+    said = file.read_text(encoding="utf-8", errors="replace") if file.exists() else ""
+    said = said[-LOG_CHARACTERS:]
     LOG.info("job %s: %s\n%s", held.job_id, problem, said.strip())

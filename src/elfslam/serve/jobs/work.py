@@ -58,11 +58,15 @@ Work = Callable[[Path, Json, Announce], tuple[Json, str | None]]
 
 
 def main() -> None:
-    """Work on the task of a folder."""
+    """Work on the task of the folder that is named on the command line."""
+    work_on(Path(sys.argv[1]))
+
+
+def work_on(folder: Path) -> None:
+    """Work on the task of a folder; this process is for that alone."""
     told = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     os.dup2(2, 1)  # whatever a library prints must not look like ours
     threading.Thread(target=_end_with_the_server, daemon=True).start()
-    folder = Path(sys.argv[1])
     task = json.loads((folder / TASK).read_text(encoding="utf-8"))
     _limit(task["limits"])
     _say(told, _result(folder, task, partial(_tell, told)))

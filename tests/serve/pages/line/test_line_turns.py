@@ -23,6 +23,7 @@ from elfslam.line.turns import (
     hear_slot,
     is_played,
     no_turns,
+    spoiled_frames,
 )
 
 RATE_HZ = 44_100
@@ -72,12 +73,39 @@ def hearing_vectors(folder: Path) -> dict[str, Any]:
     return {"envelope": str(folder / "envelope.f32"), "slots": slots}
 
 
+def spoiled_vectors(folder: Path) -> dict[str, Any]:
+    """Own chirps with moving echoes, some left out, and another's in some frames and before some."""
+    generator = np.random.default_rng(4)
+    chirp = make_chirp(ChirpParameters(), RATE_HZ)
+    samples = 1e-5 * generator.standard_normal(7 * RATE_HZ)
+    arrivals = []
+    for k in range(60):
+        if k in (9, 10, 11, 12, 13, 14, 30):
+            continue
+        at = round((0.3 + 0.1 * k + generator.uniform(0, 0.025)) * RATE_HZ)
+        arrivals.append(at)
+        for gain, delay in ((0.2, 0), (0.03, 700 + 2 * k), (0.01, 1900 - 3 * k)):
+            samples[at + delay : at + delay + 441] += gain * chirp.samples
+        if k % 5 == 2:
+            other = at + round(generator.uniform(-0.018, 0.05) * RATE_HZ)
+            samples[other : other + 441] += 0.02 * chirp.samples
+    envelope = matched_envelope(samples.astype(np.float32), chirp)
+    (folder / "spoiled.f32").write_bytes(envelope.tobytes())
+    spoiled = spoiled_frames(envelope, np.array(arrivals), PARAMETERS)
+    return {
+        "envelope": str(folder / "spoiled.f32"),
+        "arrivals": arrivals,
+        "wanted": spoiled.tolist(),
+    }
+
+
 @needs_node
 def test_turns_in_node(tmp_path: Path) -> None:
     eager = replace(PARAMETERS, slots=5, forget=20, follow=0.2, stir=0.1)
     vectors = {
         "parameters": asdict(PARAMETERS),
         "turns": [turns_vectors(each, seed) for seed, each in enumerate((PARAMETERS, eager))],
+        "spoiled": spoiled_vectors(tmp_path),
         **hearing_vectors(tmp_path),
     }
     (tmp_path / "turns.json").write_text(json.dumps(vectors))

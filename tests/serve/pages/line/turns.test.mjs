@@ -5,6 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
 import { NOTHING_HEARD, hearSlot } from "../../../../src/elfslam/serve/pages/line/listening.js";
+import { isSpoiled, lookAt, makeSpoiled } from "../../../../src/elfslam/serve/pages/line/spoiled.js";
 import { TURNS, afterSlot, isPlayed, noTurns } from "../../../../src/elfslam/serve/pages/line/turns.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
@@ -39,4 +40,45 @@ test("others are heard in the slots where elfslam hears them", () => {
     heard += wanted.length;
   }
   assert.ok(heard > 10);
+});
+
+const floatsOf = (bytes) => new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.length));
+const spoilt = vectors.spoiled;
+const spoiltSound = floatsOf(readFileSync(spoilt.envelope));
+const envelope = (from, to) => Float32Array.from({ length: to - from }, (_, k) => spoiltSound[from + k] ?? 0);
+
+test("frames are spoiled that elfslam says are", () => {
+  const { arrivals, wanted } = spoilt;
+  const looked = arrivals.map((sample, k) => lookAt(envelope, sample, arrivals[k - 1] ?? null, TURNS));
+  const found = looked.map((frame, k) => isSpoiled(looked.slice(0, k), frame, looked.slice(k + 1), TURNS));
+  assert.deepEqual(found, wanted);
+  assert.ok(wanted.filter(Boolean).length > 5 && wanted.filter((each) => !each).length > 20);
+});
+
+/** The echoes that are let through as sound comes in, and when. */
+function letThrough(isAmongOthers, block = 1000) {
+  let end = 0;
+  const heard = { envelope, end: () => end, sampleAt: (tS) => Math.round(tS * 44100) };
+  const spoiled = makeSpoiled(heard, TURNS);
+  const echoes = spoilt.arrivals.map((sample) => ({ tS: sample / 44100 }));
+  const out = [];
+  for (let given = 0; end < spoiltSound.length + 44100; ) {
+    end += block;
+    const from = given;
+    while (given < echoes.length && spoilt.arrivals[given] + 2837 <= end) given += 1;
+    out.push(...spoiled.take(echoes.slice(from, given), isAmongOthers).map(({ tS }) => ({ tS, waitedS: end / 44100 - tS })));
+  }
+  return out;
+}
+
+test("among others spoiled echoes are dropped as sound comes in, and none waits for long", () => {
+  const clean = spoilt.arrivals.filter((_, k) => !spoilt.wanted[k]).map((sample) => sample / 44100);
+  for (const block of [256, 1000, 9000]) assert.deepEqual(letThrough(true, block).map(({ tS }) => tS), clean);
+  assert.ok(letThrough(true).every(({ waitedS }) => waitedS < 0.6));
+});
+
+test("alone no echo waits", () => {
+  const out = letThrough(false);
+  assert.deepEqual(out.map(({ tS }) => tS), spoilt.arrivals.map((sample) => sample / 44100));
+  assert.ok(out.every(({ waitedS }) => waitedS < 0.09));
 });

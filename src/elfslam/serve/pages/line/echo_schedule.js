@@ -16,7 +16,7 @@ import { bestOf, leadOf, peaksOf, votesOf } from "./schedule_votes.js";
 
 /** Chirps that are held back at the most; then the time from playing to hearing is unknown again. */
 const TOGETHER = 8;
-/** So many more agree on a time than on any other, and it is believed; else all of them, by this share. */
+/** So many more agree on a time than on any other, one in an even rhythm; else most of them, by this share. */
 const [FEWEST, AHEAD, CLEAR] = [4, 2, 0.8];
 /** So many agree on a jump; further than half a period away somebody else's may do by chance. */
 const [JUMPED, JUMPED_FAR] = [2, 3];
@@ -103,6 +103,9 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
     return [];
   };
 
+  const isEven = (chirps) =>
+    chirps.every((start) => Math.abs(start - chirps[0] - period * Math.round((start - chirps[0]) / period)) <= slack);
+
   /** Looks further and further for the time from playing to hearing; null where sound must come first. */
   const begin = (envelope, isOver) => {
     while (told.length >= FEWEST || (isOver && told.length > 0)) {
@@ -110,7 +113,7 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
       const end = chirps[chirps.length - 1] + latest + slack + 1;
       const until = Math.min(reached + half, end);
       if (!isOver && envelope.end() < Math.max(until, period)) return null;
-      late = clearest(votes(envelope, chirps, until), slack);
+      late = clearest(votes(envelope, chirps, until), slack, isEven(chirps) ? 1 : AHEAD);
       if (late !== null) return [];
       const isFar = until >= end;
       if (isFar && (isOver || chirps.length === TOGETHER)) return passOver(envelope);
@@ -180,15 +183,15 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
 }
 
 /**
- * The time on which chirps agree; null where they do not yet. The earliest of equals: a regular schedule
- * fits whole periods later as well.
- * @param {import("./schedule_votes.js").Vote[]} all @param {number} slack
+ * The time on which chirps agree; null where they do not yet. The earliest of equals: an even rhythm fits
+ * whole periods later as well.
+ * @param {import("./schedule_votes.js").Vote[]} all @param {number} slack @param {number} ahead
  */
-function clearest(all, slack) {
+function clearest(all, slack, ahead) {
   const best = bestOf(all, leadOf, 0);
   if (best === null || best.hits < FEWEST) return null;
   const rival = bestOf(all.filter(({ late }) => Math.abs(late - best.late) > slack), leadOf, 0);
-  const isAhead = leadOf(best) >= Math.max(FEWEST, rival ? leadOf(rival) + AHEAD : 0);
+  const isAhead = leadOf(best) >= Math.max(FEWEST, rival ? leadOf(rival) + ahead : 0);
   const isClear = best.due >= TOGETHER && best.hits >= CLEAR * best.due;
   return isAhead || isClear ? best.late : null;
 }

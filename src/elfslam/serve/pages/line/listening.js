@@ -4,14 +4,14 @@
  */
 
 /** Samples of the envelope of which the largest stands for all, at 44.1 kHz. */
-const BIN = 16;
+export const BIN = 16;
 const ECHO_RATE_HZ = 44100;
 /** Bins before a direct arrival in which the matched filter hears it already. */
-const GUARD = 12;
+export const GUARD = 12;
 /** Bins behind a direct arrival in which nothing else is heard. */
-const DIRECT = 6;
+export const DIRECT = 6;
 /** Bins behind a direct arrival after which its echoes are over. */
-const LULL = 193;
+export const LULL = 193;
 /** Bins in which another's chirp echoes. */
 const SAME = 165;
 const LOUDEST_ECHO = 2;
@@ -69,7 +69,7 @@ function inSilence(now, envelope, first, end, parameters) {
 }
 
 /** The largest of every 16 samples from `first` on; zero beyond the ends. */
-function pooled(envelope, first, count) {
+export function pooled(envelope, first, count) {
   const bins = new Float32Array(Math.max(count, 0));
   for (let k = 0; k < bins.length; k += 1) {
     for (let n = first + k * BIN; n < first + (k + 1) * BIN; n += 1) {

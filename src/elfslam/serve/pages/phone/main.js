@@ -146,8 +146,10 @@ async function walk() {
   at("record-title").textContent = state.name;
   showView("record");
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
+  // Sound may have been opened before the server had said how turns are taken.
+  const { turns } = page;
   const given = {
-    microphone, sound, keeper, clocks, turns: page.turns, play: playTurns, latencyS, sent,
+    microphone, sound, keeper, clocks, turns, play: (delayS, tell) => playTurns(delayS, tell, turns), latencyS, sent,
     software: page.software,
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {

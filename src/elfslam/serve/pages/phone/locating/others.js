@@ -1,6 +1,7 @@
 /** Hears other phones in the slots of our turns, by the envelope that the echoes are cut by. */
 
 import { ECHO_RATE_HZ } from "../../line/resample.js";
+import { makeSpoiled } from "../../line/spoiled.js";
 import { makeHearing } from "../hearing.js";
 
 /**
@@ -12,19 +13,26 @@ import { makeHearing } from "../hearing.js";
  * @param {import("../../line/echo.js").EchoCutter} cutter
  * @param {number} periodS
  * @param {import("../../line/turns.js").TurnsParameters} parameters
- * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[]}} take: what was heard in
- *   the slots that are over; after the first sound only
+ * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[],
+ *   clean: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[]}} take: what
+ *   was heard in the slots that are over; after the first sound only. clean: echoes without those that others
+ *   have spoiled, as long as others are about
  */
 export function hearOthers({ heard }, periodS, parameters) {
   const hearing = makeHearing(ECHO_RATE_HZ, Math.round(periodS * ECHO_RATE_HZ), parameters);
+  const spoiled = makeSpoiled(heard, parameters);
   let waiting = [];
+  let alone = parameters.forget;
   const take = () => {
     for (const { slot, startS, playedS } of waiting) {
       const played = playedS === null ? null : heard.sampleAt(playedS);
       hearing.add({ slot, start: heard.sampleAt(startS), played });
     }
     waiting = [];
-    return hearing.take(heard);
+    const found = hearing.take(heard);
+    for (const { othersS } of found) alone = othersS.length > 0 ? 0 : alone + 1;
+    return found;
   };
-  return { add: (slot) => waiting.push(slot), take };
+  const clean = (echoes) => spoiled.take(echoes, alone < parameters.forget);
+  return { add: (slot) => waiting.push(slot), take, clean };
 }

@@ -63,7 +63,7 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const deciding = mode === "track"
     ? decideBySteps({ floorMap, memory, footsteps, trust, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
     : decideByWindows({ floorMap, memory, trust });
-  return makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho });
+  return makePlacer({ rateHz, cutter, clean: others.clean, listener, trust, memory, deciding, onFix, onEcho });
 }
 
 function onFix(fix) {

@@ -11,15 +11,16 @@ const TRACE = 2352;
  *   rateHz: number,
  *   cutter: import("../../line/echo.js").EchoCutter,
  *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
+ *   clean?: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[],
  *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   deciding: import("./deciding.js").Deciding,
  *   onFix: (fix: import("./words.js").Fix) => void,
  *   onEcho?: (echo: import("../../line/echo.js").Echo) => void,
- * }} given
+ * }} given clean: keeps back the echoes that others have spoiled
  * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}
  */
-export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, onFix, onEcho = () => {} }) {
+export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memory, deciding, onFix, onEcho = () => {} }) {
   /** @type {import("../../line/echo.js").Echo[]} */
   let waiting = [];
   let heardS = 0;
@@ -50,7 +51,7 @@ export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, 
     trust?.take(cutter.frames(), echoes);
     heardS = (first + samples.length) / rateHz;
     echoes.forEach(onEcho);
-    waiting.push(...echoes);
+    waiting.push(...clean(echoes));
     if (!isWorking) {
       isWorking = true;
       working = work().finally(() => {
@@ -61,4 +62,8 @@ export function makePlacer({ rateHz, cutter, listener, trust, memory, deciding, 
   };
 
   return { push, idle: () => working };
+}
+
+function same(echoes) {
+  return echoes;
 }

@@ -1,0 +1,28 @@
+"""Nearest spots among the ELFs of many maps: an index on disk, and the vote for a map."""
+
+from __future__ import annotations
+
+from elfslam.nearest.build import build_index
+from elfslam.nearest.changes import absorb, add_map, remove_map
+from elfslam.nearest.exact import best_per_range, exact_search
+from elfslam.nearest.folder import verify
+from elfslam.nearest.parameters import NearestParameters
+from elfslam.nearest.search import Index, open_index
+from elfslam.nearest.vote import Candidate, Naming, VoteParameters, which_map
+
+__all__ = [
+    "Candidate",
+    "Index",
+    "Naming",
+    "NearestParameters",
+    "VoteParameters",
+    "absorb",
+    "add_map",
+    "best_per_range",
+    "build_index",
+    "exact_search",
+    "open_index",
+    "remove_map",
+    "verify",
+    "which_map",
+]

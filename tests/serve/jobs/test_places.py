@@ -1,0 +1,175 @@
+"""Where jobs are done: the same map everywhere, kills noticed, nothing left behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from elfslam.mapping import MapJob, map_into
+from elfslam.senses import Settings
+from elfslam.serve.jobs.child import LOG, Doing, Result
+from elfslam.serve.jobs.elsewhere import SCRATCH, Made, Parcel, packed, unpack, work_on_parcel
+from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
+from elfslam.serve.jobs.places import Place, open_place
+from elfslam.serve.store.blobs import link_into, put_folder
+from elfslam.workers import WorkerDiedError
+
+DATED = {"run.json", "timings.json", "report.html"}
+LONG_S = 600.0
+AS_THE_COMMAND = MapJob((), None, "compact", Settings(), overwrite=False)
+Laid = Callable[[str], Path]
+SLOW = pytest.mark.slow
+
+
+@pytest.fixture(scope="module", params=[None, "2", pytest.param("ray", marks=SLOW)])
+def place(request: pytest.FixtureRequest) -> Iterator[Place]:
+    if request.param == "ray":
+        pytest.importorskip("ray", reason="Ray is not installed")
+    with open_place(request.param, 1) as opened:
+        yield opened
+
+
+@pytest.fixture
+def laid(tmp_path: Path, walks: Path) -> Laid:
+    """The folder of a job that maps a walk, as the server lays it out."""
+
+    def lay(name: str) -> Path:
+        folder, blobs = tmp_path / f"job-{name}", tmp_path / "blobs"
+        blobs.mkdir()
+        named = {file: blob.sha256 for file, blob in put_folder(blobs, walks / name).items()}
+        link_into(folder / GIVEN / name, blobs, named)
+        task = {"kind": "map", "recording": name, "by": [], "start_pose": None}
+        limits = {"limits": {"bytes": 8 * 2**30}}
+        (folder / TASK).write_text(json.dumps({**task, **limits}))
+        return folder
+
+    return lay
+
+
+@pytest.fixture
+def lock(tmp_path: Path) -> Iterator[int]:
+    with (tmp_path / "lock").open("w") as file:
+        yield file.fileno()
+
+
+def workers_of(where: str) -> list[int]:
+    """The processes that have a folder open that begins so."""
+    found = []
+    for entry in Path("/proc").glob("[0-9]*"):
+        try:
+            files = [os.readlink(file) for file in (entry / "fd").iterdir()]
+        except OSError:
+            continue
+        if any(file.startswith(where) and file.endswith(LOG) for file in files):
+            found.append(int(entry.name))
+    return found
+
+
+def soon(true: Callable[[], object]) -> bool:
+    until_s = time.monotonic() + 30
+    while not true():
+        if time.monotonic() > until_s:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def scratch() -> str:
+    return str(Path(tempfile.gettempdir()) / SCRATCH)
+
+
+def test_the_map_is_the_same_wherever_it_is_made(
+    place: Place, laid: Laid, lock: int, walks: Path, tmp_path: Path
+) -> None:
+    folder = laid("mute")
+    said = list(place.news(folder, LONG_S, lock))
+    assert isinstance(said[-1], Result)
+    assert not any(isinstance(each, Result) for each in said[:-1])
+    assert said[-1].facts is not None
+    assert said[-1].facts["status"] == "NO_CLOSURES"
+    map_into(tmp_path / "theirs", walks / "mute", AS_THE_COMMAND, lambda what, share: None)
+    names = {file.name for file in (tmp_path / "theirs").iterdir()}
+    assert {file.name for file in (folder / OUT).iterdir()} == names
+    for name in names - DATED:
+        assert (folder / OUT / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes()
+
+
+def test_what_is_being_done_is_heard_and_whoever_closes_ends_it(
+    place: Place, laid: Laid, lock: int, tmp_path: Path
+) -> None:
+    with closing(place.news(laid("one"), LONG_S, lock)) as news:  # type: ignore[type-var]
+        stages = (each.what for each in news if isinstance(each, Doing) and each.what)
+        assert next(stages) in ("motion", "echoes", "step length", "features")
+        assert workers_of(str(tmp_path)) or workers_of(scratch())
+    assert soon(lambda: not workers_of(str(tmp_path)) and not workers_of(scratch()))
+    assert not list(Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"))
+
+
+def test_a_killed_process_is_noticed_and_the_next_job_is_done(
+    place: Place, laid: Laid, lock: int, tmp_path: Path
+) -> None:
+    folder = laid("one")
+    with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]
+        assert any(isinstance(each, Doing) and each.what for each in news)
+        for process in workers_of(str(tmp_path)) or workers_of(scratch()):
+            if process not in (os.getpid(), os.getppid()):
+                os.kill(process, signal.SIGKILL)
+        last = list(news)[-1]
+    assert isinstance(last, Result)
+    assert last.died
+    assert "it was killed" in str(last.problem)
+    done = list(place.news(folder, LONG_S, lock))[-1]
+    assert isinstance(done, Result)
+    assert (done.problem, done.died) == (None, False)
+
+
+def test_what_takes_too_long_is_stopped(place: Place, laid: Laid, lock: int) -> None:
+    last = list(place.news(laid("one"), 0.01, lock))[-1]
+    assert isinstance(last, Result)
+    assert "took longer than" in str(last.problem)
+    assert not last.died
+
+
+@SLOW
+@pytest.mark.parametrize("place", ["ray"], indirect=True)
+def test_a_killed_node_process_is_noticed(place: Place, laid: Laid, lock: int) -> None:
+    """The work ends with it, and the scratch that it left is swept away by the next."""
+    folder = laid("one")
+    with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]
+        assert any(isinstance(each, Doing) and each.what for each in news)
+        [work] = workers_of(scratch())
+        os.kill(parent_of(parent_of(work)), signal.SIGKILL)
+        with pytest.raises(WorkerDiedError, match="do it again"):
+            list(news)
+    assert soon(lambda: not workers_of(scratch()))
+    done = list(place.news(folder, LONG_S, lock))[-1]
+    assert isinstance(done, Result)
+    assert done.problem is None
+    assert not list(Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"))
+
+
+def parent_of(process: int) -> int:
+    status = Path(f"/proc/{process}/status").read_text()
+    return int(status.partition("PPid:")[2].split()[0])
+
+
+def test_a_parcel_brings_what_it_took(tmp_path: Path, laid: Laid) -> None:
+    folder = laid("mute")
+    files = packed(folder, (TASK, GIVEN))
+    assert f"{GIVEN}/mute/recording.json" in files
+    unpack(files, tmp_path / "there")
+    assert packed(tmp_path / "there", (TASK, GIVEN)) == files
+    with pytest.raises(ValueError, match="leads out"):
+        unpack({"../mine": b""}, tmp_path / "there")
+    assert not (tmp_path / "mine").exists()
+    made = list(work_on_parcel(Parcel(files, LONG_S)))[-1]
+    assert isinstance(made, Made)
+    assert f"{OUT}/run.json" in made.files
