@@ -1,11 +1,21 @@
-"""One thread for torch: the same numbers everywhere, and no quarrel over cores."""
+"""One thread for torch: the same numbers everywhere, and no quarrel over cores.
+
+Processes elsewhere find what these tests plant.
+"""
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 import torch
+
+HERE = str(Path(__file__).parent)
+sys.path.append(HERE)
+os.environ["PYTHONPATH"] = os.pathsep.join([os.environ.get("PYTHONPATH", ""), HERE]).strip(":")
 
 
 @pytest.fixture(autouse=True)

@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import os
 import signal
+import time
 from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F32
+from elfslam.workers.together import Seat
 
 
 def square(task: int) -> int:
@@ -32,4 +38,51 @@ def die_once(task: int, folder: Path) -> int:
 
 def die(task: int) -> int:
     os.kill(os.getpid(), signal.SIGKILL)
+    return task
+
+
+def noise(task: int) -> F32:
+    """The same bits wherever it is made, after a while that differs."""
+    time.sleep(0.02 * (task % 3))
+    return np.random.default_rng([7, task]).standard_normal((4, 2352)).astype(np.float32)
+
+
+def noise_after_a_kill(task: int, folder: Path) -> F32:
+    die_once(task, folder)
+    return noise(task)
+
+
+def count_up(seat: Seat, *, folder: Path, keep: bool, dies: int, times: int) -> None:
+    """Adds up its parts of 5 steps, the state in a file; a process kills itself at step 3."""
+    file = folder / f"sum-{seat.number}"
+    done, total = (int(word) for word in file.read_text().split()) if file.exists() else (0, 0)
+    for step in range(done, 5):
+        part = seat.part_of(step)
+        deaths = len(list(folder.glob("death-*")))
+        if step == 3 and seat.number == dies and deaths < times:
+            (folder / f"death-{deaths}").touch()
+            os.kill(os.getpid(), signal.SIGKILL)
+        total += sum(part)
+        if keep:
+            file.write_text(f"{step + 1} {total}")
+            seat.keep()
+        seat.tell((step, total))
+
+
+def fail_together(seat: Seat, *, error: Exception) -> None:
+    """Number 1 fails, and number 0 of what comes of it."""
+    if seat.number == 1:
+        raise error
+    time.sleep(0.3)
+    raise RuntimeError("the other one is gone")
+
+
+def large(task: int, folder: Path) -> F32:
+    """Sixteen megabytes."""
+    (folder / str(task)).touch()
+    return np.full((2048, 2048), task, dtype=np.float32)
+
+
+def stay(task: int) -> int:
+    time.sleep(600)
     return task

@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 import typer
 
 from elfslam.base.errors import ParameterError
+from elfslam.cli.buildings import buildings_command, publish_command, withdraw_command
 from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
 from elfslam.cli.exports import anchor_command, export_command
 from elfslam.cli.maps import locate_command, map_command, merge_command
@@ -50,6 +51,9 @@ VERBS: Mapping[str, Callable[..., None]] = {
     "card": card,
     "serve": serve_command,
     "invite": invite_command,
+    "publish": publish_command,
+    "withdraw": withdraw_command,
+    "buildings": buildings_command,
 }
 for name, verb in VERBS.items():
     app.command(name)(verb)

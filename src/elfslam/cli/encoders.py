@@ -24,6 +24,13 @@ from elfslam.senses import Settings
 def pretrain_command(
     out: Annotated[Path, typer.Argument(metavar="OUT.onnx", help="Where the encoder goes.")],
     seed: Seed = 0,
+    on: Annotated[
+        str | None,
+        typer.Option("--on", help="Who makes echoes: so many processes, ray or ray://HOST:10001."),
+    ] = None,
+    trainers: Annotated[
+        int, typer.Option("--trainers", help="Processes that train; one that dies starts again.")
+    ] = 1,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
@@ -32,7 +39,9 @@ def pretrain_command(
 
     known = load(Settings(), parameter_file, setting or []).pretrain
     with progress_bar() as announce:
-        loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce)
+        loss = pretrain_on_simulated_echoes(
+            out, known, seed=seed, announce=announce, on=on, trainers=trainers
+        )
     say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
 
 

@@ -16,6 +16,9 @@ from elfslam.workers.choosing import check_on
 DATA_FOLDER = Path("~/.elfslam")
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
 Database = Annotated[str, typer.Option(help="SQLAlchemy's URL; default: SQLite in the folder.")]
+FilesUrl = Annotated[
+    str, typer.Option("--files", help="fsspec URL of published maps; default: in the folder.")
+]
 
 
 def serve_command(
@@ -32,9 +35,10 @@ def serve_command(
     new_token: Annotated[
         bool, typer.Option("--new-token", help="The owner's devices pair again.")
     ] = False,
+    files: FilesUrl = "",
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    with _extra():
+    with server_extra():
         from elfslam.serve.network.running import Listening, run
         from elfslam.serve.settings import ServerSettings
     check_on(on)
@@ -45,6 +49,7 @@ def serve_command(
         run_jobs=jobs,
         on=on,
         allow_public=allow_public,
+        files_url=files,
     )
     run(settings, Listening(host, port, http, new_token), _print)
 
@@ -55,7 +60,7 @@ def invite_command(
     database: Database = "",
 ) -> None:
     """Let somebody else use the server; prints the address that pairs their phone."""
-    with _extra():
+    with server_extra():
         from elfslam.serve.network.running import invite, qr_lines
         from elfslam.serve.settings import ServerSettings
     known, url = invite(ServerSettings(data.expanduser(), database), name)
@@ -64,7 +69,7 @@ def invite_command(
 
 
 @contextmanager
-def _extra() -> Iterator[None]:
+def server_extra() -> Iterator[None]:
     """Raise InputError where what the server needs is not installed."""
     try:
         yield

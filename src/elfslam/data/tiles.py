@@ -113,6 +113,13 @@ def map_of_parts(
     )
 
 
+def features_of(stretch: bytes) -> F32:
+    """The features (n, 128) of a stretch. Raises InputError for one that is cut off."""
+    count = _count(stretch, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
+    halves = np.frombuffer(stretch, VECTORS, offset=(1 + count) * WHOLE.itemsize)
+    return np.asarray(halves.reshape(count, ELF_SIZE).astype(np.float32))
+
+
 def encoder_identity(floor_map: FloorMap) -> str:
     """What made the features of a map. Raises InputError where it has no ELFs."""
     return _elfs(floor_map).encoder
@@ -174,9 +181,8 @@ def _features(stretches: Sequence[tuple[int, bytes]], wanted: I64) -> F32:
     for walk, content in stretches:
         count = _count(content, WHOLE.itemsize + ELF_SIZE * VECTORS.itemsize)
         order = np.frombuffer(content, WHOLE, count, WHOLE.itemsize).astype(np.int64)
-        halves = np.frombuffer(content, VECTORS, offset=(1 + count) * WHOLE.itemsize)
         keys.append(_keys(np.full(count, walk), order))
-        vectors.append(halves.reshape(count, ELF_SIZE).astype(np.float32))
+        vectors.append(features_of(content))
     known = np.concatenate(keys)
     sort = np.argsort(known)
     found = np.searchsorted(known[sort], wanted)

@@ -27,7 +27,8 @@ from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.pretrain import Progress
-from elfslam.learn.resumable import prefetched, resumed, save, warm_cosine
+from elfslam.learn.ranks import ALONE, Ranks, mean_over, shared
+from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
 from elfslam.learn.settings import FloorLevelParameters
 from elfslam.line.feature import BINS, Encoder, OnnxEncoder
 
@@ -55,6 +56,17 @@ class FloorLevel:
 
     encoder: OnnxEncoder
     losses: F64
+
+
+@dataclass(frozen=True, eq=False)
+class FloorStart:
+    """Where a training starts: the encoder's file, the spots (m, 2), the first guess of their ELFs
+    (m, 128), and what a checkpoint of it is called."""
+
+    encoder: bytes
+    spots_m: F64
+    spots: F32
+    run: str
 
 
 class FloorNetwork(nn.Module):
@@ -86,6 +98,7 @@ def learn_floor(
     seed: int,
     checkpoint: Path,
     report: Callable[[Progress], None] = lambda progress: None,
+    stream: Stream = prefetched,
 ) -> FloorLevel:
     """`encoder` after the batches `echoes_of(0)`, `echoes_of(1)`, ... of one floor.
 
@@ -96,31 +109,88 @@ def learn_floor(
     batches and threads, same bytes. Raises InputError for an encoder of another kind,
     ParameterError for an unknown part, StoreError for a checkpoint of another run.
     """
+    check_part(parameters)
+    torch.set_num_threads(parameters.threads)
+    spots = first_spots(encoder, spots_m, echoes_of, parameters, seed, known=checkpoint.exists())
+    start = FloorStart(encoder.content, spots_m, spots, run_of(encoder, spots_m, parameters, seed))
+    network, losses, heard = train_floor(
+        start, echoes_of, parameters, checkpoint=checkpoint, report=report, stream=stream
+    )
+    return floor_level(encoder, network, losses, heard, parameters, seed)
+
+
+def check_part(parameters: FloorLevelParameters) -> None:
+    """Raise ParameterError for a part of the network that is none."""
     if parameters.part not in PARTS:
         raise ParameterError(
             f"floor level: part {parameters.part!r}, wanted {' or '.join(PARTS)}; set another"
         )
-    torch.set_num_threads(parameters.threads)
-    network = _first(encoder, spots_m, echoes_of, parameters, seed, known=checkpoint.exists())
-    optimizer = _optimizer(network, parameters)
-    run = f"seed {seed}, from {encoder.identity}, {len(spots_m)} spots, {parameters}"
-    losses, heard = resumed(checkpoint, run, network, optimizer), 0
-    for step, batch in prefetched(echoes_of, len(losses), parameters.steps):
+
+
+def run_of(encoder: OnnxEncoder, spots_m: F64, parameters: FloorLevelParameters, seed: int) -> str:
+    """What a checkpoint is of."""
+    return f"seed {seed}, from {encoder.identity}, {len(spots_m)} spots, {parameters}"
+
+
+def train_floor(
+    start: FloorStart,
+    echoes_of: EchoesOf,
+    parameters: FloorLevelParameters,
+    *,
+    checkpoint: Path,
+    report: Callable[[Progress], None],
+    stream: Stream = prefetched,
+    ranks: Ranks = ALONE,
+    kept: Callable[[], None] = lambda: None,
+) -> tuple[FloorNetwork, list[float], int]:
+    """The network after all steps, the loss of each, and how many echoes the last of them heard.
+
+    Of several `ranks`, each has its share of a batch, see `learn_floor_by_several`.
+    """
+    network, optimizer, losses = so_far(start, parameters, checkpoint)
+    learning, heard = shared(network, ranks), 0
+    for step, batch in stream(echoes_of, len(losses), parameters.steps):
         share = warm_cosine(step, parameters.warmup_steps, parameters.steps)
         for group in optimizer.param_groups:
             group["lr"] = group["peak"] * share
-        losses.append(_learn(network, optimizer, spots_m, batch, parameters))
-        heard = len(batch.samples)
+        losses.append(_learn(learning, optimizer, start.spots_m, batch, parameters, ranks))
+        heard = len(batch.samples) * ranks.count
         report(Progress(step + 1, losses[-1]))
-        if (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps:
-            save(checkpoint, run, losses, network, optimizer)
+        if ranks.number == 0 and (
+            (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps
+        ):
+            save(checkpoint, start.run, losses, network, optimizer)
+            kept()
+    return network, losses, heard
+
+
+def so_far(
+    start: FloorStart, parameters: FloorLevelParameters, checkpoint: Path
+) -> tuple[FloorNetwork, torch.optim.Optimizer, list[float]]:
+    """Network, optimizer and losses as the checkpoint has them, or as they are in the beginning."""
+    network = FloorNetwork(network_of(start.encoder).eval(), start.spots)
+    if parameters.part == "head":
+        network.encoder.body.requires_grad_(False)  # ranks would wait for its gradients
+    optimizer = _optimizer(network, parameters)
+    return network, optimizer, resumed(checkpoint, start.run, network, optimizer)
+
+
+def floor_level(
+    encoder: OnnxEncoder,
+    network: FloorNetwork,
+    losses: list[float],
+    heard: int,
+    parameters: FloorLevelParameters,
+    seed: int,
+) -> FloorLevel:
+    """The floor's encoder with its card; each step heard as many echoes as the last."""
     card = _card(encoder, heard * len(losses), losses, parameters, seed)
     content = encoder_content(network.encoder, card)
     return FloorLevel(OnnxEncoder(content, "floor level"), np.array(losses))
 
 
 def batch_loss(
-    network: FloorNetwork, spots_m: F64, batch: SpotEchoes, parameters: FloorLevelParameters
+    network: nn.Module, spots_m: F64, batch: SpotEchoes, parameters: FloorLevelParameters
 ) -> Tensor:
     """What a batch costs, see `spot_contrast`."""
     cosines = network(torch.tensor(batch.samples), parameters.part)
@@ -174,7 +244,7 @@ def superimposed_map(
     )
 
 
-def _first(
+def first_spots(
     encoder: OnnxEncoder,
     spots_m: F64,
     echoes_of: EchoesOf,
@@ -182,8 +252,8 @@ def _first(
     seed: int,
     *,
     known: bool,
-) -> FloorNetwork:
-    """Where the training starts: what `encoder` makes of the spots, where a batch heard them.
+) -> F32:
+    """ELFs (m, 128) to start from: what `encoder` makes of the spots, where a batch heard them.
 
     Of a training that goes on, all is `known` and nothing is heard.
     """
@@ -192,7 +262,7 @@ def _first(
     guess = np.random.default_rng(seed).normal(0, ELF_SIZE**-0.5, spots.shape)
     unheard = ~spots.any(axis=1)
     spots[unheard] = guess[unheard]
-    return FloorNetwork(network_of(encoder.content).eval(), spots)
+    return spots
 
 
 def _optimizer(network: FloorNetwork, parameters: FloorLevelParameters) -> torch.optim.Optimizer:
@@ -206,13 +276,15 @@ def _optimizer(network: FloorNetwork, parameters: FloorLevelParameters) -> torch
 
 
 def _learn(
-    network: FloorNetwork,
+    network: nn.Module,
     optimizer: torch.optim.Optimizer,
     spots_m: F64,
     batch: SpotEchoes,
     parameters: FloorLevelParameters,
+    ranks: Ranks,
 ) -> float:
-    loss = batch_loss(network, spots_m, batch, parameters)
+    """Take a step; the loss of the batch, of which each rank has as large a share."""
+    loss = mean_over(batch_loss(network, spots_m, batch, parameters), ranks)
     optimizer.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]
     optimizer.step()

@@ -15,8 +15,9 @@ from elfslam.base.arrays import F64
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.ranks import ALONE, Ranks, rows_of_all, shared
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.learn.resumable import prefetched, resumed, save, warm_cosine
+from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
 from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
@@ -51,39 +52,71 @@ def pretrain(
     seed: int,
     checkpoint: Path,
     report: Callable[[Progress], None],
+    stream: Stream = prefetched,
+    ranks: Ranks = ALONE,
+    kept: Callable[[], None] = lambda: None,
 ) -> Pretrained:
-    """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ...
+    """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ... made by `stream`.
 
     Starts from `checkpoint` if there is one (and removes nothing), so that a killed run goes on
     where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
     fixes the number of threads, on which rounding depends. On a GPU, where there is one, the
-    network computes in bfloat16, and no seed gives the bytes of a processor. Raises StoreError for
-    a checkpoint of another run.
+    network computes in bfloat16, and no seed gives the bytes of a processor. Where this is one of
+    several `ranks`, the batches are its share of the whole, see `pretrain_by_several`; the first
+    of them writes the checkpoint, also after the last step. `kept` hears of each. Raises
+    StoreError for a checkpoint of another run.
     """
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
     device = training_device(has_gpu=torch.cuda.is_available())
-    network = build_network(parameters).to(device)
-    optimizer = torch.optim.AdamW(
-        network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
-    )
-    run = f"seed {seed}, {ARITHMETIC[device.type]}, {parameters}"
-    losses = resumed(checkpoint, run, network, optimizer)
+    network, optimizer, losses = so_far(parameters, seed, checkpoint, device, ranks)
     network.train()
-    for step, batch in prefetched(pairs_of, len(losses), parameters.steps):
+    learning = shared(network, ranks)
+    for step, batch in stream(pairs_of, len(losses), parameters.steps):
         for group in optimizer.param_groups:
             group["lr"] = parameters.learning_rate * warm_cosine(
                 step, parameters.warmup_steps, parameters.steps
             )
-        loss = pair_loss(network, batch, parameters)
+        loss = pair_loss(learning, batch, parameters, ranks)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         optimizer.step()
         losses.append(float(loss.item()))
         report(Progress(step + 1, losses[-1]))
-        if (step + 1) % parameters.checkpoint_steps == 0:
+        if is_kept(step, parameters.checkpoint_steps, parameters.steps, ranks):
+            run = run_of(parameters, seed, device, ranks)
             save(checkpoint, run, losses, network, optimizer)
-    return Pretrained(network.cpu().eval(), np.array(losses), ARITHMETIC[device.type])
+            kept()
+    return Pretrained(network.cpu().eval(), np.array(losses), arithmetic_of(device, ranks))
+
+
+def so_far(
+    parameters: PretrainParameters, seed: int, checkpoint: Path, device: torch.device, ranks: Ranks
+) -> tuple[nn.Module, torch.optim.Optimizer, list[float]]:
+    """Network, optimizer and losses as the checkpoint has them, or as they are in the beginning."""
+    network = build_network(parameters).to(device)
+    optimizer = torch.optim.AdamW(
+        network.parameters(), lr=parameters.learning_rate, weight_decay=parameters.weight_decay
+    )
+    run = run_of(parameters, seed, device, ranks)
+    return network, optimizer, resumed(checkpoint, run, network, optimizer)
+
+
+def run_of(parameters: PretrainParameters, seed: int, device: torch.device, ranks: Ranks) -> str:
+    """What a checkpoint is of."""
+    return f"seed {seed}, {arithmetic_of(device, ranks)}, {parameters}"
+
+
+def arithmetic_of(device: torch.device, ranks: Ranks) -> str:
+    """What the bits of the result depend on besides seed and parameters."""
+    alone = ARITHMETIC[device.type]
+    return alone if ranks.count == 1 else f"{alone}, {ranks.count} trainers"
+
+
+def is_kept(step: int, every: int, steps: int, ranks: Ranks) -> bool:
+    """Whether this process writes a checkpoint after a step."""
+    last = ranks.count > 1 and step + 1 == steps
+    return ranks.number == 0 and (last or (step + 1) % every == 0)
 
 
 def build_network(parameters: PretrainParameters) -> nn.Module:
@@ -110,16 +143,20 @@ def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
     return rows.float()
 
 
-def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParameters) -> Tensor:
+def pair_loss(
+    network: nn.Module, batch: EchoPairs, parameters: PretrainParameters, ranks: Ranks = ALONE
+) -> Tensor:
     """What a batch costs: weighted NT-Xent, and what lies on the wrong side of the margins.
 
     Places of one room that are too near are left out of the negatives; the others of the room
-    count `room_weight` times, for other rooms are easily told apart.
+    count `room_weight` times, for other rooms are easily told apart. Of several `ranks`, each has
+    its share of the batch, and all the loss of the whole.
     """
-    rows = embedded(network, batch)
-    first, second = rows[: len(batch.first)], rows[len(batch.first) :]
-    distance_m = np.linalg.norm(batch.xy_m[:, None] - batch.xy_m[None], axis=2)
-    same_room = batch.room[:, None] == batch.room[None]
+    rows = rows_of_all(embedded(network, batch), ranks)
+    first, second = (rows[:, half].flatten(0, 1) for half in _halves(len(batch.first)))
+    room, xy_m = _places_of_all(batch, ranks)
+    distance_m = np.linalg.norm(xy_m[:, None] - xy_m[None], axis=2)
+    same_room = room[:, None] == room[None]
     near = torch.from_numpy(same_room & (distance_m < parameters.too_near_m)).to(rows.device)
     harder = torch.from_numpy(same_room & ~np.eye(len(same_room), dtype=bool)).to(rows.device)
     contrast = nt_xent(
@@ -130,3 +167,14 @@ def pair_loss(network: nn.Module, batch: EchoPairs, parameters: PretrainParamete
         hardest=parameters.hardest,
     )  # fmt: skip
     return contrast + parameters.margin_weight * margin
+
+
+def _halves(count: int) -> tuple[slice, slice]:
+    return slice(count), slice(count, None)
+
+
+def _places_of_all(batch: EchoPairs, ranks: Ranks) -> tuple[F64, F64]:
+    """Rooms (n) and positions (n, 2) of the pairs of all ranks."""
+    own = torch.from_numpy(np.column_stack([batch.room, batch.xy_m]))
+    places = rows_of_all(own, ranks).flatten(0, 1).numpy()
+    return places[:, 0], places[:, 1:]

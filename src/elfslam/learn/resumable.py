@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 import torch
 from torch import nn
@@ -14,6 +15,15 @@ from torch import nn
 from elfslam.base.errors import StoreError
 
 Batch = TypeVar("Batch")
+
+
+class Stream(Protocol):
+    """Who makes the batches of a training, ahead of it."""
+
+    def __call__(
+        self, batch_of: Callable[[int], Batch], first: int, last: int, /
+    ) -> Generator[tuple[int, Batch]]:
+        """Steps from `first` to before `last` and the batches of `batch_of`, in order."""
 
 
 def warm_cosine(step: int, warmup_steps: int, steps: int) -> float:
@@ -24,7 +34,7 @@ def warm_cosine(step: int, warmup_steps: int, steps: int) -> float:
 
 def prefetched(
     batch_of: Callable[[int], Batch], first: int, last: int, ahead: int = 3
-) -> Iterator[tuple[int, Batch]]:
+) -> Generator[tuple[int, Batch]]:
     """Steps and their batches in order, made on another core while the network learns."""
     with ThreadPoolExecutor(1) as pool:
         waiting: list[tuple[int, Future[Batch]]] = []
@@ -74,3 +84,11 @@ def resumed(
         raise StoreError(
             f"{checkpoint}: not a checkpoint of this network; delete it to start over"
         ) from cause
+
+
+def weights_digest(network: nn.Module) -> str:
+    """Digest of the names and bits of all weights and statistics."""
+    digest = hashlib.sha256()
+    for name, value in network.state_dict().items():
+        digest.update(name.encode() + value.cpu().contiguous().numpy().tobytes())
+    return digest.hexdigest()[:16]

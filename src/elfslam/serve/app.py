@@ -13,6 +13,7 @@ from starlette.concurrency import run_in_threadpool
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.turns import TurnsParameters
+from elfslam.serve.buildings import routes as building_routes
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans as floor_plan_routes
@@ -36,6 +37,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     map_routes.router,
     floor_plan_routes.router,
     package_routes.router,
+    building_routes.router,
 )
 """Under /api, all of them for users with a token."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)

@@ -64,11 +64,18 @@ class ServerSettings:
     allow_public: bool = False
     """Answer also those who are neither on this machine nor in its local network."""
     pages_folder: Path = PAGES_FOLDER
+    files_url: str = ""
+    """fsspec's, of the parts of published floors; by default a folder in the data folder."""
 
     @property
     def url(self) -> str:
         """Of the database."""
         return self.database_url or f"sqlite:///{self.data_folder / 'elfslam.sqlite'}"
+
+    @property
+    def files(self) -> str:
+        """Where the parts of published floors lie, as a URL."""
+        return self.files_url or (self.data_folder / "published").absolute().as_uri()
 
     @property
     def blobs_folder(self) -> Path:

@@ -38,6 +38,7 @@ from elfslam.studies.nearest_times import measure_nearest_times
 from elfslam.studies.passages import measure_passages
 from elfslam.studies.physics import check_laws
 from elfslam.studies.pose_graphs import measure_pose_graphs
+from elfslam.studies.pretraining_kills import measure_pretraining_kills
 from elfslam.studies.queue import measure_queue
 from elfslam.studies.real_rooms import measure_real_rooms
 from elfslam.studies.scaling import measure_scaling
@@ -78,6 +79,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
+    "pretraining-kills": LongStudy(measure_pretraining_kills),
     "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
     "scaling": measure_scaling,

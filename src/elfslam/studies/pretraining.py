@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterator, Mapping
+from contextlib import closing, contextmanager, suppress
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryFile
 
@@ -17,10 +18,13 @@ from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.folders import new_file
 from elfslam.learn.export import export_encoder
-from elfslam.learn.pretrain import NETWORKS, Pretrained, Progress, pretrain
+from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
+from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.learn.settings import PretrainParameters
+from elfslam.learn.trainers import check_trainers, pretrain_by_several
 from elfslam.score.charts import loss_figure
 from elfslam.score.page import Page, Panel, facts_table, save_page
+from elfslam.workers import Workers, open_workers
 from elfslam.world.echo_pairs import echo_pairs
 
 ABOUT = """\
@@ -44,17 +48,18 @@ def pretrain_on_simulated_echoes(
     seed: int,
     announce: Callable[[str, float | None], None],
     metrics: Mapping[str, float] | None = None,
+    on: str | None = None,
+    trainers: int = 1,
 ) -> float:
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
     The file carries its card, `metrics` in it; beside it come to lie the losses as a table and as
     a page. The checkpoint lies there until the training is done, so that a killed run goes on.
-    Raises StoreError or ParameterError before anything is made.
+    `on` says who makes the echoes, as `open_workers` has it, and `trainers` how many processes
+    train. Raises StoreError, ParameterError or InputError before anything is made.
     """
     _check(out, parameters)
-
-    def batch(step: int) -> EchoPairs:
-        return echo_pairs(np.random.default_rng([seed, step]), parameters.pairs, parameters.rooms)
+    check_trainers(parameters, trainers)
 
     def report(progress: Progress) -> None:
         share = progress.step / parameters.steps
@@ -62,12 +67,61 @@ def pretrain_on_simulated_echoes(
 
     checkpoint = out.with_suffix(".checkpoint")
     with _folder_of(out):
-        made = pretrain(batch, parameters, seed=seed, checkpoint=checkpoint, report=report)
+        made = train_on_stream(
+            pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
+            report=report, on=on, trainers=trainers,
+        )  # fmt: skip
         card = card_of(made, parameters, seed, metrics or {})
         write_losses(out, made.losses, parameters, seed)
         export_encoder(made.network, out, card=card)
         checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
+
+
+def pairs_in(parameters: PretrainParameters, seed: int) -> PairsOf:
+    """The batch of each step, which depends on these and the step alone, wherever it is made."""
+    return partial(step_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms)
+
+
+def step_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
+    """Echo pairs of a step."""
+    return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms)
+
+
+def train_on_stream(
+    pairs_of: PairsOf,
+    parameters: PretrainParameters,
+    *,
+    seed: int,
+    checkpoint: Path,
+    report: Callable[[Progress], None],
+    on: str | None,
+    trainers: int,
+) -> Pretrained:
+    """An encoder trained on batches that `on` makes, by this process or so many `trainers`."""
+    learn = pretrain if trainers == 1 else partial(pretrain_by_several, trainers=trainers)
+    with open_stream(on) as stream:
+        return learn(
+            pairs_of, parameters, seed=seed, checkpoint=checkpoint, report=report, stream=stream
+        )
+
+
+@contextmanager
+def open_stream(on: str | None) -> Iterator[Stream]:
+    """Who makes the batches: another thread of this process, or the workers that `on` names."""
+    if on is None:
+        yield prefetched
+        return
+    with open_workers(on) as workers:
+        yield partial(_made_by, workers)
+
+
+def _made_by(
+    workers: Workers, batch_of: Callable[[int], Batch], first: int, last: int
+) -> Generator[tuple[int, Batch]]:
+    steps = range(first, last)
+    with closing(workers.in_order(batch_of, steps)) as batches:
+        yield from zip(steps, batches, strict=True)
 
 
 def card_of(

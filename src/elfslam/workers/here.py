@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 
 from elfslam.workers.interface import News, Result, Task
 
@@ -18,6 +18,11 @@ class Here:
         """As `Workers` says; in the order of the tasks."""
         for index, task in enumerate(tasks):
             yield index, do(task)
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says; each when it is asked for."""
+        for task in tasks:
+            yield do(task)
 
     def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News]:
         """As `Watchers` says; `do` itself says nothing every while."""

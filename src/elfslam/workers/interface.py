@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from typing import Protocol, TypeVar
 
 from elfslam.base.errors import WorkerError
@@ -29,6 +29,13 @@ class Workers(Protocol):
         pickled. What `do` raises is raised here, once what is under way has been given up.
         Raises WorkerError where workers die again and again over one task, or are of another
         version.
+        """
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """What `do` makes of the tasks, in their order, whoever of the workers is done first.
+
+        A few are made ahead of whoever takes them, and no more, however slowly they are taken.
+        Otherwise as `each`; the tasks must come to an end where the workers are a cluster.
         """
 
 

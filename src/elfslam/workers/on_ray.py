@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import socket
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
 from typing import Any
@@ -14,6 +14,7 @@ from elfslam.base.errors import InputError, WorkerError
 from elfslam.workers.desk import AT_ONCE, Desk, watched
 from elfslam.workers.interface import News, Result, Task
 from elfslam.workers.processes import MOST_TRIES
+from elfslam.workers.ray_stream import streamed
 from elfslam.workers.versions import done_by_the_same, own_version
 
 PORT, KNOCK_S = 10001, 5.0
@@ -35,7 +36,7 @@ def open_cluster(address: str | None) -> Iterator[Cluster]:
     except (OSError, RuntimeError, ValueError) as cause:
         raise InputError(
             f"--on {address or 'ray'}: no cluster answers ({str(cause).splitlines()[0]}); "
-            "start one with: ray start --head"
+            "start one with: ray start --head, and set RAY_AUTH_MODE=token if it wants a token"
         ) from cause
     try:
         yield Cluster(ray)
@@ -72,6 +73,11 @@ class Cluster:
         self.count = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._free: list[Any] = []
 
+    @property
+    def address(self) -> str:
+        """Where other drivers find it."""
+        return str(self._ray.get_runtime_context().gcs_address)
+
     def each(
         self, do: Callable[[Task], Result], tasks: Iterable[Task]
     ) -> Iterator[tuple[int, Result]]:
@@ -92,6 +98,10 @@ class Cluster:
         finally:
             for reference in waiting:
                 ray.cancel(reference, force=True)
+
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says; by Ray Data."""
+        return streamed(self._ray, do, list(tasks), self.count)
 
     def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News | None]:
         """As `Watchers` says. Who worked before works again, which costs no start."""

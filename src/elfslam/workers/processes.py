@@ -6,16 +6,18 @@ import multiprocessing
 import os
 import queue
 import threading
-from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, ProcessPoolExecutor
-from contextlib import suppress
-from multiprocessing.connection import wait
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import ExitStack, suppress
 
 from elfslam.base.errors import WorkerError
 from elfslam.workers.interface import Result, Task
 
 MOST_TRIES = 3
 """A task over which so many processes died is given up."""
+AHEAD = 2
+"""Results in order that may wait for each process: none idles, and few are held."""
 Outcome = tuple[int, Result | None, BaseException | None]
 
 
@@ -65,6 +67,30 @@ class Processes:
             for thread in threads:
                 thread.join()
 
+    def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
+        """As `Workers` says."""
+        idle: queue.SimpleQueue[_Process] = queue.SimpleQueue()
+
+        def done(task: Task) -> Result:
+            process = idle.get()
+            try:
+                return process.result(do, task)
+            finally:
+                idle.put(process)
+
+        waiting: deque[Future[Result]] = deque()
+        with ExitStack() as stack:
+            for _ in range(self.count):
+                idle.put(stack.enter_context(_Process()))
+            threads = ThreadPoolExecutor(self.count)
+            stack.callback(threads.shutdown, cancel_futures=True)
+            for task in tasks:
+                waiting.append(threads.submit(done, task))
+                if len(waiting) > AHEAD * self.count:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+
 
 def _taken(
     found: queue.Queue[Outcome[Result] | None], workers: int
@@ -110,20 +136,21 @@ class _Process:
 def _pool() -> ProcessPoolExecutor:
     # A forked process would inherit threads of torch and locks that nobody opens again.
     return ProcessPoolExecutor(
-        1, mp_context=multiprocessing.get_context("spawn"), initializer=_end_with_the_driver
+        1, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_the_driver
     )
 
 
-def _end_with_the_driver() -> None:
-    """Whoever goes on after a kill does the unit again; two at once would be in each other's way.
+def end_with_the_driver() -> None:
+    """Have this process end once the one that started it has ended, however that came.
 
-    A process of a pool does not notice by itself: it holds both ends of its pipe.
+    Whoever goes on after a kill does the unit again; two at once would be in each other's way. A
+    process of a pool does not notice by itself: it holds both ends of its pipe.
     """
     driver = multiprocessing.parent_process()
-    assert driver is not None
+    if driver is not None:
+        threading.Thread(target=_follow, args=(driver.join,), daemon=True).start()
 
-    def watch() -> None:
-        wait([driver.sentinel])
-        os._exit(1)
 
-    threading.Thread(target=watch, daemon=True).start()
+def _follow(wait: Callable[[], object]) -> None:
+    wait()
+    os._exit(1)

@@ -1,4 +1,4 @@
-"""A process that has everything loaded and becomes two for each job: starts cost no seconds.
+"""A process that has everything loaded and becomes two for each job: a start costs no seconds.
 
     python -m elfslam.serve.jobs.forks SOCKET
 
@@ -16,6 +16,7 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -23,7 +24,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO
 
+from elfslam.base.errors import ElfslamError
+from elfslam.data.recordings import write_recording
+from elfslam.mapping import MapJob, map_into
+from elfslam.senses import Settings
 from elfslam.serve.jobs.child import Child
+from elfslam.world.simulate import load_world, simulate
 
 COMMAND = (sys.executable, "-m", "elfslam.serve.jobs.forks")
 NUMBER = struct.Struct("!i")
@@ -31,6 +37,7 @@ MOST_BYTES = 65_536
 FILES = 4
 """Standard input, output and error of the work, and the lock that it keeps."""
 REAP = b"."
+WORLD, SEED = "studio", 100
 
 
 class Loaded:
@@ -127,6 +134,8 @@ def main() -> None:
     from elfslam.serve.jobs import work
 
     end = socket.socket(fileno=int(sys.argv[1]))
+    with suppress(OSError, ElfslamError):  # without it jobs are as good, and slower
+        warm_up()
     gc.freeze()  # what is loaded stays shared between the processes
     while True:
         told, files, _, _ = socket.recv_fds(end, MOST_BYTES, FILES)
@@ -142,6 +151,19 @@ def main() -> None:
             os.setpgid(pid, pid)  # whoever is told the number may kill its group at once
         end.send(NUMBER.pack(pid))
         _end(end, pid)
+
+
+def warm_up() -> None:
+    """Map a short walk: kernels and what draws are loaded when first used.
+
+    It is one without sound, whose mapping begins no threads: a fork would not have them.
+    """
+    walk, _ = simulate(load_world(WORLD), SEED, rounds=1, sound=False)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write_recording(walk, folder / "walk")
+        job = MapJob((), None, "spectral", Settings(), overwrite=False)
+        map_into(folder / "run", folder / "walk", job, lambda what, share: None)
 
 
 def _end(end: socket.socket, pid: int) -> None:

@@ -5,10 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 from typing import Any
 
 from sqlalchemy import delete
@@ -19,14 +18,7 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
-from elfslam.data.tiles import (
-    Stretch,
-    Tile,
-    encoder_identity,
-    phone_of,
-    stretches_of,
-    tiles_of,
-)
+from elfslam.data.tiles import encoder_identity, phone_of, stretches_of, tiles_of
 from elfslam.senses import Settings
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.routes import my_map
@@ -119,6 +111,32 @@ def manifest_of(
     return _text(manifest)
 
 
+def check_encoder(floor_map: FloorMap, encoder: Blob) -> None:
+    """Raise InputError where the features of a map were made by another encoder."""
+    identity = encoder_identity(floor_map)
+    if identity.partition("+")[0] != encoder.sha256[: len(identity.partition("+")[0])]:
+        raise InputError(
+            f"{NOT_FOR_PHONES}: made with encoder {identity}, {encoder.sha256[:16]} lies beside it"
+        )
+
+
+def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]) -> Json:
+    """What a manifest says of a map's parts, each of which was `kept`. Raises InputError."""
+    phone = phone_of(floor_map)
+    return {
+        "encoder": {**_told(encoder), "identity": encoder_identity(floor_map)},
+        "phone": None if phone is None else phone.tolist(),
+        "tiles": [
+            {**_told(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
+            for tile in tiles_of(floor_map)
+        ],
+        "features": [
+            {**_told(kept(each.content)), "spots": each.spots, "walk": each.walk}
+            for each in stretches_of(floor_map)
+        ],
+    }
+
+
 def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
     settings = services.settings
     named = {name: sources.files[name].sha256 for name in (MAP, ENCODER) if name in sources.files}
@@ -128,31 +146,19 @@ def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
             "map the walk by its echoes"
         )
     floor_map = _read(settings, {MAP: named[MAP]}, sources.name)
-    tiles, stretches = tiles_of(floor_map), stretches_of(floor_map)
-    encoder = sources.files[ENCODER]
-    identity, phone = encoder_identity(floor_map), phone_of(floor_map)
-    if identity.partition("+")[0] != encoder.sha256[: len(identity.partition("+")[0])]:
-        raise InputError(
-            f"{NOT_FOR_PHONES}: made with encoder {identity}, {encoder.sha256[:16]} lies beside it"
-        )
+    check_encoder(floor_map, sources.files[ENCODER])
     with scratch(settings) as folder, blobs.locked(settings.blobs_folder):
-        numbers, features = (
-            [_told(blobs.put(settings.blobs_folder, file)) for file in _written(folder, parts)]
-            for parts in (tiles, stretches)
-        )
-        content = {
-            "encoder": {**_told(encoder), "identity": identity},
-            "phone": None if phone is None else phone.tolist(),
-            "tiles": [
-                {**part, "spots": tile.spots, "square": list(tile.square)}
-                for part, tile in zip(numbers, tiles, strict=True)
-            ],
-            "features": [
-                {**part, "spots": stretch.spots, "walk": stretch.walk}
-                for part, stretch in zip(features, stretches, strict=True)
-            ],
-        }
-        parts = {part["sha256"]: part["size_bytes"] for part in (*numbers, *features)}
+        parts: dict[str, int] = {}
+
+        def kept(content: bytes) -> Blob:
+            file = folder / "part"
+            file.write_bytes(content)
+            blob = blobs.put(settings.blobs_folder, file)
+            file.unlink()
+            parts[blob.sha256] = blob.size_bytes
+            return blob
+
+        content = content_of(floor_map, sources.files[ENCODER], kept)
         with transaction(services.sessions) as session:
             manifest, dropped = _kept(session, my_map(session, user, map_id), content, parts)
     drop_unnamed(services, dropped)
@@ -191,15 +197,6 @@ def _kept(
         )
     )
     return manifest, [sha256 for sha256 in before if sha256 not in sizes]
-
-
-def _written(folder: Path, parts: Iterable[Tile] | Iterable[Stretch]) -> Iterator[Path]:
-    """Each as a file of its own, which is gone when the next one is asked for."""
-    for part in parts:
-        file = folder / "part"
-        file.write_bytes(part.content)
-        yield file
-        file.unlink()
 
 
 def _told(blob: Blob) -> Json:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import base64
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel
 from sqlalchemy import or_, select, union_all
 
 from elfslam.data.facts import ENCODER
+from elfslam.serve.buildings.fetching import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.package import package_of
 from elfslam.serve.maps.routes import my_map
@@ -47,7 +48,7 @@ def get_key(services: Here) -> KeyBody:
 def get_package(map_id: str, user: Me, services: Here) -> PackageBody:
     """What a phone needs to locate in a map, by digests; the phone fetches the parts it lacks."""
     try:
-        manifest = package_of(services, user, map_id)
+        manifest = published_manifest(services, map_id) or package_of(services, user, map_id)
     except FileNotFoundError as error:
         raise not_found("map") from error
     key = signing_key(services.settings.authority_folder)
@@ -61,8 +62,12 @@ def get_package(map_id: str, user: Me, services: Here) -> PackageBody:
     response_class=FileResponse,
     responses={200: {"content": {"application/octet-stream": {}}}},
 )
-def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> FileResponse:
+def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> Response:
     """A tile, the encoder, or the floor plan of a map's package."""
+    headers = {"ETag": f'"{sha256}"'}
+    content = published_part(services, map_id, sha256)
+    if content is not None:
+        return Response(content, media_type="application/octet-stream", headers=headers)
     files = select(MapFile.sha256).where(
         MapFile.map_id == map_id, or_(MapFile.name == ENCODER, MapFile.name == FLOOR_PLAN)
     )
@@ -74,6 +79,4 @@ def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> File
     file = blobs.blob_path(services.settings.blobs_folder, sha256)
     if not file.is_file():
         raise not_found("part of this map")
-    return FileResponse(
-        file, media_type="application/octet-stream", headers={"ETag": f'"{sha256}"'}
-    )
+    return FileResponse(file, media_type="application/octet-stream", headers=headers)

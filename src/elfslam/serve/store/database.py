@@ -21,6 +21,9 @@ from sqlalchemy.types import TypeDecorator
 from elfslam.base.errors import InputError, StoreError
 
 Sessions = sessionmaker[Session]
+POSTGRESQL = "postgresql"
+EACH_ALONE = {"isolation_level": "AUTOCOMMIT"}
+"""What PostgreSQL reads is committed as of each statement anyway: two messages fewer."""
 CONNECTIONS = 20
 """As many are kept open, and ten more are opened when those are in use."""
 
@@ -280,7 +283,17 @@ def transaction(sessions: Sessions) -> Iterator[Session]:
 def reading(sessions: Sessions) -> Iterator[Session]:
     """A session that only reads, and never waits for one that writes."""
     with sessions() as session:
+        if session.get_bind().dialect.name == POSTGRESQL:
+            session.connection(execution_options=EACH_ALONE)
         yield session
+
+
+@contextmanager
+def looking(engine: Engine) -> Iterator[Connection]:
+    """A connection that only reads."""
+    alone = EACH_ALONE if engine.dialect.name == POSTGRESQL else {}
+    with engine.connect().execution_options(**alone) as connection:
+        yield connection
 
 
 def sessions_of(engine: Engine) -> Sessions:

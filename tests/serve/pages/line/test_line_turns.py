@@ -74,7 +74,7 @@ def hearing_vectors(folder: Path) -> dict[str, Any]:
 
 
 def spoiled_vectors(folder: Path) -> dict[str, Any]:
-    """Own chirps with moving echoes, some left out, and another's in some frames and before some."""
+    """Own chirps with moving echoes, some left out, and another's in some and before some."""
     generator = np.random.default_rng(4)
     chirp = make_chirp(ChirpParameters(), RATE_HZ)
     samples = 1e-5 * generator.standard_normal(7 * RATE_HZ)

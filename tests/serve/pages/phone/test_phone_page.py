@@ -128,7 +128,7 @@ def test_what_was_heard_and_moved_is_what_the_server_has(
 
 
 def broken(capture: dict[str, Any]) -> float:
-    """Chirps that a busy machine cut in two or lost, by what the page says of the sound's breaks."""
+    """Chirps that a busy machine cut in two or lost, by what the page says of breaks."""
     in_gaps = sum(2 + 10 * gap["lost_s"] for gap in capture["gaps"])
     return float(in_gaps + len(capture["jumps"]))
 

@@ -1,0 +1,94 @@
+"""A PostgreSQL of one's own for a benchmark: its socket in a temporary folder, gone at the end."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import subprocess
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+PATIENCE_S = 120.0
+
+
+@dataclass(frozen=True)
+class Postgresql:
+    """A database that runs."""
+
+    process: subprocess.Popen[bytes]
+    folder: str
+
+    @property
+    def url(self) -> str:
+        """SQLAlchemy's."""
+        return f"postgresql+psycopg://elfslam@/elfslam?host={self.folder}"
+
+    @property
+    def told(self) -> str:
+        """How psycopg connects."""
+        return f"host={self.folder} user=elfslam dbname=elfslam"
+
+
+@contextmanager
+def own_postgresql() -> Iterator[Postgresql]:
+    """Starts it with its default settings; ends it at once afterwards. Raises SystemExit."""
+    program = shutil.which("initdb") or next(
+        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
+    )
+    if program is None:
+        raise SystemExit("PostgreSQL is not installed (Debian: apt-get install postgresql)")
+    binaries, folder = Path(program).resolve().parent, tempfile.mkdtemp(prefix="pg")
+    user = "postgres" if os.getuid() == 0 else None
+    if user is not None:
+        shutil.chown(folder, user)
+    make = [
+        binaries / "initdb",
+        "-D",
+        f"{folder}/data",
+        "-A",
+        "trust",
+        "-U",
+        "elfslam",
+        "-E",
+        "UTF8",
+    ]
+    subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
+    command = [
+        binaries / "postgres",
+        "-D",
+        f"{folder}/data",
+        "-k",
+        folder,
+        "-c",
+        "listen_addresses=",
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, user=user, cwd=folder)
+    try:
+        _make_database(folder)
+        yield Postgresql(process, folder)
+    finally:
+        process.send_signal(signal.SIGQUIT)
+        process.wait()
+        shutil.rmtree(folder)
+
+
+def _make_database(folder: str) -> None:
+    import psycopg
+
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        try:
+            with psycopg.connect(
+                f"host={folder} user=elfslam dbname=postgres", autocommit=True
+            ) as connection:
+                connection.execute("CREATE DATABASE elfslam")
+            return
+        except psycopg.OperationalError as error:
+            if time.monotonic() > until_s:
+                raise SystemExit("PostgreSQL does not start") from error
+            time.sleep(0.05)

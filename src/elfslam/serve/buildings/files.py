@@ -1,0 +1,123 @@
+"""Files by their SHA-256 at any URL that fsspec knows: a folder, S3, or memory."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.data.folders import new_file
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.blobs import SHA256, sync
+
+if TYPE_CHECKING:
+    from fsspec import AbstractFileSystem
+
+
+@dataclass(frozen=True)
+class Files:
+    """Where the files lie: a file system, and a folder of it."""
+
+    system: AbstractFileSystem
+    root: str
+    url: str
+
+    def path(self, sha256: str) -> str:
+        """Where a file lies. Raises ValueError where that is no SHA-256."""
+        if not SHA256.fullmatch(sha256):
+            raise ValueError(f"{sha256!r:.80} is no SHA-256")
+        return f"{self.root}/{sha256[:2]}/{sha256}"
+
+
+def open_files(settings: ServerSettings) -> Files:
+    """The files of a server. Raises InputError where nothing here can read such a URL."""
+    url = settings.files
+    try:
+        import fsspec
+
+        system, root = fsspec.core.url_to_fs(url, use_listings_cache=False)
+    except (ImportError, ValueError) as error:
+        raise InputError(
+            f"files at {url!r:.80}: {error}; wanted such as s3://BUCKET/PREFIX or file:///FOLDER, "
+            "with pip install 'elfslam[serve,buildings]'"
+        ) from error
+    return Files(system, str(root).rstrip("/"), url)
+
+
+def put(files: Files, content: bytes) -> str:
+    """Keep a file, whole or not at all, and once; its SHA-256. Raises StoreError."""
+    sha256 = hashlib.sha256(content).hexdigest()
+    path = files.path(sha256)
+    with _said(files):
+        if _size_bytes(files, path) != len(content):
+            _write(files, path, content)
+    return sha256
+
+
+def read(files: Files, sha256: str) -> bytes:
+    """The content of a file. Raises FileNotFoundError, StoreError."""
+    with _said(files):
+        content = files.system.cat_file(files.path(sha256))
+    assert isinstance(content, bytes)
+    return content
+
+
+def delete(files: Files, sha256s: Iterable[str]) -> None:
+    """Remove files; those that are gone already are no error. Raises StoreError."""
+    with _said(files):
+        for sha256 in sha256s:
+            with suppress(FileNotFoundError):
+                files.system.rm_file(files.path(sha256))
+
+
+def listed(files: Files) -> Iterator[str]:
+    """The SHA-256 of all that is kept. Raises StoreError."""
+    with _said(files):
+        found = files.system.find(files.root) if files.system.exists(files.root) else []
+    names = (path.rpartition("/")[2] for path in found)
+    return (name for name in names if SHA256.fullmatch(name))
+
+
+def _size_bytes(files: Files, path: str) -> int | None:
+    try:
+        return int(files.system.info(path)["size"])
+    except FileNotFoundError:
+        return None
+
+
+def _write(files: Files, path: str, content: bytes) -> None:
+    """Object stores write whole; in a folder a file gets its name when its bytes are down."""
+    if "file" not in _protocols(files):
+        files.system.pipe_file(path, content)
+        return
+    from pathlib import Path
+
+    with new_file(Path(path)) as partial, partial.open("wb") as stream:
+        stream.write(content)
+        stream.flush()
+        os.fsync(stream.fileno())
+    sync(Path(path).parent)
+
+
+def _protocols(files: Files) -> tuple[str, ...]:
+    told = files.system.protocol
+    return (told,) if isinstance(told, str) else tuple(told)
+
+
+@contextmanager
+def _said(files: Files) -> Iterator[None]:
+    """What goes wrong at a store in one line, but for a file that is not there."""
+    try:
+        yield
+    except (FileNotFoundError, StoreError, InputError, ValueError):
+        raise
+    except Exception as error:
+        first = str(error).strip().partition("\n")[0]
+        raise StoreError(
+            f"files at {files.url}: {type(error).__name__}: {first:.200}; is the store there, and "
+            "may you write to it?"
+        ) from error

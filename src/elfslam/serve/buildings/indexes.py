@@ -1,0 +1,98 @@
+"""The index of the spots of all published floors: built from their files, kept in the data folder.
+
+Floors whose features another encoder made than the shipped one are not in it: phones do not know
+which encoder to ask with before they know the floor.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from sqlalchemy import select
+
+from elfslam.base.arrays import F32
+from elfslam.base.errors import InputError, StoreError
+from elfslam.data.tiles import features_of
+from elfslam.line.feature import load_encoder
+from elfslam.nearest import NearestParameters, build_index, open_index
+from elfslam.serve.buildings import files as store
+from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
+from elfslam.serve.buildings.files import Files
+from elfslam.serve.buildings.tables import Floor
+from elfslam.serve.services import Services
+from elfslam.serve.store.database import reading
+
+FOLDER, LATEST = "nearest", "latest"
+_OPENED: dict[Path, EchoIndex] = {}
+_OPENING = threading.Lock()
+
+
+def shipped_encoder() -> str:
+    """The identity of the encoder whose features the index holds."""
+    return load_encoder("compact").identity
+
+
+def index_floors(services: Services, parameters: NearestParameters) -> tuple[int, int]:
+    """Build the index anew; how many floors and spots are in it. Raises InputError, StoreError.
+
+    A server that runs searches it from its next question on.
+    """
+    folder = services.settings.data_folder / FOLDER
+    folder.mkdir(exist_ok=True)
+    files = store.open_files(services.settings)
+    rows = dict(_spots(services, files, shipped_encoder()))
+    if not rows:
+        raise InputError("index: no published floor has features of the shipped encoder")
+    number = max((int(each.name) for each in folder.glob("[0-9]*")), default=0) + 1
+    counts = {map_id: len(spots) for map_id, spots in rows.items()}
+    build_index(
+        list(rows.values()), folder / f"{number:06d}", parameters, encoder=shipped_encoder(),
+        maps=counts,
+    )  # fmt: skip
+    partial = folder / f".{LATEST}"
+    partial.write_text(f"{number:06d}")
+    partial.replace(folder / LATEST)
+    return len(rows), sum(counts.values())
+
+
+def index_of(services: Services) -> EchoIndex | None:
+    """The newest index of a server, or none; opened once."""
+    folder = services.settings.data_folder / FOLDER
+    try:
+        latest = folder / (folder / LATEST).read_text()
+    except FileNotFoundError:
+        return None
+    with _OPENING:
+        if latest not in _OPENED:
+            _OPENED[latest] = _opened(latest)
+        return _OPENED[latest]
+
+
+def _opened(folder: Path) -> EchoIndex:
+    index = open_index(folder)
+    return EchoIndex(
+        index, index.map_of, tuple(each.name for each in index.meta.maps), index.meta.encoder
+    )
+
+
+def _spots(services: Services, files: Files, encoder: str) -> Iterator[tuple[str, F32]]:
+    """Unit rows of the spots of each floor by the id of its map."""
+    with reading(services.sessions) as session:
+        floors = session.execute(select(Floor.id, Floor.manifest).order_by(Floor.number)).all()
+    for map_id, manifest in floors:
+        told: dict[str, Any] = json.loads(manifest)
+        if told.get("encoder", {}).get("identity") == encoder:
+            yield map_id, unit_rows(_features(files, told))
+
+
+def _features(files: Files, manifest: dict[str, Any]) -> F32:
+    try:
+        parts = [store.read(files, each["sha256"]) for each in manifest["features"]]
+    except FileNotFoundError as error:
+        raise StoreError(f"{manifest['name']}: a part of it is gone; publish it again") from error
+    return np.vstack([features_of(part) for part in parts])

@@ -1,0 +1,239 @@
+"""Floors are published whole: their parts first, then all rows in one commit.
+
+Whoever is killed between has only left parts that no row names, which `sweep` deletes. Publishers
+share a lock that sweeping takes alone, so that no part goes while somebody begins to name it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import time
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+from sqlalchemy import delete, insert, select, text
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.values import FloorMap
+from elfslam.serve.buildings import files as store
+from elfslam.serve.buildings.files import Files, open_files
+from elfslam.serve.buildings.position import HIGHEST_DEG
+from elfslam.serve.buildings.tables import Building, Floor, FloorPart, FloorPoint
+from elfslam.serve.buildings.wifi import FloorPoints
+from elfslam.serve.jobs.tasks import FLOOR_PLAN
+from elfslam.serve.maps.package import (
+    Json,
+    Sources,
+    check_encoder,
+    content_of,
+    manifest_of,
+    phone_parameters,
+)
+from elfslam.serve.services import Services
+from elfslam.serve.store.blobs import Blob
+from elfslam.serve.store.database import new_id, now_utc, reading, transaction
+
+ADVISORY_LOCK = 0x656C_6673
+"""PostgreSQL knows locks by numbers."""
+LOCK = ".publishing"
+LEVELS = range(-100, 1000)
+LEAST_RADIUS_M = 5.0
+
+
+@dataclass(frozen=True)
+class Spot:
+    """Where a floor is: of which building, which level, and where on the Earth its middle lies."""
+
+    building: str
+    level: int
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class NewFloor:
+    """A floor to be published. `points` is None where no walk scanned for Wi-Fi."""
+
+    spot: Spot
+    floor_map: FloorMap
+    encoder: bytes
+    points: FloorPoints | None = None
+    floor_plan: tuple[bytes, Json] | None = None
+    """The image, and what the database knows of it."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """A floor that is there: its map's id and revision, and how much it takes."""
+
+    map_id: str
+    revision: int
+    parts: int
+    parts_bytes: int
+    points: int
+
+
+def publish(services: Services, new: NewFloor) -> Published:
+    """Publish a floor, or a new revision of it. Raises InputError, StoreError."""
+    _check(new.spot)
+    files = open_files(services.settings)
+    with holding(services, alone=False):
+        content, sizes, sources = _put_parts(files, new)
+        try:
+            with transaction(services.sessions) as session:
+                floor, dropped = _kept(session, new, content, sizes, sources)
+        except IntegrityError as error:
+            raise StoreError(
+                f"{new.spot.building}, floor {new.spot.level}: somebody else publishes it at this "
+                "moment; try again"
+            ) from error
+    drop_unnamed(services, dropped)
+    count = 0 if new.points is None else len(new.points.bssid)
+    return Published(floor.id, floor.revision, len(sizes), sum(sizes.values()), count)
+
+
+def withdraw(services: Services, building: str, level: int) -> None:
+    """Forget a floor, and the building with its last one. Raises InputError where there is none."""
+    with transaction(services.sessions) as session:
+        found = _floor(session, building, level)
+        if found is None:
+            raise InputError(
+                f"{building}, floor {level}: is not published; elfslam buildings lists what is"
+            )
+        dropped = _parts(session, found.number)
+        session.execute(delete(Floor).where(Floor.number == found.number))
+        left = session.scalar(select(Floor.number).filter_by(building=found.building).limit(1))
+        if left is None:
+            session.execute(delete(Building).where(Building.number == found.building))
+    drop_unnamed(services, dropped)
+
+
+def drop_unnamed(services: Services, sha256s: Iterable[str]) -> None:
+    """Delete those files that no floor names any more; call it after the commit."""
+    wanted = set(sha256s)
+    if not wanted:
+        return
+    with holding(services, alone=True):
+        with reading(services.sessions) as session:
+            named = set(
+                session.scalars(select(FloorPart.sha256).where(FloorPart.sha256.in_(wanted)))
+            )
+        store.delete(open_files(services.settings), wanted - named)
+
+
+def sweep(services: Services) -> int:
+    """Delete every file that no floor names; how many those were. Raises StoreError."""
+    files = open_files(services.settings)
+    with holding(services, alone=True):
+        with reading(services.sessions) as session:
+            named = set(session.scalars(select(FloorPart.sha256).distinct()))
+        unnamed = [sha256 for sha256 in store.listed(files) if sha256 not in named]
+        store.delete(files, unnamed)
+    return len(unnamed)
+
+
+@contextmanager
+def holding(services: Services, *, alone: bool) -> Iterator[None]:
+    """With other publishers, or alone, among all processes that use the database."""
+    if services.engine.dialect.name == "postgresql":
+        kind = "" if alone else "_shared"
+        with services.engine.connect() as connection:
+            connection.execute(text(f"SELECT pg_advisory_xact_lock{kind}({ADVISORY_LOCK})"))
+            yield
+        return
+    with (services.settings.data_folder / LOCK).open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        yield
+
+
+def radius_m(floor_map: FloorMap) -> float:
+    """Of the disc around the middle of a map that holds all its spots."""
+    low, high = floor_map.xy_m.min(axis=0), floor_map.xy_m.max(axis=0)
+    away = np.linalg.norm(floor_map.xy_m - (low + high) / 2, axis=1)
+    return max(float(away.max()), LEAST_RADIUS_M)
+
+
+def _check(spot: Spot) -> None:
+    good = abs(spot.latitude_deg) <= HIGHEST_DEG and abs(spot.longitude_deg) <= 180
+    if not (good and spot.level in LEVELS):
+        raise InputError(
+            f"{spot.building}: got floor {spot.level} at {spot.latitude_deg},{spot.longitude_deg}; "
+            f"wanted a floor from {LEVELS[0]} to {LEVELS[-1]}, latitude within {HIGHEST_DEG:g} and "
+            "longitude within 180 degrees"
+        )
+
+
+def _put_parts(files: Files, new: NewFloor) -> tuple[Json, dict[str, int], Sources]:
+    """Keep the parts of a package; what its manifest says of them, their sizes, and its sources."""
+    sizes: dict[str, int] = {}
+
+    def kept(content: bytes) -> Blob:
+        blob = Blob(store.put(files, content), len(content))
+        sizes[blob.sha256] = blob.size_bytes
+        return blob
+
+    encoder = kept(new.encoder)
+    check_encoder(new.floor_map, encoder)
+    content = content_of(new.floor_map, encoder, kept)
+    plan = {} if new.floor_plan is None else {FLOOR_PLAN: kept(new.floor_plan[0])}
+    name = f"{new.spot.building}, floor {new.spot.level}"
+    told = None if new.floor_plan is None else new.floor_plan[1]
+    return content, sizes, Sources(name, plan, told, phone_parameters())
+
+
+def _kept(
+    session: Session, new: NewFloor, content: Json, sizes: dict[str, int], sources: Sources
+) -> tuple[Floor, list[str]]:
+    """The rows of a floor, and the SHA-256 of what they named before."""
+    floor = _floor(session, new.spot.building, new.spot.level) or _new_row(session, new.spot)
+    before = _parts(session, floor.number)
+    # In seconds of this age, as of other maps: it grows even after a floor was withdrawn.
+    floor.revision = max(int(time.time()), (floor.revision or 0) + 1)
+    floor.published_utc = now_utc()
+    floor.manifest = manifest_of(
+        floor.id, sources, content, revision=floor.revision, made_utc=floor.published_utc
+    )
+    floor.latitude_deg, floor.longitude_deg = new.spot.latitude_deg, new.spot.longitude_deg
+    floor.radius_m, floor.altitude_m = radius_m(new.floor_map), new.spot.altitude_m
+    floor.has_wifi = new.points is not None and len(new.points.bssid) > 0
+    session.add(floor)
+    session.flush()
+    parts = [{"floor": floor.number, "sha256": k, "size_bytes": n} for k, n in sizes.items()]
+    for table, rows in ((FloorPart, parts), (FloorPoint, _point_rows(floor.number, new.points))):
+        session.execute(delete(table).where(table.floor == floor.number))
+        if rows:
+            session.execute(insert(table), rows)
+    return floor, [sha256 for sha256 in before if sha256 not in sizes]
+
+
+def _new_row(session: Session, spot: Spot) -> Floor:
+    building = session.scalar(select(Building).filter_by(name=spot.building))
+    if building is None:
+        building = Building(name=spot.building)
+        session.add(building)
+        session.flush()
+    return Floor(id=new_id(), building=building.number, level=spot.level)
+
+
+def _floor(session: Session, building: str, level: int) -> Floor | None:
+    """Held against other publishers until the commit."""
+    wanted = select(Floor).join(Building).where(Building.name == building, Floor.level == level)
+    return session.scalar(wanted.with_for_update(of=Floor))
+
+
+def _parts(session: Session, number: int | None) -> list[str]:
+    return list(session.scalars(select(FloorPart.sha256).filter_by(floor=number)))
+
+
+def _point_rows(number: int, points: FloorPoints | None) -> list[dict[str, float]]:
+    if points is None:
+        return []
+    columns = (points.bssid, points.level_dbm, points.spread_db, points.share)
+    names = ("bssid", "level_dbm", "spread_db", "share")
+    rows = zip(*(column.tolist() for column in columns), strict=True)
+    return [{"floor": number, **dict(zip(names, row, strict=True))} for row in rows]

@@ -1,0 +1,204 @@
+"""Which floor hears the access points that a phone hears, and as loudly.
+
+Which access points are known tells the place; how loud they are tells its floors apart, as these
+hear many of the same. Phones hear up to 10 dB differently: what all levels have in common is
+taken off. A radio that speaks under several addresses counts once, by the loudest of them.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.base.arrays import F64, I64, Value, array
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import parameter
+from elfslam.base.values import WifiScans
+from elfslam.baselines.wifi import sightings
+
+BSSID = re.compile(r"([0-9a-f]{2}[:-]){5}[0-9a-f]{2}")
+GROUP_BIT, LOCAL_BIT = 1 << 40, 1 << 41
+RADIO_MASK = 0x00FF_FFFF_FFF0
+"""One radio has many addresses, which differ in the first octet and in the last four bits."""
+ELSEWHERE_DBM, ELSEWHERE_DB = -75.0, 12.0
+"""Levels of access points that are heard anywhere."""
+USUAL_SHARE = 0.2
+"""Of the scans on its floor, an access point is in about so many."""
+
+
+@dataclass(frozen=True)
+class WifiFindParameters:
+    """How far access points tell the floor."""
+
+    most_radios: int = parameter(40, "", "so many of the loudest are looked up", low=1, high=400)
+    known_log_odds: float = parameter(
+        2.5, "", "what a radio that is known on a floor speaks for the place", low=0.0, high=20.0
+    )
+    new_share: float = parameter(
+        0.3, "", "of the radios on a floor that are not in its map", low=0.01, high=0.9
+    )
+    deafness_db: float = parameter(8.0, "dB", "phones hear so differently", low=0.1, high=40.0)
+    least_spread_db: float = parameter(
+        5.0, "dB", "a level varies at least so much over a floor", low=0.5, high=40.0
+    )
+    unmapped_db: float = parameter(
+        12.0, "dB", "levels differ so on a floor beside that is not mapped", low=1.0, high=40.0
+    )
+    level_weight: float = parameter(
+        0.8, "", "of levels, which err together where a phone stands", low=0.0, high=1.0
+    )
+    least_sightings: int = parameter(
+        3, "", "rarer ones are passers-by and not kept", low=1, high=1000
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPoints(Value):
+    """What is heard on a floor: access points (n), their mean level and how it varies.
+
+    `share` (n): of all scans, in how many each is heard.
+    """
+
+    bssid: I64 = array("n", dtype=np.int64)
+    level_dbm: F64 = array("n")
+    spread_db: F64 = array("n")
+    share: F64 = array("n")
+
+
+@dataclass(frozen=True, eq=False)
+class Scan(Value):
+    """What a phone hears: a radio each, by its loudest address."""
+
+    bssid: I64 = array("n", dtype=np.int64)
+    rssi_dbm: F64 = array("n")
+
+
+@dataclass(frozen=True, eq=False)
+class KnownPoints(Value):
+    """Who knows what of a scan: row k says that `floor` hears the `heard`-th of it so."""
+
+    heard: I64 = array("k", dtype=np.int64)
+    floor: I64 = array("k", dtype=np.int64)
+    level_dbm: F64 = array("k")
+    spread_db: F64 = array("k")
+    share: F64 = array("k")
+
+
+def bssid_number(text: str) -> int:
+    """The 48 bits of an address such as 04:33:89:79:fc:7c. Raises InputError."""
+    if not BSSID.fullmatch(text.lower()):
+        raise InputError(f"bssid {text!r:.40}: wanted six bytes such as 04:33:89:79:fc:7c")
+    return int(text.replace(":", "").replace("-", ""), 16)
+
+
+def bssid_text(number: int) -> str:
+    """The address of 48 bits."""
+    return ":".join(f"{number >> shift & 0xFF:02x}" for shift in range(40, -1, -8))
+
+
+def points_on(scans: Sequence[WifiScans], parameters: WifiFindParameters) -> FloorPoints:
+    """What the walks of a floor heard.
+
+    Left out is who was heard a few times only, and, of addresses that devices make up for
+    themselves, who was heard on one walk of several: those are phones that share their network.
+    """
+    levels, walks = _levels_by_point(scans)
+    count = sum(len(wifi.t_s) for wifi in scans)
+    least = parameters.least_sightings
+    kept = sorted(
+        number for number, found in levels.items()
+        if len(found) >= least and not _is_passing(number, walks[number], len(scans))
+    )  # fmt: skip
+    sighted = np.array([len(levels[number]) for number in kept], dtype=np.float64)
+    spread = np.array([np.std(levels[number]) for number in kept], dtype=np.float64)
+    return FloorPoints(
+        bssid=np.array(kept, dtype=np.int64),
+        level_dbm=np.array([np.mean(levels[number]) for number in kept], dtype=np.float64),
+        spread_db=np.maximum(spread, parameters.least_spread_db),
+        share=np.minimum(sighted / max(count, 1), 1.0),
+    )
+
+
+def scan_of(heard: Mapping[int, float], parameters: WifiFindParameters) -> Scan:
+    """The loudest radios of what is heard (dBm by address)."""
+    loudest = sorted(heard, key=lambda number: (-heard[number], number))
+    radios: dict[int, int] = {}
+    for number in loudest:
+        if not number & GROUP_BIT:
+            radios.setdefault(number & RADIO_MASK, number)
+    kept = list(radios.values())[: parameters.most_radios]
+    return Scan(np.array(kept, dtype=np.int64), np.array([heard[number] for number in kept]))
+
+
+def wifi_log_odds(
+    scan: Scan, known: KnownPoints, parameters: WifiFindParameters
+) -> dict[int, float]:
+    """What a scan says for each floor that knows of it, against being anywhere else.
+
+    Anywhere else is also a floor beside it that nobody mapped: the same access points, at other
+    levels. A made-up address that no floor knows says nothing: it is a phone nearby.
+    """
+    if not len(known.floor):
+        return {}
+    floors, group = np.unique(known.floor, return_inverse=True)
+    strangers = (scan.bssid & LOCAL_BIT) != 0
+    strangers[known.heard] = False
+    radios = int((~strangers).sum())
+    matched = np.bincount(group, minlength=len(floors))
+    place = matched * parameters.known_log_odds
+    place += (radios - matched) * np.log(parameters.new_share)
+    here = _level_fit(scan, known, group, known.spread_db, parameters)
+    beside_db = np.hypot(known.spread_db, parameters.unmapped_db)
+    beside = _level_fit(scan, known, group, beside_db, parameters)
+    best = max(here.max(), beside.max())
+    total = place + parameters.level_weight * (here - best)
+    elsewhere = np.logaddexp(0.0, (place + parameters.level_weight * (beside - best)).max())
+    return dict(zip(floors.tolist(), (total - elsewhere).tolist(), strict=True))
+
+
+def _level_fit(
+    scan: Scan, known: KnownPoints, group: I64, spread_db: F64, parameters: WifiFindParameters
+) -> F64:
+    """How well each floor explains who is heard how loudly: log-likelihood (f), to compare.
+
+    A point is heard as often as its share says, with a Gaussian level, or it is new; the phone's
+    deafness, Gaussian too, is the likeliest.
+    """
+    apart = scan.rssi_dbm[known.heard] - known.level_dbm
+    weight = spread_db**-2.0
+    deaf = np.bincount(group, weight * apart) / (
+        np.bincount(group, weight) + parameters.deafness_db**-2.0
+    )
+    level = _gaussian_log(apart - deaf[group], spread_db)
+    anywhere = _gaussian_log(scan.rssi_dbm[known.heard] - ELSEWHERE_DBM, ELSEWHERE_DB)
+    new = parameters.new_share
+    told = (1 - new) / new * known.share / USUAL_SHARE * np.exp(level - anywhere)
+    fit = np.bincount(group, np.log1p(told))
+    return np.asarray(fit - 0.5 * (deaf / parameters.deafness_db) ** 2)
+
+
+def _gaussian_log(apart: F64, sigma: F64 | float) -> F64:
+    return np.asarray(-0.5 * (apart / sigma) ** 2 - np.log(sigma))
+
+
+def _levels_by_point(
+    scans: Sequence[WifiScans],
+) -> tuple[dict[int, list[float]], Counter[int]]:
+    """Levels of all sightings by address, and on how many walks it was heard."""
+    levels: dict[int, list[float]] = defaultdict(list)
+    walks: Counter[int] = Counter()
+    for wifi in scans:
+        numbers = [bssid_number(text) for text in wifi.bssids]
+        _, column, rssi_dbm = sightings(wifi)
+        for k, level in zip(column.tolist(), rssi_dbm.tolist(), strict=True):
+            levels[numbers[k]].append(level)
+        walks.update(numbers[k] for k in set(column.tolist()))
+    return levels, walks
+
+
+def _is_passing(number: int, walks: int, of: int) -> bool:
+    return bool(number & GROUP_BIT) or bool(number & LOCAL_BIT and walks == 1 and of > 1)

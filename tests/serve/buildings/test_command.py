@@ -1,0 +1,179 @@
+"""From the command line: publish, list, index, withdraw; and a phone that finds the floor."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from starlette.testclient import TestClient
+
+from elfslam.base.values import FloorMap, Imu, Recording, WifiScans
+from elfslam.cli import main
+from elfslam.data.facts import ENCODER
+from elfslam.data.map_files import MAP, write_map
+from elfslam.data.recordings import write_recording
+from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.serve.buildings.tables import Floor
+from elfslam.serve.services import Services
+from elfslam.serve.store import blobs
+from elfslam.serve.store.database import (
+    Map,
+    MapFile,
+    RecordingFile,
+    User,
+    reading,
+    transaction,
+)
+from elfslam.serve.store.database import (
+    Recording as RecordingRow,
+)
+
+Elfslam = Callable[..., tuple[int, str]]
+BSSIDS = tuple(f"04:33:89:79:{k:02x}:10" for k in range(8))
+
+
+@pytest.fixture
+def elfslam(
+    services: Services, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> Elfslam:
+    """Runs a command on the data folder of the test's server."""
+
+    def run(*arguments: object) -> tuple[int, str]:
+        told = ["--data", str(services.settings.data_folder)]
+        monkeypatch.setattr(sys, "argv", ["elfslam", *map(str, arguments), *told])
+        capsys.readouterr()
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = int(leave.code or 0)
+        said = capsys.readouterr()
+        return code, said.out + said.err
+
+    return run
+
+
+@pytest.fixture
+def map_folder(maps: tuple[FloorMap, FloorMap], tmp_path: Path) -> Path:
+    """The folder of a map, with the shipped encoder."""
+    folder, shipped = tmp_path / "run", load_encoder("compact")
+    assert isinstance(shipped, OnnxEncoder)
+    folder.mkdir()
+    write_map(maps[0], folder / MAP)
+    (folder / ENCODER).write_bytes(shipped.content)
+    return folder
+
+
+@pytest.fixture
+def walk_folder(tmp_path: Path) -> Path:
+    """A recording with ten scans."""
+    generator = np.random.default_rng(2)
+    t_s, rssi = np.arange(10) * 2.0, np.linspace(-50, -80, 8) + generator.normal(0, 2, (10, 8))
+    wifi = WifiScans(t_s, BSSIDS, rssi, np.full((10, 8), 0.5))
+    imu = Imu(np.arange(40) / 50, np.tile([0.0, 0, 9.8], (40, 1)), np.zeros((40, 3)))
+    write_recording(Recording(name="walk", device="a phone", imu=imu, wifi=wifi), tmp_path / "walk")
+    return tmp_path / "walk"
+
+
+def heard() -> dict[str, float]:
+    return dict(zip(BSSIDS, np.linspace(-52, -82, 8).tolist(), strict=True))
+
+
+def test_a_floor_from_its_folder(
+    elfslam: Elfslam,
+    guest: TestClient,
+    map_folder: Path,
+    walk_folder: Path,
+    maps: tuple[FloorMap, FloorMap],
+) -> None:
+    code, out = elfslam(
+        "publish", map_folder, "--building", "Mall", "--floor", -1, "--at", "47.1,8.2",
+        "--heard", walk_folder,
+    )  # fmt: skip
+    assert code == 0
+    assert "8 access points" in out
+    told = guest.post("/api/find", json={"wifi": heard()}).json()
+    assert told["status"] == "OK"
+    assert (told["candidates"][0]["building"], told["candidates"][0]["floor"]) == ("Mall", -1)
+    code, out = elfslam("buildings", "--index", "--sweep")
+    assert code == 0
+    assert "Mall" in out
+    assert f"indexed {len(maps[0].xy_m)} spots of 1 floors" in out
+    assert "swept 0 files" in out
+    vectors = maps[0].payloads[0].vectors[5:9]
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    echoes = {"encoder": load_encoder("compact").identity, "vectors": unit.tolist()}
+    told = guest.post("/api/find", json={"echoes": echoes}).json()
+    assert told["status"] == "OK"
+    other = {**echoes, "encoder": "another"}
+    assert guest.post("/api/find", json={"echoes": other}).json()["status"] == "UNKNOWN_PLACE"
+    assert elfslam("withdraw", "--building", "Mall", "--floor", -1)[0] == 0
+    for question in ({"wifi": heard()}, {"echoes": echoes}):
+        told = guest.post("/api/find", json=question).json()
+        assert told == {"status": "UNKNOWN_PLACE", "candidates": []}
+
+
+def test_a_floor_from_a_map_of_the_server(
+    elfslam: Elfslam, owner: TestClient, services: Services, map_folder: Path, walk_folder: Path
+) -> None:
+    """With the Wi-Fi of the walks that it was made from."""
+    store = services.settings.blobs_folder
+    with blobs.locked(store), transaction(services.sessions) as session:
+        mine = session.query(User).filter_by(is_owner=True).one()
+        walk = RecordingRow(user_id=mine.id, name="walk")
+        session.add(walk)
+        session.flush()
+        made = Map(user_id=mine.id, name="Hall", kind="run", sources=[walk.id])
+        session.add(made)
+        session.flush()
+        for table, of, folder in (
+            (RecordingFile, {"recording_id": walk.id}, walk_folder),
+            (MapFile, {"map_id": made.id}, map_folder),
+        ):
+            for name, blob in blobs.put_folder(store, folder).items():
+                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.add(table(name=name, **of, **told))
+    code, out = elfslam("publish", made.id, "--building", "Mall", "--floor", 0, "--at", "47.1,8.2")
+    assert code == 0
+    assert "8 access points" in out
+    owner.delete(f"/api/maps/{made.id}").raise_for_status()
+    told = owner.post("/api/find", json={"wifi": heard()}).json()["candidates"][0]
+    assert owner.get(f"/api/maps/{told['map']}/package").status_code == 200
+    with reading(services.sessions) as session:
+        assert session.query(Floor).one().radius_m == pytest.approx(21, abs=3)
+
+
+def test_refusals_in_one_line(elfslam: Elfslam, map_folder: Path, tmp_path: Path) -> None:
+    spot = ("--building", "Mall", "--floor", 0)
+    (map_folder / "empty").mkdir()
+    for arguments, said in (
+        (("publish", "nowhere", *spot, "--at", "47,8"), "neither the folder of a map nor the id"),
+        (("publish", "0" * 32, *spot, "--at", "47,8"), "is not on this server"),
+        (("publish", map_folder, *spot, "--at", "95,8"), "--at '95,8': wanted LAT,LON"),
+        (("publish", map_folder, "--building", " ", "--floor", 0, "--at", "47,8"), "wanted some"),
+        (("publish", tmp_path, *spot, "--at", "47,8"), "has no encoder.onnx"),
+        (("publish", map_folder, *spot, "--at", "47,8", "--heard", map_folder), "has no wifi.csv"),
+        (("withdraw", *spot), "is not published"),
+        (("buildings", "--index"), "no published floor"),
+        (
+            ("publish", map_folder, *spot, "--at", "47,8", "--files", "gopher://y/z"),
+            "wanted such as s3",
+        ),
+    ):
+        code, err = elfslam(*arguments)
+        assert (code, said in err) == (2, True), (arguments[3:], err)
+        assert len(err.strip().splitlines()) == 1
+
+
+def test_an_encoder_of_its_own_is_not_indexed(
+    elfslam: Elfslam, map_folder: Path, maps: tuple[FloorMap, FloorMap]
+) -> None:
+    elf = replace(maps[0].payloads[0], encoder="f" * 16)
+    write_map(replace(maps[0], payloads=(elf,)), map_folder / MAP)
+    code, err = elfslam("publish", map_folder, "--building", "Mall", "--floor", 0, "--at", "47,8")
+    assert code == 2
+    assert "lies beside it" in err
