@@ -13,9 +13,9 @@ from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 from elfslam.line.trust import (
     REASONS,
     TrustParameters,
+    heard_chirps,
     judge,
     loudness,
-    loudness_changes,
     odd_frames,
     off_time_s,
 )
@@ -182,10 +182,25 @@ def test_loudness_is_compared_among_clean_echoes_alone() -> None:
     clean = Echoes(echoes.t_s[kept], echoes.samples[kept], echoes.snr_db[kept], np.zeros((0, 2)))
     assert (judge(facts, among, EDGES_S, PARAMETERS) == LAGGING).any()
     npt.assert_array_equal(judge(facts, among, EDGES_S, PARAMETERS, clean), 0)
-    due_s, played_db, echoes_db = loudness_changes(facts, clean).T
-    npt.assert_allclose(due_s, facts.t_due_s[kept][1:])
-    npt.assert_allclose(played_db, np.diff(GAIN_DB[kept]))
-    assert np.abs(echoes_db).max() < 5
+    chirps = heard_chirps(facts, clean)
+    npt.assert_allclose(chirps[:, 0], facts.t_due_s[kept])
+    npt.assert_allclose(chirps[:, 1], GAIN_DB[kept])
+    npt.assert_allclose(chirps[:, 3:], -60, atol=2)
+
+
+@pytest.mark.parametrize("clear_db", [10.0, 0.0])
+def test_noise_does_not_follow_either_and_does_not_count(clear_db: float) -> None:
+    """As much noise as late echoes: nothing is said of those, and of early ones nothing wrong."""
+    facts, echoes = by_chance()
+    generator = np.random.default_rng(7)
+    hiss = 1e-3 * LEVEL * generator.standard_normal(echoes.samples.shape)
+    early = np.where(np.arange(ECHO_SAMPLES) < ECHO_SAMPLES // 4, 10.0, 1.0)
+    samples = (early * echoes.samples + hiss).astype(np.float32)
+    # Through the matched filter as much noise is less: 13 times, and 1.18 for the envelope.
+    noisy = replace(facts, noise=np.full(COUNT, 1e-3 * LEVEL * 1.18 / 14))
+    known = replace(PARAMETERS, clear_db=clear_db, loud_last=1.0)
+    found = judge(noisy, replace(echoes, samples=samples), EDGES_S, known)
+    assert (found == LAGGING).any() == (clear_db == 0)
 
 
 def test_the_gain_of_a_microphone_that_follows_the_chirps_changes_nothing() -> None:

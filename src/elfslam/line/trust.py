@@ -39,6 +39,8 @@ REASONS = (
 )
 """By number; 0 is trusted."""
 LAGGING = len(REASONS) - 1
+HISS = 7.7
+"""White noise in an echo trace (rms of fourth differences) over that in the envelope (median)."""
 CALM = 0.5
 """Both limits of a lag are so much lower while SUSPECT."""
 
@@ -91,6 +93,9 @@ class TrustParameters:
         low=0.0,
         high=1.0,
     )
+    clear_db: float = parameter(
+        10.0, "dB", "parts of an echo trace count where they are so far over noise", low=0, high=60
+    )
     lag_errors: float = parameter(
         5.0, "", "standard errors that such a lag has, at the least", low=0.0, high=100.0
     )
@@ -110,12 +115,12 @@ def judge(
     that others chirped into some.
     """
     odd = odd_frames(facts, echoes, parameters)
-    changes = loudness_changes(facts, echoes if clean is None else clean)
+    chirps = heard_chirps(facts, echoes if clean is None else clean)
     reasons = [0]
     for end_s in edges_s[1:]:
         was_suspect = reasons[-1] > 0
         reason = _reason(odd, facts.t_due_s, end_s, parameters, was_suspect=was_suspect)
-        lags = echoes_lag(changes, end_s, parameters, was_suspect=was_suspect)
+        lags = echoes_lag(chirps, end_s, parameters, was_suspect=was_suspect)
         reasons.append(reason or (LAGGING if lags else 0))
     return np.array(reasons[1:], dtype=np.int64)
 
@@ -181,37 +186,41 @@ def loudness(facts: FrameFacts, echoes: Echoes) -> F64:
     return np.asarray(loud / np.maximum(facts.level, 1e-12)[:, None])
 
 
-def loudness_changes(facts: FrameFacts, echoes: Echoes) -> F64:
-    """From each chirp to the next whose echoes were heard (k, 3): when the latter was due (s), how
-    much louder it was played (dB), and how much louder its echoes were over its direct sound (dB).
+def heard_chirps(facts: FrameFacts, echoes: Echoes) -> F64:
+    """Of each chirp whose echoes were heard (k, 7): when it was due (s), how loud it was played,
+    and the noise and each part of its echo trace over its direct sound (dB).
 
-    None where nobody says how loud chirps were played. Echoes count by the mean of their parts in
-    dB: late ones are as steady as early ones.
+    None where nobody says how loud chirps were played.
     """
     if facts.gain_db is None:
-        return np.empty((0, 3))
+        return np.empty((0, 3 + PARTS))
     loud = loudness(facts, echoes)
     heard = (loud > 0).all(axis=1) & ~np.isnan(facts.late_s)
-    echoes_db = 20 * np.log10(loud[heard]).mean(axis=1)
-    known = np.column_stack([facts.gain_db[heard], echoes_db])
-    return np.column_stack([facts.t_due_s[heard][1:], np.diff(known, axis=0)])
+    hiss = HISS * facts.noise[heard] / np.maximum(facts.level[heard], 1e-12)
+    over_direct_db = 20 * np.log10(np.column_stack([np.maximum(hiss, 1e-12), loud[heard]]))
+    return np.column_stack([facts.t_due_s[heard], facts.gain_db[heard], over_direct_db])
 
 
 def echoes_lag(
-    changes: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+    chirps: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
 ) -> bool:
     """Whether echoes did not follow the loudness of the last chirps before then.
 
     The room's echoes over the direct sound are alike however loud the chirp; what is added to them
-    is over a soft one's the louder.
+    is over a soft one's the louder. Noise is, too: parts of the trace near it do not count. The
+    others do by their mean in dB, as late echoes are as steady as early ones.
     """
-    last = int(np.searchsorted(changes[:, 0], end_s))
-    if last < parameters.compared_chirps:
+    last = int(np.searchsorted(chirps[:, 0], end_s))
+    if last <= parameters.compared_chirps:
         return False
-    _, played_db, echoes_db = changes[last - parameters.compared_chirps : last].T
+    compared = chirps[last - parameters.compared_chirps - 1 : last]
+    gain_db, hiss_db, parts_db = compared[:, 1], compared[:, 2], compared[:, 3:]
+    clear = np.median(parts_db - hiss_db[:, None], axis=0) >= parameters.clear_db
+    played_db = np.diff(gain_db)
     spread = float(np.sum(played_db**2))
-    if spread == 0:
+    if spread == 0 or not clear.any():
         return False
+    echoes_db = np.diff(parts_db[:, clear].mean(axis=1))
     lag = -float(np.sum(played_db * echoes_db)) / spread
     rest = float(np.sum((echoes_db + lag * played_db) ** 2)) / (len(played_db) - 1)
     limit = max(parameters.lag, parameters.lag_errors * np.sqrt(rest / spread))

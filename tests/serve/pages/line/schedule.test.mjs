@@ -23,7 +23,7 @@ function scheduledSound(chirp, rateHz, count, lateS) {
 
 function cutByPlan({ parameters, rateHz, chirp, sound, playedS, block = WORKLET_BLOCK }) {
   const live = makeEchoCutter({ rateHz, chirp, parameters });
-  playedS.forEach(live.played);
+  playedS.forEach((tS) => live.played(tS));
   return cutAll(live, sound, block);
 }
 
@@ -36,12 +36,13 @@ for (const folder of SCENES) {
   test(`a scheduled walk at ${rateHz} Hz is cut and told of as in Python`, () => {
     const plan = told(folder, "stages.json").scheduled;
     const live = makeEchoCutter({ rateHz, chirp, parameters });
-    plan.played_s.forEach(live.played);
+    plan.played_s.forEach((tS, k) => live.played(tS, plan.gain_db[k]));
     const { echoes, frames } = heardAll(live, floats(folder, "scheduled"));
     const wanted = plan.arrivals.slice(0, echoes.length);
     assert.ok(plan.arrivals.length - wanted.length <= 1);
     assert.deepEqual(echoes.map((echo) => Math.round(echo.tS * 44100)), wanted);
     assertSameFacts(frames, plan.facts.slice(0, frames.length), 20 / 44100);
+    assert.deepEqual(frames.map(({ gainDb }) => gainDb), plan.gain_db.slice(0, frames.length));
     assert.ok(plan.facts.length - frames.length < 8);
   });
 

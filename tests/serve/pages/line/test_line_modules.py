@@ -170,18 +170,23 @@ def write_stages(folder: Path, scene: Scene) -> None:
 
 
 def scheduled(folder: Path, rate_hz: int, parameters: Parameters) -> dict[str, object]:
-    """A walk whose chirps are played at random within their periods; its sound in a file."""
-    today = Circumstances(jitter_s=0.025)
+    """A walk whose chirps are played at random within their periods, some softer.
+
+    Its sound lies in a file.
+    """
+    today = Circumstances(jitter_s=0.025, softer_db=4.0)
     recording, _ = simulate(
         load_world(WORLD), LOCATED_SEED, rounds=1, rate_hz=rate_hz, circumstances=today
     )
     assert recording.audio is not None
     assert recording.played_t_s is not None
+    assert recording.gain_db is not None
     write_f32(folder, "scheduled", recording.audio.samples[0])
     chirp = make_chirp(parameters.chirp, rate_hz)
     frames = find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
     return {
         "played_s": recording.played_t_s.tolist(),
+        "gain_db": recording.gain_db.tolist(),
         "arrivals": frames.arrivals.samples.tolist(),
         "facts": told_facts(frames, parameters),
     }

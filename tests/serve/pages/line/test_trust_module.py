@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.base.arrays import I64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 from elfslam.line.trust import REASONS, TrustParameters, judge, loudness
 
@@ -64,6 +65,7 @@ def vectors(seed: int) -> dict[str, Any]:
         }
         for k in range(COUNT)
     ]
+    clean = np.flatnonzero(np.arange(len(echoes.t_s)) % 4 > 0)
     few = np.linspace(0, len(echoes.t_s) - 1, 5).astype(int)
     at = [int(np.argmin(abs(facts.t_due_s - echoes.t_s[k]))) for k in few]
     return {
@@ -76,11 +78,17 @@ def vectors(seed: int) -> dict[str, Any]:
         ],
         "endsS": edges_s[1:].tolist(),
         "found": judge(facts, echoes, edges_s, known).tolist(),
+        "clean": clean.tolist(),
+        "foundClean": judge(facts, echoes, edges_s, known, _rows(echoes, clean)).tolist(),
         "some": [
             {"row": int(k), "loud": (loudness(facts, echoes)[frame] * facts.level[frame]).tolist()}
             for k, frame in zip(few, at, strict=True)
         ],
     }
+
+
+def _rows(echoes: Echoes, rows: I64) -> Echoes:
+    return Echoes(echoes.t_s[rows], echoes.samples[rows], echoes.snr_db[rows], echoes.losses_s)
 
 
 @pytest.fixture(scope="module")

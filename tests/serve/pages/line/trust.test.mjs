@@ -8,7 +8,7 @@ import { test } from "node:test";
 import { loudnessOf, makeTrust, REASONS } from "../../../../src/elfslam/serve/pages/line/trust.js";
 
 const folder = process.env.ELFSLAM_VECTORS;
-const { parameters, reasons, frames, echoes, endsS, found, some } = JSON.parse(
+const { parameters, reasons, frames, echoes, endsS, found, clean, foundClean, some } = JSON.parse(
   readFileSync(join(folder, "trust.json"), "utf8"),
 );
 const bytes = readFileSync(join(folder, "samples.f32"));
@@ -50,5 +50,18 @@ test("maps of before there was a rule of loudness, and pages that do not say it,
     const judge = makeTrust(known);
     judge.take(told, heard);
     assert.deepEqual(endsS.map(judge.reasonAt).filter((reason) => reason === REASONS.length - 1), []);
+  }
+});
+
+test("loudness is compared among clean echoes alone, however late they are known", () => {
+  const isClean = new Set(clean);
+  for (const late of [0, 2]) {
+    const live = makeTrust(parameters);
+    heard.forEach((echo, row) => {
+      const known = isClean.has(row - late) ? [heard[row - late]] : [];
+      live.take([], [echo], known);
+    });
+    live.take(facts, [], heard.slice(heard.length - late).filter((_, k) => isClean.has(heard.length - late + k)));
+    assert.deepEqual(endsS.map(live.reasonAt), foundClean);
   }
 });

@@ -130,9 +130,9 @@ test("the way of the sound is known from its first chirp, and followed where it 
 
 test("chirps are written down once they have begun, and those called back never", () => {
   const log = makeChirpLog(48000, 48000);
-  for (const frame of [60000, 64801, 69600, 74400]) log.add(frame);
-  assert.equal(log.take(64801), "0.250000000\n");
-  assert.equal(log.take(70000), "0.350020833\n0.450000000\n");
+  for (const [frame, gainDb] of [[60000, 0], [64801, -4], [69600, 0], [74400, -4]]) log.add(frame, gainDb);
+  assert.equal(log.take(64801), "0.250000000,0\n");
+  assert.equal(log.take(70000), "0.350020833,-4\n0.450000000,0\n");
   assert.equal(log.take(70000), "");
 });
 

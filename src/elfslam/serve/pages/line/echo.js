@@ -22,7 +22,8 @@ const UNASKED = 1000;
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
  * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
- *   frames: () => import("./echo_facts.js").FrameFacts[], played: (tS: number) => void,
+ *   frames: () => import("./echo_facts.js").FrameFacts[],
+ *   played: (tS: number, gainDb?: number) => void,
  *   latenessS: () => number | null,
  *   heard: import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}}} EchoCutter
  *   latenessS: from playing to hearing, null before a told chirp was heard; heard: at 44.1 kHz
@@ -33,8 +34,8 @@ const UNASKED = 1000;
  * between is silence) and gives the echoes that they complete: an echo is whole 64 ms after its direct
  * sound, and at 48 kHz 2 ms later. However the stream is cut into blocks, the echoes are the same to the
  * last bit. `end` gives those that a stream that ends here still holds. Where chirps follow a schedule,
- * `played` tells of each when it begins to be played, in their order and before it is heard; up to the first
- * that is told they are taken to come once per period. `frames` gives what was heard around each chirp,
+ * `played` tells of each when it begins to be played, and how loud, in their order and before it is heard; up
+ * to the first that is told they are taken to come once per period. `frames` gives what was heard around each chirp,
  * of those that became complete since it was asked last; that is when the next chirp has come.
  *
  * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
@@ -53,13 +54,16 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const facts = makeFacts();
   let [told, waiting, known] = [[], [], []];
   let latest = -1;
+  /** How loud chirps were played that are not heard yet, by their samples. */
+  const gains = new Map();
 
-  const played = (tS) => {
+  const played = (tS, gainDb) => {
     if (!input.hasBegun()) {
-      told.push(tS);
+      told.push([tS, gainDb]);
       return;
     }
     const sample = Math.round((tS - input.startS()) * ECHO_RATE_HZ);
+    gains.set(sample, gainDb);
     if (bySchedule) bySchedule.played(sample);
     else bySchedule = makeScheduleSearch(sample, period, parameters.echo);
   };
@@ -76,7 +80,8 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     const arrivals = [];
     for (let more = []; more; more = search().next(envelope, isOver)) arrivals.push(...more.filter(isLater));
     waiting.push(...arrivals.filter(({ isFound }) => isFound));
-    known = [...known, ...facts.take(arrivals, { sound, envelope }, isOver)].slice(-UNASKED);
+    const louder = arrivals.map(withGain);
+    known = [...known, ...facts.take(louder, { sound, envelope }, isOver)].slice(-UNASKED);
     const echoes = cutReady();
     forget();
     return echoes;
@@ -87,6 +92,12 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     if (sample <= latest) return false;
     latest = sample;
     return true;
+  };
+
+  const withGain = (arrival) => {
+    const gainDb = gains.get(arrival.played);
+    gains.delete(arrival.played);
+    return { ...arrival, gainDb };
   };
 
   const cutReady = () => {
@@ -112,7 +123,7 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
 
   const push = (first, samples) => {
     const blocks = input.push(first, samples);
-    told.splice(0).forEach(played);
+    told.splice(0).forEach(([tS, gainDb]) => played(tS, gainDb));
     return blocks.flatMap((block) => take(block, false));
   };
 

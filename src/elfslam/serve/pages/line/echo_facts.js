@@ -12,8 +12,9 @@ const FULL_SCALE = 0.999;
  * Of the envelope of the matched filter: `level` of the direct sound, `before` the largest in the quiet
  * stretch before it over that, `noise` the typical there, `tail` the largest once its echoes are over.
  * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, tail: number,
- *   clipped: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it came, NaN
- *   where it did not; clipped: share of samples at full scale
+ *   clipped: number, gainDb?: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it
+ *   came, NaN where it did not; clipped: share of samples at full scale; gainDb: how loud it was played, where
+ *   that was told
  */
 
 /**
@@ -43,10 +44,10 @@ export function makeFacts() {
   return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
 }
 
-function factsOf({ sample, due, level, isFound }, before, next, { sound, envelope }) {
+function factsOf({ sample, due, level, isFound, gainDb }, before, next, { sound, envelope }) {
   const dueS = due / ECHO_RATE_HZ;
   const lateS = isFound ? (sample - due) / ECHO_RATE_HZ : NaN;
-  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, tail: 0, clipped: 0 };
+  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, tail: 0, clipped: 0, gainDb };
   if (sample < 0 || sample >= envelope.end()) return nothing;
   const begin = Math.max(sample - QUIET[0], before === null ? 0 : before + OVER, 0);
   const quiet = between(envelope, begin, sample - QUIET[1]);
@@ -60,6 +61,7 @@ function factsOf({ sample, due, level, isFound }, before, next, { sound, envelop
     noise: middle(quiet),
     tail: most(between(envelope, sample + OVER, end)),
     clipped: frame.filter((value) => Math.abs(value) >= FULL_SCALE).length / frame.length,
+    gainDb,
   };
 }
 

@@ -8,6 +8,8 @@ const SHARPENED = (2 * Math.sin((Math.PI * 17_500) / 44_100)) ** 4;
 const RECENT = 7;
 /** An echo belongs to the frame whose direct sound came then, within so many seconds. */
 const SAME_S = 1e-3;
+/** Clean echoes that wait for the frames they belong to, at the most. */
+const MOST_WAITING = 1000;
 
 /** By number; 0 is trusted. */
 export const REASONS = [
@@ -20,6 +22,8 @@ export const REASONS = [
   "echoes do not follow the loudness of their chirps",
 ];
 const LAGGING = REASONS.length - 1;
+/** White noise in an echo trace (rms of fourth differences) over that in the envelope (median). */
+const HISS = 7.7;
 /** Both limits of a lag are so much lower while SUSPECT. */
 const CALM = 0.5;
 
@@ -34,9 +38,11 @@ const CALM = 0.5;
  * A judge of frames as they come. `take` is given the facts of frames and the echoes, each in their order and
  * an echo not after its frame; `reasonAt(endS)` gives the number of the reason to suspect what was heard up
  * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words. The room's
- * echoes follow the loudness of their chirps, dB for dB; sound that somebody else plays does not.
+ * echoes follow the loudness of their chirps, dB for dB; sound that somebody else plays does not. That is
+ * asked of `clean` echoes alone, of those that others' chirps have not spoiled; they may come later.
  * @param {Record<string, number>} parameters the group "trust"
- * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[]) => void,
+ * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[],
+ *   clean?: {tS: number}[]) => void,
  *   reasonAt: (endS: number) => number}}
  */
 export function makeTrust(parameters) {
@@ -48,8 +54,9 @@ export function makeTrust(parameters) {
   const following = makeFollowing(parameters);
   let last = 0;
 
-  const take = (facts, echoes) => {
+  const take = (facts, echoes, clean = echoes) => {
     loud.push(...echoes.map(({ tS, samples }) => ({ tS, rms: loudnessOf(samples) })));
+    following.addClean(clean.map(({ tS }) => tS));
     for (const each of facts) {
       const rms = loudnessOver(each);
       frames.push({ dueS: each.dueS, odd: oddIn(each, rms) });
@@ -104,37 +111,68 @@ export function makeTrust(parameters) {
 
 /**
  * Whether echoes follow the loudness of their chirps. Over the direct sound the room's are alike however loud
- * the chirp; what is added to them is over a soft one's the louder. Maps that were made before there was this
- * rule do not have its parameters: then nothing is said.
- * @param {{compared_chirps?: number, lag?: number, lag_errors?: number}} parameters
- * @returns {{add: (facts: Facts, rms: number[]) => void, lagsAt: (endS: number, wasSuspect: boolean) => boolean}}
- *   add: rms of each part of its echo trace over the direct level; lagsAt: by the last chirps before then
+ * the chirp; what is added to them is over a soft one's the louder, and so is noise: parts of the trace near it
+ * do not count. Maps that were made before there was this rule lack its parameters: then nothing is said.
+ * @param {{compared_chirps?: number, lag?: number, lag_errors?: number, clear_db?: number}} parameters
+ * @returns {{add: (facts: Facts, rms: number[]) => void, addClean: (timesS: number[]) => void,
+ *   lagsAt: (endS: number, wasSuspect: boolean) => boolean}} add: rms of each part of its echo trace over the
+ *   direct level; addClean: when the direct sound of clean echoes came; lagsAt: by the last chirps before then
  */
-function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_errors: errors }) {
-  let before = null;
-  let changes = [];
+function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_errors: errors, clear_db: clearDb }) {
+  let [chirps, waiting, clean] = [[], [], []];
 
-  const add = ({ dueS, lateS, gainDb }, rms) => {
-    if (gainDb === undefined || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
-    const echoesDb = sum(rms.map((value) => 20 * Math.log10(value))) / rms.length;
-    if (before) changes.push({ dueS, played: gainDb - before.gainDb, echoes: echoesDb - before.echoesDb });
-    before = { gainDb, echoesDb };
+  const add = ({ dueS, lateS, level, noise, gainDb }, rms) => {
+    if (gainDb === undefined || count === Infinity || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
+    const hissDb = decibels(Math.max((HISS * noise) / Math.max(level, 1e-12), 1e-12));
+    waiting.push({ dueS, gainDb, hissDb, partsDb: rms.map(decibels), arrivedS: dueS + lateS });
+    settle();
+  };
+
+  const addClean = (timesS) => {
+    clean = [...clean, ...timesS].slice(-MOST_WAITING);
+    settle();
+  };
+
+  /** Chirps whose echoes are clean count; those that clean ones have overtaken do not. */
+  const settle = () => {
+    while (waiting.length > 0 && clean.length > 0) {
+      const behindS = waiting[0].arrivedS - clean[0];
+      if (Math.abs(behindS) <= SAME_S) chirps.push(waiting[0]);
+      if (behindS <= SAME_S) waiting.shift();
+      if (behindS >= -SAME_S) clean.shift();
+    }
   };
 
   const lagsAt = (endS, wasSuspect) => {
-    const first = changes.findIndex(({ dueS }) => dueS >= endS);
-    const last = first < 0 ? changes.length : first;
-    if (last < count) return false;
-    const compared = changes.slice(last - count, last);
-    changes = changes.slice(last - count);
-    const spread = sum(compared.map(({ played }) => played ** 2));
-    if (spread === 0) return false;
-    const lag = -sum(compared.map(({ played, echoes }) => played * echoes)) / spread;
-    const rest = sum(compared.map(({ played, echoes }) => (echoes + lag * played) ** 2)) / (count - 1);
-    const limit = Math.max(least, errors * Math.sqrt(rest / spread));
+    const first = chirps.findIndex(({ dueS }) => dueS >= endS);
+    const last = first < 0 ? chirps.length : first;
+    if (last <= count) return false;
+    chirps = chirps.slice(last - count - 1);
+    const { lag, error } = lagOf(chirps.slice(0, count + 1), clearDb);
+    const limit = Math.max(least, errors * error);
     return lag >= (wasSuspect ? CALM * limit : limit);
   };
-  return { add, lagsAt };
+  return { add, addClean, lagsAt };
+}
+
+/** dB per dB of their chirps that echoes lack, and its standard error; NaN where nothing tells. */
+function lagOf(chirps, clearDb) {
+  const over = (part) => median(chirps.map(({ partsDb, hissDb }) => partsDb[part] - hissDb));
+  const clear = chirps[0].partsDb.map((_, part) => part).filter((part) => over(part) >= clearDb);
+  const played = changes(chirps.map(({ gainDb }) => gainDb));
+  const echoes = changes(chirps.map(({ partsDb }) => sum(clear.map((part) => partsDb[part])) / clear.length));
+  const spread = sum(played.map((value) => value ** 2));
+  const lag = -sum(played.map((value, k) => value * echoes[k])) / spread;
+  const rest = sum(echoes.map((value, k) => (value + lag * played[k]) ** 2)) / (echoes.length - 1);
+  return { lag, error: Math.sqrt(rest / spread) };
+}
+
+function changes(values) {
+  return values.slice(1).map((value, k) => value - values[k]);
+}
+
+function decibels(value) {
+  return 20 * Math.log10(value);
 }
 
 function sum(values) {

@@ -12,7 +12,8 @@ import { watchClocks } from "./walking.js";
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   clocks: ReturnType<typeof watchClocks>, isMotionAllowed: boolean,
  *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
- *   playTurns: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null}) => void,
+ *   playTurns: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
+ *     gainDb: number}) => void,
  *     parameters?: import("../line/turns.js").TurnsParameters) => ReturnType<typeof startTurns>,
  * }} Devices
  */

@@ -48,14 +48,15 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
 }
 
 /**
- * Chirps by turns: at a random moment of each slot of one period that is ours.
+ * Chirps by turns: at a random moment of each slot of one period that is ours, each by chance at full level or
+ * softer. Nobody else can know.
  * @param {AudioContext} context
  * @param {Float32Array} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first slot
  * @param {import("../line/turns.js").TurnsParameters} parameters
- * @param {(slot: {slot: number, start: number, played: number | null}) => void} tell of each slot in its
- *   order and in advance; start and played are frames of the clock
+ * @param {(slot: {slot: number, start: number, played: number | null, gainDb: number}) => void} tell of
+ *   each slot in its order and in advance; start and played are frames of the clock, gainDb is how loud
  * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:
  *   tells what was heard in a slot; stop: gives the frame from which on nothing is played any more
  */
@@ -74,8 +75,9 @@ export function startTurns(context, chirp, period, delayS, parameters, tell) {
       if (start >= until) return;
       const frame = start + Math.floor(chance() * parameters.jitter_s * rateHz);
       const isOurs = isPlayed(turns, slot, chance(), parameters) && frame > now;
-      if (isOurs) speaker.play(frame);
-      tell({ slot, start, played: isOurs ? frame : null });
+      const gainDb = chance() < 0.5 ? -(parameters.softer_db ?? 0) : 0;
+      if (isOurs) speaker.play(frame, gainDb);
+      tell({ slot, start, played: isOurs ? frame : null, gainDb });
     }
   };
 
@@ -101,17 +103,21 @@ function chance() {
   return crypto.getRandomValues(new Uint32Array(1))[0] / 2 ** 32;
 }
 
-/** play: puts a chirp on a frame of the clock; stop: calls back those that do not sound yet. */
+/** play: puts a chirp on a frame of the clock, so loud (dB); stop: calls back those that do not sound yet. */
 function openSpeaker(context, chirp) {
   const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
   buffer.copyToChannel(chirp, 0);
   const gain = new GainNode(context, { gain: LEVEL });
   gain.connect(context.destination);
   const due = new Map();
-  const play = (frame) => {
+  const play = (frame, gainDb = 0) => {
     const source = new AudioBufferSourceNode(context, { buffer });
-    source.connect(gain);
-    source.onended = () => due.delete(source);
+    const softer = new GainNode(context, { gain: 10 ** (gainDb / 20) });
+    source.connect(softer).connect(gain);
+    source.onended = () => {
+      due.delete(source);
+      softer.disconnect();
+    };
     source.start(frame / context.sampleRate);
     due.set(source, frame);
   };

@@ -24,7 +24,7 @@ const BEHIND_S = 0.075;
 /** So many arrivals tell how long sound takes through the phone by now. */
 const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
-const CHIRPS_HEADER = "t_s\n";
+const CHIRPS_HEADER = "t_s,gain_db\n";
 
 /** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
 export function watchClocks(context) {
@@ -99,7 +99,7 @@ export async function startWalking(given) {
   const chirpLog = makeChirpLog(zero, rateHz);
   const chirps = play(FIRST_CHIRP_S, (slot) => {
     sound.order({ do: "slot", slot });
-    if (slot.played !== null) chirpLog.add(slot.played);
+    if (slot.played !== null) chirpLog.add(slot.played, slot.gainDb);
   });
   sound.on("heard", ({ slot, othersS, played }) => {
     state.facts.others += othersS.length;
@@ -177,19 +177,19 @@ function noteFrame(facts, { tS, jumpedS, isFound }) {
 }
 
 /**
- * When chirps were played, as rows of their table.
+ * When chirps were played, and how loud, as rows of their table.
  * @param {number} zero frame of the clock at which the recording began
  * @param {number} rateHz
  */
 export function makeChirpLog(zero, rateHz) {
-  let frames = [];
+  let chirps = [];
   return {
-    add: (frame) => frames.push(frame),
+    add: (frame, gainDb) => chirps.push({ frame, gainDb }),
     /** Rows of those that began before a frame of the clock. */
     take: (before) => {
-      const begun = frames.filter((frame) => frame < before);
-      frames = frames.filter((frame) => frame >= before);
-      return begun.map((frame) => `${((frame - zero) / rateHz).toFixed(9)}\n`).join("");
+      const begun = chirps.filter(({ frame }) => frame < before);
+      chirps = chirps.filter(({ frame }) => frame >= before);
+      return begun.map(({ frame, gainDb }) => `${((frame - zero) / rateHz).toFixed(9)},${gainDb}\n`).join("");
     },
   };
 }

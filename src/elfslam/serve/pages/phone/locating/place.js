@@ -37,10 +37,10 @@ export async function startPlacing({ microphone, clocks, playTurns }, { floorMap
     throw error;
   }
   const stopMotion = sendMotion(worker, clocks);
-  const chirps = playTurns(FIRST_CHIRP_S, ({ slot, start, played }) => {
+  const chirps = playTurns(FIRST_CHIRP_S, ({ slot, start, played, gainDb }) => {
     const playedS = played === null ? null : played / rateHz;
     if (playedS !== null) latest.playedS.push(playedS);
-    worker.postMessage({ do: "slot", slot: { slot, startS: start / rateHz, playedS } });
+    worker.postMessage({ do: "slot", slot: { slot, startS: start / rateHz, playedS, gainDb } });
   }, floorMap.parameters.turns);
   latest.heard = chirps.heard;
   microphone.pour("place", port2); // the schedule first, then what is heard

@@ -32,7 +32,7 @@ const orders = {
   slot({ slot }) {
     others.add(slot);
     if (slot.playedS === null) return;
-    cutter.played(slot.playedS);
+    cutter.played(slot.playedS, slot.gainDb);
   },
 };
 

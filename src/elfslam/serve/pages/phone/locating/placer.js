@@ -12,7 +12,8 @@ const TRACE = 2352;
  *   cutter: import("../../line/echo.js").EchoCutter,
  *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
  *   clean?: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[],
- *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[]) => void},
+ *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[],
+ *     clean: import("../../line/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   deciding: import("./deciding.js").Deciding,
  *   onFix: (fix: import("./words.js").Fix) => void,
@@ -48,10 +49,11 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memo
 
   const push = (first, samples) => {
     const echoes = cutter.push(first, samples);
-    trust?.take(cutter.frames(), echoes);
+    const kept = clean(echoes);
+    trust?.take(cutter.frames(), echoes, kept);
     heardS = (first + samples.length) / rateHz;
     echoes.forEach(onEcho);
-    waiting.push(...clean(echoes));
+    waiting.push(...kept);
     if (!isWorking) {
       isWorking = true;
       working = work().finally(() => {
