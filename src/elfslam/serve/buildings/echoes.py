@@ -26,7 +26,7 @@ class EchoFindParameters:
         VoteParameters.least, "", "so far a floor's spots stand out where it is as likely as not"
     )
     lead: float = parameter(
-        VoteParameters.lead, "", "so much further they do where it is 19 times as likely", low=0.001
+        VoteParameters.lead, "", "so much further in one footstep, 19 times as likely", low=0.001
     )
 
 
@@ -71,7 +71,7 @@ def echo_evidence(vectors: F32, index: EchoIndex, parameters: EchoFindParameters
     """What features of footsteps (n, 128) say."""
     every = VoteParameters(parameters.least, parameters.lead, candidates=len(index.floors) + 1)
     found = which_map(*index.spots.search(vectors, parameters.nearest), index.map_of, every)
-    steepness = math.log(SURE_ODDS) / parameters.lead
+    steepness = math.log(SURE_ODDS) * math.sqrt(len(vectors)) / parameters.lead
     return EchoEvidence(
         {
             index.floors[each.number]: steepness * (each.score - parameters.least)
