@@ -9,8 +9,8 @@ import numpy as np
 from elfslam.score.curves import Curve, curves_figure
 from elfslam.score.page import Page, Panel, rows_table
 
-SHORTEST_S = 1e-4
-"""Less is drawn there: the axis is logarithmic."""
+SHORTEST_S, LONGEST_S = 1e-4, 86_400.0
+"""Less and more is drawn there: the axis is logarithmic, and after a day nobody waits any more."""
 
 
 def fleet_page(
@@ -22,7 +22,7 @@ def fleet_page(
     times = sorted({many for each in late_s.values() for many in each})
     curves = {
         f"{name} (limit {limits_s[name]:g} s)": Curve(
-            np.array(list(each), float), np.maximum(list(each.values()), SHORTEST_S)
+            np.array(list(each), float), np.clip(list(each.values()), SHORTEST_S, LONGEST_S)
         )
         for name, each in late_s.items()
     }

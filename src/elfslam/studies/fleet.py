@@ -26,6 +26,7 @@ MOST_REQUESTS = 500_000
 TIMES = (1, 2, 5, 10, 20, 50, 100, 200, 500)
 """What the load is multiplied by, to see what breaks first."""
 LATE_SHARE = 0.99
+SHORT_S = 1e-5
 STEADY = 50_000
 """Requests from which a steady mean is taken."""
 GB = 1e9
@@ -61,20 +62,24 @@ class Demand:
 class Costs:
     """What one of each costs, measured on one machine of two cores: see docs/scale.md."""
 
-    lookup_s: float = 0.004
+    lookup_s: float = 0.007
     """Of a core, server and database together."""
+    page_bytes: float = 3.8e6
+    """The page and its runtime, once for each phone."""
     package_bytes: float = 3.4e6
+    """A building's map and encoder."""
     update_bytes: float = 0.3e6
-    upload_bytes_per_minute: float = 1.22e6
-    mapping_s_per_minute: float = 1.4
-    """Of a core, with fine-tuning."""
-    mapping_s: float = 3.0
-    """Of a core for each walk, however short."""
-    merging_s: float = 3.0
-    run_bytes_per_minute: float = 6e6
-    map_bytes: float = 3e6
-    database_bytes: float = 50e3
-    """Of a building."""
+    upload_bytes_per_minute: float = 1.65e6
+    mapping_s: float = 5.0
+    """Of a core for each walk, however short: a new interpreter, a report."""
+    mapping_s_per_minute: float = 1.0
+    merging_s: float = 5.0
+    run_bytes: float = 5.9e6
+    """Of each walk, however short."""
+    run_bytes_per_minute: float = 3.6e6
+    map_bytes: float = 9.8e6
+    database_bytes: float = 49e3
+    """Of a building of four floors."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +96,9 @@ class Station:
 
 def stations_of(demand: Demand, costs: Costs) -> tuple[Station, ...]:
     """Everything that a day's load waits for: one machine of two cores on one link."""
-    fetched, spread = _mixture(demand.first_share, costs.package_bytes, costs.update_bytes)
+    fetched, spread = _mixture(
+        demand.first_share, costs.page_bytes + costs.package_bytes, costs.update_bytes
+    )
     sent = costs.upload_bytes_per_minute * demand.walk_minutes
     walk_s = costs.mapping_s + costs.mapping_s_per_minute * demand.walk_minutes + costs.merging_s
     return (
@@ -109,7 +116,7 @@ def stores_of(demand: Demand, costs: Costs) -> dict[str, tuple[float, float]]:
         "maps and packages": (demand.buildings * (costs.map_bytes + costs.package_bytes), 0.0),
         "the database": (demand.buildings * costs.database_bytes, 0.0),
         "recordings": (0.0, minutes * costs.upload_bytes_per_minute),
-        "runs": (0.0, minutes * costs.run_bytes_per_minute),
+        "runs": (0.0, demand.walks * costs.run_bytes + minutes * costs.run_bytes_per_minute),
     }
 
 
@@ -165,8 +172,8 @@ def _row(station: Station, waits: Mapping[int, F64]) -> Row:
         "what": station.name,
         "a day": f"{station.a_day:,.0f}",
         "work a day": f"{station.a_day * station.mean_s / 3600:.2f} h",
-        "busiest hour": f"{busy:.2%} busy",
-        "wait, formula": _shown_s(wait_s),
+        "at the peak": f"{busy:.1%} busy",
+        "wait": _shown_s(wait_s),
         "simulated": _shown_s(_busiest_s(station, rate_hz)),
         "99 %": _shown_s(_late_s(waits[min(waits)])),
         "breaks at": f"{min(late)} times" if late else f"beyond {max(waits)} times",
@@ -180,7 +187,7 @@ def _store_row(name: str, stays: float, comes: float, disk_bytes: float) -> Row:
     return {
         "what": name,
         "a day": f"{comes / GB:.1f} GB" if comes else f"{stays / GB:.2f} GB in all",
-        **dict.fromkeys(("work a day", "busiest hour", "wait, formula", "simulated", "99 %"), ""),
+        **dict.fromkeys(("work a day", "at the peak", "wait", "simulated", "99 %"), ""),
         "breaks at": "",
         "full": full,
     }
@@ -205,4 +212,6 @@ def _mixture(share: float, one: float, other: float) -> tuple[float, float]:
 
 
 def _shown_s(seconds: float) -> str:
+    if seconds < SHORT_S:
+        return "none"
     return f"{seconds * 1e3:.3g} ms" if seconds < 1 else f"{seconds:.3g} s"
