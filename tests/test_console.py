@@ -65,12 +65,22 @@ def test_a_table_keeps_the_columns_that_fit_and_names_the_others(
     text = "\n".join(lines)
     assert all(f"value {k}" in text for k in range(5))
     assert "value 19" not in text
+    shown = [k for k in range(20) if f"value {k} " in text or f"value {k}\n" in text]
+    assert shown == list(range(len(shown)))
     assert "column 19 of many; --json has all columns" in " ".join(line.strip() for line in lines)
 
 
 def test_every_column_stays_where_the_table_fits_to_the_last_character() -> None:
     rows = [{"one": "x" * 10, "two": "y" * 10}]
-    assert fitting_columns(rows, 26) == ["one", "two"]
-    assert fitting_columns(rows, 25) == ["one"]
+    assert fitting_columns(rows, 27) == ["one", "two"]
+    assert fitting_columns(rows, 26) == ["one"]
     assert fitting_columns(rows, 3) == ["one"]
     assert fitting_columns([], 80) == []
+
+
+def test_no_cell_is_cut_where_a_table_fits_just_so(capsys: pytest.CaptureFixture[str]) -> None:
+    row = {"a": "x" * 30, "b": "y" * 30, "c": "z" * 30, "d": "w" * 17}
+    assert fitting_columns([row], 120) == ["a", "b", "c", "d"]
+    print_rows([row], title="Just so", as_json=False)
+    out = capsys.readouterr().out
+    assert all(text in out for text in row.values())

@@ -59,7 +59,10 @@ def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: boo
     fitting = fitting_columns(rows, console.width)
     for name in fitting:
         numeric = all(isinstance(row[name], int | float | None) for row in rows)
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        least = _column_width(name, rows)
+        table.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", min_width=least
+        )
     for row in rows:
         table.add_row(*[_cell(row[name]) for name in fitting])
     console.print(table)
@@ -71,15 +74,15 @@ def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: boo
 def fitting_columns(rows: Sequence[Mapping[str, object]], width: int) -> list[str]:
     """The first columns that fit side by side; a long text may take several lines."""
     names = list(rows[0]) if rows else []
-    wide = [_column_width(name, [_cell(row[name]) for row in rows]) + GAP for name in names]
+    wide = [_column_width(name, rows) + GAP for name in names]
     ends = list(accumulate(wide))
-    return [name for k, name in enumerate(names) if k == 0 or ends[k] <= width]
+    return [name for k, name in enumerate(names) if k == 0 or ends[k] < width]
 
 
-def _column_width(name: str, cells: Sequence[str]) -> int:
+def _column_width(name: str, rows: Sequence[Mapping[str, object]]) -> int:
     """As wide as its longest cell, but not wider than a text that may be folded."""
     heading = max((len(word) for word in name.split()), default=0)
-    return max(heading, min(max(len(cell) for cell in cells), FOLDED))
+    return max(heading, min(max(len(_cell(row[name])) for row in rows), FOLDED))
 
 
 def _cell(value: object) -> str:

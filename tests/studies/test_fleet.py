@@ -34,7 +34,7 @@ def test_stations_get_the_work_that_people_make():
 def test_what_is_kept_grows_with_walks_and_maps_do_not():
     stores = stores_of(CALM, COSTS)
     assert stores["recordings"] == (0.0, pytest.approx(120 * COSTS.upload_bytes_per_minute))
-    assert stores["maps and packages"][1] == 0.0
+    assert stores["maps, packages"][1] == 0.0
 
 
 def test_formula_and_simulation_agree_and_what_is_overloaded_breaks():

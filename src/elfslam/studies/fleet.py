@@ -62,7 +62,7 @@ class Demand:
 class Costs:
     """What one of each costs, measured on one machine of two cores: see docs/scale.md."""
 
-    lookup_s: float = 0.007
+    lookup_s: float = 0.0085
     """Of a core, server and database together."""
     page_bytes: float = 3.8e6
     """The page and its runtime, once for each phone."""
@@ -113,7 +113,7 @@ def stores_of(demand: Demand, costs: Costs) -> dict[str, tuple[float, float]]:
     """Bytes that stay for ever, and bytes that come each day, by what they are."""
     minutes = demand.walks * demand.walk_minutes
     return {
-        "maps and packages": (demand.buildings * (costs.map_bytes + costs.package_bytes), 0.0),
+        "maps, packages": (demand.buildings * (costs.map_bytes + costs.package_bytes), 0.0),
         "the database": (demand.buildings * costs.database_bytes, 0.0),
         "recordings": (0.0, minutes * costs.upload_bytes_per_minute),
         "runs": (0.0, demand.walks * costs.run_bytes + minutes * costs.run_bytes_per_minute),
@@ -172,7 +172,7 @@ def _row(station: Station, waits: Mapping[int, F64]) -> Row:
         "what": station.name,
         "a day": f"{station.a_day:,.0f}",
         "work a day": f"{station.a_day * station.mean_s / 3600:.2f} h",
-        "at the peak": f"{busy:.1%} busy",
+        "busy": f"{busy:.1%}",
         "wait": _shown_s(wait_s),
         "simulated": _shown_s(_busiest_s(station, rate_hz)),
         "99 %": _shown_s(_late_s(waits[min(waits)])),
@@ -187,7 +187,7 @@ def _store_row(name: str, stays: float, comes: float, disk_bytes: float) -> Row:
     return {
         "what": name,
         "a day": f"{comes / GB:.1f} GB" if comes else f"{stays / GB:.2f} GB in all",
-        **dict.fromkeys(("work a day", "at the peak", "wait", "simulated", "99 %"), ""),
+        **dict.fromkeys(("work a day", "busy", "wait", "simulated", "99 %"), ""),
         "breaks at": "",
         "full": full,
     }
