@@ -8,6 +8,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from threadpoolctl import threadpool_info
 
 from elfslam.base.arrays import F32
 from elfslam.workers.together import Seat
@@ -19,6 +20,12 @@ def square(task: int) -> int:
 
 def process(task: int) -> int:
     return os.getpid()
+
+
+def threads(task: int) -> int:
+    """Of the arithmetic: the most that any of its libraries would use."""
+    np.ones((8, 8)) @ np.ones((8, 8))
+    return max(int(each["num_threads"]) for each in threadpool_info())
 
 
 def refuse(task: int) -> int:

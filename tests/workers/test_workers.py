@@ -12,7 +12,7 @@ from itertools import count
 from pathlib import Path
 
 import pytest
-from planted_work import die, die_once, process, refuse, square
+from planted_work import die, die_once, process, refuse, square, threads
 
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.workers import Workers, open_workers
@@ -40,6 +40,10 @@ def test_tasks_are_taken_as_they_are_needed(workers: Workers) -> None:
     assert {next(found)[0] for _ in range(5)} <= set(range(5 + 6 * workers.count))
     found.close()  # type: ignore[attr-defined]
     assert len(taken) <= 5 + 6 * workers.count
+
+
+def test_a_task_has_one_thread_wherever_it_is_done(workers: Workers) -> None:
+    assert [used for _, used in workers.each(threads, range(2))] == [1, 1]
 
 
 def test_what_a_task_raises_is_raised_here(workers: Workers) -> None:

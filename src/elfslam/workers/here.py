@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Generator, Iterable, Iterator
 
 from elfslam.workers.interface import News, Result, Task
+from elfslam.workers.units import by_one_thread
 
 
 class Here:
@@ -17,7 +18,7 @@ class Here:
     ) -> Iterator[tuple[int, Result]]:
         """As `Workers` says; in the order of the tasks."""
         for index, task in enumerate(tasks):
-            yield index, do(task)
+            yield index, by_one_thread(do, task)
 
     def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
         """As `Workers` says; each when it is asked for."""

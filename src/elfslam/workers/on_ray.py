@@ -6,6 +6,7 @@ import logging
 import socket
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from itertools import islice
 from typing import Any
 from urllib.parse import urlsplit
@@ -15,6 +16,7 @@ from elfslam.workers.desk import AT_ONCE, Desk, watched
 from elfslam.workers.interface import News, Result, Task
 from elfslam.workers.processes import MOST_TRIES
 from elfslam.workers.ray_stream import streamed
+from elfslam.workers.units import by_one_thread
 from elfslam.workers.versions import done_by_the_same, own_version
 
 PORT, KNOCK_S = 10001, 5.0
@@ -84,7 +86,7 @@ class Cluster:
         """As `Workers` says. A task whose worker dies is done again, elsewhere."""
         ray, wanted = self._ray, own_version()
         work = ray.remote(max_retries=MOST_TRIES - 1, num_cpus=1)(done_by_the_same)
-        done = ray.put(do)
+        done = ray.put(partial(by_one_thread, do))
         waiting: dict[Any, int] = {}
         numbered = iter(enumerate(tasks))
         try:

@@ -10,9 +10,11 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from functools import partial
 
 from elfslam.base.errors import WorkerError
 from elfslam.workers.interface import Result, Task
+from elfslam.workers.units import by_one_thread
 
 MOST_TRIES = 3
 """A task over which so many processes died is given up."""
@@ -37,7 +39,7 @@ class Processes:
         """As `Workers` says."""
         numbered, turn = iter(enumerate(tasks)), threading.Lock()
         found: queue.Queue[Outcome[Result] | None] = queue.Queue(maxsize=2 * self.count)
-        stopping = threading.Event()
+        stopping, alone = threading.Event(), partial(by_one_thread, do)
 
         def next_task() -> tuple[int, Task] | None:
             with turn:
@@ -52,7 +54,7 @@ class Processes:
             with _Process() as process:
                 while (given := next_task()) is not None:
                     try:
-                        put((given[0], process.result(do, given[1]), None))
+                        put((given[0], process.result(alone, given[1]), None))
                     except BaseException as error:
                         put((given[0], None, error))
             put(None)

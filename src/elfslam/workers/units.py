@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+from elfslam.workers.interface import Result, Task
+
 Announce = Callable[[str, float | None], None]
 
 
@@ -32,6 +34,17 @@ def _shown(value: object) -> str:
     if callable(value) and hasattr(value, "__qualname__"):
         return f"{value.__module__}.{value.__qualname__}"
     return repr(value)
+
+
+def by_one_thread(do: Callable[[Task], Result], task: Task) -> Result:
+    """What `do` makes of the task with one thread for its sums.
+
+    How many threads share a sum decides its last bits, and workers of different kinds would differ.
+    """
+    from threadpoolctl import threadpool_limits
+
+    with threadpool_limits(limits=1):
+        return do(task)
 
 
 class Announcement:
