@@ -104,7 +104,13 @@ def test_processes_end_with_a_killed_driver(tmp_path: Path) -> None:
     processes = spawned_by(driver.pid)
     driver.kill()
     driver.wait()
-    soon(lambda: not [each for each in processes if Path(f"/proc/{each}").exists()])
+    assert len(processes) == 2
+    soon(lambda: not alive(processes))
+    assert alive(processes) == []
+
+
+def alive(processes: list[str]) -> list[str]:
+    return [each for each in processes if Path(f"/proc/{each}").exists()]
 
 
 def spawned_by(driver: int) -> list[str]:
