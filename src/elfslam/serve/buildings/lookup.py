@@ -125,10 +125,10 @@ def find(
 
 def _known_points(connection: Connection, scan: Scan) -> KnownPoints:
     rows = connection.execute(_statements(connection).points, {"bssids": scan.bssid.tolist()}).all()
-    place = {bssid: k for k, bssid in enumerate(scan.bssid.tolist())}
-    whole = np.array([(place[row[0]], row[1]) for row in rows], dtype=np.int64).reshape(-1, 2)
-    told = np.array([row[2:] for row in rows], dtype=np.float64).reshape(-1, 3)
-    return KnownPoints(*whole.T, *told.T)
+    table = np.array([*map(tuple, rows)], dtype=np.float64).reshape(-1, 5)  # 48 bits are exact
+    order = np.argsort(scan.bssid)
+    heard = order[np.searchsorted(scan.bssid, table[:, 0].astype(np.int64), sorter=order)]
+    return KnownPoints(heard, table[:, 1].astype(np.int64), *table[:, 2:].T)
 
 
 def _likeliest(odds: Mapping[Key, float]) -> list[Key]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Annotated
 
 import numpy as np
-from fastapi import APIRouter
+from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field, model_validator
 
 from elfslam.base.values import ELF_SIZE
@@ -14,7 +14,8 @@ from elfslam.serve.buildings.find import Answer, Asked, FindParameters, Found
 from elfslam.serve.buildings.indexes import index_of
 from elfslam.serve.buildings.lookup import find
 from elfslam.serve.buildings.position import HIGHEST_DEG, Place
-from elfslam.serve.buildings.wifi import BSSID, bssid_number
+from elfslam.serve.buildings.wifi import BSSID, checked_bssid_number
+from elfslam.serve.people.access import Token, admit
 from elfslam.serve.services import Here
 from elfslam.serve.store.database import looking
 
@@ -79,18 +80,20 @@ class AnswerBody(BaseModel):
     candidates: list[CandidateBody]
 
 
-@router.post("/find", operation_id="find_floor")
-def find_floor(question: Question, services: Here) -> AnswerBody:
+@router.post("/find", operation_id="find_floor", response_model=AnswerBody)
+def find_floor(question: Question, token: Token, services: Here) -> Response:
     """Which published floor a phone is on that hears this."""
     with looking(services.engine) as connection:
-        return told(find(connection, index_of(services), asked(question), PARAMETERS))
+        admit(connection, token, services.token_rates)
+        answer = find(connection, index_of(services), asked(question), PARAMETERS)
+    return Response(told(answer).model_dump_json(), media_type="application/json")
 
 
 def asked(question: Question) -> Asked:
     """A question as the lookup takes it."""
     place, echoes = question.position, question.echoes
     return Asked(
-        {bssid_number(text): dbm for text, dbm in question.wifi.items()},
+        {checked_bssid_number(text): dbm for text, dbm in question.wifi.items()},
         None if place is None else Place(**place.model_dump()),
         None if echoes is None else unit_rows(np.array(echoes.vectors, dtype=np.float32)),
         "" if echoes is None else echoes.encoder,

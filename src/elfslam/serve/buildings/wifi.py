@@ -92,6 +92,11 @@ def bssid_number(text: str) -> int:
     """The 48 bits of an address such as 04:33:89:79:fc:7c. Raises InputError."""
     if not BSSID.fullmatch(text.lower()):
         raise InputError(f"bssid {text!r:.40}: wanted six bytes such as 04:33:89:79:fc:7c")
+    return checked_bssid_number(text)
+
+
+def checked_bssid_number(text: str) -> int:
+    """The 48 bits of what is known to be an address."""
     return int(text.replace(":", "").replace("-", ""), 16)
 
 
@@ -125,9 +130,9 @@ def points_on(scans: Sequence[WifiScans], parameters: WifiFindParameters) -> Flo
 
 def scan_of(heard: Mapping[int, float], parameters: WifiFindParameters) -> Scan:
     """The loudest radios of what is heard (dBm by address)."""
-    loudest = sorted(heard, key=lambda number: (-heard[number], number))
+    loudest = sorted((-dbm, number) for number, dbm in heard.items())
     radios: dict[int, int] = {}
-    for number in loudest:
+    for _, number in loudest:
         if not number & GROUP_BIT:
             radios.setdefault(number & RADIO_MASK, number)
     kept = list(radios.values())[: parameters.most_radios]

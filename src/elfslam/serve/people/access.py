@@ -11,15 +11,19 @@ from typing import Annotated
 
 from fastapi import Depends, Security
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials, HTTPBearer
-from sqlalchemy import select
+from sqlalchemy import bindparam, select
+from sqlalchemy.engine import Connection
 from sqlalchemy.orm import Session
 
+from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Here
 from elfslam.serve.settings import COOKIE
 from elfslam.serve.store.database import User, reading
 
 TOKEN_BYTES = 32
+KNOWN = select(User.id).where(User.token_sha256 == bindparam("sha256"))
+NOT_KNOWN = "this pairing token is not known here; ask for a new one"
 ID = re.compile(r"[0-9a-f]{32}")
 BEARER = HTTPBearer(auto_error=False, description="The pairing token of the QR code.")
 IN_COOKIE = APIKeyCookie(name=COOKIE, auto_error=False, description="The same, as a cookie.")
@@ -53,14 +57,29 @@ async def given_token(
     return token
 
 
-def current_user(token: Annotated[str, Depends(given_token)], services: Here) -> User:
+Token = Annotated[str, Depends(given_token)]
+"""A route's parameter: the token that was sent, not checked yet."""
+
+
+def current_user(token: Token, services: Here) -> User:
     """The user who asks. Raises Problem 401 for an unknown token, 429 for too many requests."""
     with reading(services.sessions) as session:
         user = user_of_token(session, token)
     if user is None:
-        raise _unknown("this pairing token is not known here; ask for a new one")
+        raise _unknown(NOT_KNOWN)
     refuse_haste(services.token_rates.take(user.id))
     return user
+
+
+def admit(connection: Connection, token: str, rates: Rates) -> None:
+    """Let whoever has a token pass, for routes that have a connection in hand.
+
+    Raises Problem 401 and 429 as `current_user` does.
+    """
+    user_id = connection.execute(KNOWN, {"sha256": token_sha256(token)}).scalar()
+    if user_id is None:
+        raise _unknown(NOT_KNOWN)
+    refuse_haste(rates.take(user_id))
 
 
 Me = Annotated[User, Depends(current_user)]

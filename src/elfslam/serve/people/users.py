@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 from datetime import datetime
-from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Request, Response
 from pydantic import BaseModel
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -14,7 +13,7 @@ from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import (
     Me,
     Owner,
-    given_token,
+    Token,
     known_id,
     new_token,
     not_found,
@@ -66,9 +65,7 @@ class Invitation(BaseModel):
 
 
 @router.post("/session", status_code=204, operation_id="begin_session")
-def begin_session(
-    _user: Me, token: Annotated[str, Depends(given_token)], services: Here
-) -> Response:
+def begin_session(_user: Me, token: Token, services: Here) -> Response:
     """Keep the token of the Authorization header as a cookie that scripts cannot read."""
     response = Response(status_code=204)
     response.set_cookie(
