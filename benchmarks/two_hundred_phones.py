@@ -247,8 +247,8 @@ def _cells(process: int) -> list[str]:
 
 
 def _used_s(process: int) -> float:
-    cells = _cells(process)
-    return (int(cells[11]) + int(cells[12])) / TICKS
+    """Its own, and that of its children which have ended."""
+    return sum(map(int, _cells(process)[11:15])) / TICKS
 
 
 def _parent(process: int) -> int:

@@ -55,6 +55,9 @@ class Services:
     """Set where a job was queued."""
     readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
     """So many recordings are read at once."""
+    finders: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))
+    """So many phones are told at once where they are; more threads would only wait for each other.
+    """
 
 
 def open_services(settings: ServerSettings) -> Services:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Annotated
 
 import numpy as np
+from anyio import to_thread
 from fastapi import APIRouter, Response
 from pydantic import BaseModel, Field, model_validator
 
@@ -16,7 +18,7 @@ from elfslam.serve.buildings.lookup import find
 from elfslam.serve.buildings.position import HIGHEST_DEG, Place
 from elfslam.serve.buildings.wifi import BSSID, checked_bssid_number
 from elfslam.serve.people.access import Token, admit
-from elfslam.serve.services import Here
+from elfslam.serve.services import Here, Services
 from elfslam.serve.store.database import looking
 
 router = APIRouter(tags=["buildings"])
@@ -81,12 +83,19 @@ class AnswerBody(BaseModel):
 
 
 @router.post("/find", operation_id="find_floor", response_model=AnswerBody)
-def find_floor(question: Question, token: Token, services: Here) -> Response:
+async def find_floor(question: Question, token: Token, services: Here) -> Response:
     """Which published floor a phone is on that hears this."""
+    answer = partial(_answered, question, token, services)
+    content = await to_thread.run_sync(answer, limiter=services.finders)
+    return Response(content, media_type="application/json")
+
+
+def _answered(question: Question, token: str, services: Services) -> str:
+    """Everything that waits for the database, in one thread."""
     with looking(services.engine) as connection:
         admit(connection, token, services.token_rates)
         answer = find(connection, index_of(services), asked(question), PARAMETERS)
-    return Response(told(answer).model_dump_json(), media_type="application/json")
+    return told(answer).model_dump_json()
 
 
 def asked(question: Question) -> Asked:
