@@ -20,7 +20,8 @@ from elfslam.base.geometry import between, chain
 from elfslam.base.values import MeanSimilarity, Odometry
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.graph import GraphParameters, build_graph, optimise
-from elfslam.slam import Parameters, closures_by
+from elfslam.line.parameters import Parameters
+from elfslam.slam import closures_by
 
 LAP, STEP_S, DIMENSIONS = 400, 0.5, 128
 SIGMA = np.array([0.05, 0.03, 0.004])

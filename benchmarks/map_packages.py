@@ -24,17 +24,12 @@ from elfslam.data.tiles import (
     stretches_of,
     tiles_of,
 )
+from elfslam.hearing import heard_in, walk_nodes
 from elfslam.line.feature import Features, load_encoder
 from elfslam.line.locate import locate_one_shot
+from elfslam.line.parameters import Parameters
 from elfslam.merging import MergeParameters, Walk, add_walk, merge
-from elfslam.slam import (
-    Parameters,
-    footstep_likeness,
-    heard_in,
-    locate_walk,
-    map_by_echoes,
-    walk_nodes,
-)
+from elfslam.slam import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.studies.merged_walks import FIRST, WHOLE, Stroll, strolled
 from elfslam.world.simulate import load_world, simulate
 

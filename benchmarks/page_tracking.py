@@ -36,13 +36,15 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Mode
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Imu, Payload, Truth
+from elfslam.hearing import hear
 from elfslam.line.feature import encoder_for, extract_features, load_encoder
 from elfslam.line.locate import elf_payload, likeness, means_between
 from elfslam.line.motion import MotionParameters, dead_reckon
+from elfslam.line.parameters import Parameters
 from elfslam.line.track import TrackParameters
 from elfslam.score.alignment import Alignment, match, placement
 from elfslam.score.errors import fix_distances
-from elfslam.slam import Parameters, footstep_likeness, hear, locate_walk
+from elfslam.slam import footstep_likeness, locate_walk
 from elfslam.studies.located import STRANGER, mapped_walk
 from elfslam.world.device import BROWSER
 from elfslam.world.simulate import simulate

@@ -15,6 +15,7 @@ FLOORS = {
     "base": 0,
     "line": 1,
     "workers": 1,
+    "hearing": 1.5,
     "slam": 2,
     "merging": 2.5,
     "world": 3,

@@ -13,11 +13,10 @@ import pytest
 from scipy import signal
 
 from elfslam import slam
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F64
 from elfslam.base.choices import Mode
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose
-from elfslam.base.parameters import digest, load, rows
+from elfslam.base.parameters import digest
 from elfslam.base.values import (
     Audio,
     Echoes,
@@ -29,15 +28,8 @@ from elfslam.base.values import (
 )
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
-from elfslam.slam import (
-    Parameters,
-    Run,
-    Sense,
-    map_by,
-    map_by_echoes,
-    no_similarity,
-    walk_nodes,
-)
+from elfslam.line.parameters import Parameters
+from elfslam.slam import Run, Sense, map_by, map_by_echoes, no_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
@@ -291,90 +283,6 @@ def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> 
     assert run.floor_map is not None
     with pytest.raises(InputError, match="got echoes encoded by spectral-1"):
         slam.locate(recording, run.floor_map, SpectralEncoder(), PARAMETERS)
-
-
-def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
-    slow, fast = (
-        slam.hear(simulate(load_world("studio"), 7, rounds=1, rate_hz=rate_hz)[0], PARAMETERS)
-        for rate_hz in (44_100, 48_000)
-    )
-    count = min(len(slow.t_s), len(fast.t_s))
-    assert count > 100
-    npt.assert_allclose(slow.t_s[:count], fast.t_s[:count], atol=1e-3)
-    same = np.sum(encoder.embed(slow.samples[:count]) * encoder.embed(fast.samples[:count]), axis=1)
-    assert np.median(same) > 0.9
-
-
-def test_lost_sound_is_measured_against_the_motion_sensors(recording: Recording) -> None:
-    assert recording.audio is not None
-    samples = recording.audio.samples[:, : -2 * 44_100]
-    shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
-    with pytest.raises(InputError, match=r"1.99 s shorter than the motion and nothing tells where"):
-        slam.hear(shorter, PARAMETERS)
-    ended_early = load(PARAMETERS, None, ["echo.shortfall_s=2.5"])
-    assert len(slam.hear(shorter, ended_early).losses_s) == 0
-    blind = slam.hear(dataclasses.replace(shorter, imu=None), PARAMETERS)
-    assert len(blind.losses_s) == 0
-
-
-def test_nodes_are_footsteps_from_the_start_pose(recording: Recording) -> None:
-    placed = dataclasses.replace(recording, start_pose=(3.0, -2.0, 1.0))
-    nodes = walk_nodes(placed, PARAMETERS)
-    unplaced = walk_nodes(recording, PARAMETERS).world_from_body
-    npt.assert_allclose(nodes.world_from_body, compose(np.array([3.0, -2.0, 1.0]), unplaced))
-    assert 0.1 < np.hypot(*unplaced[0, :2]) < 0.6
-    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
-    assert 0.4 < np.median(steps_m) < 1.0
-
-
-def straight_odometry() -> Odometry:
-    """A device that brings its own odometry: 10 m straight ahead in steps of 10 cm."""
-    poses = np.column_stack([np.linspace(0, 10, 101), np.zeros((101, 2))])
-    return Odometry(0.1 * np.arange(101), poses, np.full((100, 3), 0.01))
-
-
-def test_a_device_with_odometry_needs_no_footsteps() -> None:
-    bare = Recording("arkit", "tablet", odometry=straight_odometry())
-    nodes = walk_nodes(bare, load(PARAMETERS, None, ["motion.node_spacing_m=1.0"]))
-    npt.assert_allclose(nodes.world_from_body[:, 0], np.arange(11), atol=0.11)
-    npt.assert_allclose(nodes.step_sigma[1:-1], 0.01 * np.sqrt(10), rtol=0.06)
-    assert (
-        map_by(bare, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS).trajectory.status
-        == "NO_CLOSURES"
-    )
-
-
-def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -> None:
-    both = dataclasses.replace(recording, odometry=straight_odometry())
-    npt.assert_array_equal(walk_nodes(both, PARAMETERS).t_s, walk_nodes(recording, PARAMETERS).t_s)
-
-
-def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
-    still = dataclasses.replace(recording, imu=None)
-    with pytest.raises(InputError, match=r"studio: it has neither motion sensors nor odom"):
-        map_by_echoes(still, SpectralEncoder(), PARAMETERS)
-
-
-def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
-    deaf = dataclasses.replace(recording, audio=None)
-    with pytest.raises(InputError, match=r"studio: it has no sound; map it with --by magn"):
-        map_by_echoes(deaf, SpectralEncoder(), PARAMETERS)
-
-
-def test_a_recording_at_another_rate_is_refused(recording: Recording) -> None:
-    samples: F32 = np.zeros((1, 99_000), dtype=np.float32)
-    strange = dataclasses.replace(recording, audio=Audio(samples, 22_050))
-    with pytest.raises(InputError, match="wanted 44100 or 48000 Hz, got 22050"):
-        slam.hear(strange, PARAMETERS)
-
-
-def test_every_parameter_of_the_line_has_a_meaning_and_stays_in_its_own_range() -> None:
-    listed = list(rows(PARAMETERS))
-    assert len(listed) > 40
-    for row in listed:
-        assert row.meaning
-        text = f"'{row.value}'" if isinstance(row.value, str) else str(row.value).lower()
-        assert load(PARAMETERS, None, [f"{row.name}={text}"]) == PARAMETERS
 
 
 def test_the_line_needs_no_torch_and_no_plotting() -> None:

@@ -23,8 +23,9 @@ import numpy as np
 import onnxruntime
 
 from elfslam.base.arrays import F32
+from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.slam import Parameters, hear
+from elfslam.line.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 COUNTS = (1, 64)

@@ -21,9 +21,10 @@ from elfslam.data.tum import write_tum
 from elfslam.exporting import map_of
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, anchor, placed, standing
 from elfslam.line.floormap import trajectory_map
+from elfslam.line.parameters import Parameters
 from elfslam.line.passages import Followed, PassageParameters, follow_ground, followed_trajectory
 from elfslam.plans import Plan
-from elfslam.slam import Parameters, Run
+from elfslam.slam import Run
 
 FOLLOWED = "followed.tum"
 SEED = 0

@@ -19,9 +19,11 @@ from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, write_run
+from elfslam.hearing import hear
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.line.graph import build_graph, judge
+from elfslam.line.parameters import Parameters
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.senses import Settings, sense_of
@@ -171,7 +173,7 @@ def finetune_into(
     if not nearest.is_dir():
         raise StoreError(f"{out}: {nearest} is no folder; choose another place")
     announce("echoes", None)
-    echoes = slam.hear(read_recording(path, known.chirp), known)
+    echoes = hear(read_recording(path, known.chirp), known)
     tuned = finetuned(load_encoder(encoder), echoes, known.finetune, seed, announce)
     with new_file(out) as partial:
         partial.write_bytes(tuned.encoder.content)
@@ -251,11 +253,9 @@ def breaks(echoes: Echoes) -> Iterator[str]:
             yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
 
 
-def line_only(known: Settings) -> slam.Parameters:
+def line_only(known: Settings) -> Parameters:
     """The groups that decide what a map looks like."""
-    return slam.Parameters(
-        **{name: getattr(known, name) for name in slam.Parameters.__dataclass_fields__}
-    )
+    return Parameters(**{name: getattr(known, name) for name in Parameters.__dataclass_fields__})
 
 
 def versions() -> dict[str, object]:

@@ -5,17 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from functools import partial
 
 import numpy as np
 
 from elfslam.base.arrays import F32, Bool
 from elfslam.base.choices import Mode
-from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.errors import ParameterError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
-    ECHO_RATE_HZ,
     NO_CLOSURES,
     AnySimilarity,
     Closures,
@@ -28,19 +27,12 @@ from elfslam.base.values import (
     Recording,
     Trajectory,
 )
-from elfslam.line.acoustic_odometry import (
-    AcousticOdometryParameters,
-    measure_scale,
-    rescaled,
-    with_prior,
-)
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.hearing import hear, hear_for_fixes, walk_nodes, with_heard_steps
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.curation import CurationParameters, curated_closures
-from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames, frame_facts
 from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
-from elfslam.line.floormap import FloorMapParameters, trajectory_map
-from elfslam.line.graph import GraphParameters, agreeing, build_graph, optimise
+from elfslam.line.floormap import trajectory_map
+from elfslam.line.graph import agreeing, build_graph, optimise
 from elfslam.line.locate import (
     LocateParameters,
     elf_payload,
@@ -49,34 +41,11 @@ from elfslam.line.locate import (
     trusted_one_shot,
     without_suspects,
 )
-from elfslam.line.motion import MotionParameters, dead_reckon, nodes_by_distance
+from elfslam.line.parameters import Parameters
 from elfslam.line.phone import heard_as_map
-from elfslam.line.segments import SegmentParameters, locate_by_segments
+from elfslam.line.segments import locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.line.track import Tracker, TrackParameters
-from elfslam.line.trust import Suspicion, TrustParameters, nothing_suspect, suspicion
-from elfslam.line.turns import TurnsParameters, spoiled_frames
-
-
-@dataclass(frozen=True)
-class Parameters:
-    """Every parameter of the line, one group per stage."""
-
-    chirp: ChirpParameters = field(default_factory=ChirpParameters)
-    echo: EchoParameters = field(default_factory=EchoParameters)
-    motion: MotionParameters = field(default_factory=MotionParameters)
-    acoustic_odometry: AcousticOdometryParameters = field(
-        default_factory=AcousticOdometryParameters
-    )
-    closure: ClosureParameters = field(default_factory=ClosureParameters)
-    curation: CurationParameters = field(default_factory=CurationParameters)
-    graph: GraphParameters = field(default_factory=GraphParameters)
-    floormap: FloorMapParameters = field(default_factory=FloorMapParameters)
-    locate: LocateParameters = field(default_factory=LocateParameters)
-    segments: SegmentParameters = field(default_factory=SegmentParameters)
-    track: TrackParameters = field(default_factory=TrackParameters)
-    trust: TrustParameters = field(default_factory=TrustParameters)
-    turns: TurnsParameters = field(default_factory=TurnsParameters)
+from elfslam.line.track import Tracker
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,36 +243,6 @@ def locate(
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
 
 
-def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
-    """The echoes of a recording, and which stretches of it are suspect.
-
-    Where it says when it chirped, frames that are lacking, clipped or spoiled are judged one by
-    one; else many of them are refused, and nothing is suspect.
-    """
-    if recording.played_t_s is None:
-        return hear(recording, parameters), nothing_suspect
-    lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
-    frames = _frames(recording, replace(parameters, echo=lenient))
-    duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
-    facts = frame_facts(frames, lenient, duration_s, recording.gain_db)
-    every = clean = echoes_of(frames, lenient, duration_s)
-    if spoiled is not None and len(spoiled) >= 2:
-        ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
-        clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
-    return clean, suspicion(facts, every, parameters.trust, clean)
-
-
-def heard_in(
-    floor_map: FloorMap, recording: Recording, encoder: Encoder, parameters: Parameters
-) -> Features:
-    """The features of a recording that is to be compared with a map.
-
-    Where the map says what its own phone made of the chirp, this one is heard as if it were that.
-    """
-    echoes = hear(recording, parameters)
-    return extract_features(echoes, encoder_for(floor_map, encoder, echoes))
-
-
 def footstep_likeness(
     features: Features, nodes: Odometry, floor_map: FloorMap, parameters: LocateParameters
 ) -> F32:
@@ -333,61 +272,6 @@ def locate_walk(
         return without_suspects(fixes, doubt[len(doubt) - len(fixes.t_s) :])
     generator = np.random.default_rng(seed)
     return Tracker(floor_map, parameters.track, generator).follow(nodes, scores, suspect)
-
-
-def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
-    """Footsteps where there is an IMU, else places along the device's own odometry."""
-    if recording.imu is not None:
-        return dead_reckon(recording.imu, parameters.motion, recording.start_pose)
-    if recording.odometry is not None:
-        return nodes_by_distance(recording.odometry, parameters.motion.node_spacing_m)
-    raise InputError(
-        f"{recording.name}: it has neither motion sensors nor odometry; "
-        "record accelerometer and gyroscope"
-    )
-
-
-def hear(recording: Recording, parameters: Parameters) -> Echoes:
-    """The echoes of a recording's sound.
-
-    Where it says when its chirps were played, frames that other phones chirped into are left out.
-    """
-    frames = _frames(recording, parameters)
-    return echoes_of(frames, parameters.echo, _duration_s(recording), _spoiled(frames, parameters))
-
-
-def _frames(recording: Recording, parameters: Parameters) -> Frames:
-    if recording.audio is None:
-        raise InputError(
-            f"{recording.name}: it has no sound; "
-            "map it with --by magnetic, or record while chirping"
-        )
-    chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    return find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
-
-
-def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
-    if not frames.scheduled:
-        return None
-    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.turns)
-
-
-def _duration_s(recording: Recording) -> float | None:
-    """How long the motion sensors ran."""
-    motion = recording.imu or recording.odometry
-    return None if motion is None else float(motion.t_s[-1])
-
-
-def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
-    """The walk with its steps as long as the echoes say, weighed against what is known of them.
-
-    As it was where nothing about the steps is uncertain, or the sound cannot tell.
-    """
-    if not nodes.scale_sigma:
-        return nodes
-    chirp = make_chirp(parameters.chirp, ECHO_RATE_HZ)
-    heard = measure_scale(echoes, nodes, chirp, parameters.acoustic_odometry)
-    return rescaled(nodes, with_prior(heard, nodes.scale_sigma))
 
 
 @contextmanager

@@ -16,11 +16,11 @@ from hypothesis import strategies as st
 
 from elfslam import slam
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
-from elfslam.base.parameters import load, replace
+from elfslam.base.parameters import load, replace, rows
 from elfslam.base.values import Audio, Imu, Odometry, Recording, Similarity, Trajectory
 from elfslam.line.feature import SpectralEncoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.slam import Parameters
+from elfslam.line.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = Parameters()
@@ -161,3 +161,12 @@ def test_what_cannot_be_is_refused_with_a_reason(setting: list[str], message: st
     except ParameterError as error:
         said = str(error)
     assert re.search(message, said)
+
+
+def test_every_parameter_of_the_line_has_a_meaning_and_stays_in_its_own_range() -> None:
+    listed = list(rows(PARAMETERS))
+    assert len(listed) > 40
+    for row in listed:
+        assert row.meaning
+        text = f"'{row.value}'" if isinstance(row.value, str) else str(row.value).lower()
+        assert load(PARAMETERS, None, [f"{row.name}={text}"]) == PARAMETERS

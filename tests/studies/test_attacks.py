@@ -7,10 +7,10 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.values import Recording
+from elfslam.hearing import hear_for_fixes
 from elfslam.line.echo import matched_envelope
 from elfslam.score.page import rendered
 from elfslam.senses import Settings
-from elfslam.slam import hear_for_fixes
 from elfslam.studies import attacks
 from elfslam.studies.attack_sounds import (
     SOUNDS,

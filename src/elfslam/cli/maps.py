@@ -29,6 +29,7 @@ from elfslam.data.facts import read_facts
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
+from elfslam.hearing import heard_in
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
 from elfslam.line.phone import learn_phone
@@ -121,7 +122,7 @@ def locate_command(
         translation = None
         if phone_walk is not None:
             walk = read_recording(phone_walk, parameters.chirp)
-            own = slam.heard_in(known, walk, used, parameters)
+            own = heard_in(known, walk, used, parameters)
             translation = learn_phone(own, known, parameters.phone)
         fixes = slam.locate(
             heard, known, used, parameters, mode=mode, seed=seed, translation=translation

@@ -13,14 +13,16 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.values import Echoes, Recording, Truth
+from elfslam.hearing import hear
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters, ScratchParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.mapping import finetuned
 from elfslam.score.curves import Curve, curves_figure
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.separation import histograms, recall_at
-from elfslam.slam import Parameters, Run, hear, map_by_echoes
+from elfslam.slam import Run, map_by_echoes
 from elfslam.studies.elf import labelled_pairs
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.intervals import curve_of, mean_row

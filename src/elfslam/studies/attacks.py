@@ -17,12 +17,13 @@ from elfslam.base.arrays import F64, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
+from elfslam.hearing import hear_for_fixes, walk_nodes
 from elfslam.line.feature import encoder_for, extract_features
 from elfslam.line.locate import trusted_one_shot
 from elfslam.line.trust import nothing_suspect
 from elfslam.line.turns import TurnsParameters
 from elfslam.senses import Settings
-from elfslam.slam import footstep_likeness, hear_for_fixes, locate_walk, walk_nodes
+from elfslam.slam import footstep_likeness, locate_walk
 from elfslam.studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from elfslam.studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
 from elfslam.studies.attacks_table import attacks_page, attacks_rows

@@ -11,6 +11,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.values import Echoes
+from elfslam.hearing import hear, walk_nodes
 from elfslam.line.feature import (
     Encoder,
     calibrated,
@@ -18,12 +19,12 @@ from elfslam.line.feature import (
     load_encoder,
     mean_log_spectrum,
 )
+from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import footstep_means
 from elfslam.score.bootstrap import interval
 from elfslam.score.intervals import shares_figure
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.separation import histograms, recall_at
-from elfslam.slam import Parameters, hear, walk_nodes
 from elfslam.studies.elf import ELSEWHERE_M, SAME_M, SAME_RAD
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.world.circumstances import Circumstances

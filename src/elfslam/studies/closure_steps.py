@@ -11,17 +11,18 @@ import numpy as np
 from elfslam.base.arrays import I64
 from elfslam.base.drift import Drift
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
+from elfslam.hearing import hear, walk_nodes, with_heard_steps
 from elfslam.line.closure import candidates, find_closures, possible
 from elfslam.line.curation import curated_closures, pairs_on_lines
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
+from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.score.bootstrap import interval
 from elfslam.score.closure_score import score_closures
 from elfslam.score.dots import Dot, dots_figure
 from elfslam.score.errors import Alignment, position_errors, summarise
 from elfslam.score.page import Page, Panel, rows_table
-from elfslam.slam import Parameters, hear, walk_nodes, with_heard_steps
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.repeats import Numbers, finished
 from elfslam.workers import Workers

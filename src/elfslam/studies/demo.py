@@ -15,6 +15,7 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.folders import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.line.feature import Encoder, OnnxEncoder
+from elfslam.line.parameters import Parameters
 from elfslam.mapping import write_reported_run
 from elfslam.score.alignment import AS_DECLARED
 from elfslam.score.bootstrap import interval
@@ -29,7 +30,7 @@ from elfslam.score.errors import (
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_fix_report, write_report
 from elfslam.score.tables import methods
-from elfslam.slam import Parameters, Run, locate, map_by_echoes
+from elfslam.slam import Run, locate, map_by_echoes
 from elfslam.world.room import Room
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import World, load_world

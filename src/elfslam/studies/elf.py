@@ -13,13 +13,14 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
+from elfslam.hearing import hear, walk_nodes
 from elfslam.learn.settings import FinetuneParameters, ScratchParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.mapping import finetuned
 from elfslam.score.separation import histograms, separation_row
-from elfslam.slam import Parameters, hear, walk_nodes
 from elfslam.studies.finding import Announce, Row
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import echo_pairs

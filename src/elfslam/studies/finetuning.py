@@ -13,11 +13,12 @@ from elfslam.base.values import Truth
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.mapping import finetuned
 from elfslam.score.bootstrap import interval
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.separation import histograms, separation_row
-from elfslam.slam import Parameters, Run, map_by_echoes
+from elfslam.slam import Run, map_by_echoes
 from elfslam.studies.elf import labelled_pairs
 from elfslam.studies.finding import Announce, Row
 from elfslam.world.simulate import load_world, simulate

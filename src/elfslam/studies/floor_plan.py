@@ -24,9 +24,10 @@ from elfslam.line.anchoring import (
     placed,
 )
 from elfslam.line.feature import load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.plan_figures import placed_figure
-from elfslam.slam import Parameters, map_by_echoes
+from elfslam.slam import map_by_echoes
 from elfslam.studies.demo import floor_plan
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.repeats import Numbers, finished

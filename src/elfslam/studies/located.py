@@ -11,21 +11,13 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Truth
+from elfslam.hearing import hear, walk_nodes
 from elfslam.line.feature import Encoder, encoder_for, extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.score.alignment import Alignment, match, placement
 from elfslam.score.errors import fix_distances, summarise
 from elfslam.senses import Settings
-from elfslam.slam import (
-    Adapt,
-    Run,
-    as_shipped,
-    footstep_likeness,
-    hear,
-    locate_walk,
-    map_by_echoes,
-    walk_nodes,
-)
+from elfslam.slam import Adapt, Run, as_shipped, footstep_likeness, locate_walk, map_by_echoes
 from elfslam.studies.mapping_errors import CALIBRATED, walkers
 from elfslam.studies.repeats import Numbers
 from elfslam.world.circumstances import Circumstances

@@ -21,6 +21,7 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
+from elfslam.hearing import hear, walk_nodes, with_heard_steps
 from elfslam.learn.settings import ScratchParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.curation import curated_closures
@@ -33,7 +34,7 @@ from elfslam.score.closure_score import score_closures
 from elfslam.score.coverage import trajectory_coverage
 from elfslam.score.errors import path_length_m, placed_errors, summarise
 from elfslam.senses import Settings, sense_of
-from elfslam.slam import closures_by, hear, walk_nodes, with_heard_steps
+from elfslam.slam import closures_by
 from elfslam.studies.finding import Announce, Finding
 from elfslam.studies.mapping_table import mapping_page, mapping_rows
 from elfslam.studies.repeats import Numbers, by_world, finished

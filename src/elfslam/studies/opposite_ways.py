@@ -12,8 +12,9 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Echoes, Truth
+from elfslam.hearing import hear
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.slam import hear, map_by_echoes
+from elfslam.slam import map_by_echoes
 from elfslam.studies.finding import Announce
 from elfslam.studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from elfslam.studies.located import at_its_start

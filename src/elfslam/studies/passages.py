@@ -14,13 +14,14 @@ from elfslam.base.geometry import between, compose, interpolate_poses
 from elfslam.following import Start, follow
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.feature import load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.line.passages import PassageParameters, followed_trajectory
 from elfslam.score.alignment import AS_DECLARED
 from elfslam.score.bootstrap import interval
 from elfslam.score.coverage import trajectory_coverage
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.plan_figures import followed_figure
-from elfslam.slam import Parameters, Run, map_by, map_by_echoes, no_similarity
+from elfslam.slam import Run, map_by, map_by_echoes, no_similarity
 from elfslam.slam import Sense as Motion
 from elfslam.studies.demo import floor_plan
 from elfslam.studies.finding import Announce, Finding, Row

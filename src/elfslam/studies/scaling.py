@@ -20,10 +20,11 @@ import numpy as np
 
 from elfslam.learn.settings import ScratchParameters
 from elfslam.line.feature import load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.score.charts import seconds_figure
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table
-from elfslam.slam import Parameters, map_by_echoes
+from elfslam.slam import map_by_echoes
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.mapping_errors import measure_mapping
 from elfslam.studies.repeats import Numbers

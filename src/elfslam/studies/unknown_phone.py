@@ -12,11 +12,12 @@ import numpy as np
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap
+from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
+from elfslam.line.parameters import Parameters
 from elfslam.line.phone import PhoneParameters, heard_as_map, learn_phone
 from elfslam.score.dots import Dot, dots_figure
 from elfslam.score.page import Page, Panel, rows_table
-from elfslam.slam import Parameters, hear
 from elfslam.studies.finding import Announce, Finding, Row
 from elfslam.studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from elfslam.studies.intervals import mean_row

@@ -14,6 +14,7 @@ from starlette.testclient import TestClient
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
+from elfslam.line.parameters import Parameters
 from elfslam.mapping import write_reported_run
 from elfslam.merging import MergeParameters
 from elfslam.serve.services import Services
@@ -28,7 +29,7 @@ from elfslam.serve.store.database import (
     new_id,
     transaction,
 )
-from elfslam.slam import Parameters, map_by_echoes
+from elfslam.slam import map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 Json = dict[str, Any]

@@ -23,6 +23,7 @@ from elfslam.base.values import (
     Recording,
     Trajectory,
 )
+from elfslam.hearing import hear, walk_nodes
 from elfslam.line.chirp import make_chirp
 from elfslam.line.echo import (
     cut_echoes,
@@ -45,7 +46,7 @@ from elfslam.line.feature import (
 )
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
-from elfslam.slam import Parameters, hear, walk_nodes
+from elfslam.line.parameters import Parameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 
