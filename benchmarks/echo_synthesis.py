@@ -21,7 +21,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.values import Recording
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import Run, map_by_echoes
 from elfslam.world.device import built_in_device
 from elfslam.world.phone import poses_at, render_frames, room_responses

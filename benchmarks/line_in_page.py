@@ -21,7 +21,7 @@ from playwright.sync_api import Browser, Route, sync_playwright
 from elfslam.base.arrays import F32, F64
 from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.serve.people.guards import CONTENT_POLICY
 
 HERE = Path(__file__).parent / "page_line"

@@ -20,7 +20,7 @@ from elfslam.base.geometry import between, chain
 from elfslam.base.values import MeanSimilarity, Odometry
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.graph import GraphParameters, build_graph, optimise
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import closures_by
 
 LAP, STEP_S, DIMENSIONS = 400, 0.5, 128

@@ -27,8 +27,8 @@ from elfslam.data.tiles import (
 from elfslam.hearing import heard_in, walk_nodes
 from elfslam.line.feature import Features, load_encoder
 from elfslam.line.locate import locate_one_shot
-from elfslam.line.parameters import Parameters
 from elfslam.merging import MergeParameters, Walk, add_walk, merge
+from elfslam.parameters import Parameters
 from elfslam.slam import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.studies.merged_walks import FIRST, WHOLE, Stroll, strolled
 from elfslam.world.simulate import load_world, simulate

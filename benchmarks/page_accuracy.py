@@ -26,7 +26,7 @@ from line_in_page import browsing, run_in_page, serving, write_f32, write_floor_
 
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.line.feature import OnnxEncoder, calibrated, load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import as_shipped, locate
 from elfslam.studies.located import STRANGER, Mapped, fix_numbers, mapped_walk
 from elfslam.world.circumstances import Circumstances

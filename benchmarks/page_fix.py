@@ -25,7 +25,7 @@ from playwright.sync_api import Browser
 
 from elfslam.base.values import FloorMap, Payload
 from elfslam.line.feature import OnnxEncoder, calibrated, load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 

@@ -40,8 +40,8 @@ from elfslam.hearing import hear
 from elfslam.line.feature import encoder_for, extract_features, load_encoder
 from elfslam.line.locate import elf_payload, likeness, means_between
 from elfslam.line.motion import MotionParameters, dead_reckon
-from elfslam.line.parameters import Parameters
 from elfslam.line.track import TrackParameters
+from elfslam.parameters import Parameters
 from elfslam.score.alignment import Alignment, match, placement
 from elfslam.score.errors import fix_distances
 from elfslam.slam import footstep_likeness, locate_walk

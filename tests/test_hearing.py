@@ -15,7 +15,7 @@ from elfslam.base.parameters import load
 from elfslam.base.values import Audio, Odometry, Recording
 from elfslam.hearing import hear, hear_for_fixes, heard_in, walk_nodes, with_heard_steps
 from elfslam.line.feature import Encoder, calibrated, extract_features, load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import map_by_echoes
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world

@@ -15,6 +15,7 @@ FLOORS = {
     "base": 0,
     "line": 1,
     "workers": 1,
+    "parameters": 1.25,
     "hearing": 1.5,
     "slam": 2,
     "merging": 2.5,

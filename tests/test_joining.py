@@ -17,8 +17,8 @@ from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.merging import MergeParameters
+from elfslam.parameters import Parameters
 from elfslam.slam import Run, map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 

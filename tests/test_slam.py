@@ -28,7 +28,7 @@ from elfslam.base.values import (
 )
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.slam import Run, Sense, map_by, map_by_echoes, no_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate

@@ -25,7 +25,7 @@ import onnxruntime
 from elfslam.base.arrays import F32
 from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 COUNTS = (1, 64)

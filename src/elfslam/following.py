@@ -21,8 +21,8 @@ from elfslam.data.tum import write_tum
 from elfslam.exporting import map_of
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, anchor, placed, standing
 from elfslam.line.floormap import trajectory_map
-from elfslam.line.parameters import Parameters
 from elfslam.line.passages import Followed, PassageParameters, follow_ground, followed_trajectory
+from elfslam.parameters import Parameters
 from elfslam.plans import Plan
 from elfslam.slam import Run
 

@@ -14,9 +14,9 @@ from elfslam.line.chirp import make_chirp
 from elfslam.line.echo import Frames, echoes_of, find_frames, frame_facts
 from elfslam.line.feature import Encoder, encoder_for, extract_features
 from elfslam.line.motion import dead_reckon, nodes_by_distance
-from elfslam.line.parameters import Parameters
 from elfslam.line.trust import Suspicion, nothing_suspect, suspicion
 from elfslam.line.turns import spoiled_frames
+from elfslam.parameters import Parameters
 
 
 def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:

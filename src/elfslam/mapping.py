@@ -23,7 +23,7 @@ from elfslam.hearing import hear
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
 from elfslam.line.graph import build_graph, judge
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.senses import Settings, sense_of

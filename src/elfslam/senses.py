@@ -20,11 +20,11 @@ from elfslam.learn.settings import FinetuneParameters, FloorLevelParameters, Pre
 from elfslam.line.alignment import AlignmentParameters
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.parameters import Parameters
 from elfslam.line.passages import PassageParameters
 from elfslam.line.phone import PhoneParameters
 from elfslam.line.quality import QualityParameters
 from elfslam.merging.parameters import MergingParameters
+from elfslam.parameters import Parameters
 from elfslam.slam import Sense, no_similarity
 
 

@@ -41,11 +41,11 @@ from elfslam.line.locate import (
     trusted_one_shot,
     without_suspects,
 )
-from elfslam.line.parameters import Parameters
 from elfslam.line.phone import heard_as_map
 from elfslam.line.segments import locate_by_segments
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker
+from elfslam.parameters import Parameters
 
 
 @dataclass(frozen=True, eq=False)

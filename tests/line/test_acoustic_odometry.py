@@ -23,7 +23,7 @@ from elfslam.line.acoustic_odometry import (
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.motion import MotionParameters, dead_reckon
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 CHIRP = make_chirp(ChirpParameters(), ECHO_RATE_HZ)

@@ -20,7 +20,7 @@ from elfslam.base.parameters import load, replace, rows
 from elfslam.base.values import Audio, Imu, Odometry, Recording, Similarity, Trajectory
 from elfslam.line.feature import SpectralEncoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = Parameters()

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.score.truth import read_truth
 from elfslam.studies.demo import floor_plan, run_demo
 from elfslam.world.world_file import load_world

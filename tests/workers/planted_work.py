@@ -60,9 +60,11 @@ def noise_after_a_kill(task: int, folder: Path) -> F32:
 
 
 def count_up(seat: Seat, *, folder: Path, keep: bool, dies: int, times: int) -> None:
-    """Adds up its parts of 5 steps, the state in a file; a process kills itself at step 3."""
-    file = folder / f"sum-{seat.number}"
-    done, total = (int(word) for word in file.read_text().split()) if file.exists() else (0, 0)
+    """Adds up its parts of 5 steps, the state in a file; a process kills itself at step 3.
+
+    As in a training, nobody begins a step before all have kept the one before.
+    """
+    done, total = _kept(folder, seat.number)
     for step in range(done, 5):
         part = seat.part_of(step)
         deaths = len(list(folder.glob("death-*")))
@@ -71,9 +73,20 @@ def count_up(seat: Seat, *, folder: Path, keep: bool, dies: int, times: int) -> 
             os.kill(os.getpid(), signal.SIGKILL)
         total += sum(part)
         if keep:
-            file.write_text(f"{step + 1} {total}")
+            partial = folder / f"partial-{seat.number}"
+            partial.write_text(f"{step + 1} {total}")
+            partial.replace(folder / f"sum-{seat.number}")
             seat.keep()
         seat.tell((step, total))
+        while keep and any(_kept(folder, number)[0] <= step for number in range(seat.count)):
+            time.sleep(0.01)
+
+
+def _kept(folder: Path, number: int) -> tuple[int, int]:
+    """How many steps a process has kept, and their sum."""
+    file = folder / f"sum-{number}"
+    done, total = file.read_text().split() if file.exists() else ("0", "0")
+    return int(done), int(total)
 
 
 def fail_together(seat: Seat, *, error: Exception) -> None:

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 from elfslam.base.parameters import parameter
 from elfslam.line.alignment import AlignmentParameters
-from elfslam.line.parameters import Parameters
 from elfslam.line.quality import QualityParameters
+from elfslam.parameters import Parameters
 
 
 @dataclass(frozen=True)

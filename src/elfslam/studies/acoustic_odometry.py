@@ -20,8 +20,8 @@ from elfslam.line.acoustic_odometry import (
 from elfslam.line.closure import find_closures
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.parameters import Parameters
 from elfslam.score.bootstrap import interval
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table

@@ -16,8 +16,8 @@ from elfslam.base.values import Echoes, Recording, Truth
 from elfslam.hearing import hear
 from elfslam.learn.settings import FinetuneParameters, PretrainParameters, ScratchParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.mapping import finetuned
+from elfslam.parameters import Parameters
 from elfslam.score.curves import Curve, curves_figure
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table

@@ -19,8 +19,8 @@ from elfslam.line.feature import (
     load_encoder,
     mean_log_spectrum,
 )
-from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import footstep_means
+from elfslam.parameters import Parameters
 from elfslam.score.bootstrap import interval
 from elfslam.score.intervals import shares_figure
 from elfslam.score.page import Page, Panel, rows_table

@@ -16,8 +16,8 @@ from elfslam.line.closure import candidates, find_closures, possible
 from elfslam.line.curation import curated_closures, pairs_on_lines
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.parameters import Parameters
 from elfslam.score.bootstrap import interval
 from elfslam.score.closure_score import score_closures
 from elfslam.score.dots import Dot, dots_figure

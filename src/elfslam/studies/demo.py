@@ -15,8 +15,8 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.folders import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.line.feature import Encoder, OnnxEncoder
-from elfslam.line.parameters import Parameters
 from elfslam.mapping import write_reported_run
+from elfslam.parameters import Parameters
 from elfslam.score.alignment import AS_DECLARED
 from elfslam.score.bootstrap import interval
 from elfslam.score.errors import (

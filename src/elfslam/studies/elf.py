@@ -17,9 +17,9 @@ from elfslam.hearing import hear, walk_nodes
 from elfslam.learn.settings import FinetuneParameters, ScratchParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, extract_features, load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.mapping import finetuned
+from elfslam.parameters import Parameters
 from elfslam.score.separation import histograms, separation_row
 from elfslam.studies.finding import Announce, Row
 from elfslam.world.circumstances import Circumstances

@@ -13,8 +13,8 @@ from elfslam.base.values import Truth
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.mapping import finetuned
+from elfslam.parameters import Parameters
 from elfslam.score.bootstrap import interval
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.separation import histograms, separation_row

@@ -24,7 +24,7 @@ from elfslam.line.anchoring import (
     placed,
 )
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.score.plan_figures import placed_figure
 from elfslam.slam import map_by_echoes

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from elfslam.base.values import Chirp, Echoes, Odometry, Truth
 from elfslam.hearing import hear, walk_nodes
 from elfslam.line.chirp import make_chirp
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.score.alignment import match
 from elfslam.score.errors import path_length_m
 from elfslam.world.simulate import load_world, simulate

@@ -14,8 +14,8 @@ from elfslam.base.geometry import between, compose, interpolate_poses
 from elfslam.following import Start, follow
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.line.passages import PassageParameters, followed_trajectory
+from elfslam.parameters import Parameters
 from elfslam.score.alignment import AS_DECLARED
 from elfslam.score.bootstrap import interval
 from elfslam.score.coverage import trajectory_coverage

@@ -20,7 +20,7 @@ import numpy as np
 
 from elfslam.learn.settings import ScratchParameters
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.score.charts import seconds_figure
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table

@@ -14,8 +14,8 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap
 from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
-from elfslam.line.parameters import Parameters
 from elfslam.line.phone import PhoneParameters, heard_as_map, learn_phone
+from elfslam.parameters import Parameters
 from elfslam.score.dots import Dot, dots_figure
 from elfslam.score.page import Page, Panel, rows_table
 from elfslam.studies.finding import Announce, Finding, Row

@@ -14,9 +14,9 @@ from starlette.testclient import TestClient
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
-from elfslam.line.parameters import Parameters
 from elfslam.mapping import write_reported_run
 from elfslam.merging import MergeParameters
+from elfslam.parameters import Parameters
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs

@@ -24,7 +24,7 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
 from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, MapFile, MapPart, new_id, transaction
 

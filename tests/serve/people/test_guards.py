@@ -82,6 +82,7 @@ def test_every_answer_is_guarded(anyone: TestClient) -> None:
         assert headers["x-content-type-options"] == "nosniff"
         assert headers["referrer-policy"] == "no-referrer"
         assert "microphone=(self)" in headers["permissions-policy"]
+        assert "geolocation=(self)" in headers["permissions-policy"]
 
 
 @pytest.mark.parametrize(("path", "status"), [("/api/nowhere", 404), ("/nowhere.js", 404)])

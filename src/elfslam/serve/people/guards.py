@@ -58,7 +58,7 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": (
         "microphone=(self), accelerometer=(self), gyroscope=(self), magnetometer=(self), "
-        "screen-wake-lock=(self), camera=(), geolocation=()"
+        "screen-wake-lock=(self), geolocation=(self), camera=()"
     ),
 }
 """A route that sets one of these itself keeps its own."""

@@ -12,7 +12,7 @@ import pytest
 
 from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.serve.people.guards import CONTENT_POLICY
 from elfslam.world.simulate import load_world, simulate
 

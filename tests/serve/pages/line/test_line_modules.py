@@ -46,7 +46,7 @@ from elfslam.line.feature import (
 )
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
-from elfslam.line.parameters import Parameters
+from elfslam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 

@@ -6,9 +6,10 @@ import { test } from "node:test";
 import { decideBySteps, decideByWindows } from "../../../../src/elfslam/serve/pages/phone/locating/deciding.js";
 import { SIGMAS, ellipseOf, radiusOf } from "../../../../src/elfslam/serve/pages/phone/locating/ellipse.js";
 import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/ground_of_map.js";
-import { rowsOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
+import { offersOf, rowsOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
 import { makeMemory } from "../../../../src/elfslam/serve/pages/phone/locating/memory.js";
 import { delayMotion } from "../../../../src/elfslam/serve/pages/phone/locating/motion_delay.js";
+import { LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, questionOf } from "../../../../src/elfslam/serve/pages/phone/locating/near.js";
 import { makePlacer } from "../../../../src/elfslam/serve/pages/phone/locating/placer.js";
 import { NO_TRAIL, withFix } from "../../../../src/elfslam/serve/pages/phone/locating/trail.js";
 import { placeSpoken, within, wordsOf } from "../../../../src/elfslam/serve/pages/phone/locating/words.js";
@@ -96,6 +97,45 @@ test("maps on the phone come first, and say when the server has a newer one", ()
   assert.deepEqual(rows.map(({ isOld }) => isOld), [false, true, false, false]);
   assert.deepEqual(rows.map(({ canGet }) => canGet), [false, true, true, true]);
   assert.deepEqual(rowsOf(kept, null).map(({ canGet }) => canGet), [false, false]);
+});
+
+test("floors near here are offered before others, and what is kept is asked for once", () => {
+  const mine = [{ id: "a", name: "Mine", created_utc: "2026-01-01T00:00:00Z" }, { id: "b", name: "Kept", created_utc: "2026-02-01T00:00:00Z" }];
+  const near = [{ id: "y", name: "Mall, floor 2", revision: 5 }, { id: "x", name: "Mall, ground floor", revision: 4 }];
+  const kept = [{ map: "b", name: "Kept", revision: 1, madeUtc: "", sizeBytes: 1 }, { map: "z", name: "Office, floor 1", revision: 2, madeUtc: "", sizeBytes: 1 }];
+  const offers = offersOf(mine, near, kept);
+  assert.deepEqual(offers.map(({ id }) => id).sort(), ["a", "b", "x", "y", "z"]);
+  assert.equal(offers.find(({ id }) => id === "b").created_utc, "2026-02-01T00:00:00Z");
+  assert.deepEqual(rowsOf(kept, offers).map(({ id }) => id), ["b", "z", "y", "x", "a"]);
+});
+
+test("a phone asks by its position, as surely as it knows it, and by nothing else", () => {
+  const coords = { latitude: 47.3, longitude: 8.5, accuracy: 49, altitude: 480, heading: 90, speed: 1 };
+  const { position, ...rest } = questionOf({ coords });
+  assert.deepEqual(rest, {});
+  assert.deepEqual(Object.keys(position), ["latitude_deg", "longitude_deg", "sigma_m"]);
+  near(position.sigma_m, 20, 0.05);
+  near(questionOf({ coords: { ...coords, accuracy: 0.1 } }).position.sigma_m, 1);
+  near(questionOf({ coords: { ...coords, accuracy: 1e6 } }).position.sigma_m, 2000);
+});
+
+test("what keeps a phone from asking is said in one line", async () => {
+  const failing = (code) => ({ getCurrentPosition: (_, failed) => failed({ code }) });
+  await assert.rejects(floorsNear(undefined), { message: NO_POSITION });
+  await assert.rejects(floorsNear(failing(1)), { message: REFUSED });
+  await assert.rejects(floorsNear(failing(2)), { message: LOST });
+  await assert.rejects(floorsNear(failing(3)), { message: LOST });
+  const standing = { getCurrentPosition: (found) => found({ coords: { latitude: 1, longitude: 2, accuracy: 20 } }) };
+  const answers = (told) => (globalThis.fetch = async () => new Response(JSON.stringify(told)));
+  const before = globalThis.fetch;
+  try {
+    answers({ status: "UNKNOWN_PLACE", candidates: [] });
+    await assert.rejects(floorsNear(standing), { message: NOTHING_NEAR });
+    answers({ status: "OK", candidates: [{ building: "Mall", floor: 0, map: "m", revision: 3, share: 1 }, { building: "Mall", floor: -1, map: "n", revision: 4, share: 0.1 }] });
+    assert.deepEqual(await floorsNear(standing), [{ id: "m", name: "Mall, ground floor", revision: 3 }, { id: "n", name: "Mall, floor -1", revision: 4 }]);
+  } finally {
+    globalThis.fetch = before;
+  }
 });
 
 test("motion waits for the sound's delay and is moved by it, never backwards", () => {

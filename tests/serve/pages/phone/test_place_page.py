@@ -17,6 +17,9 @@ from elfslam.data.map_files import MAP, write_map
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import OnnxEncoder, extract_features, load_encoder
+from elfslam.serve.buildings.publishing import Spot, publish, withdraw
+from elfslam.serve.buildings.sources import floor_of
+from elfslam.serve.buildings.wifi import WifiFindParameters
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
@@ -25,6 +28,7 @@ from elfslam.serve.store.database import Map, MapFile, User, transaction
 HERE_M = (3.0, 2.0)
 """Where the map says that it sounds as the fake microphone does."""
 SIDE_M, APART_M = 6.0, 0.5
+PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 HEIGHTS_PX = 48
 
 EVENLY = """
@@ -105,6 +109,17 @@ def map_id(server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[str]:
     server.ask(f"/api/maps/{made_id}", "DELETE")
 
 
+@pytest.fixture
+def published(server: Any, map_id: str) -> Iterator[str]:
+    """That map as a floor of a building, which somebody else may find."""
+    services = open_services(ServerSettings(server.data))
+    spot = Spot("North Mall", 2, 47.3769, 8.5417)
+    made = publish(services, floor_of(services, map_id, spot, [], WifiFindParameters()))
+    yield made.map_id
+    withdraw(services, "North Mall", 2)
+    services.engine.dispose()
+
+
 def get_map(page: Any, server: Any) -> None:
     """Pair and take the map onto the phone."""
     page.goto(server.address)
@@ -164,6 +179,36 @@ def test_a_map_is_got_once_and_then_needs_no_server(
     assert set(fixes.status[known]) == {FixStatus.OK}
     np.testing.assert_allclose(fixes.xy_m[known], np.tile(HERE_M, (known.sum(), 1)), atol=0.05)
     np.testing.assert_allclose(fixes.heading_rad[known], np.pi / 2, atol=1e-5)
+
+
+def test_a_floor_is_found_by_where_the_phone_is(
+    pocket: Any, server: Any, heard_map: FloorMap, published: str
+) -> None:
+    floor = f"[data-map='{published}']"
+    with pocket.on() as page:
+        page.goto(server.address)
+        page.click("#where")
+        page.click("#maps-near")
+        page.locator("#maps-trouble", has_text="allow it in the browser's settings").wait_for()
+        page.context.grant_permissions([*PERMISSIONS, "geolocation"])
+        page.context.set_geolocation({"latitude": 47.0, "longitude": 8.5417, "accuracy": 30})
+        page.click("#maps-near")
+        page.locator("#maps-trouble", has_text="No map of a place near here").wait_for()
+        page.context.set_geolocation({"latitude": 47.3769, "longitude": 8.5417, "accuracy": 30})
+        page.reload()
+        page.click("#where")
+        page.click("#maps-near")
+        page.wait_for_selector(floor)
+        assert page.inner_text(f"{floor} h2") == "North Mall, floor 2"
+        check_view(page, 390)
+        page.click(f"{floor} >> text=Get this map")
+        page.click(f"{floor} >> text=Find me here")
+        page.wait_for_selector("#place-stop:visible")
+        page.check("input[value=one-shot]", force=True)
+        wait_for_words(page, "Here, within")
+        page.click("#place-back")
+        page.wait_for_selector(f"{floor} >> text=Update")
+        page.context.grant_permissions(PERMISSIONS)
 
 
 def test_without_steps_nothing_is_claimed(pocket: Any, server: Any, map_id: str) -> None:

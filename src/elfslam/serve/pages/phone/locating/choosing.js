@@ -3,8 +3,9 @@
 import { openPackages } from "../../keeping/packages.js";
 import { openStore } from "../../keeping/store.js";
 import { ask } from "../../shared/api.js";
-import { showView } from "../view.js";
-import { rowsOf } from "./maps.js";
+import { at, showView } from "../view.js";
+import { offersOf, rowsOf } from "./maps.js";
+import { floorsNear } from "./near.js";
 import { askRemove, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
 
 const NO_SERVER = "The server does not answer. The maps on this phone work without it.";
@@ -18,6 +19,8 @@ const NO_SERVER = "The server does not answer. The maps on this phone work witho
 export function makeChoosing({ act, chosen, paired }) {
   /** @type {import("../../keeping/packages.js").Packages | null} */
   let packages = null;
+  /** @type {import("./near.js").NearMap[]} */
+  let near = [];
 
   async function list() {
     showView("maps");
@@ -26,7 +29,7 @@ export function makeChoosing({ act, chosen, paired }) {
     const kept = await packages.list();
     showMaps(rowsOf(kept, null), does);
     await paired();
-    const offered = await offeredMaps(kept).catch((error) => {
+    const offered = await offeredMaps(kept, near).catch((error) => {
       showMapsTrouble(kept.length > 0 && error.status === 0 ? NO_SERVER : error.message);
       return null;
     });
@@ -43,6 +46,18 @@ export function makeChoosing({ act, chosen, paired }) {
     await list();
   }
 
+  async function lookAround() {
+    at("maps-near").disabled = true;
+    try {
+      near = await floorsNear(navigator.geolocation);
+      await list();
+    } catch (error) {
+      showMapsTrouble(error.message);
+    } finally {
+      at("maps-near").disabled = false;
+    }
+  }
+
   async function remove({ id }) {
     if (!(await askRemove())) return;
     await packages.remove(id);
@@ -54,18 +69,28 @@ export function makeChoosing({ act, chosen, paired }) {
     get: (row, event) => act(() => get(row))(event),
     remove: (row, event) => act(() => remove(row))(event),
   };
+  at("maps-near").addEventListener("click", act(lookAround));
   return { list };
 }
 
-/** The server's maps, and the revision of those that this phone has. @param {import("./maps.js").KeptMap[]} kept */
-async function offeredMaps(kept) {
-  const offered = await ask("GET", "/api/maps");
+/**
+ * The server's maps, those near here, and the revision of those that this phone has.
+ * @param {import("./maps.js").KeptMap[]} kept @param {import("./near.js").NearMap[]} near
+ */
+async function offeredMaps(kept, near) {
+  const offers = offersOf(await ask("GET", "/api/maps"), near, kept);
   const held = new Set(kept.map(({ map }) => map));
   const withRevision = async (offer) => (held.has(offer.id) ? { ...offer, revision: await revisionOf(offer.id) } : offer);
-  return Promise.all(offered.map(withRevision));
+  return (await Promise.all(offers.map(withRevision))).filter(({ revision }) => revision !== null);
 }
 
+/** Null where the server has no such map any more. */
 async function revisionOf(id) {
-  const { manifest } = await ask("GET", `/api/maps/${encodeURIComponent(id)}/package`);
-  return JSON.parse(manifest).revision;
+  try {
+    const { manifest } = await ask("GET", `/api/maps/${encodeURIComponent(id)}/package`);
+    return JSON.parse(manifest).revision;
+  } catch (error) {
+    if (error.status === 404) return null;
+    throw error;
+  }
 }
