@@ -62,9 +62,10 @@ def noise_after_a_kill(task: int, folder: Path) -> F32:
 def count_up(seat: Seat, *, folder: Path, keep: bool, dies: int, times: int) -> None:
     """Adds up its parts of 5 steps, the state in a file; a process kills itself at step 3.
 
-    As in a training, nobody begins a step before all have kept the one before.
+    As in a training, nobody ends a step before all have begun it, nor begins one before all have
+    kept the one before.
     """
-    done, total = _kept(folder, seat.number)
+    done, total = _number(folder / f"sum-{seat.number}"), _number(folder / f"total-{seat.number}")
     for step in range(done, 5):
         part = seat.part_of(step)
         deaths = len(list(folder.glob("death-*")))
@@ -72,21 +73,30 @@ def count_up(seat: Seat, *, folder: Path, keep: bool, dies: int, times: int) -> 
             (folder / f"death-{deaths}").touch()
             os.kill(os.getpid(), signal.SIGKILL)
         total += sum(part)
-        if keep:
-            partial = folder / f"partial-{seat.number}"
-            partial.write_text(f"{step + 1} {total}")
-            partial.replace(folder / f"sum-{seat.number}")
-            seat.keep()
+        if not keep:
+            continue
+        _meet(seat, folder, "begun", step + 1)
         seat.tell((step, total))
-        while keep and any(_kept(folder, number)[0] <= step for number in range(seat.count)):
-            time.sleep(0.01)
+        _put(folder / f"total-{seat.number}", total)
+        _meet(seat, folder, "sum", step + 1)
+        seat.keep()
 
 
-def _kept(folder: Path, number: int) -> tuple[int, int]:
-    """How many steps a process has kept, and their sum."""
-    file = folder / f"sum-{number}"
-    done, total = file.read_text().split() if file.exists() else ("0", "0")
-    return int(done), int(total)
+def _meet(seat: Seat, folder: Path, what: str, step: int) -> None:
+    """Say how far this process is, and wait until all are."""
+    _put(folder / f"{what}-{seat.number}", step)
+    while any(_number(folder / f"{what}-{each}") < step for each in range(seat.count)):
+        time.sleep(0.01)
+
+
+def _put(file: Path, number: int) -> None:
+    partial = file.with_suffix(".partial")
+    partial.write_text(str(number))
+    partial.replace(file)
+
+
+def _number(file: Path) -> int:
+    return int(file.read_text()) if file.exists() else 0
 
 
 def fail_together(seat: Seat, *, error: Exception) -> None:
