@@ -62,7 +62,7 @@ class Demand:
 class Costs:
     """What one of each costs, measured on one machine of two cores: see docs/scale.md."""
 
-    lookup_s: float = 0.0085
+    lookup_s: float = 0.004
     """Of a core, server and database together."""
     page_bytes: float = 3.8e6
     """The page and its runtime, once for each phone."""
