@@ -1,4 +1,4 @@
-"""A PostgreSQL of one's own for a benchmark: its socket in a temporary folder, gone at the end."""
+"""A PostgreSQL of one's own, for benchmarks and tests: in a temporary folder, gone at the end."""
 
 from __future__ import annotations
 
@@ -34,12 +34,19 @@ class Postgresql:
         return f"host={self.folder} user=elfslam dbname=elfslam"
 
 
+def initdb() -> str | None:
+    """The program that makes a PostgreSQL, where it is installed."""
+    found = sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))
+    return shutil.which("initdb") or next(iter(found), None)
+
+
 @contextmanager
-def own_postgresql() -> Iterator[Postgresql]:
-    """Starts it with its default settings; ends it at once afterwards. Raises SystemExit."""
-    program = shutil.which("initdb") or next(
-        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
-    )
+def own_postgresql(**settings: str) -> Iterator[Postgresql]:
+    """Starts it with its default settings but for those given; ends it at once afterwards.
+
+    Raises SystemExit where it is not installed.
+    """
+    program = initdb()
     if program is None:
         raise SystemExit("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     binaries, folder = Path(program).resolve().parent, tempfile.mkdtemp(prefix="pg")
@@ -66,6 +73,7 @@ def own_postgresql() -> Iterator[Postgresql]:
         folder,
         "-c",
         "listen_addresses=",
+        *(word for name, value in settings.items() for word in ("-c", f"{name}={value}")),
     ]
     process = subprocess.Popen(command, stderr=subprocess.DEVNULL, user=user, cwd=folder)
     try:

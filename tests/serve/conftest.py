@@ -2,13 +2,9 @@
 
 from __future__ import annotations
 
-import os
 import secrets
-import shutil
-import signal
 import subprocess
 import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastapi import FastAPI
+from own_postgresql import initdb, own_postgresql
 from sqlalchemy import select
 
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
@@ -44,53 +41,11 @@ Maps = tuple[FloorMap, FloorMap]
 @pytest.fixture(scope="session")
 def postgresql() -> Iterator[str]:
     """A PostgreSQL of our own, by the folder of its socket; skips the test where there is none."""
-    program = shutil.which("initdb") or next(
-        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
-    )
-    if program is None:
+    pytest.importorskip("psycopg")
+    if initdb() is None:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
-    binaries = Path(program).resolve().parent
-    folder = tempfile.mkdtemp(prefix="pg")  # a short path: sockets allow 107 characters
-    user = "postgres" if os.getuid() == 0 else None
-    if user is not None:
-        shutil.chown(folder, user)
-    make = [
-        binaries / "initdb",
-        "-D",
-        f"{folder}/data",
-        "-A",
-        "trust",
-        "-U",
-        "elfslam",
-        "-E",
-        "UTF8",
-    ]
-    subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
-    options = ["-c", "listen_addresses=", "-c", "fsync=off"]
-    server = subprocess.Popen(
-        [binaries / "postgres", "-D", f"{folder}/data", "-k", folder, *options],
-        stderr=subprocess.DEVNULL,
-        user=user,
-        cwd=folder,
-    )
-    until_s = time.monotonic() + 60
-    while not accepts(folder):
-        assert time.monotonic() < until_s, "PostgreSQL does not start"
-        time.sleep(0.05)
-    yield folder
-    server.send_signal(signal.SIGQUIT)  # at once: nothing of it is kept
-    server.wait()
-    shutil.rmtree(folder)
-
-
-def accepts(folder: str) -> bool:
-    """Whether the PostgreSQL whose socket lies there takes connections by now."""
-    psycopg = pytest.importorskip("psycopg")
-    try:
-        psycopg.connect(f"host={folder} user=elfslam dbname=postgres").close()
-    except psycopg.OperationalError:
-        return False
-    return True
+    with own_postgresql(fsync="off") as running:
+        yield running.folder
 
 
 @pytest.fixture

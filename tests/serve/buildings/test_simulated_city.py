@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from own_postgresql import initdb
 
 BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks/two_hundred_phones.py"
 
@@ -17,7 +17,7 @@ BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks/two_hundred_phones
 @pytest.mark.slow
 def test_the_benchmark_small() -> None:
     pytest.importorskip("psycopg")
-    if not (shutil.which("initdb") or list(Path("/usr/lib/postgresql").glob("*/bin/initdb"))):
+    if initdb() is None:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     command = [
         sys.executable,

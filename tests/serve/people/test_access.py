@@ -19,7 +19,7 @@ BODIES = {"/api/find": {"wifi": {"04:33:89:79:fc:7c": -60}}}
 """What a route wants to see before it looks at the token."""
 
 
-@pytest.mark.parametrize("token", [None, "x", new_token()])
+@pytest.mark.parametrize("token", [None, "x", "k" * 43])
 def test_every_route_but_the_version_wants_a_token(
     app: FastAPI, anyone: TestClient, token: str | None
 ) -> None:
