@@ -31,6 +31,7 @@ def publish_command(
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
     with server_extra():
+        from elfslam.serve.buildings.indexes import index_floor
         from elfslam.serve.buildings.publishing import Spot, publish
         from elfslam.serve.buildings.sources import floor_of
         from elfslam.serve.buildings.wifi import WifiFindParameters
@@ -46,9 +47,10 @@ def publish_command(
     services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
     new = floor_of(services, source, spot, heard or [], WifiFindParameters())
     made = publish(services, new)
+    heard_too = ", found by its echoes" if index_floor(services, made.map_id) else ""
     say(
         f"{name}, floor {floor}: map {made.map_id}, revision {made.revision}, {made.parts} parts "
-        f"of {made.parts_bytes / 1e6:.2f} MB, {made.points} access points"
+        f"of {made.parts_bytes / 1e6:.2f} MB, {made.points} access points{heard_too}"
     )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from elfslam.nearest.build import build_index
 from elfslam.nearest.changes import absorb, add_map, remove_map
 from elfslam.nearest.exact import best_per_range, exact_search
-from elfslam.nearest.folder import verify
+from elfslam.nearest.folder import newest_revision, read_meta, verify
 from elfslam.nearest.parameters import NearestParameters
 from elfslam.nearest.search import Index, open_index
 from elfslam.nearest.vote import Candidate, Naming, VoteParameters, which_map
@@ -21,7 +21,9 @@ __all__ = [
     "best_per_range",
     "build_index",
     "exact_search",
+    "newest_revision",
     "open_index",
+    "read_meta",
     "remove_map",
     "verify",
     "which_map",

@@ -112,12 +112,17 @@ def meta_file(folder: Path, revision: int) -> Path:
     return folder / f"nearest-{revision:06d}.json"
 
 
-def read_meta(folder: Path) -> Meta:
-    """The newest revision. Raises StoreError where there is none, or it is damaged."""
+def newest_revision(folder: Path) -> Path:
+    """The file that describes the newest revision. Raises StoreError where there is none."""
     found = sorted(folder.glob("nearest-[0-9]*.json"))
     if not found:
         raise StoreError(f"{folder}: holds no index; name a folder that build_index made")
-    return read_revision(found[-1])
+    return found[-1]
+
+
+def read_meta(folder: Path) -> Meta:
+    """The newest revision. Raises StoreError where there is none, or it is damaged."""
+    return read_revision(newest_revision(folder))
 
 
 def read_revision(file: Path) -> Meta:

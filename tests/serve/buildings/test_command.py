@@ -117,6 +117,48 @@ def test_a_floor_from_its_folder(
         assert told == {"status": "UNKNOWN_PLACE", "candidates": []}
 
 
+def by_echoes(client: TestClient, floor_map: FloorMap) -> list[tuple[str, int]]:
+    """The floors that somebody is told who hears four spots of a map, if it is sure."""
+    vectors = floor_map.payloads[0].vectors[5:9]
+    unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    echoes = {"encoder": load_encoder("compact").identity, "vectors": unit.tolist()}
+    told = client.post("/api/find", json={"echoes": echoes}).json()
+    known = [(each["building"], each["floor"]) for each in told["candidates"]]
+    return known[:1] if told["status"] == "OK" else []
+
+
+@pytest.mark.parametrize("most_added", [20_000, 300])
+def test_once_there_is_an_index_floors_come_into_it_as_they_are_published(
+    elfslam: Elfslam,
+    guest: TestClient,
+    map_folder: Path,
+    maps: tuple[FloorMap, FloorMap],
+    monkeypatch: pytest.MonkeyPatch,
+    most_added: int,
+) -> None:
+    monkeypatch.setattr("elfslam.serve.buildings.indexes.MOST_ADDED", most_added)
+    place = ("--building", "Mall", "--at", "47.1,8.2")
+    vectors = np.random.default_rng(9).normal(0, 0.09, (len(maps[0].xy_m), 128))
+    elf = replace(maps[0].payloads[0], vectors=vectors.astype(np.float32))
+    upstairs = replace(maps[0], payloads=(elf,))
+    code, out = elfslam("publish", map_folder, *place, "--floor", 0)
+    assert "by its echoes" not in out
+    assert by_echoes(guest, maps[0]) == []
+    assert elfslam("buildings", "--index")[0] == 0
+    assert by_echoes(guest, maps[0]) == [("Mall", 0)]
+    write_map(upstairs, map_folder / MAP)
+    code, out = elfslam("publish", map_folder, *place, "--floor", 1)
+    assert code == 0
+    assert "found by its echoes" in out
+    assert by_echoes(guest, maps[0]) == [("Mall", 0)]
+    assert by_echoes(guest, upstairs) == [("Mall", 1)]
+    assert elfslam("withdraw", "--building", "Mall", "--floor", 1)[0] == 0
+    assert by_echoes(guest, upstairs) == []
+    elfslam("publish", map_folder, *place, "--floor", 0)
+    assert by_echoes(guest, upstairs) == [("Mall", 0)]
+    assert by_echoes(guest, maps[0]) == []
+
+
 def test_a_floor_from_a_map_of_the_server(
     elfslam: Elfslam, owner: TestClient, services: Services, map_folder: Path, walk_folder: Path
 ) -> None:

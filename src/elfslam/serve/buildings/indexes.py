@@ -1,5 +1,7 @@
 """The index of the spots of all published floors: built from their files, kept in the data folder.
 
+Once it was built, floors come into it as they are published.
+
 Floors whose features another encoder made than the shipped one are not in it: phones do not know
 which encoder to ask with before they know the floor.
 """
@@ -19,7 +21,16 @@ from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data.tiles import features_of
 from elfslam.line.feature import load_encoder
-from elfslam.nearest import NearestParameters, build_index, open_index
+from elfslam.nearest import (
+    NearestParameters,
+    absorb,
+    add_map,
+    build_index,
+    newest_revision,
+    open_index,
+    read_meta,
+    remove_map,
+)
 from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
 from elfslam.serve.buildings.files import Files
@@ -28,6 +39,8 @@ from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading
 
 FOLDER, LATEST = "nearest", "latest"
+MOST_ADDED = 20_000
+"""Spots that came later are looked at one by one; so many of them, and the index takes them in."""
 _OPENED: dict[Path, EchoIndex] = {}
 _OPENING = threading.Lock()
 
@@ -60,17 +73,45 @@ def index_floors(services: Services, parameters: NearestParameters) -> tuple[int
     return len(rows), sum(counts.values())
 
 
+def index_floor(services: Services, map_id: str) -> bool:
+    """Put a floor as it is published now into the index; whether it is in it then.
+
+    It is not where no index was built yet, or another encoder made its features. A server that
+    runs finds it from its next question on. Raises StoreError.
+    """
+    folder = _latest(services)
+    if folder is None:
+        return False
+    if any(each.name == map_id and not each.removed for each in read_meta(folder).maps):
+        remove_map(folder, map_id)
+    rows = dict(_spots(services, store.open_files(services.settings), shipped_encoder(), map_id))
+    for name, spots in rows.items():
+        meta = add_map(folder, name, spots, encoder=shipped_encoder())
+        if sum(each.spots for each in meta.added) > MOST_ADDED:
+            absorb(folder)
+    return map_id in rows
+
+
 def index_of(services: Services) -> EchoIndex | None:
-    """The newest index of a server, or none; opened once."""
+    """The newest revision of a server's index, or none; each is opened once."""
+    folder = _latest(services)
+    if folder is None:
+        return None
+    revision = newest_revision(folder)
+    with _OPENING:
+        if revision not in _OPENED:
+            for older in [each for each in _OPENED if each.parent.parent == folder.parent]:
+                del _OPENED[older]
+            _OPENED[revision] = _opened(folder)
+        return _OPENED[revision]
+
+
+def _latest(services: Services) -> Path | None:
     folder = services.settings.data_folder / FOLDER
     try:
-        latest = folder / (folder / LATEST).read_text()
+        return folder / (folder / LATEST).read_text()
     except FileNotFoundError:
         return None
-    with _OPENING:
-        if latest not in _OPENED:
-            _OPENED[latest] = _opened(latest)
-        return _OPENED[latest]
 
 
 def _opened(folder: Path) -> EchoIndex:
@@ -80,10 +121,13 @@ def _opened(folder: Path) -> EchoIndex:
     )
 
 
-def _spots(services: Services, files: Files, encoder: str) -> Iterator[tuple[str, F32]]:
-    """Unit rows of the spots of each floor by the id of its map."""
+def _spots(
+    services: Services, files: Files, encoder: str, only: str | None = None
+) -> Iterator[tuple[str, F32]]:
+    """Unit rows of the spots of each floor, or of one, by the id of its map."""
+    wanted = select(Floor.id, Floor.manifest).order_by(Floor.number)
     with reading(services.sessions) as session:
-        floors = session.execute(select(Floor.id, Floor.manifest).order_by(Floor.number)).all()
+        floors = session.execute(wanted if only is None else wanted.where(Floor.id == only)).all()
     for map_id, manifest in floors:
         told: dict[str, Any] = json.loads(manifest)
         if told.get("encoder", {}).get("identity") == encoder:
