@@ -130,6 +130,7 @@ def get_map(page: Any, server: Any) -> None:
 def take_map(page: Any) -> None:
     page.click("text=Get this map")
     page.wait_for_selector("text=Find me here")
+    page.wait_for_selector("#maps-list >> text=Update")  # the server has answered: the list stays
 
 
 def locate(page: Any, mode: str) -> str:
