@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -39,7 +40,8 @@ node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
 
-def run_node(file: Path, vectors: Path) -> None:
+def passed_in_node(file: Path, vectors: Path) -> int:
+    """How many tests of a file passed in node; that none failed is asserted here."""
     done = subprocess.run(
         [str(node), "--test", str(file)],
         capture_output=True,
@@ -50,6 +52,7 @@ def run_node(file: Path, vectors: Path) -> None:
     )
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     assert "# fail 0" in done.stdout
+    return int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])  # type: ignore[index]
 
 
 def listed(value: Any) -> Any:
@@ -173,7 +176,9 @@ def motion_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @needs_node
 def test_motion_is_that_of_the_line(motion_file: Path) -> None:
-    run_node(HERE / "motion.test.mjs", motion_file)
+    """Five tests look at each walk, one at each that comes in live, six at no walk of ours."""
+    passed = passed_in_node(HERE / "motion.test.mjs", motion_file)
+    assert passed == 5 * len(WALKS) + len(LIVE) + 6
 
 
 def test_the_walks_are_those_that_were_wanted(motion_file: Path) -> None:
