@@ -1,32 +1,15 @@
-"""Files and folders that appear whole or not at all, and zips unpacked."""
+"""Files and folders that appear whole or not at all."""
 
 from __future__ import annotations
 
-import lzma
 import os
 import secrets
 import shutil
-import struct
-import zipfile
-import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from elfslam.base.errors import InputError, StoreError
-
-DAMAGED_ZIP = (
-    zipfile.BadZipFile,
-    zlib.error,
-    lzma.LZMAError,
-    struct.error,
-    OSError,
-    EOFError,
-    RuntimeError,
-    ValueError,
-    LookupError,
-)
-"""What zipfile lets through of an archive that was cut off, overwritten or made up."""
+from elfslam.base.errors import StoreError
 
 
 @contextmanager
@@ -60,15 +43,6 @@ def new_file(file: Path) -> Iterator[Path]:
         raise StoreError(f"{file}: cannot be written ({cause}); choose another place") from cause
     finally:
         partial.unlink(missing_ok=True)
-
-
-def unpack_zip(path: Path, folder: Path) -> None:
-    """The files of a .zip put into `folder`. Raises InputError where missing or broken."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            archive.extractall(folder)
-    except DAMAGED_ZIP as cause:
-        raise InputError(f"{path}: is no whole .zip ({cause}); copy the file again") from cause
 
 
 def _sibling(path: Path) -> Path:

@@ -23,7 +23,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
-from elfslam.data.folders import unpack_zip
+from elfslam.base.zips import unpack_zip
 from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, RATE_COLUMN, SOUND_COLUMN
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,

@@ -19,10 +19,11 @@ import numpy as np
 from elfslam import __version__
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Recording, Truth
+from elfslam.base.zips import unpack_zip
 from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
-from elfslam.data.folders import new_folder, unpack_zip
+from elfslam.data.folders import new_folder
 from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
     check_shared_time,

@@ -16,7 +16,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
-from elfslam.data.folders import unpack_zip
+from elfslam.base.zips import unpack_zip
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,

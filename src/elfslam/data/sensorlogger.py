@@ -20,8 +20,8 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording, WifiScans
+from elfslam.base.zips import unpack_zip
 from elfslam.data.audio_files import read_audio
-from elfslam.data.folders import unpack_zip
 from elfslam.data.sensor_files import (
     AXES,
     LARGEST_ACCEL_MPS2,
