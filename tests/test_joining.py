@@ -11,7 +11,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.errors import InputError, NoAnswerError
+from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.cli import main
 from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
@@ -115,6 +115,20 @@ def test_a_map_takes_no_walk_twice_and_no_second_map(runs: Path, tmp_path: Path)
         merge_into(tmp_path / "out", [tmp_path / "map"], KNOWN, ignore)
     with pytest.raises(NoAnswerError, match="no walk could be added; away with the map: "):
         merge_into(tmp_path / "out", [tmp_path / "map", runs / "away"], KNOWN, ignore)
+
+
+def test_only_an_older_map_gives_way(runs: Path, tmp_path: Path) -> None:
+    walks = [runs / "one", runs / "two"]
+    merge_into(tmp_path / "map", walks, KNOWN, ignore)
+    (tmp_path / "map" / "old.txt").write_text("of the older map")
+    with pytest.raises(StoreError, match="already exists"):
+        merge_into(tmp_path / "map", walks, KNOWN, ignore)
+    merge_into(tmp_path / "map", walks, KNOWN, ignore, overwrite=True)
+    assert not (tmp_path / "map" / "old.txt").exists()
+    (tmp_path / "letters").mkdir()
+    (tmp_path / "letters" / "a.txt").write_text("dear")
+    with pytest.raises(StoreError, match=r"holds no merge\.json"):
+        merge_into(tmp_path / "letters", walks, KNOWN, ignore, overwrite=True)
 
 
 def test_known_starts_put_all_walks_in_one_frame(runs: Path, tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder, refuse_occupied
 from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import MERGED, is_merged, write_merged
+from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.runs import read_run
 from elfslam.line.alignment import Alignment
 from elfslam.line.quality import map_quality
@@ -67,7 +67,7 @@ def merge_into(
     }
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
         content = (made.floor_map, quality, made.trajectories)
-        write_merged(partial, *content, facts=facts, encoder=_encoder_in(paths))
+        fill_merged(partial, *content, facts=facts, encoder=_encoder_in(paths))
         report = partial / "report.html"
         write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
     return made

@@ -18,7 +18,7 @@ from elfslam.base.values import Echoes, FloorMap, Recording
 from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
-from elfslam.data.runs import digest_of, write_run
+from elfslam.data.runs import digest_of, fill_run
 from elfslam.hearing import hear
 from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
@@ -87,9 +87,9 @@ def write_reported_run(
     floor_plan: FloorPlan | None = None,
     replace: bool = False,
 ) -> None:
-    """The run as a folder that holds its report.html, whole or not at all. See `write_run`."""
+    """The run as a folder that holds its report.html, whole or not at all. See `fill_run`."""
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
-        write_run(run, partial, facts=facts, encoder=encoder)
+        fill_run(run, partial, facts=facts, encoder=encoder)
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
 
 

@@ -16,7 +16,7 @@ from elfslam.workers import Here, Workers
 def recordings_in(path: Path) -> list[Path]:
     """The recording at `path`, or those in the folder `path`."""
     if path.is_dir() and not (path / "recording.json").exists():
-        inside = sorted(item.parent for item in path.glob("*/recording.json"))
+        inside = sorted(item.parent for item in path.glob("[!.]*/recording.json"))
         if inside:
             return inside
     return [path]

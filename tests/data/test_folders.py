@@ -1,13 +1,19 @@
-"""Nothing half-written stays, nothing else is overwritten."""
+"""Nothing half-written stays, nothing else is overwritten, and what a kill left is mended."""
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file, new_folder
+from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled
 
 
 def _half_written_folder(folder: Path) -> None:
@@ -52,6 +58,8 @@ def test_a_file_in_the_way_is_kept(tmp_path: Path) -> None:
         pass
     with pytest.raises(StoreError, match="cannot be written"), new_folder(tmp_path / "new" / "b"):
         pass
+    with pytest.raises(StoreError, match="cannot be written"), new_file(tmp_path / "new" / "b"):
+        pass
     assert (tmp_path / "new").read_text() == "precious"
 
 
@@ -65,3 +73,222 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
         partial.write_text("new")
     assert file.read_text() == "new"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_what_is_no_file_is_not_replaced_by_one(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for place in (tmp_path, tmp_path / "pipe"):
+        with pytest.raises(StoreError, match="is no file that"), new_file(place):
+            pass
+    assert (tmp_path / "pipe").is_fifo()
+
+
+def test_a_link_stays_and_what_it_names_is_written(tmp_path: Path) -> None:
+    (tmp_path / "there").mkdir()
+    for name in ("folder", "file"):
+        (tmp_path / name).symlink_to(tmp_path / "there" / name)
+    with new_folder(tmp_path / "folder") as partial:
+        (partial / "a").write_text("x")
+    with new_file(tmp_path / "file") as partial:
+        partial.write_text("y")
+    assert (tmp_path / "there" / "folder" / "a").read_text() == "x"
+    assert (tmp_path / "there" / "file").read_text() == "y"
+    assert (tmp_path / "folder").is_symlink()
+
+
+def test_folders_made_on_the_way_go_with_what_failed(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        _half_written_folder(tmp_path / "a" / "b" / "new")
+    with pytest.raises(ZeroDivisionError):
+        _half_written_file(tmp_path / "a" / "c" / "new")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("new", [new_folder, new_file])
+def test_two_never_write_at_one_place(tmp_path: Path, new: Callable[[Path], Any]) -> None:
+    with new(tmp_path / "out") as partial:
+        with (
+            pytest.raises(StoreError, match="out: somebody else is writing"),
+            new(tmp_path / "out"),
+        ):
+            pass
+        if new is new_file:
+            partial.write_text("first")
+    assert [item.name for item in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("replaces", [None, "mark"])
+def test_what_somebody_made_meanwhile_is_kept(tmp_path: Path, replaces: str | None) -> None:
+    out = tmp_path / "out"
+
+    def write() -> None:
+        with new_folder(out, replaces=replaces) as partial:
+            (partial / "mark").write_text("mine")
+            out.mkdir()
+            (out / "thesis.txt").write_text("theirs")
+
+    with pytest.raises(StoreError, match=r"out: (already exists|holds no mark)"):
+        write()
+    assert [item.name for item in out.iterdir()] == ["thesis.txt"]
+    assert [item.name for item in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_is_renamed_away_holds_what_it_must(tmp_path: Path) -> None:
+    """The older result became something else while the new one was made."""
+    out = tmp_path / "out"
+    made(out, "old")
+
+    def write() -> None:
+        with new_folder(out, replaces="mark") as partial:
+            (partial / "mark").write_text("new")
+            (out / "mark").rename(out / "thesis.txt")
+
+    with pytest.raises(StoreError, match="holds no mark"):
+        write()
+    assert (out / "thesis.txt").read_text() == "old"
+
+
+def test_it_lasts_before_it_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that is in it reaches the disk before the name does, and the name before the end."""
+    done: list[str] = []
+    sync, rename = os.fsync, os.rename
+
+    def note_sync(descriptor: int) -> None:
+        done.append(os.path.relpath(os.readlink(f"/proc/self/fd/{descriptor}"), tmp_path))
+        sync(descriptor)
+
+    def note_rename(source: Path, target: Path) -> None:
+        done.append(f"rename {target.name}")
+        rename(source, target)
+
+    monkeypatch.setattr(os, "fsync", note_sync)
+    monkeypatch.setattr(os, "rename", note_rename)
+    with new_folder(tmp_path / "out") as partial:
+        (partial / "deep").mkdir()
+        for name in ("a", "deep/b"):
+            (partial / name).write_text("x")
+    at = done.index("rename out")
+    inside = {".out.partial", ".out.partial/a", ".out.partial/deep", ".out.partial/deep/b"}
+    assert inside <= set(done[:at])
+    assert "." in done[at:]
+
+
+def made(out: Path, what: str) -> None:
+    """A result of three files, the older one replaced."""
+    with new_folder(out, replaces="mark") as partial:
+        (partial / "deep").mkdir()
+        for name in ("mark", "a", "deep/b"):
+            (partial / name).write_text(what)
+
+
+def seen(out: Path) -> set[str]:
+    """What the files of a result say: one thing where it is whole."""
+    return {(out / name).read_text() for name in ("mark", "a", "deep/b")}
+
+
+STEPS = ("fsync", "rename", "replace", "unlink", "rmdir", "mkdir", "open", "close")
+
+
+@contextmanager
+def killed_at(step: int) -> Iterator[None]:
+    """Kill this process before the so-manieth step that it takes on the disk."""
+    left = iter(range(step))
+
+    def counted(do: Callable[..., Any]) -> Callable[..., Any]:
+        def run(*arguments: Any, **named: Any) -> Any:
+            if next(left, None) is None:
+                os.kill(os.getpid(), signal.SIGKILL)
+            return do(*arguments, **named)
+
+        return run
+
+    with pytest.MonkeyPatch.context() as patch:
+        for name in STEPS:
+            patch.setattr(os, name, counted(getattr(os, name)))
+        yield
+
+
+def survives(step: int, do: Callable[[], None]) -> bool:
+    """Whether a process of its own does it in fewer steps."""
+    child = os.fork()
+    if child == 0:
+        with killed_at(step):
+            do()
+        os._exit(0)
+    return os.waitpid(child, 0)[1] == 0
+
+
+def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Path) -> None:
+    """Whatever looks there next finds the old or the new result whole; and nothing is left over."""
+    found = []
+    for step in range(200):
+        out = tmp_path / str(step) / "out"
+        made(out, "old")
+        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+            break
+        [whole] = seen(settled(out))
+        found.append(whole)
+        made(out, "newest")
+        assert seen(out) == {"newest"}
+        assert [item.name for item in out.parent.iterdir()] == ["out"]
+    assert len(found) > 30
+    assert found == sorted(found, reverse=True), "old until some step, new from then on"
+    assert set(found) == {"old", "new"}
+
+
+def test_a_first_result_killed_at_any_step_leaves_nothing_for_ever(tmp_path: Path) -> None:
+    for step in range(200):
+        out = tmp_path / str(step) / "out"
+        if survives(step, lambda out=out: made(out, "new")):  # type: ignore[misc]
+            break
+        assert not out.exists() or seen(out) == {"new"}
+        made(out, "newest")
+        assert [item.name for item in out.parent.iterdir()] == ["out"]
+    assert step > 20
+
+
+def test_a_file_killed_at_any_step_is_old_or_new(tmp_path: Path) -> None:
+    def write(file: Path, text: str) -> None:
+        with new_file(file) as partial:
+            partial.write_text(text)
+
+    for step in range(100):
+        file = tmp_path / str(step) / "file"
+        write(file, "old")
+        if survives(step, lambda file=file: write(file, "new")):  # type: ignore[misc]
+            break
+        assert file.read_text() in ("old", "new")
+        write(file, "newest")
+        assert [item.name for item in file.parent.iterdir()] == ["file"]
+    assert step > 8
+
+
+def test_a_kill_between_both_renames_is_seen_before_the_work(tmp_path: Path) -> None:
+    """Whoever asks whether the place is free hears that the older result is there again."""
+    out = tmp_path / "out"
+    made(out, "old")
+    out.rename(tmp_path / ".out.replaced")
+    with pytest.raises(StoreError, match="already exists"):
+        refuse_occupied(out, None)
+    assert seen(out) == {"old"}
+    assert [item.name for item in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.fixture
+def read_only(tmp_path: Path) -> Iterator[Path]:
+    """A file system that nobody may write to, root included; skips where none may be mounted."""
+    place = tmp_path / "disk"
+    place.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(place)]
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("no file system can be mounted here")
+    yield place
+    subprocess.run(["umount", "--lazy", str(place)], check=True)
+
+
+@pytest.mark.parametrize("new", [new_folder, new_file])
+def test_a_read_only_place_is_named(read_only: Path, new: Callable[[Path], Any]) -> None:
+    for place in (read_only / "out", read_only / "deep" / "out"):
+        said = rf"{place}: cannot be written \(Read-only file system\)"
+        with pytest.raises(StoreError, match=said), new(place):
+            pass

@@ -7,11 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import numpy.testing as npt
-import pytest
 
-from elfslam.base.errors import StoreError
 from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import QUALITY_COLUMNS, is_merged, write_merged
+from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged
 from elfslam.data.tum import read_tum
 from elfslam.line.quality import MapQuality
 from elfslam.slam import Run
@@ -27,10 +25,11 @@ QUALITY = MapQuality(
 )
 
 
-def written(folder: Path, run: Run, **more: bool) -> None:
+def written(folder: Path, run: Run) -> None:
     trajectories = {"day/one": run.trajectory}
     facts = {"walks": ["day/one"]}
-    write_merged(folder, run.floor_map, QUALITY, trajectories, facts=facts, encoder=b"onnx", **more)
+    folder.mkdir()
+    fill_merged(folder, run.floor_map, QUALITY, trajectories, facts=facts, encoder=b"onnx")
 
 
 def test_a_folder_holds_map_trajectories_quality_and_facts(tmp_path: Path, run: Run) -> None:
@@ -53,14 +52,3 @@ def test_an_error_that_nobody_knows_stays_empty(tmp_path: Path, run: Run) -> Non
         "0.5,0.5,1,3,1,0.1,,0",
         "1.5,0.5,2,4,0.9,0.2,0.25,1",
     ]
-
-
-def test_only_an_older_map_gives_way(tmp_path: Path, run: Run) -> None:
-    written(tmp_path / "map", run)
-    with pytest.raises(StoreError, match="already exists"):
-        written(tmp_path / "map", run)
-    written(tmp_path / "map", run, replace=True)
-    (tmp_path / "letters").mkdir()
-    (tmp_path / "letters" / "a.txt").write_text("dear")
-    with pytest.raises(StoreError, match=r"holds no merge\.json"):
-        written(tmp_path / "letters", run, replace=True)

@@ -14,6 +14,7 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import load, rows
 from elfslam.cli.options import AsJson, EncoderName, ParameterFile, Seed, Setting
 from elfslam.console import print_rows, progress_bar, say
+from elfslam.data.folders import new_file
 from elfslam.line.feature import OnnxEncoder, load_encoder, read_card
 from elfslam.mapping import (
     finetune_into,
@@ -96,7 +97,7 @@ def parameters(
 
 def write_measured(encoder: str, measured: Path, out: Path) -> None:
     """Write the encoder to `out` with the figures of a study's table on its card."""
-    from elfslam.learn.export import with_metrics, write_encoder
+    from elfslam.learn.export import with_metrics
     from elfslam.studies.elf import metrics_of
 
     try:
@@ -105,5 +106,6 @@ def write_measured(encoder: str, measured: Path, out: Path) -> None:
         raise InputError(f"{measured}: wanted the table of a study as JSON ({cause})") from cause
     known = load_encoder(encoder)
     content = known.content if isinstance(known, OnnxEncoder) else b""
-    write_encoder(out, with_metrics(content, metrics_of(table)))
+    with new_file(out) as partial:
+        partial.write_bytes(with_metrics(content, metrics_of(table)))
     say(f"wrote {out}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import struct
 from pathlib import Path
 
@@ -21,8 +22,10 @@ UNKNOWN_WAV_SIZES = (0, 0xFFFFFFFF)
 
 
 def write_audio(audio: Audio, file: Path) -> None:
-    """24-bit FLAC, which keeps float32 samples to 6e-8."""
-    soundfile.write(file, audio.samples.T, audio.rate_hz, subtype="PCM_24", format="FLAC")
+    """24-bit FLAC, which keeps float32 samples to 6e-8. Raises OSError."""
+    encoded = io.BytesIO()  # soundfile does not say of every disk that it is full
+    soundfile.write(encoded, audio.samples.T, audio.rate_hz, subtype="PCM_24", format="FLAC")
+    file.write_bytes(encoded.getbuffer())
 
 
 def read_audio(file: Path) -> Audio:

@@ -1,73 +1,194 @@
-"""Files and folders that appear whole or not at all."""
+"""Files and folders that appear whole or not at all, last, and have one writer at a time.
+
+Beside a result NAME lie, while it is written, `.NAME.lock` and `.NAME.partial`, and while it takes
+the place of an older one `.NAME.replaced`. What a kill leaves of them the next writer finishes,
+puts back or removes.
+"""
 
 from __future__ import annotations
 
+import fcntl
 import os
-import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from elfslam.base.errors import StoreError
 
+LOCK, PARTIAL, REPLACED = "lock", "partial", "replaced"
+
 
 @contextmanager
 def new_folder(folder: Path, *, replaces: str | None = None) -> Iterator[Path]:
-    """A temporary sibling to fill, renamed to `folder` at the end, removed if anything fails.
+    """A hidden sibling to fill, renamed to `folder` at the end, removed if anything fails.
 
     A folder with content is only replaced where it holds a file called `replaces`, so that
-    a mistyped path never costs anything else. Raises StoreError.
+    a mistyped path never costs anything else. Raises StoreError, also where somebody else is
+    writing there or came first.
     """
-    refuse_occupied(folder, replaces)
-    partial = _sibling(folder)
-    try:
-        partial.mkdir(parents=True)
+    with _alone(folder) as place:
+        refuse_occupied(folder, replaces)
+        partial = _beside(place, PARTIAL)
+        partial.mkdir()
         yield partial
-        _swap(partial, folder)
-    except OSError as cause:
-        raise StoreError(f"{folder}: cannot be written ({cause}); choose another place") from cause
-    finally:
-        shutil.rmtree(partial, ignore_errors=True)
+        _sync_all(partial)
+        _sync(place.parent)
+        if not _is_free(place):
+            _put_aside(place, replaces)
+        partial.rename(place)
+        _sync(place.parent)
 
 
 @contextmanager
 def new_file(file: Path) -> Iterator[Path]:
-    """A temporary sibling to fill, renamed to `file` at the end. Raises StoreError."""
-    partial = _sibling(file)
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
+    """A hidden sibling to fill, renamed to `file` at the end, removed if anything fails.
+
+    Raises StoreError, also where somebody else is writing there.
+    """
+    with _alone(file) as place:
+        if place.exists() and not place.is_file():
+            raise StoreError(f"{file}: is no file that could be replaced; choose another place")
+        partial = _beside(place, PARTIAL)
         yield partial
-        os.replace(partial, file)
-    except OSError as cause:
-        raise StoreError(f"{file}: cannot be written ({cause}); choose another place") from cause
-    finally:
-        partial.unlink(missing_ok=True)
-
-
-def _sibling(path: Path) -> Path:
-    return path.parent / f".{path.name}.{secrets.token_hex(4)}.partial"
+        _sync(partial)
+        partial.replace(place)
+        _sync(place.parent)
 
 
 def refuse_occupied(folder: Path, replaces: str | None) -> None:
-    if folder.is_dir():
-        occupied = any(folder.iterdir()) and not (replaces and (folder / replaces).is_file())
-    else:
-        occupied = folder.exists()
-    if occupied and replaces:
-        raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
-    if occupied:
+    """Raise StoreError where `new_folder` would, but for somebody who comes later."""
+    if _is_free(settled(folder)):
+        return
+    if replaces is None:
         raise StoreError(
             f"{folder}: already exists; choose another folder or delete it "
-            "(map alone replaces an older run, with --force)"
+            "(map and merge replace an older one, with --force)"
         )
+    if not (folder / replaces).is_file():
+        raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
 
 
-def _swap(partial: Path, folder: Path) -> None:
-    if not folder.exists():
-        partial.rename(folder)
-        return
-    old = _sibling(folder)
-    folder.rename(old)
-    partial.rename(folder)
-    shutil.rmtree(old)
+def settled(folder: Path) -> Path:
+    """The folder, once a replacement of it that was killed half-way has been finished."""
+    place = Path(os.path.realpath(folder))
+    if _beside(place, REPLACED).exists():
+        with suppress(OSError), _locked(place):
+            _settle(place)
+    return folder
+
+
+@contextmanager
+def _alone(path: Path) -> Iterator[Path]:
+    """Where `path` really lies, for one writer at a time; nothing but `path` is there after it."""
+    place = Path(os.path.realpath(path))
+    missing = [folder for folder in place.parents if not os.path.exists(folder)]
+    try:
+        place.parent.mkdir(parents=True, exist_ok=True)
+        with _locked(place):
+            _settle(place)
+            try:
+                yield place
+            finally:
+                _settle(place)
+        for folder in missing:
+            _sync(folder.parent)
+    except BlockingIOError as cause:
+        raise StoreError(
+            f"{path}: somebody else is writing there; wait for them or choose another place"
+        ) from cause
+    except OSError as cause:
+        reason = cause.strerror or cause
+        raise StoreError(f"{path}: cannot be written ({reason}); choose another place") from cause
+    finally:
+        for folder in [] if os.path.exists(place) else missing:
+            with suppress(OSError):
+                folder.rmdir()
+
+
+@contextmanager
+def _locked(path: Path) -> Iterator[None]:
+    """Raises BlockingIOError where somebody else is in here; a process that dies leaves it."""
+    lock = _beside(path, LOCK)
+    descriptor = _lock(lock)
+    try:
+        yield
+    finally:
+        lock.unlink(missing_ok=True)
+        os.close(descriptor)
+
+
+def _lock(lock: Path) -> int:
+    """The descriptor that holds the lock."""
+    while True:
+        descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            os.close(descriptor)
+            raise
+        if _is_open_at(lock, descriptor):
+            return descriptor
+        os.close(descriptor)
+
+
+def _is_open_at(path: Path, descriptor: int) -> bool:
+    """Whether a file was not removed, or made anew, while it was opened."""
+    try:
+        return os.path.samestat(os.stat(path), os.fstat(descriptor))
+    except FileNotFoundError:
+        return False
+
+
+def _put_aside(folder: Path, replaces: str | None) -> None:
+    """Make room for what is whole by now; what is not to be replaced comes back."""
+    refuse_occupied(folder, replaces)
+    folder.rename(_beside(folder, REPLACED))
+
+
+def _settle(path: Path) -> None:
+    """Finish a replacement that was cut short, and remove what was not to last.
+
+    An older result is only put aside once the new one is whole.
+    """
+    partial, replaced = _beside(path, PARTIAL), _beside(path, REPLACED)
+    if replaced.exists():
+        for whole in (partial, replaced):
+            if _is_free(path) and whole.exists():
+                with suppress(OSError):
+                    whole.rename(path)
+        _sync(path.parent)
+    if replaced.exists() and not _is_free(path):
+        _remove(partial)
+        replaced.rename(partial)  # a kill may not leave half of it under a name that comes back
+    _remove(partial)
+
+
+def _is_free(folder: Path) -> bool:
+    return not folder.exists() or (folder.is_dir() and not any(folder.iterdir()))
+
+
+def _beside(path: Path, what: str) -> Path:
+    return path.parent / f".{path.name}.{what}"
+
+
+def _remove(path: Path) -> None:
+    if path.is_dir():
+        shutil.rmtree(path, ignore_errors=True)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def _sync_all(folder: Path) -> None:
+    """Have everything in a folder last through a power cut."""
+    for place, _, names in os.walk(folder):
+        for path in [*(Path(place, name) for name in names), Path(place)]:
+            _sync(path)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

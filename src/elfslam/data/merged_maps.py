@@ -10,7 +10,6 @@ import numpy as np
 
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
-from elfslam.data.folders import new_folder
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.tum import write_tum
 from elfslam.line.quality import MapQuality
@@ -28,7 +27,7 @@ def is_merged(path: Path) -> bool:
     return (path / MERGED).is_file()
 
 
-def write_merged(
+def fill_merged(
     folder: Path,
     floor_map: FloorMap,
     quality: MapQuality,
@@ -36,23 +35,18 @@ def write_merged(
     *,
     facts: Mapping[str, object],
     encoder: bytes | None,
-    replace: bool = False,
 ) -> None:
-    """The map as a folder: map.npz, quality.csv, trajectories, and what the facts say.
-
-    Raises StoreError where a folder with content is there; with `replace` an older map gives way.
-    """
-    with new_folder(folder, replaces=MERGED if replace else None) as partial:
-        write_map(floor_map, partial / MAP)
-        write_quality(quality, partial / QUALITY)
-        (partial / TRAJECTORIES).mkdir()
-        for name, walk in trajectories.items():
-            file = partial / TRAJECTORIES / f"{name.replace('/', '-')}.tum"
-            write_tum(file, walk.t_s, walk.world_from_body)
-        text = json.dumps(dict(facts), indent=2, ensure_ascii=False, default=str)
-        (partial / MERGED).write_text(text + "\n", encoding="utf-8")
-        if encoder is not None:
-            (partial / ENCODER).write_bytes(encoder)
+    """Into a folder that is there: map.npz, quality.csv, trajectories, and what the facts say."""
+    write_map(floor_map, folder / MAP)
+    write_quality(quality, folder / QUALITY)
+    (folder / TRAJECTORIES).mkdir()
+    for name, walk in trajectories.items():
+        file = folder / TRAJECTORIES / f"{name.replace('/', '-')}.tum"
+        write_tum(file, walk.t_s, walk.world_from_body)
+    text = json.dumps(dict(facts), indent=2, ensure_ascii=False, default=str)
+    (folder / MERGED).write_text(text + "\n", encoding="utf-8")
+    if encoder is not None:
+        (folder / ENCODER).write_bytes(encoder)
 
 
 def write_quality(quality: MapQuality, file: Path) -> None:

@@ -55,24 +55,30 @@ def write_run(
     encoder: bytes | None,
     replace: bool = False,
 ) -> None:
-    """The run as a folder.
-
-    `facts` go into run.json beside the run's name, `encoder` (an ONNX file) into encoder.onnx.
+    """The run as a folder, whole or not at all, see `fill_run`.
 
     Raises StoreError where a folder with content is there; with `replace` an older run (and
     nothing else) gives way.
     """
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
-        _write_json(partial / FACTS, {"name": run.name, **facts})
-        _write_json(partial / TIMINGS, run.seconds)
-        write_tum(partial / "odometry.tum", run.odometry.t_s, run.odometry.world_from_body)
-        write_tum(partial / "trajectory.tum", run.trajectory.t_s, run.trajectory.world_from_body)
-        _write_closures(run, partial / "closures.csv")
-        _write_evidence(run, partial)
-        if run.floor_map is not None:
-            write_map(run.floor_map, partial / MAP)
-        if encoder is not None:
-            (partial / ENCODER).write_bytes(encoder)
+        fill_run(run, partial, facts=facts, encoder=encoder)
+
+
+def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: bytes | None) -> None:
+    """The files of a run in a folder that is there.
+
+    `facts` go into run.json beside the run's name, `encoder` (an ONNX file) into encoder.onnx.
+    """
+    _write_json(folder / FACTS, {"name": run.name, **facts})
+    _write_json(folder / TIMINGS, run.seconds)
+    write_tum(folder / "odometry.tum", run.odometry.t_s, run.odometry.world_from_body)
+    write_tum(folder / "trajectory.tum", run.trajectory.t_s, run.trajectory.world_from_body)
+    _write_closures(run, folder / "closures.csv")
+    _write_evidence(run, folder)
+    if run.floor_map is not None:
+        write_map(run.floor_map, folder / MAP)
+    if encoder is not None:
+        (folder / ENCODER).write_bytes(encoder)
 
 
 def read_run(folder: Path) -> Run:

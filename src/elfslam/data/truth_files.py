@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.values import Truth
+from elfslam.data.folders import new_file
 from elfslam.data.tables import write_timed_table
 from elfslam.data.tum import write_tum
 
@@ -19,8 +20,10 @@ def write_truth(truth: Truth, folder: Path) -> None:
     """truth.tum where every heading is known, else waypoints.csv; nothing for an empty truth."""
     if len(truth.t_s) == 0:
         return
-    if np.isfinite(truth.world_from_body).all():
-        write_tum(folder / POSES, truth.t_s, truth.world_from_body)
-    else:
-        xy_m = truth.world_from_body[:, :2]
-        write_timed_table(folder / WAYPOINTS, ["x_m", "y_m"], truth.t_s, xy_m)
+    poses = truth.world_from_body
+    is_whole = np.isfinite(poses).all()
+    with new_file(folder / (POSES if is_whole else WAYPOINTS)) as partial:
+        if is_whole:
+            write_tum(partial, truth.t_s, poses)
+        else:
+            write_timed_table(partial, ["x_m", "y_m"], truth.t_s, poses[:, :2])

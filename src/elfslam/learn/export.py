@@ -23,20 +23,13 @@ from elfslam.line.feature import BINS
 
 
 def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) -> None:
-    """Write `network` to `path`, with its `card` as the file's metadata.
+    """Write `network` to `path`, with its `card` as the file's metadata. Raises OSError.
 
     Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
     output `elf` (n, 128). Same network and card, same bytes.
     """
-    write_encoder(path, encoder_content(network, card))
-
-
-def write_encoder(path: Path, content: bytes) -> None:
-    """Write the content of an encoder file to `path`, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
-    partial = path.with_suffix(".partial")
-    partial.write_bytes(content)
-    partial.replace(path)
+    path.write_bytes(encoder_content(network, card))
 
 
 def encoder_content(network: nn.Module, card: Card | None = None) -> bytes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import io
 import math
 from collections.abc import Callable, Generator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -54,13 +55,18 @@ def save(
     network: nn.Module,
     optimizer: torch.optim.Optimizer,
 ) -> None:
-    """Write how far the training `run` has come, whole or not at all."""
+    """Write how far the training `run` has come, whole or not at all. Raises OSError."""
     parts = {"network": network.state_dict(), "optimizer": optimizer.state_dict()}
     state = {"run": run, "losses": losses, **parts}
+    content = io.BytesIO()  # torch does not say of a disk that it is full
+    torch.save(state, content)
     partial = checkpoint.with_suffix(".partial")
     partial.parent.mkdir(parents=True, exist_ok=True)
-    torch.save(state, partial)
-    partial.replace(checkpoint)
+    try:
+        partial.write_bytes(content.getbuffer())
+        partial.replace(checkpoint)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
 def resumed(

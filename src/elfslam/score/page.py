@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import count
@@ -82,13 +81,8 @@ class Page:
 
 
 def save_page(path: Path, page: Page) -> None:
-    """Write the page whole or not at all; raises OSError where the folder cannot be written."""
-    temporary = path.with_name(f".{path.name}.part")
-    try:
-        temporary.write_text(rendered(page), encoding="utf-8")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    """Write the page; raises OSError where that cannot be done."""
+    path.write_text(rendered(page), encoding="utf-8")
 
 
 def rendered(page: Page) -> str:

@@ -127,7 +127,8 @@ def run_study(
     with new_file(out / f"{name}.csv") as partial:
         _write_csv(partial, rows)
     if finding.page is not None:
-        save_page(out / f"{name}.html", finding.page)
+        with new_file(out / f"{name}.html") as partial:
+            save_page(partial, finding.page)
     kept.unlink(missing_ok=True)
     return rows
 

@@ -12,7 +12,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Truth
 from elfslam.data.fixes_files import write_fixes
-from elfslam.data.folders import refuse_occupied
+from elfslam.data.folders import new_file, refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.line.feature import Encoder, OnnxEncoder
 from elfslam.mapping import write_reported_run
@@ -158,8 +158,10 @@ def _write_example(
     write_recording(walk[0], out / "walk", truth=walk[1])
     write_recording(stranger[0], out / "stranger", truth=stranger[1])
     write_reported_run(run, out / "run", facts=facts, encoder=encoder)
-    write_report(out / "score.html", run, facts=facts, floor_plan=plan, truth=walk[1])
+    with new_file(out / "score.html") as page:
+        write_report(page, run, facts=facts, floor_plan=plan, truth=walk[1])
     write_fixes(fixes, out / "fixes.csv")
     assert run.floor_map is not None
     move = alignment_of(run.trajectory, walk[1])
-    write_fix_report(out / "fixes.html", run.floor_map, fixes, stranger[1], world_from_map=move)
+    with new_file(out / "fixes.html") as page:
+        write_fix_report(page, run.floor_map, fixes, stranger[1], world_from_map=move)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
+from elfslam.data.folders import new_file
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.studies.finding import Announce
 from elfslam.studies.repeats import Numbers
@@ -130,7 +131,6 @@ def _learnt(
     task: Spots, floor: Floor, shipped: OnnxEncoder, folder: Path, announce: Announce
 ) -> OnnxEncoder:
     """The encoder of the floor, learnt once and kept."""
-    from elfslam.learn.export import write_encoder
     from elfslam.learn.floor_level import SpotEchoes, learn_floor
     from elfslam.learn.settings import FloorLevelParameters
 
@@ -152,7 +152,8 @@ def _learnt(
             f"floor level: step {at.step}, loss {at.loss:.2f}", at.step / known.steps
         ),
     )  # fmt: skip
-    write_encoder(file, found.encoder.content)
+    with new_file(file) as partial:
+        partial.write_bytes(found.encoder.content)
     return found.encoder
 
 

@@ -73,7 +73,8 @@ def pretrain_on_simulated_echoes(
         )  # fmt: skip
         card = card_of(made, parameters, seed, metrics or {})
         write_losses(out, made.losses, parameters, seed)
-        export_encoder(made.network, out, card=card)
+        with new_file(out) as partial:
+            export_encoder(made.network, partial, card=card)
         checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
 
@@ -164,7 +165,8 @@ def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: i
         },
         details={"Parameters": facts_table(asdict(parameters))},
     )
-    save_page(out.with_suffix(".losses.html"), page)
+    with new_file(out.with_suffix(".losses.html")) as partial:
+        save_page(partial, page)
 
 
 def block_means(losses: F64, size: int) -> tuple[I64, F64]:

@@ -26,7 +26,7 @@ def score_walks(runs: Path, truths: Path) -> tuple[list[Row], dict[str, str]]:
     A walk counts where run and truth can be read and the truth has at least three waypoints. SLAM
     has a row only where some walk closed a loop. Raises InputError where no walk counts.
     """
-    folders = sorted(item.parent for item in runs.glob("*/run.json"))
+    folders = sorted(item.parent for item in runs.glob("[!.]*/run.json"))
     if not folders:
         raise InputError(f"{runs}: holds no run; map the recordings first")
     collected: dict[str, list[dict[str, float]]] = {}
