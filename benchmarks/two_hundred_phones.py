@@ -40,6 +40,7 @@ from elfslam.nearest import NearestParameters, build_index
 from elfslam.serve.buildings.indexes import FOLDER, LATEST
 from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
 from elfslam.serve.store.database import open_database
+from elfslam.serve.store.schema import upgrade
 
 START = """
 import sys; from pathlib import Path
@@ -82,7 +83,9 @@ def fill(database: Postgresql, city: City) -> None:
     """The tables as publishing fills them, without packages."""
     import psycopg
 
-    open_database(database.url).dispose()
+    engine = open_database(database.url)
+    upgrade(engine, Path(database.folder))
+    engine.dispose()
     floors = PARAMETERS.floors
     with psycopg.connect(database.told) as connection, connection.cursor() as cursor:
         with cursor.copy(f"COPY {Building.__tablename__} (number, name) FROM STDIN") as copy:

@@ -70,7 +70,7 @@ def settings(tmp_path: Path, database_url: str) -> ServerSettings:
 @pytest.fixture
 def app(settings: ServerSettings) -> Iterator[FastAPI]:
     """The app of that data folder."""
-    made = create_app(settings)
+    made = create_app(open_services(settings))
     yield made
     made.state.services.engine.dispose()
 

@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from elfslam.base.errors import InputError
 from elfslam.cli import app as command
 from elfslam.serve.app import create_app
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 
 RUNNER = CliRunner()
@@ -23,7 +24,7 @@ def test_an_invitation_opens_the_door(tmp_path: Path) -> None:
     said = RUNNER.invoke(command, ["invite", "Zoë", "--data", str(tmp_path / "data")])
     assert said.exit_code == 0
     token = said.stdout.splitlines()[0].partition("#token=")[2].partition("&key=")[0]
-    app = create_app(ServerSettings(tmp_path / "data"))
+    app = create_app(open_services(ServerSettings(tmp_path / "data")))
     client = TestClient(app, client=("127.0.0.1", 1))
     told = client.get("/api/me", headers={"Authorization": f"Bearer {token}"}).json()
     assert (told["name"], told["is_owner"]) == ("Zoë", False)

@@ -16,6 +16,7 @@ from starlette.datastructures import Headers
 from starlette.testclient import TestClient
 
 from elfslam.serve.app import create_app
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 from elfslam.serve.static_files import takes_gzip
 
@@ -49,7 +50,7 @@ def pages(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def client(settings: ServerSettings, pages: Path) -> Iterator[TestClient]:
-    app = create_app(replace(settings, pages_folder=pages))
+    app = create_app(open_services(replace(settings, pages_folder=pages)))
     yield TestClient(app, client=("127.0.0.1", 1))
     app.state.services.engine.dispose()
 

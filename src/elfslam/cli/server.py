@@ -35,6 +35,9 @@ def serve_command(
     new_token: Annotated[
         bool, typer.Option("--new-token", help="The owner's devices pair again.")
     ] = False,
+    new_key: Annotated[
+        bool, typer.Option("--new-key", help="A new signing key; all phones pair again.")
+    ] = False,
     files: FilesUrl = "",
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
@@ -51,7 +54,7 @@ def serve_command(
         allow_public=allow_public,
         files_url=files,
     )
-    run(settings, Listening(host, port, http, new_token), _print)
+    run(settings, Listening(host, port, http, new_token, new_key), _print)
 
 
 def invite_command(

@@ -25,8 +25,8 @@ from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import recordings, uploads
-from elfslam.serve.services import Here, Services, open_services
-from elfslam.serve.settings import ServerSettings, told_limits
+from elfslam.serve.services import Here, Services
+from elfslam.serve.settings import told_limits
 from elfslam.serve.store.sweeps import sweeping
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -78,9 +78,8 @@ def played(chirp: ChirpParameters) -> dict[str, object]:
     return {**told, "band_hz": band_hz}
 
 
-def create_app(settings: ServerSettings) -> FastAPI:
-    """The app of a data folder. Nothing is shared between two apps."""
-    services = open_services(settings)
+def create_app(services: Services) -> FastAPI:
+    """The app of a data folder. Nothing else is shared between two apps."""
     app = FastAPI(
         title="elfslam",
         version=__version__,
@@ -98,7 +97,7 @@ def create_app(settings: ServerSettings) -> FastAPI:
     for router in ADMITTING:
         app.include_router(router, prefix="/api", responses=EVERYWHERE)
     install_problems(app)
-    install_pages(app, settings.pages_folder)
+    install_pages(app, services.settings.pages_folder)
     _describe_problems(app)
     app.add_middleware(Guard, services=services)
     return app

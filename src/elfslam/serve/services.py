@@ -14,8 +14,9 @@ from sqlalchemy import Engine
 
 from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
-from elfslam.serve.settings import ServerSettings, prepare_folders
-from elfslam.serve.store.database import Sessions, open_database, sessions_of
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.database import Sessions, sessions_of
+from elfslam.serve.store.opening import join_store, open_store
 
 
 class Busy:
@@ -60,10 +61,14 @@ class Services:
     """
 
 
-def open_services(settings: ServerSettings) -> Services:
-    """The services of a data folder, which is made where it is missing."""
-    prepare_folders(settings)
-    engine, limits = open_database(settings.url), settings.limits
+def open_services(settings: ServerSettings, *, alone: bool = False) -> Services:
+    """The services of a data folder, which is made where it is missing.
+
+    `alone`: the caller is, by `alone_with`; otherwise a server may be using the folder.
+    Raises StoreError, InputError.
+    """
+    engine = open_store(settings) if alone else join_store(settings)
+    limits = settings.limits
     return Services(
         settings,
         engine,

@@ -38,6 +38,8 @@ class Limits:
     """An upload of which nothing comes for this long is cut, what came is kept."""
     upload_days: float = 14.0
     """An upload to which nothing was added for this long is deleted."""
+    quarantine_days: float = 30.0
+    """A file that no row names is set aside at a start, and deleted after this long."""
     reading_s: float = 600.0
     reading_bytes: int = 6 * GIBIBYTE
     """Time and memory that reading one recording may take."""
@@ -93,6 +95,16 @@ class ServerSettings:
         return self.data_folder / "work"
 
     @property
+    def backups_folder(self) -> Path:
+        """The database as it was before each upgrade."""
+        return self.data_folder / "backups"
+
+    @property
+    def quarantine_folder(self) -> Path:
+        """Files that no row named, until they are deleted."""
+        return self.data_folder / "quarantine"
+
+    @property
     def authority_folder(self) -> Path:
         """Keys and certificates, for their owner alone."""
         return self.data_folder / "authority"
@@ -106,6 +118,7 @@ def prepare_folders(settings: ServerSettings) -> None:
         settings.uploads_folder,
         settings.work_folder,
         settings.authority_folder,
+        settings.quarantine_folder,
     ):
         folder.mkdir(exist_ok=True, mode=0o700)
 

@@ -36,8 +36,9 @@ import sys
 import uvicorn
 from pathlib import Path
 from elfslam.serve.app import create_app
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-app = create_app(ServerSettings(Path(sys.argv[1]), secure_cookie=False))
+app = create_app(open_services(ServerSettings(Path(sys.argv[1]), secure_cookie=False)))
 uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
 """
 PATIENCE_S = 300.0

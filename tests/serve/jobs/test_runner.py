@@ -19,7 +19,7 @@ from elfslam.data.fixes_files import read_fixes
 from elfslam.mapping import MapJob, map_into
 from elfslam.senses import Settings
 from elfslam.serve.app import create_app
-from elfslam.serve.services import Services
+from elfslam.serve.services import Services, open_services
 
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
@@ -212,7 +212,9 @@ def test_a_server_that_stops_gives_its_job_to_the_next(
     anyone.__exit__(None, None, None)
     assert children_of(services) == []
     assert left_over(services) == []
-    with TestClient(create_app(services.settings), client=("127.0.0.1", 50_000)) as after:
+    with TestClient(
+        create_app(open_services(services.settings)), client=("127.0.0.1", 50_000)
+    ) as after:
         after.headers["Authorization"] = token
         job = ended(after, job_id)
     assert (job["state"], job["attempts"]) == ("done", 1)

@@ -19,9 +19,8 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.serve.network.addresses import checked_hosts
-from elfslam.serve.network.running import Listening, greeting, invite, owner_token, qr_lines, run
+from elfslam.serve.network.running import Listening, greeting, invite, qr_lines, run
 from elfslam.serve.network.signing import fingerprint, signing_key
-from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 
 Start = Callable[..., Any]
@@ -190,13 +189,6 @@ def wait_until(holds: Callable[[], bool], seconds: float = 10.0) -> None:
     while not holds():
         assert time.monotonic() < until_s, "waited in vain"
         time.sleep(0.05)
-
-
-def test_the_owner_keeps_the_token_until_it_is_renewed(services: Services) -> None:
-    first = owner_token(services)
-    assert owner_token(services) == first
-    assert (services.settings.authority_folder / "owner.token").stat().st_mode & 0o077 == 0
-    assert owner_token(services, renewed=True) != first
 
 
 def test_the_greeting_shows_the_address_and_its_code() -> None:

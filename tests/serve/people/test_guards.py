@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 from elfslam.serve.app import create_app
 from elfslam.serve.people.guards import is_local, same_origin
 from elfslam.serve.people.rates import MOST_BUCKETS, Rates
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
 
@@ -45,7 +46,9 @@ def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path:
     answer = stranger.get("/api/version")
     assert answer.status_code == 403
     assert "own network" in answer.json()["detail"]
-    open_app = create_app(replace(settings, data_folder=tmp_path / "open", allow_public=True))
+    open_app = create_app(
+        open_services(replace(settings, data_folder=tmp_path / "open", allow_public=True))
+    )
     assert TestClient(open_app, client=("8.8.8.8", 1000)).get("/api/version").is_success
 
 
@@ -108,7 +111,9 @@ def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None
     pages.mkdir()
     for name in ("phone.html", "desk.html", "a.js", "a.mjs", "a.wasm"):
         (pages / name).write_text(name)
-    client = TestClient(create_app(replace(settings, pages_folder=pages)), client=("127.0.0.1", 1))
+    client = TestClient(
+        create_app(open_services(replace(settings, pages_folder=pages))), client=("127.0.0.1", 1)
+    )
     assert client.get("/").text == "phone.html"
     assert client.get("/desk").text == "desk.html"
     assert client.get("/a.js").headers["content-type"].startswith("text/javascript")
@@ -119,7 +124,9 @@ def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None
 
 def limited(settings: ServerSettings, **limits: float) -> TestClient:
     given = Limits(**limits)  # type: ignore[arg-type]
-    return TestClient(create_app(replace(settings, limits=given)), client=("127.0.0.1", 1))
+    return TestClient(
+        create_app(open_services(replace(settings, limits=given))), client=("127.0.0.1", 1)
+    )
 
 
 def test_haste_is_refused_by_address(settings: ServerSettings) -> None:

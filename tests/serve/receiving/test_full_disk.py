@@ -14,6 +14,7 @@ from starlette.testclient import TestClient
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -40,7 +41,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 @pytest.fixture
 def client(small_disk: Path, settings: ServerSettings) -> Iterator[TestClient]:
     limits = Limits(free_bytes=0)
-    app = create_app(replace(settings, data_folder=small_disk / "data", limits=limits))
+    app = create_app(
+        open_services(replace(settings, data_folder=small_disk / "data", limits=limits))
+    )
     token = new_token()
     set_owner_token(app.state.services, token)
     mine = {"Authorization": f"Bearer {token}"}

@@ -18,6 +18,7 @@ from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving import reading
 from elfslam.serve.receiving.reading import read_apart
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -31,7 +32,10 @@ def limited(settings: ServerSettings) -> Iterator[Limited]:
     engines = []
 
     def make(**limits: int) -> TestClient:
-        app, token = create_app(replace(settings, limits=Limits(**limits))), new_token()
+        app, token = (
+            create_app(open_services(replace(settings, limits=Limits(**limits)))),
+            new_token(),
+        )
         engines.append(app.state.services.engine)
         set_owner_token(app.state.services, token)
         mine = {"Authorization": f"Bearer {token}"}

@@ -67,14 +67,6 @@ def test_a_link_to_elsewhere_is_not_kept(kept: Path, tmp_path: Path) -> None:
     assert blobs.put_folder(kept, folder) == {}
 
 
-def test_sweeping_leaves_what_is_named(kept: Path, tmp_path: Path) -> None:
-    named = blobs.put(kept, written(tmp_path, "a", b"named"))
-    blobs.put(kept, written(tmp_path, "b", b"not named"))
-    written(kept, "ab/0123.partial", b"half")
-    assert blobs.sweep(kept, lambda sha256: sha256 == named.sha256) == 2
-    assert [path.name for path in kept.glob("*/*")] == [named.sha256]
-
-
 def test_one_at_a_time_is_alone(kept: Path) -> None:
     order: list[str] = []
 

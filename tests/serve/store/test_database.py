@@ -25,6 +25,7 @@ from elfslam.serve.store.database import (
     sessions_of,
     transaction,
 )
+from elfslam.serve.store.schema import upgrade
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 WRITERS, ROUNDS = 6, 15
@@ -33,6 +34,7 @@ WRITERS, ROUNDS = 6, 15
 @pytest.fixture
 def engine(database_url: str, tmp_path: Path) -> Iterator[Engine]:
     made = open_database(database_url or f"sqlite:///{tmp_path / 'elfslam.sqlite'}")
+    upgrade(made, tmp_path / "backups")
     yield made
     made.dispose()
 

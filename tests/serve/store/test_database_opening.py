@@ -11,10 +11,13 @@ from elfslam.serve.store.database import open_database
 @pytest.mark.parametrize(
     ("url", "error", "words"),
     [
-        ("nonsense", InputError, "database 'nonsense'"),
+        ("nonsense", InputError, "database of 8 characters"),
+        ("postgresql//u:secret@host/x", InputError, "wanted such as"),
+        ("postgresql+psycopg//u:secret@host/x", InputError, "wanted such as"),
+        ("postgresql://u:secret@host:port/x", InputError, "wanted such as"),
         ("oracle9://x", InputError, "wanted such as"),
-        ("sqlite:////nowhere/at/all.sqlite", StoreError, "cannot be opened"),
-        ("postgresql+psycopg://u:secret@/x?host=/nowhere", StoreError, "cannot be opened"),
+        ("sqlite:////nowhere/at/all.sqlite", StoreError, "cannot be read"),
+        ("postgresql+psycopg://u:secret@/x?host=/nowhere", StoreError, "cannot be read"),
     ],
 )
 def test_a_database_that_is_none(url: str, error: type[Exception], words: str) -> None:

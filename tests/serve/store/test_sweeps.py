@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import base64
+import logging
 import os
-from datetime import UTC, datetime, timedelta
+import time
+from pathlib import Path
 
 import pytest
+from sqlalchemy import select
 from starlette.testclient import TestClient
 
-from elfslam.base.errors import StoreError
-from elfslam.serve.app import create_app
+from elfslam.serve.jobs.queue import queue_job
 from elfslam.serve.services import Services
-from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.blobs import put
-from elfslam.serve.store.sweeps import expire_uploads, sweep
+from elfslam.serve.store import blobs
+from elfslam.serve.store.blobs import Blob, put
+from elfslam.serve.store.database import JobFile, JobKind, User, transaction
+from elfslam.serve.store.sweeps import expire, tidy
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 TUS = {"Tus-Resumable": "1.0.0"}
+DAY_S = 86_400.0
 
 
 def begun(client: TestClient) -> str:
@@ -32,32 +36,102 @@ def begun(client: TestClient) -> str:
     return str(place).rpartition("/")[2]
 
 
-def test_leftovers_of_a_kill_go_and_uploads_stay(owner: TestClient, services: Services) -> None:
+def unnamed(services: Services, content: bytes = b"no row") -> Blob:
+    file = services.settings.work_folder / "content"
+    file.write_bytes(content)
+    return put(services.settings.blobs_folder, file)
+
+
+def aside(services: Services) -> set[str]:
+    return {file.name for file in services.settings.quarantine_folder.iterdir()}
+
+
+def test_leftovers_of_a_kill_are_set_aside_and_uploads_stay(
+    owner: TestClient, services: Services, caplog: pytest.LogCaptureFixture
+) -> None:
     upload, settings = begun(owner), services.settings
     (settings.uploads_folder / ("0" * 32)).write_bytes(b"no row")
     (settings.uploads_folder / f"{upload}.piece").write_bytes(b"unchecked")
     (settings.work_folder / "reading-00").mkdir()
-    put(settings.blobs_folder, settings.uploads_folder / ("0" * 32))
-    sweep(services)
+    blob = unnamed(services)
+    with caplog.at_level(logging.WARNING):
+        tidy(services)
     assert [file.name for file in settings.uploads_folder.iterdir()] == [upload]
-    assert list(settings.work_folder.iterdir()) == []
+    assert not (settings.work_folder / "reading-00").exists()
     assert list(settings.blobs_folder.glob("*/*")) == []
+    assert aside(services) == {"0" * 32, f"{upload}.piece", blob.sha256}
+    assert "3 files that nobody names were set aside" in caplog.text
 
 
-def test_abandoned_uploads_expire(owner: TestClient, services: Services) -> None:
-    kept, left = begun(owner), begun(owner)
-    old = datetime.now(UTC) - timedelta(days=services.settings.limits.upload_days + 1)
-    os.utime(services.settings.uploads_folder / left, (old.timestamp(), old.timestamp()))
+def test_what_is_named_again_is_put_back(owner: TestClient, services: Services) -> None:
+    blob = unnamed(services)
+    tidy(services)
+    job_id = _job_that_names(services, blob)
+    tidy(services)
+    kept = blobs.blob_path(services.settings.blobs_folder, blob.sha256)
+    assert kept.read_bytes() == b"no row"
+    assert aside(services) == set()
+    assert job_id
+
+
+def _job_that_names(services: Services, blob: Blob) -> str:
+    with transaction(services.sessions) as session:
+        user = session.scalars(select(User)).first()
+        assert user is not None
+        job = queue_job(session, user.id, JobKind.MAP, {})
+        row = JobFile(job_id=job.id, name="f", sha256=blob.sha256, size_bytes=blob.size_bytes)
+        session.add(row)
+        return job.id
+
+
+def test_what_is_named_and_gone_is_said(
+    owner: TestClient, services: Services, caplog: pytest.LogCaptureFixture
+) -> None:
+    blob = unnamed(services)
+    _job_that_names(services, blob)
+    blobs.blob_path(services.settings.blobs_folder, blob.sha256).unlink()
+    tidy(services)
+    assert "1 files that recordings and maps name are missing" in caplog.text
+
+
+def test_a_quarantine_ends_after_its_days_of_running(owner: TestClient, services: Services) -> None:
+    unnamed(services)
+    tidy(services)
+    days = services.settings.limits.quarantine_days
+    expire(services, 0.0)
+    expire(services, (days - 1) * DAY_S)
+    assert len(aside(services)) == 1
+    expire(services, 2 * DAY_S)
+    assert aside(services) == set()
+
+
+def test_abandoned_uploads_expire_by_the_time_that_the_server_ran(
+    owner: TestClient, services: Services
+) -> None:
+    kept, left, days = begun(owner), begun(owner), services.settings.limits.upload_days
+    assert expire(services, 0.0) == []
+    assert expire(services, (days - 1) * DAY_S) == []
+    (services.settings.uploads_folder / kept).write_bytes(b"more")
     with services.busy.alone([left]):
-        assert expire_uploads(services, datetime.now(UTC)) == []
-    assert expire_uploads(services, datetime.now(UTC)) == [left]
+        assert expire(services, 2 * DAY_S) == []
+    assert expire(services, 0.0) == [left]
     assert owner.head(f"/api/uploads/{left}", headers=TUS).status_code == 404
     assert owner.head(f"/api/uploads/{kept}", headers=TUS).status_code == 200
 
 
-def test_a_folder_has_one_server(settings: ServerSettings, owner: TestClient) -> None:
-    with (
-        pytest.raises(StoreError, match="another server"),
-        TestClient(create_app(settings), client=("127.0.0.1", 1)),
-    ):
-        pass
+def test_a_clock_that_is_set_forward_makes_nothing_old(
+    owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    upload = begun(owner)
+    unnamed(services)
+    tidy(services)
+    expire(services, 0.0)
+    old_s = time.time() - 1000 * DAY_S
+    for file in (services.settings.uploads_folder / upload, *_files(services)):
+        os.utime(file, (old_s, old_s))
+    assert expire(services, 3600.0) == []
+    assert len(aside(services)) == 1
+
+
+def _files(services: Services) -> list[Path]:
+    return list(services.settings.quarantine_folder.iterdir())

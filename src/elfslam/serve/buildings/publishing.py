@@ -127,14 +127,22 @@ def drop_unnamed(services: Services, sha256s: Iterable[str]) -> None:
 
 
 def sweep(services: Services) -> int:
-    """Delete every file that no floor names; how many those were. Raises StoreError."""
+    """Delete every file that no floor names; how many those were.
+
+    Raises StoreError, also where none of the files is named: they are another database's.
+    """
     files = open_files(services.settings)
     with holding(services, alone=True):
         with reading(services.sessions) as session:
             named = set(session.scalars(select(FloorPart.sha256).distinct()))
-        unnamed = [sha256 for sha256 in store.listed(files) if sha256 not in named]
-        store.delete(files, unnamed)
-    return len(unnamed)
+        there = set(store.listed(files))
+        if there and not there & named:
+            raise StoreError(
+                f"files at {files.url}: no floor of this database names any of the {len(there)} "
+                "that lie there; give the --database that they were published with"
+            )
+        store.delete(files, there - named)
+    return len(there - named)
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import CursorResult, Select, func, select, update
+from sqlalchemy import CursorResult, Select, and_, func, select, update
 from sqlalchemy.orm import Session, aliased
 
 from elfslam.serve.store.database import (
@@ -26,11 +26,11 @@ from elfslam.serve.store.database import (
 )
 
 MOST_ATTEMPTS = 3
-"""Begun this often and never ended: the job itself may be what kills the server."""
-INTERRUPTED = (
-    f"the server stopped {MOST_ATTEMPTS} times while it worked on this; "
-    "look into its log, then retry"
-)
+"""So often a job is begun whose own process died."""
+AT_ONCE, PAUSE_S, LONGEST_PAUSE_S = 2, 10.0, 60.0
+"""Begun more often than `AT_ONCE` and never ended: a job may be what kills the server. It waits
+another pause for each time, so that the others are done first, but never for good."""
+NO_LIMIT = 2**31 - 1
 OPEN = (JobState.QUEUED, JobState.RUNNING)
 
 
@@ -55,15 +55,20 @@ def queue_job(session: Session, user_id: str, kind: JobKind, given: dict[str, An
     return job
 
 
-def claim(sessions: Sessions) -> Claim | None:
-    """The next job, claimed for the caller alone; nothing where none waits."""
+def begun_at_most(up_s: float) -> int:
+    """How often a job may have been begun that a server begins which has run for so long."""
+    return NO_LIMIT if up_s >= LONGEST_PAUSE_S else AT_ONCE + int(up_s / PAUSE_S)
+
+
+def claim(sessions: Sessions, most_begun: int = NO_LIMIT) -> Claim | None:
+    """The next job that was not begun more often, claimed for the caller alone; or nothing."""
     while True:
         with reading(sessions) as session:
-            job = session.scalar(_next())
+            job = session.scalar(_next(most_begun))
         if job is None:
             return None
         token = new_id()
-        begun = {
+        begins = {
             "state": JobState.RUNNING,
             "claim": token,
             "attempts": Job.attempts + 1,
@@ -71,14 +76,14 @@ def claim(sessions: Sessions) -> Claim | None:
             "started_utc": now_utc(),
         }
         with transaction(sessions) as session:
-            if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begun):
+            if _set(session, (Job.id == job.id, Job.state == JobState.QUEUED), begins):
                 kind, attempt = JobKind(job.kind), job.attempts + 1
                 return Claim(job.id, token, job.user_id, kind, job.given, attempt)
 
 
-def _next() -> Select[Job]:
+def _next(most_begun: int) -> Select[Job]:
     """The oldest job of the user none of whose jobs began for the longest time."""
-    waits, other = Job.state == JobState.QUEUED, aliased(Job)
+    waits, other = and_(Job.state == JobState.QUEUED, Job.attempts <= most_begun), aliased(Job)
     oldest = func.min(Job.created_utc).label("oldest")
     users = select(Job.user_id, oldest).where(waits).group_by(Job.user_id).subquery()
     begun = select(func.max(other.started_utc)).where(other.user_id == users.c.user_id)
@@ -149,18 +154,13 @@ def retry(session: Session, job_id: str) -> bool:
 
 
 def queue_interrupted(sessions: Sessions) -> int:
-    """Queue again what ran when the server died, but not for ever; how many jobs that were.
+    """Queue again what ran when the server died; how many jobs that were.
 
     Only to be called where nobody can be running any job of this database.
     """
     running = Job.state == JobState.RUNNING
     with transaction(sessions) as session:
-        failed = {"state": JobState.FAILED, "share": None, "problem": INTERRUPTED, **_ended()}
-        given_up = session.execute(
-            update(Job).where(running, Job.attempts >= MOST_ATTEMPTS).values(failed)
-        )
-        queued = session.execute(update(Job).where(running).values(_waiting()))
-        return _count(given_up) + _count(queued)
+        return _count(session.execute(update(Job).where(running).values(_waiting())))
 
 
 def _held(held: Claim) -> tuple[Any, ...]:

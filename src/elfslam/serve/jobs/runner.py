@@ -13,6 +13,7 @@ import fcntl
 import logging
 import shutil
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -30,6 +31,7 @@ from elfslam.serve.jobs.places import News, Place, open_place
 from elfslam.serve.jobs.queue import (
     Claim,
     begin_again,
+    begun_at_most,
     claim,
     finish,
     give_back,
@@ -67,6 +69,8 @@ class Bench:
     place: Place
     away: threading.Event
     """Set where the workers of the place are gone."""
+    since_s: float
+    """When the server began to work on jobs, by the monotonic clock."""
 
 
 @contextmanager
@@ -94,19 +98,20 @@ def _work_alone(services: Services, stopping: threading.Event) -> None:
         for left in services.settings.work_folder.glob(f"{FOLDERS}*"):
             shutil.rmtree(left, ignore_errors=True)
         _patiently(stopping, partial(queue_interrupted, services.sessions))
+        since_s = time.monotonic()
         while not stopping.is_set():
             try:
-                _work_there(services, stopping, file.fileno())
+                _work_there(services, stopping, file.fileno(), since_s)
             except (InputError, WorkerError) as error:
                 LOG.warning("jobs wait: %s", error)
                 stopping.wait(AWAY_S)
 
 
-def _work_there(services: Services, stopping: threading.Event, lock: int) -> None:
+def _work_there(services: Services, stopping: threading.Event, lock: int, since_s: float) -> None:
     """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
     settings = services.settings
     with open_place(settings.on, settings.job_workers) as place:
-        bench = Bench(services, stopping, lock, place, threading.Event())
+        bench = Bench(services, stopping, lock, place, threading.Event(), since_s)
         workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(place.count)]
         for worker in workers:
             worker.start()
@@ -128,7 +133,8 @@ def _work(bench: Bench) -> None:
     services = bench.services
     while not bench.stopping.is_set() and not bench.away.is_set():
         services.jobs_wanted.clear()
-        held = _patiently(bench.stopping, partial(claim, services.sessions))
+        begun = begun_at_most(time.monotonic() - bench.since_s)
+        held = _patiently(bench.stopping, partial(claim, services.sessions, begun))
         if held is None:
             services.jobs_wanted.wait(POLL_S)
         else:

@@ -15,6 +15,8 @@ from pathlib import Path
 
 import trustme
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
+from cryptography.hazmat.primitives import serialization
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file
@@ -84,9 +86,12 @@ def _serves(kept: Certificate, names: Sequence[str], now_utc: datetime) -> bool:
         return False
     try:
         certificate = x509.load_pem_x509_certificate(kept.certificate.read_bytes())
+        key = serialization.load_pem_private_key(kept.key.read_bytes(), password=None)
         lasts = certificate.not_valid_after_utc > now_utc + RENEWED_BEFORE
-        return lasts and named_in(certificate) == set(map(_canonical, names))
-    except (ValueError, x509.ExtensionNotFound):
+        begun = certificate.not_valid_before_utc <= now_utc
+        fits = key.public_key() == certificate.public_key()
+        return lasts and begun and fits and named_in(certificate) == set(map(_canonical, names))
+    except (ValueError, TypeError, UnsupportedAlgorithm, x509.ExtensionNotFound):
         return False
 
 

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import segno
 import uvicorn
-from sqlalchemy import select
 
 from elfslam.base.errors import InputError
-from elfslam.data.folders import new_file
 from elfslam.serve.app import create_app
 from elfslam.serve.network.addresses import (
     LOOPBACK,
@@ -23,16 +20,20 @@ from elfslam.serve.network.addresses import (
     url_of,
 )
 from elfslam.serve.network.authority import AUTHORITY, server_certificate, utc_now
+from elfslam.serve.network.credentials import (
+    check_credentials,
+    owner_token,
+    trust_key,
+    write_private,
+)
 from elfslam.serve.network.signing import pairing_fragment
-from elfslam.serve.people.access import new_token, token_sha256
-from elfslam.serve.people.users import add_user, set_owner_token
+from elfslam.serve.people.users import add_user
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PORT, ServerSettings
-from elfslam.serve.store.database import User, reading
+from elfslam.serve.store.opening import TRIES, alone_with
 from elfslam.serve.texts import plain_line
 
-OWNER_TOKEN = "owner.token"
 LAST_URL = "url"
 STOP_S = 10
 """How long requests that are being answered may go on when the server is stopped."""
@@ -49,17 +50,33 @@ class Listening:
     port: int = PORT
     plain_http: bool = False
     new_token: bool = False
+    new_key: bool = False
 
 
 def run(settings: ServerSettings, listening: Listening, say: Callable[[str], None]) -> None:
-    """Serve until stopped. Raises InputError where it cannot listen, StoreError."""
-    app = create_app(settings)
+    """Serve until stopped: lock, identity, version, credentials, sockets, and only then writing.
+
+    Raises InputError where it cannot listen, StoreError.
+    """
     hosts = _hosts(settings, listening)
-    sockets = open_sockets(hosts, listening.port)
-    port = sockets[0].getsockname()[1]
-    url = url_of(hosts[0], port, secure=not listening.plain_http)
+    with alone_with(settings, TRIES):
+        services = open_services(settings, alone=True)
+        check_credentials(services, renews_token=listening.new_token, renews_key=listening.new_key)
+        sockets = open_sockets(hosts, listening.port)
+        url = url_of(hosts[0], sockets[0].getsockname()[1], secure=not listening.plain_http)
+        config = _config(services, hosts, listening)
+        token = owner_token(services, renewed=listening.new_token)
+        trust_key(services, renewed=listening.new_key)
+        write_private(settings.authority_folder / LAST_URL, url)
+        pairing = url + pairing_fragment(token, settings.authority_folder)
+        for line in greeting(url, pairing, secure=not listening.plain_http):
+            say(line)
+        uvicorn.Server(config).run(sockets=sockets)
+
+
+def _config(services: Services, hosts: Sequence[str], listening: Listening) -> uvicorn.Config:
     config = uvicorn.Config(
-        app,
+        create_app(services),
         log_level="warning",
         access_log=False,
         server_header=False,
@@ -70,14 +87,9 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
     )
     if not listening.plain_http:
         names = server_names(hosts)
-        kept = server_certificate(settings.authority_folder, names, utc_now())
+        kept = server_certificate(services.settings.authority_folder, names, utc_now())
         config.ssl_certfile, config.ssl_keyfile = kept.certificate, kept.key
-    token = owner_token(app.state.services, renewed=listening.new_token)
-    _write(settings.authority_folder / LAST_URL, url)
-    pairing = url + pairing_fragment(token, settings.authority_folder)
-    for line in greeting(url, pairing, secure=not listening.plain_http):
-        say(line)
-    uvicorn.Server(config).run(sockets=sockets)
+    return config
 
 
 def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
@@ -107,19 +119,6 @@ def qr_lines(text: str) -> list[str]:
     return drawn.getvalue().rstrip("\n").split("\n")
 
 
-def owner_token(services: Services, *, renewed: bool = False) -> str:
-    """The owner's token, kept beside the keys so that every start shows the same address."""
-    file = services.settings.authority_folder / OWNER_TOKEN
-    token = file.read_text().strip() if file.is_file() and not renewed else ""
-    with reading(services.sessions) as session:
-        known = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
-    if not token or known != token_sha256(token):
-        token = new_token() if renewed or not token else token
-        _write(file, token)
-        set_owner_token(services, token)
-    return token
-
-
 def _hosts(settings: ServerSettings, listening: Listening) -> list[str]:
     if not listening.plain_http:
         return checked_hosts(listening.host, allow_public=settings.allow_public)
@@ -137,9 +136,3 @@ def _last_url(settings: ServerSettings) -> str:
     if file.is_file():
         return file.read_text().strip()
     return url_of([*lan_addresses(), LOOPBACK][0], PORT, secure=True)
-
-
-def _write(file: Path, text: str) -> None:
-    with new_file(file) as partial:
-        partial.touch(mode=0o600)
-        partial.write_text(text + "\n")

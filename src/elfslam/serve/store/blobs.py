@@ -14,7 +14,7 @@ import os
 import re
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -98,16 +98,6 @@ def delete(blobs: Path, sha256s: Iterable[str]) -> None:
     """Remove blobs; those that are gone already are no error."""
     for sha256 in sha256s:
         blob_path(blobs, sha256).unlink(missing_ok=True)
-
-
-def sweep(blobs: Path, is_named: Callable[[str], bool]) -> int:
-    """Delete what nobody names and what was left half-written; how many files that were."""
-    swept = 0
-    for file in list(blobs.glob("*/*")):
-        if not (SHA256.fullmatch(file.name) and is_named(file.name)):
-            file.unlink()
-            swept += 1
-    return swept
 
 
 def sync(path: Path) -> None:

@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from datetime import UTC, datetime
 from enum import StrEnum
+from threading import Lock
 from typing import Any
 
 from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Engine, ForeignKey, create_engine, event
-from sqlalchemy.engine import Connection, make_url
+from sqlalchemy.engine import URL, Connection, make_url
 from sqlalchemy.exc import ArgumentError, DBAPIError
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
 from sqlalchemy.types import TypeDecorator
@@ -21,7 +22,9 @@ from sqlalchemy.types import TypeDecorator
 from elfslam.base.errors import InputError, StoreError
 
 Sessions = sessionmaker[Session]
-POSTGRESQL = "postgresql"
+POSTGRESQL, SQLITE = "postgresql", "sqlite"
+TURN = "turn"
+"""Under this name a session knows what whoever writes must hold."""
 EACH_ALONE = {"isolation_level": "AUTOCOMMIT"}
 """What PostgreSQL reads is committed as of each statement anyway: two messages fewer."""
 CONNECTIONS = 20
@@ -200,6 +203,18 @@ class MapFile(Base):
     size_bytes: Mapped[int] = mapped_column(BigInteger)
 
 
+class Store(Base):
+    """Which data folder's files this database names, and which key its phones trust.
+
+    One row. `id` is that of the folder (`identity.py`), `signing_key` the key's fingerprint.
+    """
+
+    __tablename__ = "stores"
+    id: Mapped[str] = mapped_column(primary_key=True)
+    signing_key: Mapped[str | None] = mapped_column(default=None)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
 class MapPackage(Base):
     """What phones are told of a map, which `sources_sha256` says from what it was made.
 
@@ -223,45 +238,61 @@ class MapPart(Base):
 
 
 def open_database(url: str) -> Engine:
-    """The database at an SQLAlchemy URL, its tables made where they are missing.
+    """The database at an SQLAlchemy URL; which tables it has is the caller's to look at.
 
     SQLite writes ahead and syncs every commit, so that what was acknowledged survives a kill.
     Raises InputError for a URL that is none, StoreError where the database does not answer.
     """
     try:
         engine = create_engine(url, pool_pre_ping=True, pool_size=CONNECTIONS)
-    except (ArgumentError, ModuleNotFoundError, TypeError) as error:
+    except (ArgumentError, ModuleNotFoundError, TypeError, ValueError) as error:
         raise InputError(
-            f"database {_hidden(url)}: {error}; wanted such as postgresql+psycopg://USER@HOST/NAME"
+            f"database {shown_url(url)}: {_without(url, error)}; wanted such as "
+            "postgresql+psycopg://USER@HOST/NAME"
         ) from error
-    if engine.dialect.name == "sqlite":
+    if engine.dialect.name == SQLITE:
         event.listen(engine, "connect", _as_careful_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
-    try:
-        Base.metadata.create_all(engine)
-    except DBAPIError as error:
-        raise StoreError(
-            f"database {_hidden(url)}: cannot be opened ({_first_line(error.orig)}); is it there, "
-            "and may you write to it?"
-        ) from error
+    with answering(engine), engine.connect() as connection:
+        connection.exec_driver_sql("SELECT 1")
     return engine
 
 
-def _hidden(url: str) -> str:
-    """A URL without its password."""
+@contextmanager
+def answering(engine: Engine) -> Iterator[None]:
+    """Raise StoreError, in one line, where a database does not answer or is damaged."""
+    try:
+        yield
+    except (DBAPIError, UnicodeDecodeError) as error:
+        raise StoreError(
+            f"database {shown_url(engine.url)}: cannot be read ({first_line(error)}); is it "
+            "there, whole, and may you write to it?"
+        ) from error
+
+
+def shown_url(url: str | URL) -> str:
+    """A URL without its password; nothing of what cannot be taken apart."""
     try:
         return make_url(url).render_as_string(hide_password=True)
-    except ArgumentError:
-        return repr(url[:40])
+    except (ArgumentError, ValueError):
+        return f"of {len(str(url))} characters (no URL)"
 
 
-def _first_line(error: object) -> str:
-    return str(error).strip().partition("\n")[0]
+def first_line(error: BaseException) -> str:
+    """The first line of what a database said."""
+    said = str(getattr(error, "orig", None) or error).strip()
+    return said.partition("\n")[0][:200]
+
+
+def _without(url: str, error: Exception) -> str:
+    """What an error says, unless it repeats the URL with its password."""
+    said = first_line(error)
+    return "cannot be parsed" if url in said or url[:40] in said else said
 
 
 def _as_careful_sqlite(connection: Any, _record: object) -> None:
     connection.isolation_level = None  # transactions begin where _begin_sqlite says so
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=10000"):
+    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=60000"):
         connection.execute(f"PRAGMA {pragma}")
 
 
@@ -273,8 +304,11 @@ def _begin_sqlite(connection: Connection) -> None:
 
 @contextmanager
 def transaction(sessions: Sessions) -> Iterator[Session]:
-    """A session that may write: committed at the end, or rolled back whole."""
-    with sessions.begin() as session:
+    """A session that may write: committed at the end, or rolled back whole.
+
+    Writers of one process take turns: SQLite would let some of many wait for ever.
+    """
+    with sessions.kw["info"][TURN], sessions.begin() as session:
         session.connection(execution_options={"writes": True})
         yield session
 
@@ -298,4 +332,5 @@ def looking(engine: Engine) -> Iterator[Connection]:
 
 def sessions_of(engine: Engine) -> Sessions:
     """Makes sessions; what they loaded stays readable after the commit."""
-    return sessionmaker(engine, expire_on_commit=False)
+    turn = Lock() if engine.dialect.name == SQLITE else nullcontext()
+    return sessionmaker(engine, expire_on_commit=False, info={TURN: turn})

@@ -61,6 +61,11 @@ def is_named(session: Session, sha256: str) -> bool:
     )
 
 
+def named_blobs(session: Session) -> set[str]:
+    """Every blob that a row names."""
+    return {sha256 for table in NAMERS for sha256 in session.scalars(select(table.sha256))}
+
+
 def delete_recording(services: Services, recording_id: str) -> None:
     """Delete a recording, its uploads, what came of it alone, and every blob only they name."""
     with transaction(services.sessions) as session:

@@ -1,0 +1,90 @@
+"""What pairs phones: the owner's token, and the signing key that they trust; both beside the keys.
+
+Looked at before anything is written: whoever lost one of them decides what happens.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from sqlalchemy import select
+
+from elfslam.base.errors import StoreError
+from elfslam.data.folders import new_file
+from elfslam.serve.network.signing import SIGNING_KEY, fingerprint, signing_key
+from elfslam.serve.people.access import new_token, token_sha256
+from elfslam.serve.people.users import set_owner_token
+from elfslam.serve.services import Services
+from elfslam.serve.store.database import Store, User, reading, transaction
+
+OWNER_TOKEN = "owner.token"
+MOST_TOKEN_BYTES = 1000
+
+
+def check_credentials(services: Services, *, renews_token: bool, renews_key: bool) -> None:
+    """Raise StoreError where the owner's token or the signing key is not the one in use."""
+    folder = services.settings.authority_folder
+    with reading(services.sessions) as session:
+        owner = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
+        trusted = session.scalar(select(Store.signing_key))
+    token = _read_token(folder / OWNER_TOKEN)
+    if owner and not renews_token and (token is None or token_sha256(token) != owner):
+        raise StoreError(
+            f"{folder / OWNER_TOKEN}: is {'missing' if token is None else 'another one'}; restore "
+            "it from a backup, or pair the owner's devices again with --new-token"
+        )
+    if not trusted or renews_key:
+        return
+    here = fingerprint(signing_key(folder)) if (folder / SIGNING_KEY).exists() else None
+    if here != trusted:
+        raise StoreError(
+            f"{folder / SIGNING_KEY}: is {'another one' if here else 'missing'}, and paired phones "
+            "trust what it signed; restore it from a backup, or pair all phones again with "
+            "--new-key"
+        )
+
+
+def owner_token(services: Services, *, renewed: bool = False) -> str:
+    """The owner's token, kept so that every start shows the same address."""
+    file = services.settings.authority_folder / OWNER_TOKEN
+    token = None if renewed else _read_token(file)
+    if token is None:
+        token = new_token()
+        write_private(file, token)
+    with reading(services.sessions) as session:
+        known = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
+    if known != token_sha256(token):
+        set_owner_token(services, token)
+    return token
+
+
+def trust_key(services: Services, *, renewed: bool = False) -> None:
+    """Remember which signing key phones trust from now on: that of the folder, or a new one."""
+    folder = services.settings.authority_folder
+    if renewed:
+        (folder / SIGNING_KEY).unlink(missing_ok=True)
+    told = fingerprint(signing_key(folder))
+    with reading(services.sessions) as session:
+        if session.scalar(select(Store.signing_key)) == told:
+            return
+    with transaction(services.sessions) as session:
+        session.scalars(select(Store)).one().signing_key = told
+
+
+def write_private(file: Path, text: str) -> None:
+    """Write a line that only its owner reads."""
+    with new_file(file) as partial:
+        partial.touch(mode=0o600)
+        partial.write_text(text + "\n")
+
+
+def _read_token(file: Path) -> str | None:
+    """A token, None where there is none. Raises StoreError for anything else."""
+    if not file.is_file():
+        return None
+    text = file.read_bytes()[:MOST_TOKEN_BYTES].decode("ascii", "replace").strip()
+    if not text or not text.replace("-", "").replace("_", "").isalnum() or not text.isascii():
+        raise StoreError(
+            f"{file}: is damaged; restore it from a backup, or delete it and say --new-token"
+        )
+    return text

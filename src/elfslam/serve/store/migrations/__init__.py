@@ -1,0 +1,1 @@
+"""Schema migrations of the server's database (Alembic): one file a version, oldest first."""

@@ -1,0 +1,1 @@
+"""The versions of the schema; each names the one before it."""

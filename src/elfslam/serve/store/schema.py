@@ -1,0 +1,111 @@
+"""Schema versions of the database: looked at, upgraded by migrations (Alembic), checked.
+
+Databases made before versions were kept have the tables of the first one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from enum import Enum, auto
+from pathlib import Path
+
+from alembic import command
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Engine, inspect
+from sqlalchemy.engine import Connection
+
+import elfslam.serve.buildings.tables  # noqa: F401  (its tables are part of the schema)
+from elfslam.base.errors import StoreError
+from elfslam.serve.store.backups import back_up
+from elfslam.serve.store.database import Base, answering, shown_url
+
+MIGRATIONS = Path(__file__).parent / "migrations"
+VERSION_TABLE = "schema_version"
+OURS = {"users", "recordings", "uploads"}
+"""Tables that every version has."""
+
+
+class State(Enum):
+    """What a database holds."""
+
+    EMPTY = auto()
+    CURRENT = auto()
+    OLDER = auto()
+
+
+def newest_version() -> str:
+    """The version that this program writes."""
+    head = ScriptDirectory(str(MIGRATIONS)).get_current_head()
+    assert head is not None
+    return head
+
+
+def version_of(connection: Connection) -> str | None:
+    """The version of a database; None where none was kept."""
+    context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+    return context.get_current_revision()
+
+
+def state_of(engine: Engine) -> State:
+    """What a database holds. Raises StoreError for tables that are not ours, or of later."""
+    with answering(engine), engine.connect() as connection:
+        tables, version = set(inspect(connection).get_table_names()), version_of(connection)
+    if not tables:
+        return State.EMPTY
+    if not tables >= OURS:
+        raise StoreError(
+            f"database {shown_url(engine.url)}: holds tables of another program "
+            f"({min(tables - OURS)}); give an empty one, or that of this server"
+        )
+    if version == newest_version():
+        return State.CURRENT
+    if version is not None and version not in _known_versions():
+        raise StoreError(
+            f"database {shown_url(engine.url)}: has version {version:.20}, this program knows up "
+            f"to {newest_version()}; install the newer elfslam that wrote it"
+        )
+    return State.OLDER
+
+
+def upgrade(engine: Engine, backups: Path) -> Path | None:
+    """Bring a database to the newest version, whole or not at all; where its backup lies.
+
+    An empty one has no backup. Raises StoreError where its tables are none of ours.
+    """
+    backup = None if state_of(engine) is State.EMPTY else back_up(engine, backups)
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS))
+    with answering(engine), _writing(engine) as connection:
+        config.attributes["connection"] = connection
+        command.upgrade(config, "head")
+        check_columns(connection)
+    return backup
+
+
+@contextmanager
+def _writing(engine: Engine) -> Iterator[Connection]:
+    """A connection in one transaction, tables and all."""
+    with engine.connect().execution_options(writes=True) as connection, connection.begin():
+        yield connection
+
+
+def check_columns(connection: Connection) -> None:
+    """Raise StoreError where a table or a column is not there that this program reads."""
+    inspector = inspect(connection)
+    for table in Base.metadata.sorted_tables:
+        found = inspector.get_columns(table.name) if inspector.has_table(table.name) else []
+        lacks = {column.name for column in table.columns} - {each["name"] for each in found}
+        if lacks:
+            raise StoreError(
+                f"database {shown_url(connection.engine.url)}: table {table.name} lacks "
+                f"{min(lacks)}; it was changed by hand or is of an unknown version, restore a "
+                "backup"
+            )
+
+
+def _known_versions() -> set[str]:
+    script = ScriptDirectory(str(MIGRATIONS))
+    return {each.revision for each in script.walk_revisions()}

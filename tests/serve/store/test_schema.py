@@ -1,0 +1,125 @@
+"""Schema versions: migrations make what the tables say, and every released version comes along."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from sqlalchemy import Engine, create_engine, inspect, text
+from sqlalchemy.engine import Connection
+
+from elfslam.base.errors import StoreError
+from elfslam.serve.store.database import (
+    Base,
+    Recording,
+    User,
+    open_database,
+    reading,
+    sessions_of,
+)
+from elfslam.serve.store.schema import (
+    VERSION_TABLE,
+    State,
+    newest_version,
+    state_of,
+    upgrade,
+    version_of,
+)
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+RELEASED = Path(__file__).parent / "released"
+VERSIONS = sorted({file.name.removesuffix(".sqlite.sql") for file in RELEASED.glob("*.sqlite.sql")})
+
+
+@pytest.fixture
+def engine(database_url: str, tmp_path: Path) -> Iterator[Engine]:
+    made = open_database(database_url or f"sqlite:///{tmp_path / 'elfslam.sqlite'}")
+    yield made
+    made.dispose()
+
+
+def restored(engine: Engine, version: str) -> None:
+    """The database of a released version, with a row or two in each table."""
+    dump = (RELEASED / f"{version}.{engine.dialect.name}.sql").read_text(encoding="utf-8")
+    if engine.dialect.name == "sqlite":
+        with sqlite3.connect(str(engine.url.database)) as connection:
+            connection.executescript(dump)
+        connection.close()
+        return
+    with engine.begin() as connection:
+        connection.connection.cursor().execute(dump)
+
+
+def everything(connection: Connection) -> dict[str, list[str]]:
+    """The rows of every table of the first version, as text."""
+    names = set(inspect(connection).get_table_names()) - {VERSION_TABLE, "stores"}
+    return {
+        name: sorted(str(tuple(row)) for row in connection.execute(text(f"SELECT * FROM {name}")))
+        for name in names
+    }
+
+
+def test_migrations_make_the_tables(engine: Engine, tmp_path: Path) -> None:
+    assert state_of(engine) is State.EMPTY
+    assert upgrade(engine, tmp_path / "backups") is None
+    assert state_of(engine) is State.CURRENT
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+        assert compare_metadata(context, Base.metadata) == []
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_released_version_is_upgraded_with_all_its_rows(
+    engine: Engine, tmp_path: Path, version: str
+) -> None:
+    restored(engine, version)
+    with engine.connect() as connection:
+        before = everything(connection)
+    assert all(before.values())
+    assert state_of(engine) is State.OLDER
+    backup = upgrade(engine, tmp_path / "backups")
+    with engine.connect() as connection:
+        assert everything(connection) == before
+        assert version_of(connection) == newest_version()
+        context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
+        assert compare_metadata(context, Base.metadata) == []
+    assert backup is not None
+    with reading(sessions_of(engine)) as session:
+        names = [user.name for user in session.query(User).order_by(User.id)]
+        facts = session.get_one(Recording, "3" * 32).facts
+    assert names == ["owner", "Zoë 🦇"]
+    assert facts == {"duration_s": 12.5, "bytes": 7}
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_backup_is_a_database_that_opens(engine: Engine, tmp_path: Path, version: str) -> None:
+    restored(engine, version)
+    backup = upgrade(engine, tmp_path / "backups")
+    copy = create_engine(f"sqlite:///{backup}")
+    assert state_of(copy) is State.OLDER
+    upgrade(copy, tmp_path / "more")
+    with reading(sessions_of(copy)) as copied, reading(sessions_of(engine)) as session:
+        for found in (copied, session):
+            [owner] = found.query(User).filter_by(is_owner=True)
+            assert (owner.name, owner.token_sha256, owner.created_utc.hour) == (
+                "owner", "a" * 64, 6
+            )  # fmt: skip
+    copy.dispose()
+
+
+def test_an_upgrade_that_fails_leaves_everything_as_it_was(engine: Engine, tmp_path: Path) -> None:
+    restored(engine, VERSIONS[0])
+    with engine.begin() as connection:
+        connection.execute(text("ALTER TABLE maps RENAME COLUMN facts TO claims"))
+    with engine.connect() as connection:
+        before = everything(connection)
+    with pytest.raises(StoreError, match="table maps lacks facts"):
+        upgrade(engine, tmp_path / "backups")
+    with engine.connect() as connection:
+        assert everything(connection) == before
+        assert version_of(connection) is None
+    assert len(list((tmp_path / "backups").iterdir())) == 1
