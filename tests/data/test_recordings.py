@@ -269,7 +269,7 @@ def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
     content = made.read_bytes()
     for damaged in (b"", content[:500], content[:200] + bytes(400) + content[600:]):
         made.write_bytes(damaged)
-        with pytest.raises(InputError, match=r"walk\.zip: is no whole \.zip"):
+        with pytest.raises(InputError, match=r"walk\.zip: the \.zip is not whole"):
             read_recording(made)
 
 

@@ -1,6 +1,7 @@
 """Reads the folder of a recording and prints what it holds, as JSON.
 
-`python -m elfslam.serve.receiving.reader FOLDER BYTES` uses at most so much memory.
+`python -m elfslam.serve.receiving.reader FOLDER LIMITS [ZIP]` keeps to the limits, and first
+unpacks the zip into the folder where one is named. Exits with `DISK_FULL` where that has no room.
 """
 
 from __future__ import annotations
@@ -19,20 +20,42 @@ from elfslam.base.values import Recording
 from elfslam.data.recordings import read_recording
 from elfslam.line.chirp import check_rate
 from elfslam.line.motion import MotionParameters, find_footsteps
-from elfslam.serve.receiving.reading import Found
+from elfslam.serve.problems import is_disk_full
+from elfslam.serve.receiving.reading import DISK_FULL, Found
+from elfslam.serve.settings import Limits
+from elfslam.serve.store.zips import unpack_recording
 
 
-def find(folder: Path) -> Found:
-    """What a folder holds, read here and now."""
+def find(folder: Path, limits: Limits, packed: Path | None = None) -> Found:
+    """What a folder holds, read here and now, once `packed` is in it. Raises OSError ENOSPC."""
     try:
+        if packed is not None:
+            _unpack(packed, folder, limits)
         recording = read_recording(folder)
         if recording.audio is not None:
             check_rate(recording.audio.rate_hz)
         return Found(facts_of(recording))
     except InputError as error:
-        return Found(refusal=str(error).replace(f"{folder}/", "").replace(f"{folder}: ", ""))
+        return Found(refusal=_without(str(error), folder, packed))
     except MemoryError:
         return Found(refusal="reading needs more memory than is allowed; cut it in parts")
+
+
+def _unpack(packed: Path, folder: Path, limits: Limits) -> None:
+    """All of a zip or nothing: what is cut short lies in a folder of its own."""
+    partial = folder / "partial"
+    partial.mkdir()
+    unpack_recording(packed, partial, limits)
+    for file in partial.iterdir():
+        file.rename(folder / file.name)
+    partial.rmdir()
+
+
+def _without(text: str, *paths: Path | None) -> str:
+    """The text without the places of this machine."""
+    for path in filter(None, paths):
+        text = text.replace(f"{path}/", "").replace(f"{path}: ", "")
+    return text
 
 
 def facts_of(recording: Recording) -> dict[str, Any]:
@@ -68,12 +91,20 @@ def _footsteps(recording: Recording) -> int | None:
         return None
 
 
-def main(folder: Path, most_bytes: int) -> None:
-    """Print what is found in a folder, with at most so much memory."""
-    resource.setrlimit(resource.RLIMIT_AS, (most_bytes, most_bytes))
-    found = find(folder)
+def main(folder: Path, limits: Limits, packed: Path | None) -> int:
+    """Print what is found in a folder, with at most so much memory; gives the exit code."""
+    resource.setrlimit(resource.RLIMIT_AS, (limits.reading_bytes, limits.reading_bytes))
+    try:
+        found = find(folder, limits, packed)
+    except OSError as error:
+        if is_disk_full(error):
+            return DISK_FULL
+        raise
     print(json.dumps(asdict(found), allow_nan=False))
+    return 0
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]))
+    told_folder, told_limits, *told_zips = sys.argv[1:]
+    told_zip = Path(told_zips[0]) if told_zips else None
+    sys.exit(main(Path(told_folder), Limits(**json.loads(told_limits)), told_zip))

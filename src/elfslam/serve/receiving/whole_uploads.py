@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from functools import partial
-from pathlib import Path
 
 from anyio import to_thread
 from sqlalchemy.orm import Session
 
-from elfslam.base.errors import InputError
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import Come, keep, scratch
 from elfslam.serve.receiving.reading import Found, read_apart
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Recording, Upload, reading
-from elfslam.serve.store.zips import unpack_recording
 from elfslam.serve.texts import as_line
 
 
@@ -31,8 +28,9 @@ def make_recording(services: Services, upload_id: str) -> Upload:
         return upload
     path = services.settings.uploads_folder / upload_id
     with scratch(services.settings) as folder:
-        found = _found(services, path, folder)
-        come = [Come(file.name, file, blobs.blob_of(file)) for file in sorted(folder.iterdir())]
+        found = read_apart(folder, services.settings.limits, path)
+        files = [file for file in sorted(folder.iterdir()) if file.is_file()]
+        come = [Come(file.name, file, blobs.blob_of(file)) for file in files]
         begin = partial(_begin, upload_id=upload_id, found=found)
         keep(services, come, found, begin, wants_map=upload.wants_map)
     path.unlink(missing_ok=True)
@@ -45,16 +43,6 @@ def _row(services: Services, upload_id: str) -> Upload:
     if upload is None:
         raise not_found("upload")
     return upload
-
-
-def _found(services: Services, path: Path, folder: Path) -> Found:
-    try:
-        unpack_recording(path, folder, services.settings.limits)
-    except InputError as error:
-        for file in folder.iterdir():
-            file.unlink()
-        return Found(refusal=str(error))
-    return read_apart(folder, services.settings.limits)
 
 
 def _begin(session: Session, *, upload_id: str, found: Found) -> Recording:

@@ -3,36 +3,21 @@
 from __future__ import annotations
 
 import io
-import shutil
-import stat
-import struct
 import zipfile
-import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
 from elfslam.base.errors import InputError
-from elfslam.serve.problems import is_disk_full
+from elfslam.base.zips import opened_zip
 from elfslam.serve.receiving.appending import refuse_full_disk
 from elfslam.serve.settings import Limits
 from elfslam.serve.store.folder_files import FILE_NAMES
 
-MOST_ENTRIES = 1000
 COPY_BYTES = 2**18
 EPOCH = (1980, 1, 1, 0, 0, 0)
 """The date of every entry: the same files give the same bytes."""
-BROKEN = (
-    zipfile.BadZipFile,
-    zlib.error,
-    struct.error,
-    EOFError,
-    RuntimeError,
-    ValueError,
-    OverflowError,
-    LookupError,
-)
 MACOSX = "__MACOSX"
 
 
@@ -41,28 +26,20 @@ def unpack_recording(path: Path, folder: Path, limits: Limits) -> None:
 
     Other files are left out. Raises InputError for a broken or hostile zip, OSError ENOSPC.
     """
-    try:
-        with zipfile.ZipFile(path) as archive:
-            for name, entry in chosen_entries(archive, limits).items():
-                refuse_full_disk(folder, entry.file_size, limits.free_bytes)
-                with archive.open(entry) as source, (folder / name).open("xb") as target:
-                    shutil.copyfileobj(source, target, COPY_BYTES)
-    except (*BROKEN, OSError) as error:
-        if is_disk_full(error):
-            raise
-        raise InputError(f"the .zip is not whole ({error}); pack it again") from error
+    with opened_zip(path) as packed:
+        for name, entry in chosen_entries(packed.entries, limits).items():
+            refuse_full_disk(folder, entry.file_size, limits.free_bytes)
+            packed.unpack(entry, folder / name)
 
 
-def chosen_entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfile.ZipInfo]:
+def chosen_entries(
+    entries: Mapping[PurePosixPath, zipfile.ZipInfo], limits: Limits
+) -> dict[str, zipfile.ZipInfo]:
     """The entries that are files of a recording, by name. Raises InputError."""
-    entries = archive.infolist()
-    if len(entries) > MOST_ENTRIES:
-        raise InputError(f"the .zip has {len(entries)} entries, wanted at most {MOST_ENTRIES}")
     chosen: dict[str, zipfile.ZipInfo] = {}
     folders = set()
-    for entry in entries:
-        path = _checked(entry)
-        if entry.is_dir() or path.name not in FILE_NAMES or path.parts[0] == MACOSX:
+    for path, entry in entries.items():
+        if path.name not in FILE_NAMES or path.parts[0] == MACOSX:
             continue
         if len(path.parts) > 2 or path.name in chosen:
             raise InputError(f"the .zip holds several {path.name}; pack one recording alone")
@@ -72,19 +49,6 @@ def chosen_entries(archive: zipfile.ZipFile, limits: Limits) -> dict[str, zipfil
         raise InputError("the .zip holds several folders; pack one recording alone")
     _check_sizes(chosen, limits)
     return chosen
-
-
-def _checked(entry: zipfile.ZipInfo) -> PurePosixPath:
-    """Where an entry lies in its zip. Raises InputError where that is a trick."""
-    path = PurePosixPath(entry.filename)
-    tricks = path.is_absolute() or ".." in path.parts or "\\" in entry.filename or not path.parts
-    if tricks or ":" in path.parts[0]:
-        raise InputError(f"the .zip holds {entry.filename!r:.60}, which leads out of it; refused")
-    if stat.S_ISLNK(entry.external_attr >> 16):
-        raise InputError(f"the .zip holds a link, {entry.filename!r:.60}; pack the file itself")
-    if entry.flag_bits & 0x1:
-        raise InputError("the .zip has a password; pack it without")
-    return path
 
 
 def _check_sizes(chosen: Mapping[str, zipfile.ZipInfo], limits: Limits) -> None:
