@@ -89,6 +89,6 @@ def test_a_missing_value_and_an_unknown_key_are_refused(top: Table) -> None:
     ("text", "line"), [("x = 1\ny = = 2\n", 2), ("x = 1\n\nx = 2\n", 3), ("x = [1,", 1)]
 )
 def test_what_is_no_toml_is_refused_with_its_line(text: str, line: int) -> None:
-    with pytest.raises(InputError, match=f"^f line {line}: not TOML") as refusal:
+    with pytest.raises(InputError, match=f"^f line {line}: is no TOML") as refusal:
         read_table(text, "f")
     assert "\n" not in str(refusal.value)

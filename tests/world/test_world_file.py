@@ -316,7 +316,7 @@ def assert_refused(text: str, old: str, new: str, mark: str, complaint: str) -> 
 @pytest.mark.parametrize(
     ("old", "new", "mark", "complaint"),
     [
-        ("size_m = [6", "size_m = [6 6", "size_m", "not TOML"),
+        ("size_m = [6", "size_m = [6 6", "size_m", "no TOML"),
         ('name = "closet"', "name = 7", "name = 7", "name is 7, wanted a text in quotes"),
         ('name = "closet"', 'name = " "', "name =", "name is ' ', wanted a text in quotes"),
         ('name = "closet"\n', "", "\n", "lacks name; add it"),

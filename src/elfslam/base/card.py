@@ -9,6 +9,7 @@ from typing import Any
 
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
+from elfslam.base.text_files import parse_json
 
 
 @dataclass(frozen=True)
@@ -90,15 +91,16 @@ def card_in(metadata: Mapping[str, str]) -> Card | None:
             finetunings=tuple(Finetuning(**item) for item in known["finetunings"]),
             metrics=dict(known["metrics"]),
         )
-    except (KeyError, TypeError, ValueError) as cause:
+    except (InputError, KeyError, TypeError, ValueError) as cause:
         raise InputError(
-            f"card: wanted the metadata that `elfslam pretrain` writes, got another ({cause!r}); "
+            "card: wanted the metadata that `elfslam pretrain` writes, got another "
+            f"({cause!r:.120}); "
             "export the encoder again"
         ) from cause
 
 
 def _value(name: str, text: str) -> Any:
-    return text if name in TEXTS else json.loads(text)
+    return text if name in TEXTS else parse_json(text, name)
 
 
 def training_facts(parameters: Any) -> dict[str, Any]:

@@ -10,13 +10,13 @@ import difflib
 import hashlib
 import json
 import math
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from elfslam.base.errors import ParameterError
+from elfslam.base.errors import InputError, ParameterError
+from elfslam.base.text_files import parse_toml, read_toml
 
 Group = TypeVar("Group")
 
@@ -62,13 +62,14 @@ def load(defaults: Group, file: Path | None, settings: Iterable[str]) -> Group:
     """`defaults` overridden by a TOML file and then by "group.name=value" settings."""
     groups = defaults
     if file is not None:
-        for name, value in _flatten(_read_toml(file)):
+        for name, value in _flatten(_read(file)):
             groups = replace(groups, name, value)
     for setting in settings:
         name, separator, text = setting.partition("=")
         if not separator:
             raise ParameterError(
-                f"setting {setting!r}: wanted group.name=value, for example closure.threshold=0.5"
+                f"setting {setting!r:.60}: wanted group.name=value, "
+                "for example closure.threshold=0.5"
             )
         groups = replace(groups, name.strip(), _literal(text.strip()))
     return groups
@@ -80,7 +81,7 @@ def replace(groups: Group, name: str, value: Any) -> Group:
     if name not in known:
         near = difflib.get_close_matches(name, known, n=1, cutoff=0.4)
         hint = f"did you mean {near[0]}?" if near else "see `elfslam parameters`"
-        raise ParameterError(f"unknown parameter {name!r}; {hint}")
+        raise ParameterError(f"unknown parameter {name!r:.60}; {hint}")
     group_name, field_name = name.split(".")
     group = getattr(groups, group_name)
     item = next(item for item in dataclasses.fields(group) if item.name == field_name)
@@ -95,7 +96,7 @@ def _checked(name: str, value: Any, old: Any, metadata: Mapping[str, Any]) -> An
         value = float(value)
     if type(value) is not wanted:
         raise ParameterError(
-            f"{name}: wanted {wanted.__name__}, got {value!r}; for example {name}={old}"
+            f"{name}: wanted {wanted.__name__}, got {value!r:.60}; for example {name}={old}"
         )
     low, high = metadata["low"], metadata["high"]
     inside = (low is None or value >= low) and (high is None or value <= high)
@@ -113,18 +114,16 @@ def _range(low: Any, high: Any) -> str:
 
 def _literal(text: str) -> Any:
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}", "setting")["value"]
+    except InputError:
         return text
 
 
-def _read_toml(file: Path) -> dict[str, Any]:
+def _read(file: Path) -> dict[str, Any]:
     try:
-        return tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
-        raise ParameterError(
-            f"{file}: cannot be read as a TOML parameter file ({cause})"
-        ) from cause
+        return read_toml(file)
+    except InputError as cause:
+        raise ParameterError(f"{cause} (wanted TOML, see `elfslam parameters`)") from cause
 
 
 def _flatten(nested: Mapping[str, Any]) -> Iterator[tuple[str, Any]]:

@@ -59,6 +59,15 @@ class Zip:
             end += len(piece)
         return content
 
+    def text(self, entry: zipfile.ZipInfo) -> str:
+        """What a file of text says, in UTF-8. Raises InputError where it is damaged or none."""
+        try:
+            return self.content(entry).decode("utf-8-sig")
+        except UnicodeDecodeError as cause:
+            raise InputError(
+                f"{self.path}: {entry.filename!r:.60} is no text in UTF-8 ({cause}); pack it again"
+            ) from cause
+
     def unpack(self, entry: zipfile.ZipInfo, target: Path) -> None:
         """Put a file where there is none. Raises InputError where it is damaged, OSError ENOSPC."""
         try:

@@ -9,6 +9,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_bytes
 from elfslam.data.baseband import Baseband, BasebandFormat
 from elfslam.data.tables import read_header, read_timed_table
 from elfslam.line.chirp import ACCEPTED_RATES_HZ
@@ -47,10 +48,7 @@ def read_baseband(folder: Path, described: object) -> Baseband:
     t_s, scale = _times_and_scales(folder / FRAME_TIMES, kept)
     first = _on_grid(folder / FRAME_TIMES, t_s, kept)
     wanted = len(t_s) * kept.frame_samples * BYTES
-    try:
-        content = (folder / IQ).read_bytes()
-    except OSError as cause:
-        raise InputError(f"{folder / IQ}: cannot be read ({cause}); copy it again") from cause
+    content = read_bytes(folder / IQ)
     if len(content) != wanted:
         raise InputError(
             f"{folder / IQ}: has {len(content)} bytes, wanted {wanted} for {len(t_s)} frames of "
@@ -115,7 +113,6 @@ def _format(file: Path, described: object) -> BasebandFormat:
 
 def _number(file: Path, name: str, given: object) -> float:
     (low, high), whole = LIMITS[name], name in WHOLE
-    # NaN fails the comparison, and an integer in JSON may be too long for a float.
     if isinstance(given, int | float) and not isinstance(given, bool) and low <= given <= high:
         number = float(given)
         if number.is_integer() or not whole:

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.text_files import read_json
 
 FACTS, ENCODER = "run.json", "encoder.onnx"
 
@@ -19,8 +19,8 @@ def read_facts(folder: Path) -> dict[str, Any]:
 def read_object(file: Path) -> dict[str, Any]:
     """The JSON object in a file of a run. Raises StoreError where it is missing or damaged."""
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as cause:
+        content = read_json(file)
+    except InputError as cause:
         raise StoreError(f"{file}: is missing or damaged ({cause}); map again") from cause
     if not isinstance(content, dict):
         raise StoreError(f"{file}: wanted a JSON object; map the recording again")

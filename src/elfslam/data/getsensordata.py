@@ -25,6 +25,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
 from elfslam.data.geographic import HIGHEST_DEG, Origin, from_lon_lat
 from elfslam.data.sensor_files import (
@@ -106,10 +107,7 @@ def read_getsensordata(path: Path) -> GetSensorDataLog:
 
 
 def _lines(path: Path) -> list[str]:
-    try:
-        text = path.read_bytes().decode("utf-8", errors="replace")
-    except OSError as cause:
-        raise InputError(f"{path}: cannot be read ({cause}); check the path") from cause
+    text = read_bytes(path).decode("utf-8", errors="replace")
     return [line.strip() for line in text.splitlines() if line.strip()]
 
 

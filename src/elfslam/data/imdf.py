@@ -8,10 +8,8 @@ level is the convex hull of the walked ground with a margin.
 from __future__ import annotations
 
 import json
-import tomllib
 import uuid
 import zipfile
-import zlib
 from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, fields
 from datetime import UTC, datetime
@@ -23,6 +21,8 @@ import elfslam
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
+from elfslam.base.text_files import parse_json, read_toml
+from elfslam.base.zips import opened_zip
 from elfslam.data.folders import new_file
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import feature, point_of, polygon_of
@@ -56,14 +56,11 @@ class Place:
 
 def read_place(file: Path) -> Place:
     """The place that a TOML file describes, a line for each field. Raises InputError."""
-    try:
-        given = tomllib.loads(file.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as cause:
-        raise InputError(f"{file}: cannot be read as TOML ({cause}); correct it") from cause
+    given = read_toml(file)
     known = {field.name: field for field in fields(Place)}
     for name in given:
         if name not in known:
-            raise InputError(f"{file}: {name} is unknown, wanted {', '.join(known)}; remove it")
+            raise InputError(f"{file}: {name:.60} is unknown, wanted {', '.join(known)}; remove it")
     for name, field in known.items():
         wanted = int if name == "ordinal" else str
         if name not in given and field.default is MISSING:
@@ -72,7 +69,7 @@ def read_place(file: Path) -> Place:
             )
         if name in given and type(given[name]) is not wanted:
             raise InputError(
-                f"{file}: {name} is {given[name]!r}, wanted a {wanted.__name__}; correct it"
+                f"{file}: {name} is {given[name]!r:.60}, wanted a {wanted.__name__}; correct it"
             )
     return Place(**given)
 
@@ -97,14 +94,11 @@ def write_imdf(
 
 def read_imdf(file: Path) -> dict[str, Json]:
     """What each file of an archive holds, by its name without the ending. Raises InputError."""
-    found = {}
-    try:
-        with zipfile.ZipFile(file) as packed:
-            for name in packed.namelist():
-                found[Path(name).stem] = json.loads(packed.read(name).decode("utf-8"))
-    except (OSError, zipfile.BadZipFile, zlib.error, ValueError) as cause:
-        raise InputError(f"{file}: is no whole IMDF archive ({cause}); copy it again") from cause
-    return found
+    with opened_zip(file) as packed:
+        return {
+            name.stem: parse_json(packed.text(entry), f"{file}/{name}")
+            for name, entry in packed.entries.items()
+        }
 
 
 def imdf_archive(

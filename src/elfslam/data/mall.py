@@ -23,6 +23,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
@@ -74,10 +75,7 @@ def read_walk(path: Path) -> MallWalk:
     The gyroscope is moved to the accelerometer's times; of records with the same time the first
     counts. Raises InputError where the file is no walk.
     """
-    try:
-        text = path.read_bytes().decode("utf-8", errors="replace")
-    except OSError as cause:
-        raise InputError(f"{path}: cannot be read ({cause}); check the path") from cause
+    text = read_bytes(path).decode("utf-8", errors="replace")
     lines = [line for line in text.splitlines() if line.strip()]
     header = [line for line in lines if line.startswith("#")]
     body = [line for line in lines if not line.startswith("#")]

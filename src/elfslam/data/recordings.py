@@ -18,6 +18,7 @@ import numpy as np
 
 from elfslam import __version__
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
 from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
@@ -171,14 +172,11 @@ def _check_clocks(folder: Path, recording: Recording) -> None:
 def _read_manifest(file: Path) -> dict[str, Any]:
     if not file.is_file():
         raise InputError(f"{file.parent}: is no recording; wanted a folder with {MANIFEST}")
-    try:
-        manifest = json.loads(file.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as cause:
-        raise InputError(f"{file}: cannot be read as JSON ({cause}); repair it") from cause
+    manifest = read_json(file)
     version = manifest.get("format_version") if isinstance(manifest, dict) else None
     if isinstance(version, bool) or version != FORMAT_VERSION:
         raise InputError(
-            f"{file}: format_version is {version!r}, wanted {FORMAT_VERSION}; "
+            f"{file}: format_version is {version!r:.60}, wanted {FORMAT_VERSION}; "
             "use a newer elfslam or convert the recording"
         )
     return dict(manifest)
@@ -242,10 +240,7 @@ def _same(given: object, wanted: object) -> bool:
             return False
         return all(map(_same, given, wanted))
     if isinstance(wanted, float):
-        if not isinstance(given, int | float):
-            return False
-        # An integer in JSON may be too long for a float.
-        return abs(given) < FARTHEST_M and math.isclose(given, wanted)
+        return isinstance(given, int | float) and math.isclose(given, wanted)
     return given == wanted
 
 

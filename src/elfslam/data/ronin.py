@@ -7,7 +7,6 @@ game_rv.txt (`nanoseconds x y z w`). The nanoseconds count from any origin, one 
 
 from __future__ import annotations
 
-import json
 import tempfile
 from pathlib import Path
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_json
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
 from elfslam.base.zips import unpack_zip
 from elfslam.data.sensor_files import (
@@ -125,8 +125,8 @@ def _orientation(folder: Path, start_ns: float, imu: Imu) -> Orientation | None:
 def _device(folder: Path) -> str:
     """What info.json says, which the published recordings have beside their sensors."""
     try:
-        facts = json.loads((folder / "info.json").read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        facts = read_json(folder / "info.json")
+    except InputError:
         return "unknown"
     device = facts.get("device") if isinstance(facts, dict) else None
     return device if isinstance(device, str) and device else "unknown"

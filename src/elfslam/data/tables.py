@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base import text_files
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 
@@ -17,11 +18,8 @@ NUMBER_FORMAT = "%.9g"
 
 
 def read_text(file: Path) -> str:
-    """The text of a file. Raises InputError where it is missing, unreadable or empty."""
-    try:
-        text = file.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as cause:
-        raise InputError(f"{file}: cannot be read as text ({cause}); check the file") from cause
+    """The text of a file, lines ended by "\\n". Raises InputError where unreadable or empty."""
+    text = text_files.read_text(file).replace("\r\n", "\n").replace("\r", "\n")
     if not text.strip():
         raise InputError(f"{file}: is empty; delete it if there is nothing to say")
     return text

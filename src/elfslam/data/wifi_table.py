@@ -11,6 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_text
 from elfslam.base.values import WifiScans
 
 HEADER = ("t_s", "bssid", "rssi_dbm", "frequency_mhz", "age_s")
@@ -66,10 +67,10 @@ def read_wifi(file: Path) -> WifiScans:
 
 def _read_rows(file: Path) -> list[list[str]]:
     """Cells by row; a name in quotes may hold commas, quotes and line breaks."""
+    lines = (f"{line}\n" for line in read_text(file).split("\n"))
     try:
-        with file.open(newline="", encoding="utf-8-sig") as stream:
-            rows = list(csv.reader(stream, strict=True))
-    except (OSError, UnicodeDecodeError, csv.Error) as cause:
+        rows = list(csv.reader(lines, strict=True))
+    except csv.Error as cause:
         raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
     while rows and len(rows[-1]) < 2 and not "".join(rows[-1]).strip():
         rows.pop()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import difflib
 import math
 import re
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,6 +13,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import parse_toml
 
 LARGEST_M = 500.0
 """No coordinate or length of a world is beyond this."""
@@ -46,11 +46,11 @@ class Table:
 def read_table(text: str, file: str) -> Table:
     """The whole of a TOML text. Raises InputError with the line where it is none."""
     try:
-        values = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as cause:
+        values = parse_toml(text, "")
+    except InputError as cause:
         found = re.search(r"at line (\d+)", str(cause))
         line = found[1] if found else len(text.splitlines())
-        raise InputError(f"{file} line {line}: not TOML: {cause}; correct it") from cause
+        raise InputError(f"{file} line {line}{cause}") from cause
     lines = _line_numbers(text)
     return Table(file, "", values, lines[("", 0)], lines)
 
