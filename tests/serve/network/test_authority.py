@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from cryptography import x509
+from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from elfslam.base.errors import StoreError
@@ -43,6 +44,25 @@ def test_it_is_kept_until_addresses_change_or_it_runs_out(tmp_path: Path) -> Non
     renewed = read(server_certificate(tmp_path, ["10.0.0.1"], late).certificate)
     assert renewed.not_valid_after_utc > moved.not_valid_after_utc
     renewed.verify_directly_issued_by(read(tmp_path / "authority.pem"))
+
+
+def test_a_clock_that_was_set_back_gets_a_certificate_of_its_time(tmp_path: Path) -> None:
+    server_certificate(tmp_path, NAMES, NOW)
+    earlier = NOW - timedelta(days=1000)
+    made = read(server_certificate(tmp_path, NAMES, earlier).certificate)
+    assert made.not_valid_before_utc < earlier < made.not_valid_after_utc
+
+
+@pytest.mark.parametrize("content", [b"", b"no key", None])
+def test_a_key_that_does_not_fit_is_replaced(tmp_path: Path, content: bytes | None) -> None:
+    kept = server_certificate(tmp_path, NAMES, NOW)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    another = server_certificate(elsewhere, NAMES, NOW).key.read_bytes()
+    kept.key.write_bytes(another if content is None else content)
+    again = server_certificate(tmp_path, NAMES, NOW)
+    key = serialization.load_pem_private_key(again.key.read_bytes(), password=None)
+    assert key.public_key() == read(again.certificate).public_key()
 
 
 def test_a_broken_certificate_is_replaced(tmp_path: Path) -> None:

@@ -89,5 +89,5 @@ def test_a_new_signing_key_is_asked_for(services: Services, authority: Path) -> 
 
 def test_a_damaged_signing_key(services: Services, authority: Path) -> None:
     (authority / SIGNING_KEY).write_bytes(b"nonsense")
-    with pytest.raises(StoreError, match="cannot be read"):
+    with pytest.raises(StoreError, match="is no key"):
         check(services)

@@ -22,6 +22,7 @@ from elfslam.serve.network.addresses import checked_hosts
 from elfslam.serve.network.running import Listening, greeting, invite, qr_lines, run
 from elfslam.serve.network.signing import fingerprint, signing_key
 from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.opening import InUseError
 
 Start = Callable[..., Any]
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -228,3 +229,22 @@ def test_a_port_in_use_is_said(settings: ServerSettings) -> None:
         port = taken.getsockname()[1]
         with pytest.raises(InputError, match=f"port {port}: cannot listen"):
             run(settings, Listening("127.0.0.1", port, plain_http=True), print)
+
+
+def test_a_second_server_is_refused_before_it_changes_anything(start_server: Start) -> None:
+    server = start_server()
+    before = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
+    second = Listening("127.0.0.1", 0, plain_http=True, new_token=True, new_key=True)
+    with pytest.raises(InUseError, match="another server is using it"):
+        run(ServerSettings(server.data, run_jobs=False), second, print)
+    after = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
+    assert after == before
+    assert httpx.get(server.url + "api/me", headers=server.bearer).is_success
+
+
+def test_a_server_that_cannot_listen_changes_nothing(settings: ServerSettings) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        with pytest.raises(InputError, match="cannot listen there"):
+            run(settings, Listening("127.0.0.1", port, plain_http=True, new_token=True), print)
+    assert list(settings.authority_folder.iterdir()) == []

@@ -32,7 +32,8 @@ def signing_key(folder: Path) -> ec.EllipticCurvePrivateKey:
             raise ValueError("it is of another kind")
     except (OSError, ValueError, TypeError) as error:
         raise StoreError(
-            f"{file}: cannot be read ({error}); delete it for a new one, and pair all phones again"
+            f"{file}: is no key ({type(error).__name__}); restore it from a backup, or pair all "
+            "phones again with --new-key"
         ) from error
     return key
 

@@ -8,13 +8,21 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from sqlalchemy import Engine
+from sqlalchemy import Engine, select
 from sqlalchemy.engine import make_url
 
 from elfslam.base.errors import StoreError
 from elfslam.serve.problems import LOG
 from elfslam.serve.settings import ServerSettings, prepare_folders
-from elfslam.serve.store.database import SQLITE, answering, open_database, sessions_of, shown_url
+from elfslam.serve.store.backups import ROWS
+from elfslam.serve.store.database import (
+    SQLITE,
+    Base,
+    answering,
+    open_database,
+    sessions_of,
+    shown_url,
+)
 from elfslam.serve.store.identity import introduce, refuse_another, refuse_lost_database
 from elfslam.serve.store.schema import State, check_columns, state_of, upgrade
 
@@ -66,6 +74,7 @@ def open_store(settings: ServerSettings) -> Engine:
         if state is not State.EMPTY:
             refuse_another(engine, settings)
         _bring_up_to_date(engine, settings, state)
+        _check_rows(engine)
         with answering(engine):
             introduce(sessions_of(engine), settings)
     except BaseException:
@@ -117,6 +126,27 @@ def _check_pages(engine: Engine) -> None:
             f"database {shown_url(engine.url)}: is damaged ({str(told).splitlines()[-1]:.80}); "
             "restore a backup"
         )
+
+
+def _check_rows(engine: Engine) -> None:
+    """Raise StoreError where a row of a SQLite file cannot be read; its pages may still be whole.
+
+    Numbers alone cannot be told from others: tables of nothing else are passed over.
+    """
+    if engine.dialect.name != SQLITE:
+        return
+    for table in Base.metadata.sorted_tables:
+        if all(column.type.python_type in (int, float) for column in table.columns):
+            continue
+        try:
+            with answering(engine), engine.connect() as connection:
+                for _ in connection.execute(select(table)).partitions(ROWS):
+                    pass
+        except (ValueError, TypeError) as error:
+            raise StoreError(
+                f"database {shown_url(engine.url)}: a row of table {table.name} is damaged "
+                f"({type(error).__name__}); restore a backup"
+            ) from error
 
 
 def _bring_up_to_date(engine: Engine, settings: ServerSettings, state: State) -> None:
