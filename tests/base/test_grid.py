@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+
 import numpy as np
 import numpy.testing as npt
 import pytest
@@ -10,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
 from elfslam.base.grid import (
     FloorGrid,
     drawn_grid,
@@ -85,3 +88,76 @@ def test_the_area_of_a_ring_has_the_sign_of_its_sense(turn: int) -> None:
     square = np.roll(np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]]), turn, axis=0)
     assert signed_area(square) == pytest.approx(4.0)
     assert signed_area(square[::-1]) == pytest.approx(-4.0)
+
+
+def rings(corners: int) -> st.SearchStrategy[F64]:
+    """Any corners in an order of their own: rings that cross themselves too."""
+    places = st.floats(-3, 3).map(lambda value: round(value, 2))
+    return st.lists(st.tuples(places, places), min_size=3, max_size=corners).map(np.array)
+
+
+@given(st.lists(st.lists(rings(9), min_size=1, max_size=3).map(tuple), min_size=1, max_size=3))
+def test_drawn_ground_is_what_each_middle_says_by_itself(
+    polygons: list[tuple[F64, ...]],
+) -> None:
+    cell_m = 0.1
+    for ground, blocked in ((polygons, []), (polygons[:1], polygons[1:])):
+        grid = drawn_grid(ground, blocked, cell_m)
+        rows, columns = grid.free.shape
+        low = np.round(grid.corner_m / cell_m) + 0.5
+        x, y = np.meshgrid(
+            (low[0] + np.arange(columns)) * cell_m, (low[1] + np.arange(rows)) * cell_m
+        )
+        middles = np.column_stack([x.ravel(), y.ravel()])
+        wanted = np.zeros(len(middles), dtype=bool)
+        for polygon in ground:
+            wanted |= in_polygon(polygon, middles)
+        for polygon in blocked:
+            wanted &= ~in_polygon(polygon, middles)
+        npt.assert_array_equal(grid.free.ravel(), wanted)
+
+
+def test_a_ring_of_many_corners_takes_memory_for_its_rows_alone() -> None:
+    turn = np.linspace(0, 2 * np.pi, 50_000, endpoint=False)
+    ring = 20 * np.column_stack([np.cos(turn), np.sin(turn)])
+    tracemalloc.start()
+    try:
+        grid = drawn_grid([(ring,)], [], 0.1)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert abs(grid.free.sum() * 0.01 - np.pi * 400) < 1
+    assert peak < 50e6 < len(ring) * grid.free.size / 10
+
+
+def test_ground_that_no_grid_can_hold_is_refused() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    with pytest.raises(InputError, match="squares, wanted at most"):
+        drawn_grid([(square * 1e6,)], [], 0.1)
+    with pytest.raises(InputError, match="squares, wanted at most"):
+        walked_grid([np.array([[0.0, 0.0]]), np.array([[1e9, 1e9]])], 0.3, 0.05)
+    with pytest.raises(InputError, match="on each other"):
+        drawn_grid([(square * 100,)] * 300, [], 0.05)
+
+
+@pytest.mark.parametrize("limit", ["MOST_RINGS", "MOST_SIDES"])
+def test_noise_has_no_outlines(monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
+    free = np.random.default_rng(0).uniform(size=(50, 50)) < 0.5
+    noise = FloorGrid(free, np.zeros(2), 0.1)
+    assert len(outlines(noise)) > 50
+    monkeypatch.setattr(f"elfslam.base.grid.{limit}", 50)
+    with pytest.raises(InputError, match="too ragged"):
+        outlines(noise)
+
+
+def test_each_hole_lies_in_the_smallest_ring_about_it() -> None:
+    free = np.ones((11, 11), dtype=bool)
+    free[1:10, 1:10] = False
+    free[2:9, 2:9] = True
+    free[4:7, 4:7] = False
+    free[5, 5] = True
+    found = outlines(FloorGrid(free, np.zeros(2), 1.0))
+    assert sorted(len(polygon) for polygon in found) == [1, 2, 2]
+    for polygon in found:
+        for hole in polygon[1:]:
+            assert shapely.Polygon(polygon[0]).contains(shapely.Polygon(hole))

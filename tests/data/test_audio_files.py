@@ -66,6 +66,31 @@ def test_frames_that_do_not_fit_are_refused(tmp_path: Path, t_s: list[float], sa
         read_recorded_sound(tmp_path)
 
 
+def with_length(flac: bytes, samples: int) -> bytes:
+    """The same sound, whose header says that it is so long (36 bits, from byte 21.5 on)."""
+    first = (flac[21] & 0xF0) | samples >> 32
+    return flac[:21] + bytes([first]) + (samples & 0xFFFFFFFF).to_bytes(4, "big") + flac[26:]
+
+
+@pytest.mark.parametrize("samples", [0, 30_000_000, 2_000_000_000, 2**36 - 1])
+def test_a_length_that_no_file_of_that_size_has_is_refused(tmp_path: Path, samples: int) -> None:
+    file = tmp_path / "audio.flac"
+    write_audio(Audio(np.zeros((1, 44_100)), RATE_HZ), file)
+    file.write_bytes(with_length(file.read_bytes(), samples))
+    with pytest.raises(InputError, match="its length claims"):
+        read_audio(file)
+    file.write_bytes(with_length(file.read_bytes(), 44_101))
+    with pytest.raises(InputError, match=r"cannot be read|is cut off"):
+        read_audio(file)
+
+
+@pytest.mark.parametrize("last_s", [1e4, 1e300])
+def test_a_time_line_that_sound_does_not_fill_is_refused(tmp_path: Path, last_s: float) -> None:
+    write_frames(tmp_path, np.zeros((3, 3528)), [0.0, 0.1, last_s])
+    with pytest.raises(InputError, match=r"frames\.csv: its length claims"):
+        read_recorded_sound(tmp_path)
+
+
 def test_sound_that_is_not_finite_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "audio.wav"
     soundfile.write(file, np.array([0.0, np.nan]), RATE_HZ, subtype="FLOAT")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import struct
 import sys
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -119,3 +121,101 @@ def test_geojson_without_ground_is_refused(tmp_path: Path) -> None:
     (tmp_path / "p.geojson").write_text("[1, 2]")
     with pytest.raises(InputError, match="cannot be read as GeoJSON"):
         read_plan_geojson(tmp_path / "p.geojson")
+
+
+CORNERS = [[8.5, 47.3], [8.5001, 47.3], [8.5001, 47.3001], [8.5, 47.3]]
+
+
+@pytest.mark.parametrize(
+    "coordinates",
+    [
+        [],
+        {},
+        None,
+        "POLYGON((0 0))",
+        [[]],
+        [{}],
+        [[[]]],
+        [[[8.5, 47.3]]],
+        [[[8.5, "north"], *CORNERS]],
+        [[[8.5], *CORNERS]],
+        [[[8.5, 10**30], *CORNERS]],
+        [[[8.5, None], *CORNERS]],
+        [[CORNERS]],
+        [CORNERS, []],
+    ],
+)
+def test_polygons_that_are_none_are_refused(tmp_path: Path, coordinates: object) -> None:
+    shape = {"type": "Polygon", "coordinates": coordinates}
+    with pytest.raises(InputError) as refused:
+        read_plan_geojson(written(tmp_path / "p.geojson", [feature(shape, {})]))
+    assert str(refused.value).startswith(str(tmp_path / "p.geojson"))
+    many = feature({"type": "MultiPolygon", "coordinates": [coordinates]}, {})
+    with pytest.raises(InputError, match="GeoJSON"):
+        read_plan_geojson(written(tmp_path / "p.geojson", [many]))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{"type": "Polygon", "coordinates": [[[1e400, 0], [1, 0], [1, 1], [1e400, 0]]]}',
+        '{"features": 3}',
+        '{"features": [null]}',
+        '{"features": [{"geometry": []}]}',
+        '{"features": [{"geometry": [1]}]}',
+        '{"features": [{"geometry": {"type": "Polygon"}}]}',
+        "[" * 5000,
+        "",
+    ],
+)
+def test_geojson_of_another_kind_is_refused(tmp_path: Path, text: str) -> None:
+    (tmp_path / "p.geojson").write_text(text)
+    with pytest.raises(InputError, match="geojson"):
+        read_plan_geojson(tmp_path / "p.geojson")
+
+
+def test_a_plan_of_countless_corners_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = written(tmp_path / "p.geojson", [feature(polygon_of(ORIGIN, (SQUARE,)), {})])
+    monkeypatch.setattr("elfslam.data.floor_plans.MOST_CORNERS", 3)
+    with pytest.raises(InputError, match="has 4 corners"):
+        read_plan_geojson(file)
+
+
+def test_a_plan_that_lies_on_itself_is_refused_by_name(tmp_path: Path) -> None:
+    shape = feature(polygon_of(ORIGIN, (100 * SQUARE / 6,)), {})
+    with pytest.raises(InputError, match=r"p\.geojson: the polygons lie on each other"):
+        read_plan_geojson(written(tmp_path / "p.geojson", [shape] * 500))
+
+
+def test_an_image_says_how_large_it_is_before_it_is_drawn(
+    image: Image.Image, tmp_path: Path
+) -> None:
+    file = tmp_path / "plan.png"
+    image.save(file)
+    whole = file.read_bytes()
+    for side in (7_000, 2**31 - 1):
+        head = b"IHDR" + struct.pack(">II", side, side) + whole[24:29]
+        file.write_bytes(whole[:12] + head + struct.pack(">I", zlib.crc32(head)) + whole[33:])
+        with pytest.raises(InputError, match="pixels"):
+            read_plan_image(file, 10.0)
+
+
+def test_only_pictures_are_opened(tmp_path: Path) -> None:
+    """Pillow would hand an EPS to another program."""
+    (tmp_path / "plan.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n")
+    with pytest.raises(InputError, match="cannot identify"):
+        read_plan_image(tmp_path / "plan.png", 10.0)
+
+
+@pytest.mark.parametrize("mode", ["1", "L", "LA", "P", "RGB", "RGBA", "CMYK"])
+def test_ground_is_the_same_in_every_kind_of_image(
+    image: Image.Image, tmp_path: Path, mode: str
+) -> None:
+    ending = "jpg" if mode == "CMYK" else "png"
+    image.save(tmp_path / "first.png")
+    image.convert("RGB").convert(mode).save(tmp_path / f"plan.{ending}")
+    wanted = read_plan_image(tmp_path / "first.png", 10.0)
+    found = read_plan_image(tmp_path / f"plan.{ending}", 10.0)
+    assert (wanted.free != found.free).mean() < 0.01

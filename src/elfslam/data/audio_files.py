@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import soundfile
 
+from elfslam.base.bounds import check_claim
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
 from elfslam.data.baseband import from_baseband
@@ -33,6 +34,7 @@ def read_audio(file: Path) -> Audio:
     try:
         with soundfile.SoundFile(file) as sound:
             promised, rate_hz = sound.frames, sound.samplerate
+            _check_length(file, file, promised * sound.channels)
             samples = sound.read(dtype="float32", always_2d=True)
     except (OSError, RuntimeError) as cause:
         raise InputError(f"{file}: cannot be read as sound ({cause}); record again") from cause
@@ -41,6 +43,12 @@ def read_audio(file: Path) -> Audio:
     if not np.isfinite(samples).all():
         raise InputError(f"{file}: has samples that are not finite; write it again as FLAC")
     return Audio(samples.T, rate_hz)
+
+
+def _check_length(file: Path, source: Path, samples: float) -> None:
+    """Refuse more samples, of all channels, than a sound file can stand for."""
+    claimed_bytes = samples * np.dtype(np.float32).itemsize
+    check_claim(source, "its length", claimed_bytes, file.stat().st_size)
 
 
 def _wav_is_cut_off(file: Path) -> bool:
@@ -79,6 +87,7 @@ def _read_frames(folder: Path, name: str) -> Audio:
             f"{folder / name}: {total} samples are not {len(t_s)} equal frames at times from "
             f"0 on; check {FRAME_TIMES}"
         )
+    _check_length(folder / name, folder / FRAME_TIMES, t_s[-1] * sound.rate_hz * channels)
     frames = sound.samples.reshape(channels, len(t_s), -1)
     starts = np.round(t_s * sound.rate_hz).astype(np.int64)
     length = int(starts[-1]) + frames.shape[2]

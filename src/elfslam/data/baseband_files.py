@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64, I64
+from elfslam.base.bounds import check_claim
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.data.baseband import Baseband, BasebandFormat
@@ -17,6 +18,8 @@ from elfslam.line.chirp import ACCEPTED_RATES_HZ
 IQ, FRAME_TIMES = "baseband.iq", "baseband.csv"
 BYTES = 4
 """Of one sample: I and Q, little-endian 16 bits each."""
+SAMPLE_BYTES = 4
+"""Of the sound that is made of it."""
 LIMITS = {
     "rate_hz": (5000, 24_000),
     "centre_hz": (10_000, 22_000),
@@ -54,6 +57,8 @@ def read_baseband(folder: Path, described: object) -> Baseband:
             f"{folder / IQ}: has {len(content)} bytes, wanted {wanted} for {len(t_s)} frames of "
             f"{kept.frame_samples} samples in {FRAME_TIMES}; copy both again"
         )
+    samples = t_s[-1] * kept.source_rate_hz
+    check_claim(folder / FRAME_TIMES, "its last time", samples * SAMPLE_BYTES, len(content))
     iq = np.frombuffer(content, dtype="<i2").reshape(len(t_s), kept.frame_samples, 2)
     return Baseband(first, iq.astype(np.int16), scale, kept)
 

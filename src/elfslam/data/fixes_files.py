@@ -13,7 +13,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Fixes, FixStatus
 from elfslam.data.folders import new_file
-from elfslam.data.tables import check_times, read_lines
+from elfslam.data.tables import check_times, read_named_rows
 
 NUMBERS = ("t_s", "x_m", "y_m", "heading_rad", "sigma_m")
 HEADER = (*NUMBERS, "status")
@@ -38,10 +38,7 @@ def read_fixes(file: Path) -> Fixes:
 
     Raises InputError naming file and row.
     """
-    rows = csv.DictReader(read_lines(file))
-    missing = [name for name in HEADER if name not in (rows.fieldnames or ())]
-    if missing:
-        raise InputError(f"{file}: column {missing[0]} is missing; wanted {','.join(HEADER)}")
+    rows = read_named_rows(file, HEADER)
     read = [_read_row(file, number, row) for number, row in enumerate(rows, start=2)]
     numbers = np.array([row[0] for row in read]).reshape(-1, len(NUMBERS))
     check_times(file, numbers[:, 0])
@@ -59,9 +56,9 @@ def _round_covariance(sigma_m: F64) -> F64:
     return np.asarray(sigma_m[:, None, None] ** 2 * np.eye(2))
 
 
-def _read_row(file: Path, number: int, row: Mapping[str, str | None]) -> tuple[list[float], int]:
+def _read_row(file: Path, number: int, row: Mapping[str, str]) -> tuple[list[float], int]:
     try:
-        status = FixStatus[str(row["status"])]
+        status = FixStatus[row["status"]]
         numbers = [float(row[name] or "nan") for name in NUMBERS]
     except (KeyError, ValueError) as cause:
         raise InputError(f"{file}: row {number} is no fix ({cause}); repair it") from cause

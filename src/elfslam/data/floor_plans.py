@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-import json
+import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +13,14 @@ from scipy.ndimage import label
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.grid import FloorGrid, Polygon, drawn_grid
+from elfslam.base.text_files import read_bytes, read_json
 from elfslam.data.geographic import Origin, from_lon_lat
 
 IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
+FORMATS = ("PNG", "PPM", "JPEG", "BMP")
+"""Others are run by other programs, or hold more than a picture."""
+MOST_PIXELS = 40_000_000
+MOST_CORNERS = 100_000
 GEOJSON = (".geojson", ".json")
 DARK = 128
 """Pixels darker than this are walls."""
@@ -64,44 +70,58 @@ def read_plan_geojson(file: Path, origin: Origin | None = None) -> tuple[FloorGr
     blocked = [polygon for polygon, open_ in flat if not open_]
     if not ground:
         raise InputError(f"{file}: no polygon is accessible; remove the property from one")
-    return drawn_grid(ground, blocked, max(CELL_M, float(size_m.max()) / 2000)), frame
+    try:
+        return drawn_grid(ground, blocked, max(CELL_M, float(size_m.max()) / 2000)), frame
+    except InputError as cause:
+        raise InputError(f"{file}: {cause}") from cause
 
 
 def _brightness(file: Path) -> Any:
     """Brightness 0 to 255 of each pixel (rows, columns); what is transparent is white."""
+    from PIL import Image
+
+    content = BytesIO(read_bytes(file))
     try:
-        from PIL import Image
-    except ImportError as cause:
-        raise InputError(
-            f"{file}: images need Pillow, which is not installed; run "
-            "pip install 'elfslam[images]' or give the plan as GeoJSON"
-        ) from cause
-    try:
-        with Image.open(file) as image:
+        with (
+            warnings.catch_warnings(action="ignore"),
+            Image.open(content, formats=FORMATS) as image,
+        ):
+            if image.width * image.height > MOST_PIXELS:
+                raise ValueError(f"{image.width} by {image.height} pixels; make it smaller")
+            if not image.has_transparency_data:
+                return np.asarray(image.convert("RGB").convert("L"))
             seen = image.convert("RGBA")
-    except (OSError, ValueError, Image.DecompressionBombError) as cause:
-        raise InputError(f"{file}: cannot be read as an image ({cause}); check it") from cause
+    except Exception as cause:  # Pillow raises whatever the damaged bytes led to
+        raise InputError(
+            f"{file}: cannot be read as an image ({cause!s:.120}); check it"
+        ) from cause
     paper = Image.new("RGBA", seen.size, (255, 255, 255, 255))
     return np.asarray(Image.alpha_composite(paper, seen).convert("L"))
 
 
 def _outside(light: Bool) -> Bool:
     """Light pixels that hang together with the border."""
-    parts, _ = label(light)
-    border = np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]])
-    return np.asarray(np.isin(parts, border[border > 0]))
+    parts, count = label(light)
+    outside = np.zeros(count + 1, dtype=np.bool_)
+    for side in (parts[0], parts[-1], parts[:, 0], parts[:, -1]):
+        outside[side] = True
+    outside[0] = False
+    return np.asarray(outside[parts])
 
 
 def _polygons(file: Path) -> list[tuple[Polygon, bool]]:
     """Polygons in degrees, and whether each is accessible."""
+    content = read_json(file)
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
         features = content.get("features", [content])
         found = [each for feature in features for each in _of_feature(feature)]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as cause:
+    except (ValueError, KeyError, TypeError, AttributeError) as cause:
         raise InputError(f"{file}: cannot be read as GeoJSON ({cause!r:.80}); check it") from cause
     if not found:
         raise InputError(f"{file}: holds no Polygon; wanted the accessible ground as polygons")
+    corners = sum(len(ring) for polygon, _ in found for ring in polygon)
+    if corners > MOST_CORNERS:
+        raise InputError(f"{file}: has {corners} corners, wanted {MOST_CORNERS}; simplify it")
     return found
 
 
@@ -112,7 +132,13 @@ def _of_feature(feature: dict[str, Any]) -> list[tuple[Polygon, bool]]:
         return []
     parts = [geometry["coordinates"]] if kind == "Polygon" else geometry["coordinates"]
     accessible = (feature.get("properties") or {}).get("accessible", True) is not False
-    return [(tuple(_ring(ring) for ring in rings), accessible) for rings in parts]
+    return [(_rings(rings), accessible) for rings in parts]
+
+
+def _rings(rings: list[Any]) -> Polygon:
+    if not isinstance(rings, list) or not rings:
+        raise ValueError("a polygon needs a ring")
+    return tuple(_ring(ring) for ring in rings)
 
 
 def _ring(positions: list[Any]) -> F64:

@@ -21,13 +21,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, chain, rotation_from_quaternion, wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Magnetometer, Odometry, Orientation, Recording, Truth
+from elfslam.data.mat_files import read_mat
 
 LEAD_IN_SAMPLES = {"library": 149}
 """Samples at the start that the paper drops too."""
@@ -84,13 +84,8 @@ def read_magnetic(
 
 
 def _load(path: Path) -> dict[str, F64]:
-    if not path.is_file():
-        raise InputError(f"{path}: does not exist; wanted a .mat file of Kok and Solin 2024")
-    try:
-        content = scipy.io.loadmat(path, variable_names=list(SHAPES))
-    except Exception as cause:  # scipy raises whatever the damaged bytes led to
-        raise InputError(f"{path}: cannot be read as a .mat file ({cause}); copy it") from cause
-    data = {name: np.atleast_2d(content.get(name, np.empty((0, 0)))) for name in SHAPES}
+    content = read_mat(path, SHAPES)
+    data = {name: content.get(name, np.empty((0, 0))) for name in SHAPES}
     rows = len(data["m"])
     for name, columns in SHAPES.items():
         wanted = (rows - 1 if name == "dPos" else rows, columns)

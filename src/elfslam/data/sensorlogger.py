@@ -9,7 +9,6 @@ says in `standardisation`. Only Android writes an acceleration with gravity.
 
 from __future__ import annotations
 
-import csv
 import math
 import tempfile
 from collections.abc import Mapping
@@ -31,7 +30,7 @@ from elfslam.data.sensor_files import (
     imu_on_accelerometer_clock,
 )
 from elfslam.data.streams import attitude_that_agrees, find_file, forward, in_mps2
-from elfslam.data.tables import check_size, read_lines, read_table
+from elfslam.data.tables import check_size, read_named_rows, read_table
 from elfslam.data.wifi_table import scans_from_rows
 
 LOWEST_RATE_HZ = 44_100
@@ -81,8 +80,7 @@ def _read_folder(folder: Path, name: str) -> Recording:
 
 def _metadata(folder: Path) -> dict[str, str]:
     file = find_file(folder, "Metadata.csv")
-    row = next(csv.DictReader(read_lines(file)), None) if file else None
-    return {key: str(value or "") for key, value in (row or {}).items()}
+    return next(iter(read_named_rows(file, ())), {}) if file else {}
 
 
 def _sensor(folder: Path, name: str, columns: tuple[str, ...] = AXES) -> Table | None:
@@ -139,7 +137,7 @@ def _wifi(folder: Path) -> WifiScans | None:
     if file is None:
         return None
     seen: list[tuple[float, str, float]] = []
-    for number, row in enumerate(csv.DictReader(read_lines(file)), start=2):
+    for number, row in enumerate(read_named_rows(file, ()), start=2):
         cells = _seen(row)
         if cells is None:
             raise InputError(
@@ -153,11 +151,11 @@ def _wifi(folder: Path) -> WifiScans | None:
     return scans_from_rows(t_s, bssids, rssi_dbm, [math.nan] * len(seen))
 
 
-def _seen(row: Mapping[str, str | None]) -> tuple[float, str, float] | None:
+def _seen(row: Mapping[str, str]) -> tuple[float, str, float] | None:
     """When, which network and how strong; None where a cell is missing or no number."""
     bssid = row.get("bssid")
     try:
-        t_s, level_dbm = float(row["seconds_elapsed"] or ""), float(row["level"] or "")
+        t_s, level_dbm = float(row["seconds_elapsed"]), float(row["level"])
     except (ValueError, KeyError):
         return None
     return (t_s, bssid, level_dbm) if bssid and math.isfinite(t_s + level_dbm) else None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -28,6 +29,21 @@ def read_text(file: Path) -> str:
 def read_lines(file: Path) -> list[str]:
     """The lines of a text file, without blank ones at its end. Raises InputError as `read_text`."""
     return read_text(file).rstrip().splitlines()
+
+
+def read_named_rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
+    """The rows of a CSV file by column name; cells may be in quotes, absent ones are empty.
+
+    Raises InputError for a missing column, and as `read_lines`.
+    """
+    rows = csv.DictReader(read_lines(file), restval="")
+    try:
+        missing = [name for name in columns if name not in (rows.fieldnames or ())]
+        if missing:
+            raise InputError(f"{file}: column {missing[0]} is missing; wanted {','.join(columns)}")
+        return list(rows)
+    except csv.Error as cause:
+        raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
 
 
 def read_header(file: Path) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import MOST_TOML_BYTES, read_text
 from elfslam.world.magnetic_field import Magnetism
 from elfslam.world.mains import PowerLine
 from elfslam.world.room import Room
@@ -99,12 +100,9 @@ def load_world(name: str) -> World:
         raise InputError(
             f"world {name!r}: wanted {', '.join(world_names())} or a TOML file; no such world"
         )
-    source, file = (built_in, f"worlds/{name}.toml") if built_in.is_file() else (path, str(path))
-    try:
-        content = source.read_text(encoding="utf-8")
-    except (UnicodeDecodeError, OSError) as cause:
-        raise InputError(f"{file}: not a text in UTF-8 ({cause}); save it as one") from cause
-    return parse_world(content, file)
+    if built_in.is_file():
+        return parse_world(built_in.read_text(encoding="utf-8"), f"worlds/{name}.toml")
+    return parse_world(read_text(path, MOST_TOML_BYTES), str(path))
 
 
 def parse_world(content: str, file: str) -> World:
