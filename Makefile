@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo serve test fast lint coverage pretrain web-check clean
+.PHONY: demo serve test test-real fast lint coverage pretrain web-check clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -14,11 +14,16 @@ serve: $(VENV)/.installed-serve $(VENV)/.kernels
 	$(BIN)/elfslam serve
 
 test: lint $(VENV)/.kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not hostile" --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 
+# Damaged files, requests and databases by the thousand; others with --hypothesis-seed=N.
+test-real: $(VENV)/.installed-test $(VENV)/.kernels
+	ELFSLAM_HOSTILE_CASES=$${ELFSLAM_HOSTILE_CASES:-2000} \
+		$(BIN)/python -m pytest -n 2 --dist loadfile -m hostile
+
 fast: $(VENV)/.installed-test $(VENV)/.kernels
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -m "not slow and not hostile"
 
 lint: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests

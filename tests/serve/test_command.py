@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import builtins
-import sys
 from pathlib import Path
-from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
 from elfslam.base.errors import InputError
-from elfslam.cli import app as command
+from elfslam.cli.app import app as command
 from elfslam.serve.app import create_app
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
@@ -41,26 +38,6 @@ def test_workers_that_are_nobody_are_refused_before_anything_is_made(tmp_path: P
     said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path / "data"), "--on", "two"])
     assert isinstance(said.exception, InputError)
     assert "wanted a number of processes, ray or ray://" in str(said.exception)
-    assert not (tmp_path / "data").exists()
-
-
-@pytest.mark.parametrize("words", [["serve"], ["invite", "Zoë"]])
-def test_without_the_extra_one_line_says_what_to_install(
-    tmp_path: Path, words: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    real = builtins.__import__
-
-    def without(name: str, *rest: Any, **more: Any) -> Any:
-        if name.partition(".")[0] == "fastapi":
-            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
-        return real(name, *rest, **more)
-
-    for name in [name for name in sys.modules if name.startswith("elfslam.serve")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setattr(builtins, "__import__", without)
-    said = RUNNER.invoke(command, [*words, "--data", str(tmp_path / "data")])
-    assert isinstance(said.exception, InputError)
-    assert "pip install 'elfslam[serve]'" in str(said.exception)
     assert not (tmp_path / "data").exists()
 
 

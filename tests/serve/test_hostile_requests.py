@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import base64
 import io
 import os
@@ -263,3 +264,19 @@ def test_every_header_value_on_every_kind_of_route(
                 )
                 status = int(answer.split(b" ", 2)[1]) if answer else 400
                 assert status < 500 or status == 503, (value, method, answer[:200])
+
+
+def test_five_hundred_uploads_that_begin_at_once_all_begin(attacked: Attacked) -> None:
+    told = {**TUS, "Upload-Metadata": "filename d2Fsay56aXA=", "Upload-Length": "100"}
+
+    async def begin(client: httpx.AsyncClient) -> int:
+        return (await client.post("/api/uploads", headers=told)).status_code
+
+    async def storm() -> list[int]:
+        bearer = attacked.server.bearer
+        where = {"base_url": attacked.server.url, "headers": bearer, "timeout": LONGEST_S}
+        limits = httpx.Limits(max_connections=50)
+        async with httpx.AsyncClient(**where, limits=limits) as client:
+            return list(await asyncio.gather(*(begin(client) for _ in range(500))))
+
+    assert set(asyncio.run(storm())) == {201}

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,7 +12,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap, Imu, Recording, WifiScans
-from elfslam.cli import main
+from elfslam.cli.app import run
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.recordings import write_recording
@@ -38,24 +37,17 @@ BSSIDS = tuple(f"04:33:89:79:{k:02x}:10" for k in range(8))
 
 
 @pytest.fixture
-def elfslam(
-    services: Services, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> Elfslam:
+def elfslam(services: Services, capsys: pytest.CaptureFixture[str]) -> Elfslam:
     """Runs a command on the data folder of the test's server."""
 
-    def run(*arguments: object) -> tuple[int, str]:
+    def ended(*arguments: object) -> tuple[int, str]:
         told = ["--data", str(services.settings.data_folder)]
-        monkeypatch.setattr(sys, "argv", ["elfslam", *map(str, arguments), *told])
         capsys.readouterr()
-        try:
-            main()
-            code = 0
-        except SystemExit as leave:
-            code = int(leave.code or 0)
+        code = run([*map(str, arguments), *told])
         said = capsys.readouterr()
         return code, said.out + said.err
 
-    return run
+    return ended
 
 
 @pytest.fixture

@@ -78,10 +78,15 @@ def upgrade(engine: Engine, backups: Path) -> Path | None:
     backup = None if state_of(engine) is State.EMPTY else back_up(engine, backups)
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
-    with answering(engine), _writing(engine) as connection:
-        config.attributes["connection"] = connection
-        command.upgrade(config, "head")
-        check_columns(connection)
+    try:
+        with answering(engine), _writing(engine) as connection:
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+            check_columns(connection)
+    except BaseException:
+        if backup is not None:  # of a database that stayed as it was
+            backup.unlink()
+        raise
     return backup
 
 
