@@ -123,10 +123,12 @@ def main() -> None:
         walks = [made_walk(folder / f"walk{number}", number) for number in range(WALKS)]
         server = Server(folder / "data", url, free_port(), folder / "server.log")
         row = disturbed(server, walks, asked)
-        row["tracebacks in the log"] = server.log.read_text().count("Traceback")
+        said = server.log.read_text()
+        row["tracebacks in the log"] = said.count("Traceback")
         print_rows([{"what": what, "value": value} for what, value in row.items()],
                    title=f"{asked.kills} kills, {asked.database}", as_json=False)  # fmt: skip
-        (Path.cwd() / "killed_server.log").write_bytes(server.log.read_bytes())
+        if row["tracebacks in the log"]:
+            say(said[-4000:])
 
 
 @contextmanager
