@@ -296,7 +296,7 @@ def test_an_unknown_world_is_refused_with_the_known_ones(name: str) -> None:
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_bytes(b"\xff\xfe\x00name")
-    with pytest.raises(InputError, match=r"mine\.toml: not a text in UTF-8"):
+    with pytest.raises(InputError, match=r"mine\.toml: is no text in UTF-8"):
         load_world(str(path))
 
 

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import threading
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cache
 from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
@@ -11,8 +14,10 @@ from typing import Any, Protocol
 import numpy as np
 
 from elfslam.base.arrays import F32, Value, array
+from elfslam.base.bounds import MEBIBYTE
 from elfslam.base.card import Card, card_in
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_bytes
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features, FloorMap, Payload
 
 WINDOW_SAMPLES = 96
@@ -25,6 +30,17 @@ QUIET = 1e-7
 PHONE = "phone"
 """The payload of a map that says what its phone made of the chirp, at each spot."""
 MEAN_LOG_SPECTRUM = "mean-log-spectrum-1"
+
+
+BATCH = 256
+BATCH_S = 60.0
+"""The slowest machine does a batch in a second."""
+MOST_GRAPH_BYTES = 256 * MEBIBYTE
+MOST_RUN_BYTES = 512 * MEBIBYTE
+"""What all graphs of a process may hold while they run; ours take 30 MiB."""
+SESSION = ("session.use_env_allocators", "session.use_device_allocator_for_initializers")
+SILENT = 4
+UNIT_SLACK = 1e-3
 
 
 class Encoder(Protocol):
@@ -67,15 +83,19 @@ class SpectralEncoder:
 class OnnxEncoder:
     """One ONNX graph from raw aligned samples (n, 2352) to the ELF (n, 128).
 
-    Raises InputError where the file is missing or is not such a graph.
+    Raises InputError where the file is missing or is not such a graph. One from others may do
+    anything: it has so much memory, `batch_s` for each batch, and its vectors are checked.
     """
 
-    def __init__(self, content: bytes, name: str) -> None:
+    def __init__(self, content: bytes, name: str, batch_s: float = BATCH_S) -> None:
         import onnxruntime
 
+        _bound_memory()
         options = onnxruntime.SessionOptions()
-        options.log_severity_level = 3
-        self.content = content
+        options.log_severity_level = SILENT
+        for entry in SESSION:
+            options.add_session_config_entry(entry, "1")
+        self.content, self.name, self._batch_s = content, name, batch_s
         self.identity = hashlib.sha256(content).hexdigest()[:16]
         try:
             self._session: Any = onnxruntime.InferenceSession(
@@ -101,17 +121,62 @@ class OnnxEncoder:
         return card_in(self._session.get_modelmeta().custom_metadata_map)
 
     def embed(self, samples: F32, device_log_spectrum: F32 | None = None) -> F32:
-        """Unit vectors (n, 128), the phone's log response (12) taken out where it is given."""
+        """Unit vectors (n, 128), the phone's log response (12) taken out where it is given.
+
+        Raises InputError where the graph fails, takes too long, or gives anything else.
+        """
         if len(samples) == 0:
             return np.zeros((0, ELF_SIZE), dtype=np.float32)
         given = {} if device_log_spectrum is None else {"device_log_spectrum": device_log_spectrum}
         parts = [
-            self._session.run(
-                ["elf"], {"samples": np.ascontiguousarray(samples[k : k + 256]), **given}
-            )[0]
-            for k in range(0, len(samples), 256)
+            self._run({"samples": np.ascontiguousarray(samples[k : k + BATCH]), **given})
+            for k in range(0, len(samples), BATCH)
         ]
         return np.concatenate(parts)
+
+    def _run(self, given: Mapping[str, F32]) -> F32:
+        """The unit vectors of one batch. Raises InputError."""
+        import onnxruntime
+
+        options = onnxruntime.RunOptions()
+        options.log_severity_level = SILENT
+        timer = threading.Timer(self._batch_s, setattr, (options, "terminate", True))
+        timer.daemon = True
+        timer.start()
+        try:
+            made = self._session.run(["elf"], dict(given), options)[0]
+        except Exception as cause:  # onnxruntime raises its own exception types
+            late = f"takes more than {self._batch_s:g} s for {len(given['samples'])} echoes"
+            why = late if options.terminate else f"fails ({' '.join(str(cause).split()):.120})"
+            raise InputError(f"encoder {self.name}: {why}; choose another") from cause
+        finally:
+            timer.cancel()
+        if not _are_unit_rows(made, len(given["samples"])):
+            raise InputError(
+                f"encoder {self.name}: gives something else than a vector of {ELF_SIZE} numbers "
+                "and of length 1 for each echo; choose another"
+            )
+        return np.asarray(made)
+
+
+def _are_unit_rows(made: object, rows: int) -> bool:
+    if not isinstance(made, np.ndarray) or made.dtype != np.float32:
+        return False
+    # NaN fails the comparison.
+    return made.shape == (rows, ELF_SIZE) and bool(
+        (np.abs(np.linalg.norm(made, axis=1) - 1) < UNIT_SLACK).all()
+    )
+
+
+@cache
+def _bound_memory() -> None:
+    """Give the graphs of this process one allocator, with a limit, to share."""
+    import onnxruntime
+
+    kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
+    memory = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, onnxruntime.OrtMemType.DEFAULT)
+    limit = onnxruntime.OrtArenaCfg({"max_mem": MOST_RUN_BYTES})
+    onnxruntime.create_and_register_allocator(memory, limit)
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +257,11 @@ def load_encoder(name: str) -> Encoder:
     if name == "compact":
         content = resources.files("elfslam").joinpath("weights/compact.onnx").read_bytes()
         return OnnxEncoder(content, name)
-    try:
-        content = Path(name).read_bytes()
-    except OSError as cause:
+    if not Path(name).exists():
         raise InputError(
             f"encoder {name!r}: wanted compact, spectral or an ONNX file; no such file"
-        ) from cause
-    return OnnxEncoder(content, name)
+        )
+    return OnnxEncoder(read_bytes(Path(name), MOST_GRAPH_BYTES), name)
 
 
 def read_card(name: str) -> Card | None:
