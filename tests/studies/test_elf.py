@@ -5,10 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from elfslam.base.errors import InputError
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
-from elfslam.studies.elf import labelled_pairs, measure_elf, sequence_similarity
+from elfslam.studies.elf import (
+    ON_THE_CARD,
+    labelled_pairs,
+    measure_elf,
+    metrics_of,
+    sequence_similarity,
+)
 from elfslam.studies.finding import Row
 
 CIRCLE_M = 4.0
@@ -89,3 +96,36 @@ def test_means_agree_with_the_threshold(rows: list[Row]) -> None:
         assert row["walks"] == 1
         assert row["mean, same place"] > row["mean, elsewhere"] - 0.02  # type: ignore[operator]
         assert row["kept at 0.4"] >= row["false at 0.4"]  # type: ignore[operator]
+
+
+ROW = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9} | dict.fromkeys(
+    ON_THE_CARD[1:], 1
+)
+
+
+def test_the_figures_of_a_card_are_those_of_the_table() -> None:
+    assert metrics_of([ROW])["AUC, footstep, hall"] == 0.9
+    assert len(metrics_of([ROW, {**ROW, "world": "lab"}])) == 2 * len(ON_THE_CARD)
+
+
+@pytest.mark.parametrize(
+    "table",
+    [
+        {},
+        [],
+        None,
+        3,
+        "rows",
+        [[]],
+        [ROW, None],
+        {"rows": [ROW]},
+        [{**ROW, "AUC": "good"}],
+        [{**ROW, "AUC": None}],
+        [{**ROW, "world": ["hall"]}],
+        [{name: value for name, value in ROW.items() if name != "compared"}],
+        [ROW, {**ROW, "feature": "PSD"}],
+    ],
+)
+def test_another_table_is_no_figures_of_a_card(table: object) -> None:
+    with pytest.raises(InputError, match="figures: wanted the rows"):
+        metrics_of(table)

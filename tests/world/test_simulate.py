@@ -310,3 +310,10 @@ def test_the_chirp_is_described_as_it_was_played() -> None:
 def test_other_rates_are_refused(studio: World) -> None:
     with pytest.raises(InputError, match="wanted 44100 or 48000 Hz, got 16000"):
         simulate(studio, 0, rounds=1, rate_hz=16_000)
+
+
+def test_a_walk_of_more_than_two_hours_is_refused_before_it_begins() -> None:
+    world = load_world("studio")
+    for rounds in (1_000_000_000, 10**30):
+        with pytest.raises(InputError, match=r"rounds of .* walk fewer"):
+            simulate(world, 0, rounds=rounds, sound=False)

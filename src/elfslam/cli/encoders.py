@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ import typer
 from elfslam.base.card import card_rows
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import load, rows
+from elfslam.base.text_files import read_json
 from elfslam.cli.options import AsJson, EncoderName, ParameterFile, Seed, Setting
 from elfslam.console import print_rows, progress_bar, say
 from elfslam.data.folders import new_file
@@ -100,12 +100,9 @@ def write_measured(encoder: str, measured: Path, out: Path) -> None:
     from elfslam.learn.export import with_metrics
     from elfslam.studies.elf import metrics_of
 
-    try:
-        table = json.loads(measured.read_text())
-    except (OSError, ValueError) as cause:
-        raise InputError(f"{measured}: wanted the table of a study as JSON ({cause})") from cause
+    metrics = metrics_of(read_json(measured))
     known = load_encoder(encoder)
     content = known.content if isinstance(known, OnnxEncoder) else b""
     with new_file(out) as partial:
-        partial.write_bytes(with_metrics(content, metrics_of(table)))
+        partial.write_bytes(with_metrics(content, metrics))
     say(f"wrote {out}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -190,19 +191,29 @@ def _rows(world: str, counts: Counts) -> list[Row]:
     ]
 
 
-def metrics_of(rows: Sequence[Mapping[str, object]]) -> dict[str, float]:
+def metrics_of(table: object) -> dict[str, float]:
     """What a card says of one encoder, from the rows of this study about it.
 
     Raises InputError where the rows are of none or of several, or not this study's.
     """
-    features = {str(row.get("feature")) for row in rows}
-    if len(features) != 1 or not all(name in row for row in rows for name in ON_THE_CARD):
+    rows: list[Any] = table if isinstance(table, list) else [table]
+    features = {str(row["feature"]) if _is_row(row) else "another table" for row in rows}
+    if len(features) != 1 or not all(map(_is_row, rows)):
         raise InputError(
             f"figures: wanted the rows of `elfslam study elf` about one encoder, got "
-            f"{', '.join(sorted(features)) or 'none'}; name the encoder with --encoder there"
+            f"{', '.join(sorted(features)) or 'none':.200}; name the encoder with --encoder there"
         )
     return {
-        f"{name}, {row['compared']}, {row['world']}": float(str(row[name]))
+        f"{name}, {row['compared']}, {row['world']}": float(row[name])
         for row in rows
         for name in ON_THE_CARD
     }
+
+
+def _is_row(row: object) -> bool:
+    """Whether this is a row of the study's table, as JSON gives it."""
+    return isinstance(row, dict) and all(
+        isinstance(row.get(name), kind)
+        for names, kind in ((("feature", "compared", "world"), str), (ON_THE_CARD, int | float))
+        for name in names
+    )

@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
+from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.line.chirp import ChirpParameters
 from elfslam.world.circumstances import Circumstances
@@ -13,13 +14,15 @@ from elfslam.world.device import BMI160, ImuGrade
 from elfslam.world.imu import read_imu
 from elfslam.world.recorder import record_walk
 from elfslam.world.sensors import Sensor, read_surroundings, sense
-from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, random_walker, walk
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.wifi import WifiParameters
 from elfslam.world.world_file import World, load_world, world_names
 
 __all__ = ["World", "describe_chirp", "load_world", "simulate", "world_names"]
 
 TRUTH_RATE_HZ = 50.0
+LONGEST_S = 2 * 3600.0
+"""Of a walk; it is held in memory at 400 poses and 48,000 samples a second."""
 
 
 def simulate(
@@ -42,10 +45,12 @@ def simulate(
 
     The same world and seed give the same bytes. `reverse` walks the route the other way round;
     without `sound` the slow part is left out; `sensors` come on top and change nothing else.
-    `progress` hears the share done. Raises InputError where the world lacks what a sensor needs.
+    `progress` hears the share done. Raises InputError where the world lacks what a sensor needs,
+    and for a walk of more than two hours.
     """
     generator = np.random.default_rng([seed, 1])
     walker = random_walker(generator)
+    _check_duration(world, rounds, walker)
     route_m = world.route_m[::-1] if reverse else world.route_m
     motion = walk(walker, route_m, rounds, generator)
     around = world.surroundings or read_surroundings({}, world.room, 0)
@@ -67,6 +72,16 @@ def simulate(
         **readings,
     )
     return recording, truth_of(motion)
+
+
+def _check_duration(world: World, rounds: int, walker: Walker) -> None:
+    lap_m = np.linalg.norm(world.route_m - np.roll(world.route_m, 1, axis=0), axis=1).sum()
+    lasts_s = rounds * float(lap_m) / walker.speed_mps
+    if lasts_s > LONGEST_S:
+        raise InputError(
+            f"world {world.name!r:.60}: {rounds} rounds of {lap_m:.0f} m take {lasts_s / 3600:.3g} "
+            f"hours, wanted {LONGEST_S / 3600:g} at most; walk fewer"
+        )
 
 
 def describe_chirp() -> dict[str, object]:
