@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,7 +14,7 @@ from PIL import Image
 
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
-from elfslam.cli import main
+from elfslam.cli.app import run
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.phyphox_experiment import phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
@@ -31,25 +30,18 @@ Elfslam = Callable[..., Outcome]
 
 def run_command(*arguments: object) -> int:
     """The exit code of `elfslam ARGUMENTS` in this process."""
-    before, sys.argv = sys.argv, ["elfslam", *map(str, arguments)]
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    finally:
-        sys.argv = before
-    raise AssertionError("the command must exit")
+    return run(list(map(str, arguments)))
 
 
 @pytest.fixture
 def elfslam(capsys: pytest.CaptureFixture[str]) -> Elfslam:
-    def run(*arguments: object) -> Outcome:
+    def ended(*arguments: object) -> Outcome:
         capsys.readouterr()
         code = run_command(*arguments)
         seen = capsys.readouterr()
         return code, seen.out, seen.err
 
-    return run
+    return ended
 
 
 @pytest.fixture(scope="session")
@@ -559,20 +551,6 @@ def test_what_cannot_be_fine_tuned_is_refused(
     assert code == 2
     assert words in err
     assert list(tmp_path.iterdir()) == []
-
-
-def test_without_torch_the_extra_is_named(
-    walk: Path, tmp_path: Path, elfslam: Elfslam, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    for name in [name for name in sys.modules if name.startswith("elfslam.learn.")]:
-        if name != "elfslam.learn.settings":
-            monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "torch", None)
-    code, _, err = elfslam("finetune", walk, tmp_path / "one.onnx", *QUICK)
-    assert code == 2
-    assert err == (
-        "elfslam: fine-tuning needs torch; install it with pip install 'elfslam[learn]'\n"
-    )
 
 
 def test_a_demo_does_not_write_over_anything(tmp_path: Path, elfslam: Elfslam) -> None:

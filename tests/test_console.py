@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
+from typing import Any
 
 import pytest
 
@@ -24,7 +28,7 @@ def test_json_keeps_full_precision(capsys: pytest.CaptureFixture[str]) -> None:
     assert json.loads(capsys.readouterr().out) == ROWS
 
 
-def fail(error: Exception) -> None:
+def fail(error: Exception) -> int:
     raise error
 
 
@@ -34,6 +38,10 @@ def fail(error: Exception) -> None:
         (InputError("bad"), 2),
         (NoAnswerError("nothing found"), 1),
         (PermissionError(13, "Permission denied", "map.npz"), 2),
+        (OSError("Timeout"), 2),
+        (MemoryError(), 2),
+        (MemoryError("Unable to allocate 7 TiB"), 2),
+        (ModuleNotFoundError("No module named 'torch.nn'", name="torch.nn"), 2),
     ],
 )
 def test_errors_become_one_line(
@@ -43,9 +51,51 @@ def test_errors_become_one_line(
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_a_programming_error_is_not_hidden() -> None:
-    with pytest.raises(KeyError):
-        exit_code_of(lambda: fail(KeyError("bug")))
+def test_what_is_missing_is_named_with_its_extra(capsys: pytest.CaptureFixture[str]) -> None:
+    exit_code_of(lambda: fail(ModuleNotFoundError("gone", name="torch")))
+    assert capsys.readouterr().err == (
+        "elfslam: this needs torch, which is not installed; run pip install 'elfslam[learn]'\n"
+    )
+
+
+@pytest.mark.parametrize(
+    "error", [KeyError("bug"), ModuleNotFoundError("gone", name="elfslam.nowhere"), ImportError()]
+)
+def test_a_programming_error_is_not_hidden(error: Exception) -> None:
+    with pytest.raises(type(error)):
+        exit_code_of(lambda: fail(error))
+
+
+CONSOLE = "from elfslam.console import exit_code_of, say; import sys; sys.exit(exit_code_of(do))"
+
+
+def end_of(do: str, **where: Any) -> subprocess.CompletedProcess[str]:
+    """How a process ends that does this as its command."""
+    command = [sys.executable, "-c", f"def do():\n    {do}\n    return 0\n{CONSOLE}"]
+    return subprocess.run(command, stderr=subprocess.PIPE, text=True, check=False, **where)
+
+
+def test_a_closed_pipe_ends_it_in_silence() -> None:
+    read, write = os.pipe()
+    os.close(read)
+    ended = end_of("print('x' * 10)", stdout=write)
+    os.close(write)
+    assert (ended.returncode, ended.stderr) == (1, "")
+
+
+def test_output_that_cannot_be_written_is_an_error_in_one_line() -> None:
+    with open("/dev/full", "w") as full:
+        ended = end_of("print('x' * 10)", stdout=full)
+    assert ended.returncode == 2
+    assert ended.stderr.count("\n") == 1
+    assert "No space left on device" in ended.stderr
+
+
+def test_nobody_who_listens_is_no_error() -> None:
+    """Neither a closed standard error nor a full one changes how a command ends."""
+    script = f"{sys.executable} -c \"def do():\n    say('hear')\n    return 0\n{CONSOLE}\""
+    for nowhere in ("2>&-", "2>/dev/full"):
+        assert subprocess.run(["sh", "-c", f"{script} {nowhere}"], check=False).returncode == 0
 
 
 def test_progress_is_silent_in_a_pipe(capsys: pytest.CaptureFixture[str]) -> None:

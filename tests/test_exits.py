@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-from elfslam.cli import main
+from elfslam.cli.app import VERBS, run
 
 TINY = ("--set", "pretrain.steps=1", "--set", "pretrain.pairs=2", "--set", "pretrain.rooms=1")
 READERS = {
@@ -61,14 +63,7 @@ INTO |= {"pretrain a file": ("text", "text/below"), "finetune a file": ("text", 
 
 def run_command(line: str) -> int:
     """The exit code of `elfslam LINE` in this process."""
-    before, sys.argv = sys.argv, ["elfslam", *line.split()]
-    try:
-        main()
-    except SystemExit as leave:
-        return int(leave.code or 0)
-    finally:
-        sys.argv = before
-    raise AssertionError("the command must exit")
+    return run(line.split())
 
 
 @pytest.fixture(scope="module")
@@ -193,3 +188,73 @@ def test_a_folder_of_recordings_none_of_which_can_be_mapped_is_refused(
     assert "none of 2 could be mapped" in said
     assert "format_version" in said
     assert not (tmp_path / "runs").exists()
+
+
+WITHOUT_EXTRAS = {
+    "parameters": None,
+    "demo {new}/demo --set closure.threshold=2": None,
+    "simulate studio {new}/simulated --rounds 1 --engine pyroomacoustics": "acoustics",
+    "simulate studio {new}/simulated --rounds 1": None,
+    "import sensorlogger {new}/simulated {new}/imported": None,
+    "phyphox {new}/elfslam.phyphox": None,
+    "marks {new}/simulated {new}/marks.csv A": None,
+    "map {walk} {new}/run": None,
+    "map {walk} {new}/tuned --finetune": "learn",
+    "merge {run} {run} {new}/merged": None,
+    "locate {walk} {run} {new}/fixes.csv": None,
+    "score {run} {walk}": None,
+    "anchor {run} {new}/plan.png:3 {new}/anchored": "images",
+    "export {run} {new}/run.parquet --to parquet": "parquet",
+    "export {run} {new}/run.tum --to tum": None,
+    "show {run} {new}/run.html": None,
+    "study elf {new}/study": "learn",
+    "pretrain {new}/one.onnx": "learn",
+    "finetune {walk} {new}/one.onnx": "learn",
+    "card": None,
+    "card --measured {run}/run.json --out {new}/one.onnx": "learn",
+    "serve --data {new}/data": "serve",
+    "invite Zoë --data {new}/data": "serve",
+    "publish {run} --building a --floor 0 --at 47,8 --data {new}/data": "serve",
+    "withdraw --building a --floor 0 --data {new}/data": "serve",
+    "buildings --data {new}/data": "serve",
+}
+"""Commands, and the extra that each asks for where none is installed."""
+HIDE = """
+import contextlib, io, json, sys
+from importlib.machinery import PathFinder
+find = PathFinder.find_spec
+def find_others(name, *more):
+    return None if name.split(".")[0] in HIDDEN else find(name, *more)
+PathFinder.find_spec = find_others
+from elfslam.cli.app import run
+for line in json.load(sys.stdin):
+    said, shown = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stderr(said), contextlib.redirect_stdout(shown):
+        code = run(line.split())
+    print(json.dumps([code, said.getvalue()]))
+"""
+HIDDEN = {
+    *("alembic", "anyio", "cryptography", "faiss", "fastapi", "fsspec", "onnx", "PIL", "psycopg"),
+    *("pyarrow", "pyroomacoustics", "pystoi", "ray", "s3fs", "segno", "sqlalchemy", "starlette"),
+    *("torch", "trustme", "uvicorn"),
+}
+
+
+def test_without_extras_every_verb_works_or_names_the_one_it_needs(
+    good: dict[str, Path], tmp_path: Path
+) -> None:
+    """In a process of its own, which has imported none of them."""
+    lines = [line.format(new=tmp_path, **good) for line in WITHOUT_EXTRAS]
+    assert {line.split()[0] for line in lines} == set(VERBS)
+    ended = subprocess.run(
+        [sys.executable, "-c", f"HIDDEN = {HIDDEN}{HIDE}"],
+        input=json.dumps(lines), capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    for line, told, extra in zip(
+        lines, ended.stdout.splitlines(), WITHOUT_EXTRAS.values(), strict=True
+    ):
+        code, said = json.loads(told)
+        assert ("is not installed" in said) == (extra is not None), line
+        if extra is not None:
+            assert (code, said.count("\n")) == (2, 1), line
+            assert f"pip install 'elfslam[{extra}]'" in said, line

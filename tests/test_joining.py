@@ -12,7 +12,7 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
-from elfslam.cli import main
+from elfslam.cli.app import run
 from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
 from elfslam.joining import merge_into
@@ -48,14 +48,11 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def elfslam(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Command:
-    def run(*arguments: object) -> tuple[int, str]:
-        monkeypatch.setattr("sys.argv", ["elfslam", *map(str, arguments)])
-        with pytest.raises(SystemExit) as left:
-            main()
-        return int(left.value.code or 0), capsys.readouterr().err
+def elfslam(capsys: pytest.CaptureFixture[str]) -> Command:
+    def ended(*arguments: object) -> tuple[int, str]:
+        return run(list(map(str, arguments))), capsys.readouterr().err
 
-    return run
+    return ended
 
 
 def test_walks_are_merged_into_a_map_and_one_more_is_added(

@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from elfslam.cli import main
+from elfslam.cli.app import run
 from elfslam.learn.settings import PretrainParameters
 from elfslam.studies.pretraining import open_stream, pairs_in
 
 TINY = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
 
 
-def command(monkeypatch: pytest.MonkeyPatch, out: Path, *options: str) -> int:
+def command(out: Path, *options: str) -> int:
     settings = [word for setting in TINY for word in ("--set", f"pretrain.{setting}")]
-    monkeypatch.setattr(sys, "argv", ["elfslam", "pretrain", str(out), *settings, *options])
-    with pytest.raises(SystemExit) as ended:
-        main()
-    return int(ended.value.code or 0)
+    return run(["pretrain", str(out), *settings, *options])
 
 
 @pytest.mark.parametrize(
@@ -38,12 +34,11 @@ def test_bad_numbers_are_refused_in_one_line(
     options: tuple[str, ...],
     words: str,
     tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     if "ray" in words + options[1]:
         pytest.importorskip("ray", reason="Ray is not installed")
-    assert command(monkeypatch, tmp_path / "new" / "one.onnx", *options) == 2
+    assert command(tmp_path / "new" / "one.onnx", *options) == 2
     said = capsys.readouterr().err.strip()
     assert words in said
     assert "\n" not in said
@@ -52,12 +47,12 @@ def test_bad_numbers_are_refused_in_one_line(
 
 @pytest.mark.slow
 def test_two_trainers_write_an_encoder_that_says_so(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path,
 ) -> None:
     from elfslam.line.feature import read_card
 
     out = tmp_path / "one.onnx"
-    assert command(monkeypatch, out, "--trainers", "2") == 0
+    assert command(out, "--trainers", "2") == 0
     known = read_card(str(out))
     assert known is not None
     assert known.pretraining is not None

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from itertools import accumulate
 
 from rich.box import SIMPLE_HEAD
@@ -14,8 +15,9 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from elfslam.base.errors import ElfslamError, NoAnswerError
+from elfslam.base.extras import extra_with
 
-DONE, NO_ANSWER, BAD_INPUT, INTERRUPTED = 0, 1, 2, 130
+DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE = 0, 1, 2, 1
 
 PIPE_WIDTH = 120
 GAP = 3
@@ -95,21 +97,45 @@ def _cell(value: object) -> str:
 
 def say(message: str) -> None:
     """A line for the person at the terminal, apart from the output proper."""
-    print(" ".join(message.split("\n")), file=sys.stderr)
+    with suppress(OSError):
+        print(" ".join(message.split("\n")), file=sys.stderr)
 
 
-def exit_code_of(command: Callable[[], object]) -> int:
-    """Run `command`; an error becomes one line and an exit code."""
+def exit_code_of(command: Callable[[], int]) -> int:
+    """What `command` gives; an error that a user can act on becomes one line and an exit code."""
     try:
-        command()
-    except NoAnswerError as failure:
-        say(f"elfslam: {failure}")
-        return NO_ANSWER
-    except ElfslamError as error:
-        say(f"elfslam: {error}")
-        return BAD_INPUT
-    except OSError as error:
-        reason = error.strerror or error
-        say(f"elfslam: {error.filename or 'file'}: {reason}; check path, rights and free space")
-        return BAD_INPUT
-    return DONE
+        code = command()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _drop_output()
+        return CLOSED_PIPE
+    except (ElfslamError, OSError, MemoryError, ModuleNotFoundError) as error:
+        if (line := _line_of(error)) is None:
+            raise
+        say(f"elfslam: {line}")
+        _drop_output()
+        return NO_ANSWER if isinstance(error, NoAnswerError) else BAD_INPUT
+    return code
+
+
+def _line_of(error: Exception) -> str | None:
+    """What to tell the user; nothing of a bug."""
+    if isinstance(error, MemoryError):
+        reason = f" ({error})" if str(error) else ""
+        return f"needs more memory than there is{reason}; give it less, or a larger machine"
+    if isinstance(error, ModuleNotFoundError):
+        extra = extra_with(error.name or "")
+        missing = f"this needs {error.name}, which is not installed"
+        return extra and f"{missing}; run pip install 'elfslam[{extra}]'"
+    if isinstance(error, OSError):
+        reason = error.strerror or str(error)
+        return f"{error.filename or 'file'}: {reason}; check path, rights and free space"
+    return str(error)
+
+
+def _drop_output() -> None:
+    """What could not be written out is not tried again, with noise, when the process ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

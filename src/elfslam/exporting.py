@@ -16,7 +16,7 @@ from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER, FACTS
-from elfslam.data.folders import new_file
+from elfslam.data.folders import new_file, settled
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
@@ -55,7 +55,7 @@ def export(source: Path, out: Path, to: Format, told: Told | None = None) -> Non
     """
     if out.is_dir():
         raise StoreError(f"{out}: is a folder; name the file that is to be written")
-    EXPORTS[to](source, out, told or Told())
+    EXPORTS[to](settled(source), out, told or Told())
 
 
 def map_of(source: Path) -> FloorMap:

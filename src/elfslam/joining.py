@@ -11,7 +11,7 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
-from elfslam.data.folders import new_folder, refuse_occupied
+from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.runs import read_run
@@ -48,7 +48,7 @@ def merge_into(
     Raises NoAnswerError where no walk could be merged, InputError where they cannot be compared.
     """
     refuse_occupied(out, MERGED if overwrite else None)
-    bases = [path for path in paths if is_merged(path)]
+    bases = [path for path in paths if is_merged(settled(path))]
     if len(bases) > 1:
         raise InputError(f"merge: wanted one map at most, got {len(bases)}; merge the runs instead")
     walks = _walks([path for path in paths if path not in bases], announce)

@@ -183,15 +183,11 @@ def finetune_into(
 def finetuned(
     encoder: Encoder, echoes: Echoes, known: FinetuneParameters, seed: int, announce: Announce
 ) -> Finetuned:
-    """What fine-tuning makes of an encoder. Raises InputError, also where torch is missing."""
+    """What fine-tuning makes of an encoder. Raises InputError."""
     if not isinstance(encoder, OnnxEncoder):
         raise InputError("fine-tuning: wanted an encoder that learns, got spectral; name another")
-    try:
-        from elfslam.learn.finetune import finetune
-    except ModuleNotFoundError as cause:
-        raise InputError(
-            f"fine-tuning needs {cause.name}; install it with pip install 'elfslam[learn]'"
-        ) from cause
+    from elfslam.learn.finetune import finetune
+
     return finetune(
         encoder, echoes, known, seed=seed,
         report=lambda check: announce("fine-tuning", check.step / known.steps),

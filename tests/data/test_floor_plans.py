@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import struct
-import sys
 import zlib
 from pathlib import Path
 from typing import Any
@@ -72,14 +71,6 @@ def test_images_that_are_none_are_refused(tmp_path: Path) -> None:
     for width_m in (0.0, 1e6, float("nan")):
         with pytest.raises(InputError, match="metres the image is wide"):
             read_plan_image(tmp_path / "dark.png", width_m)
-
-
-def test_without_pillow_one_line_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "PIL", None)
-    with pytest.raises(InputError, match=r"elfslam\[images\]"):
-        read_plan_image(tmp_path / "plan.png", 10.0)
 
 
 def written(file: Path, features: list[dict[str, Any]]) -> Path:

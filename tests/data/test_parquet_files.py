@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
 import numpy.testing as npt
-import pytest
 from pyarrow import parquet
 
-from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.parquet_files import write_parquet
 
@@ -44,12 +41,3 @@ def test_every_spot_is_a_row(tmp_path: Path) -> None:
     told = table.schema.metadata
     assert json.loads(told[b"sources"]) == ["Zürich", "b"]
     assert json.loads(told[b"encoders"]) == {"elf": "compact"}
-
-
-def test_without_pyarrow_one_line_says_what_to_install(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"elfslam\[parquet\]"):
-        write_parquet(tmp_path / "spots.parquet", MAP)
-    assert list(tmp_path.iterdir()) == []

@@ -1,79 +1,70 @@
-"""One command, thin verbs. Exit codes: 0 done, 1 no honest answer, 2 bad input."""
+"""One command, thin verbs. Nothing is imported here: that takes seconds, which Ctrl-C may end."""
 
 from __future__ import annotations
 
+import atexit
+import os
+import signal
 import sys
-from collections.abc import Callable, Mapping
+import threading
+from types import FrameType
 
-import typer
-
-from elfslam.base.errors import ParameterError
-from elfslam.cli.buildings import buildings_command, publish_command, withdraw_command
-from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.exports import anchor_command, export_command
-from elfslam.cli.maps import locate_command, map_command, merge_command
-from elfslam.cli.scores import score, show, study
-from elfslam.cli.server import invite_command, serve_command
-from elfslam.cli.walks import (
-    demo,
-    import_command,
-    marks_command,
-    phyphox_command,
-    simulate_command,
-)
-from elfslam.console import DONE, INTERRUPTED, exit_code_of
-
-app = typer.Typer(
-    name="elfslam",
-    help="Indoor positioning from the sound of a phone.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
-VERBS: Mapping[str, Callable[..., None]] = {
-    "demo": demo,
-    "simulate": simulate_command,
-    "import": import_command,
-    "phyphox": phyphox_command,
-    "marks": marks_command,
-    "map": map_command,
-    "merge": merge_command,
-    "locate": locate_command,
-    "score": score,
-    "anchor": anchor_command,
-    "export": export_command,
-    "show": show,
-    "study": study,
-    "parameters": parameters,
-    "pretrain": pretrain_command,
-    "finetune": finetune_command,
-    "card": card,
-    "serve": serve_command,
-    "invite": invite_command,
-    "publish": publish_command,
-    "withdraw": withdraw_command,
-    "buildings": buildings_command,
-}
-for name, verb in VERBS.items():
-    app.command(name)(verb)
-
-
-def _run_app() -> None:
-    """The commands; what Typer refuses becomes one line as well."""
-    if len(sys.argv) == 1:
-        app()
-    try:
-        sys.exit(app(standalone_mode=False) or DONE)
-    except (typer.Abort, KeyboardInterrupt) as stop:
-        raise SystemExit(INTERRUPTED) from stop
-    except Exception as error:
-        explain = getattr(error, "format_message", None)
-        if explain is None:
-            raise
-        raise ParameterError(f"{explain()} See elfslam --help") from error
+INTERRUPTED = 130
+AGAIN_S = 0.01
 
 
 def main() -> None:
-    """The `elfslam` command."""
-    sys.exit(exit_code_of(_run_app))
+    """The `elfslam` command. Ctrl-C ends it in silence at any moment, once it has tidied up."""
+    for name in ("stdout", "stderr"):
+        if getattr(sys, name) is None:  # closed by whoever started this
+            setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+    atexit.register(_on_interrupt, signal.SIG_IGN)  # the last thing: all has been done by then
+    _on_interrupt(_end)
+    from elfslam.cli.app import run
+
+    code = INTERRUPTED
+    try:
+        _on_interrupt(_unwind)
+        code = run(sys.argv[1:])
+    except BaseException:
+        if not _is_interrupted():
+            raise
+    if _is_interrupted():
+        os._exit(INTERRUPTED)  # nobody waits for threads, and nothing else is said
+    _on_interrupt(_end)
+    sys.exit(code)
+
+
+def _on_interrupt(do: signal._HANDLER) -> None:
+    """Leave Ctrl-C alone where whoever started this wants it ignored, as a shell does for `&`."""
+    if signal.getsignal(signal.SIGINT) != signal.SIG_IGN:
+        signal.signal(signal.SIGINT, do)
+
+
+def _is_interrupted() -> bool:
+    return signal.getsignal(signal.SIGINT) in (_overhear, _end)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    """There is nothing to tidy up."""
+    os._exit(INTERRUPTED)
+
+
+def _unwind(number: int, frame: FrameType | None) -> None:
+    """Tidy up on the way out; what breaks on that way is of no interest."""
+    signal.signal(signal.SIGINT, _overhear)
+    sys.unraisablehook = _unheard
+    threading.excepthook = lambda _: None
+    raise KeyboardInterrupt
+
+
+def _overhear(number: int, frame: FrameType | None) -> None:
+    """Who is impatient, or `timeout`, interrupts twice: that is to spoil no tidying up."""
+    signal.signal(signal.SIGINT, _end)
+
+
+def _unheard(hidden: sys.UnraisableHookArgs) -> None:
+    """Interrupt again where that came to a callback, which cannot pass it on."""
+    if issubclass(hidden.exc_type, KeyboardInterrupt):
+        signal.signal(signal.SIGINT, _unwind)
+        threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from elfslam.base.errors import ParameterError
-from elfslam.cli.server import DATA_FOLDER, Database, DataFolder, FilesUrl, server_extra
+from elfslam.cli.server import DATA_FOLDER, Database, DataFolder, FilesUrl
 from elfslam.console import print_rows, say
 from elfslam.data.geographic import Origin, parse_origin
 
@@ -30,14 +30,14 @@ def publish_command(
     files: FilesUrl = "",
 ) -> None:
     """Let phones find and fetch the map of a floor; published again it gets a new revision."""
-    with server_extra():
-        from elfslam.serve.buildings.indexes import index_floor
-        from elfslam.serve.buildings.publishing import Spot, publish
-        from elfslam.serve.buildings.sources import floor_of
-        from elfslam.serve.buildings.wifi import WifiFindParameters
-        from elfslam.serve.services import open_services
-        from elfslam.serve.settings import ServerSettings
-        from elfslam.serve.texts import plain_line
+    from elfslam.serve.buildings.indexes import index_floor
+    from elfslam.serve.buildings.publishing import Spot, publish
+    from elfslam.serve.buildings.sources import floor_of
+    from elfslam.serve.buildings.wifi import WifiFindParameters
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.texts import plain_line
+
     try:
         name = plain_line(building)
     except ValueError as error:
@@ -62,10 +62,10 @@ def withdraw_command(
     files: FilesUrl = "",
 ) -> None:
     """Take a floor back: no phone finds or fetches it any more."""
-    with server_extra():
-        from elfslam.serve.buildings.publishing import withdraw
-        from elfslam.serve.services import open_services
-        from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.buildings.publishing import withdraw
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+
     settings = ServerSettings(data.expanduser(), database, files_url=files)
     withdraw(open_services(settings), building, floor)
     say(f"{building}, floor {floor}: withdrawn")
@@ -83,13 +83,13 @@ def buildings_command(
     files: FilesUrl = "",
 ) -> None:
     """List what is published."""
-    with server_extra():
-        from elfslam.nearest import NearestParameters
-        from elfslam.serve.buildings import publishing
-        from elfslam.serve.buildings.indexes import index_floors
-        from elfslam.serve.buildings.listing import published_rows
-        from elfslam.serve.services import open_services
-        from elfslam.serve.settings import ServerSettings
+    from elfslam.nearest import NearestParameters
+    from elfslam.serve.buildings import publishing
+    from elfslam.serve.buildings.indexes import index_floors
+    from elfslam.serve.buildings.listing import published_rows
+    from elfslam.serve.services import open_services
+    from elfslam.serve.settings import ServerSettings
+
     services = open_services(ServerSettings(data.expanduser(), database, files_url=files))
     print_rows(published_rows(services), title="Published floors", as_json=False)
     if index:

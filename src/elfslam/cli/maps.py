@@ -27,6 +27,7 @@ from elfslam.cli.options import (
 from elfslam.console import print_rows, progress_bar, say
 from elfslam.data.facts import read_facts
 from elfslam.data.fixes_files import write_fixes
+from elfslam.data.folders import settled
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.hearing import heard_in
@@ -114,7 +115,7 @@ def locate_command(
 ) -> None:
     """Locate a recording in a map: where it was, how surely, and where that cannot be said."""
     parameters = load(Settings(), parameter_file, setting or [])
-    known = read_map(floor_map)
+    known = read_map(settled(floor_map))
     used = load_encoder(encoder) if encoder else encoder_of(floor_map, known)
     with progress_bar() as announce:
         announce("locating", None)

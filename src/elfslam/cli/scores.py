@@ -13,7 +13,7 @@ from elfslam.cli.options import AsJson, On, Plan, drawn_plan
 from elfslam.console import print_rows, progress_bar, say
 from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.fixes_files import read_fixes
-from elfslam.data.folders import new_file
+from elfslam.data.folders import new_file, settled
 from elfslam.data.runs import read_run
 from elfslam.line.feature import load_encoder
 from elfslam.score.errors import alignment_of
@@ -36,7 +36,7 @@ def score(
     """Compare a run, a folder of runs, or fixes with the truth; a run gets its score.html."""
     if estimate.suffix == ".csv":
         _score_fixes(estimate, truth, mapped, map_truth, as_json=as_json)
-    elif not estimate.is_dir():
+    elif not settled(estimate).is_dir():
         raise InputError(f"{estimate}: wanted a run folder or a CSV of fixes; check the path")
     elif (estimate / FACTS).exists():
         _score_run(estimate, truth, plan, as_json=as_json)

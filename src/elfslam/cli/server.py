@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from elfslam.base.errors import InputError
 from elfslam.cli.options import On
 from elfslam.workers.choosing import check_on
 
@@ -41,9 +38,9 @@ def serve_command(
     files: FilesUrl = "",
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    with server_extra():
-        from elfslam.serve.network.running import Listening, run
-        from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.network.running import Listening, run
+    from elfslam.serve.settings import ServerSettings
+
     check_on(on)
     settings = ServerSettings(
         data.expanduser(),
@@ -63,24 +60,12 @@ def invite_command(
     database: Database = "",
 ) -> None:
     """Let somebody else use the server; prints the address that pairs their phone."""
-    with server_extra():
-        from elfslam.serve.network.running import invite, qr_lines
-        from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.network.running import invite, qr_lines
+    from elfslam.serve.settings import ServerSettings
+
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *qr_lines(url), f"{known} scans this once; it is not shown again."]:
         _print(line)
-
-
-@contextmanager
-def server_extra() -> Iterator[None]:
-    """Raise InputError where what the server needs is not installed."""
-    try:
-        yield
-    except ModuleNotFoundError as error:
-        raise InputError(
-            f"the server needs {error.name}, which is not installed; run "
-            "pip install 'elfslam[serve]'"
-        ) from error
 
 
 def _print(line: str) -> None:

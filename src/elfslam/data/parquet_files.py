@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap
 from elfslam.data.folders import new_file
 
@@ -16,16 +15,11 @@ from elfslam.data.folders import new_file
 def write_parquet(file: Path, floor_map: FloorMap) -> None:
     """Positions, covariances and, a list per spot, what each modality knows there.
 
-    Where the map came from stands in the metadata of the table. Raises InputError where pyarrow
-    is not installed.
+    Where the map came from stands in the metadata of the table.
     """
-    try:
-        import pyarrow
-        from pyarrow import parquet
-    except ImportError as cause:
-        raise InputError(
-            "parquet needs pyarrow, which is not installed; run pip install 'elfslam[parquet]'"
-        ) from cause
+    import pyarrow
+    from pyarrow import parquet
+
     table = pyarrow.table(_columns(floor_map, pyarrow)).replace_schema_metadata(_told(floor_map))
     with new_file(file) as partial:
         parquet.write_table(table, partial)

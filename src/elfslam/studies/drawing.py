@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from elfslam.data.facts import FACTS, read_facts
+from elfslam.data.folders import settled
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.runs import read_run
 from elfslam.score.report import write_map_page, write_report
@@ -17,7 +18,7 @@ from elfslam.world.simulate import load_world
 
 def drawing_of(what: str) -> Callable[[Path], None]:
     """What draws the page, once `what` has been read: a refusal makes no folder."""
-    path = Path(what)
+    path = settled(Path(what))
     if (path / FACTS).exists():
         return partial(write_report, run=read_run(path), facts=read_facts(path))
     if path.suffix == ".npz" or (path / MAP).exists():

@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import queue
+import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -122,7 +123,11 @@ class _Process:
         self._pool.shutdown(cancel_futures=True)
 
     def result(self, do: Callable[[Task], Result], task: Task) -> Result:
-        """What `do` makes of the task. Raises WorkerError where processes die over it."""
+        """What `do` makes of the task. Raises WorkerError where processes die over it.
+
+        Ctrl-C is the driver's: what this thread starts does not hear it.
+        """
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         for _ in range(MOST_TRIES):
             try:
                 return self._pool.submit(do, task).result()

@@ -1,0 +1,28 @@
+"""Which extra of the package brings a module."""
+
+from __future__ import annotations
+
+import re
+from importlib import metadata
+
+DISTRIBUTIONS = {
+    "PIL": "pillow",
+    "anyio": "fastapi",
+    "cryptography": "trustme",
+    "faiss": "faiss-cpu",
+    "pydantic": "fastapi",
+    "starlette": "fastapi",
+}
+"""What an extra names to bring a module that is called otherwise."""
+FOR_TESTS = "test"
+
+
+def extra_with(module: str) -> str | None:
+    """The first extra that brings a module such as torch.nn, as the installed package says."""
+    top = module.partition(".")[0]
+    wanted = DISTRIBUTIONS.get(top, top)
+    for line in metadata.requires("elfslam") or ():
+        named = re.match(r"""([\w-]+).*extra == ["'](\w+)["']""", line)
+        if named is not None and named[1] == wanted and named[2] != FOR_TESTS:
+            return named[2]
+    return None
