@@ -202,6 +202,12 @@ def test_nothing_is_read_where_an_archive_is_broken(tmp_path: Path) -> None:
             next(walks_in(path))
 
 
+@pytest.mark.parametrize("name", ["...txt", "..txt", ".txt"])
+def test_a_walk_is_not_called_like_another_folder(tmp_path: Path, name: str) -> None:
+    walk_file(tmp_path, BODY).rename(tmp_path / name)
+    assert read_walk(tmp_path / name).recording.name in ("walk", "txt")
+
+
 def test_nothing_to_read_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="holds no walk"):
         list(walks_in(tmp_path))

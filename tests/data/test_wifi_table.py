@@ -12,9 +12,11 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.data.wifi_table import read_wifi, scans_from_rows, write_wifi
 
+FILE = Path("wifi.csv")
+
 
 def test_rows_of_one_time_make_one_scan() -> None:
-    wifi = scans_from_rows([2.0, 1.0, 1.0], ["b", "b", "a"], [-40, -50, -60], [0.1, 0.2, 0.3])
+    wifi = scans_from_rows(FILE, [2.0, 1.0, 1.0], ["b", "b", "a"], [-40, -50, -60], [0.1, 0.2, 0.3])
     assert wifi.bssids == ("a", "b")
     assert wifi.t_s.tolist() == [1.0, 2.0]
     np.testing.assert_array_equal(wifi.rssi_dbm, [[-60, -50], [np.nan, -40]])
@@ -65,7 +67,7 @@ def test_any_name_round_trips(
     tmp_path_factory: pytest.TempPathFactory, seen: dict[tuple[int, str], tuple[int, float]]
 ) -> None:
     t_s, bssids = zip(*seen, strict=True)
-    wifi = scans_from_rows(t_s, bssids, *zip(*seen.values(), strict=True))
+    wifi = scans_from_rows(FILE, t_s, bssids, *zip(*seen.values(), strict=True))
     file = tmp_path_factory.getbasetemp() / "wifi.csv"
     write_wifi(wifi, file)
     read = read_wifi(file)
@@ -75,11 +77,19 @@ def test_any_name_round_trips(
 
 
 def test_a_comma_in_a_name_stays_in_it(tmp_path: Path) -> None:
-    write_wifi(scans_from_rows([1.0], ["aa,bb"], [-50], [0]), tmp_path / "wifi.csv")
+    write_wifi(scans_from_rows(FILE, [1.0], ["aa,bb"], [-50], [0]), tmp_path / "wifi.csv")
     assert read_wifi(tmp_path / "wifi.csv").bssids == ("aa,bb",)
 
 
 def test_a_name_that_would_not_be_read_back_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="carriage return"):
-        write_wifi(scans_from_rows([1.0], ["a\rb"], [-50], [0]), tmp_path / "wifi.csv")
+        write_wifi(scans_from_rows(FILE, [1.0], ["a\rb"], [-50], [0]), tmp_path / "wifi.csv")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_table_that_is_almost_all_empty_is_refused() -> None:
+    """A time and a name of its own for each row: 10 MB of rows would be 160 GB of table."""
+    count = 4_000
+    rows = [float(k) for k in range(count)], [str(k) for k in range(count)]
+    with pytest.raises(InputError, match=r"wifi\.csv: 4000 scans of 4000 access points"):
+        scans_from_rows(FILE, *rows, [-50.0] * count, [0.0] * count)

@@ -101,7 +101,7 @@ def read_getsensordata(path: Path) -> GetSensorDataLog:
         imu=imu,
         orientation=_orientation(*_stream(attitude, start_s), imu) if attitude else None,
         magnetometer=Magnetometer(*_stream(field, start_s)) if field else None,
-        wifi=_wifi(records.wifi, start_s),
+        wifi=_wifi(path, records.wifi, start_s),
     )
     return GetSensorDataLog(recording, _truth(records.rows["POSI"], start_s), records.damaged)
 
@@ -193,12 +193,12 @@ def _orientation(t_s: F64, xyz: F64, imu: Imu) -> Orientation | None:
     return attitude_that_agrees(t_s, [np.column_stack([xyz, w])], imu)
 
 
-def _wifi(seen: Sequence[tuple[float, str, float]], start_s: float) -> WifiScans | None:
+def _wifi(path: Path, seen: Sequence[tuple[float, str, float]], start_s: float) -> WifiScans | None:
     if not seen:
         return None
     t_s, addresses, rssi_dbm = zip(*seen, strict=True)
     since_s = [time_s - start_s for time_s in t_s]
-    return scans_from_rows(since_s, addresses, rssi_dbm, [math.nan] * len(seen))
+    return scans_from_rows(path, since_s, addresses, rssi_dbm, [math.nan] * len(seen))
 
 
 def _truth(rows: Sequence[Row], start_s: float) -> Truth:

@@ -8,13 +8,10 @@ of order.
 
 from __future__ import annotations
 
-import lzma
 import re
-import tarfile
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -32,6 +29,7 @@ from elfslam.data.sensor_files import (
     imu_on_accelerometer_clock,
 )
 from elfslam.data.tables import in_order
+from elfslam.data.tars import check_archive, texts_in
 from elfslam.data.wifi_table import scans_from_rows
 
 RECORD_START = re.compile(r"(?=\d{13}\tTYPE_)")
@@ -84,12 +82,12 @@ def read_walk(path: Path) -> MallWalk:
     if absent:
         raise InputError(f"{path}: has no {absent[0]} records; wanted a walk of the mall data set")
     recording = Recording(
-        name=path.stem,
+        name=path.stem.strip(".") or "walk",
         device=_device(header),
         imu=_imu(path, records),
         orientation=_orientation(records["TYPE_ROTATION_VECTOR"]),
         magnetometer=_magnetometer(records["TYPE_MAGNETIC_FIELD"]),
-        wifi=_wifi(wifi_rows),
+        wifi=_wifi(path, wifi_rows),
     )
     return MallWalk(recording, _truth(records[WAYPOINT]), damaged)
 
@@ -107,44 +105,26 @@ def walks_in(path: Path) -> Iterator[Path]:
         if not files and not archives:
             raise InputError(f"{path}: holds no walk; wanted .txt files or .tar.xz archives")
         for archive in archives:
-            _check_archive(archive)
+            check_archive(archive)
         yield from files
         for archive in archives:
             yield from _walks_in_archive(archive)
     elif not path.is_file():
         raise InputError(f"{path}: does not exist; wanted a walk, a folder or a .tar.xz archive")
     elif path.name.endswith(".tar.xz"):
-        _check_archive(path)
+        check_archive(path)
         yield from _walks_in_archive(path)
     else:
         yield path
 
 
-def _check_archive(path: Path) -> None:
-    with _opened_archive(path) as archive:
-        for _ in archive:
-            pass
-
-
 def _walks_in_archive(path: Path) -> Iterator[Path]:
-    with tempfile.TemporaryDirectory() as folder, _opened_archive(path) as archive:
-        for member in archive:
-            content = archive.extractfile(member) if member.name.endswith(".txt") else None
-            if content is None:
-                continue
-            file = Path(folder) / Path(member.name).name
-            file.write_bytes(content.read())
+    with tempfile.TemporaryDirectory() as folder:
+        for name, content in texts_in(path):
+            file = Path(folder) / name
+            file.write_bytes(content)
             yield file
             file.unlink()
-
-
-@contextmanager
-def _opened_archive(path: Path) -> Iterator[tarfile.TarFile]:
-    try:
-        with tarfile.open(path, "r|xz") as archive:
-            yield archive
-    except (tarfile.TarError, lzma.LZMAError, EOFError) as cause:
-        raise InputError(f"{path}: is a broken archive ({cause}); copy it again") from cause
 
 
 def _start_ms(header: Sequence[str], body: Sequence[str]) -> int:
@@ -258,8 +238,8 @@ def _orientation(rows: Sequence[Row]) -> Orientation | None:
     return Orientation(t_s, quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
 
 
-def _wifi(rows: Sequence[WifiRow]) -> WifiScans | None:
-    return scans_from_rows(*map(list, zip(*rows, strict=True))) if rows else None
+def _wifi(path: Path, rows: Sequence[WifiRow]) -> WifiScans | None:
+    return scans_from_rows(path, *map(list, zip(*rows, strict=True))) if rows else None
 
 
 def _truth(rows: Sequence[Row]) -> Truth:

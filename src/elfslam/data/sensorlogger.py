@@ -148,7 +148,7 @@ def _wifi(folder: Path) -> WifiScans | None:
     if not seen:
         return None
     t_s, bssids, rssi_dbm = zip(*seen, strict=True)
-    return scans_from_rows(t_s, bssids, rssi_dbm, [math.nan] * len(seen))
+    return scans_from_rows(file, t_s, bssids, rssi_dbm, [math.nan] * len(seen))
 
 
 def _seen(row: Mapping[str, str]) -> tuple[float, str, float] | None:

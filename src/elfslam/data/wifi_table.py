@@ -14,15 +14,29 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_text
 from elfslam.base.values import WifiScans
 
+MOST_CELLS = 10_000_000
+"""Of a table of scans by access points, most of it empty: hours in a mall have a tenth."""
 HEADER = ("t_s", "bssid", "rssi_dbm", "frequency_mhz", "age_s")
 
 
 def scans_from_rows(
-    t_s: Sequence[float], bssids: Sequence[str], rssi_dbm: Sequence[float], age_s: Sequence[float]
+    source: Path,
+    t_s: Sequence[float],
+    bssids: Sequence[str],
+    rssi_dbm: Sequence[float],
+    age_s: Sequence[float],
 ) -> WifiScans:
-    """Rows of one time make one scan; a bssid seen twice in a scan keeps its last row."""
+    """Rows of one time make one scan; a bssid seen twice in a scan keeps its last row.
+
+    Raises InputError, starting with `source`, where there are too many of both.
+    """
     times, scan = np.unique(np.asarray(t_s, dtype=float), return_inverse=True)
     names = tuple(sorted(set(bssids)))
+    if len(times) * len(names) > MOST_CELLS:
+        raise InputError(
+            f"{source}: {len(times)} scans of {len(names)} access points, wanted at most "
+            f"{MOST_CELLS:.1g} pairs; check the columns of time and bssid"
+        )
     column = {name: k for k, name in enumerate(names)}
     cells = scan, np.array([column[bssid] for bssid in bssids], dtype=int)
     rssi, age = np.full((2, len(times), len(names)), np.nan)
@@ -62,7 +76,7 @@ def read_wifi(file: Path) -> WifiScans:
     _check_order(file, t_s)
     rssi_dbm = _numbers(file, columns["rssi_dbm"])
     age_s = _numbers(file, columns["age_s"], empty=math.nan)
-    return scans_from_rows(t_s.tolist(), columns["bssid"], rssi_dbm.tolist(), age_s.tolist())
+    return scans_from_rows(file, t_s.tolist(), columns["bssid"], rssi_dbm.tolist(), age_s.tolist())
 
 
 def _read_rows(file: Path) -> list[list[str]]:
