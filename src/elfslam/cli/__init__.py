@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import warnings
 from types import FrameType
 
 INTERRUPTED = 130
@@ -54,6 +55,7 @@ def _unwind(number: int, frame: FrameType | None) -> None:
     """Tidy up on the way out; what breaks on that way is of no interest."""
     signal.signal(signal.SIGINT, _overhear)
     sys.unraisablehook = _unheard
+    warnings.simplefilter("ignore")
     threading.excepthook = lambda _: None
     raise KeyboardInterrupt
 
