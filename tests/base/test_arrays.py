@@ -152,3 +152,12 @@ def test_a_dimension_that_is_neither_size_nor_name_is_the_authors_mistake() -> N
 
     with pytest.raises(ValueError, match="'2n' is neither a size nor a name"):
         Odd(np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("field", "given"),
+    [("count", [1, np.nan, 3]), ("count", [1, 1e300, 3]), ("facing", [[0, 1e300]] * 4)],
+)
+def test_numbers_that_the_array_cannot_hold_are_refused(field: str, given: object) -> None:
+    with pytest.raises(InputError, match=rf"Walk\.{field}: wanted numbers"):
+        walk(**{field: given})

@@ -70,3 +70,32 @@ def test_other_arrays_and_pickles_are_refused(tmp_path: Path) -> None:
 def test_a_missing_map_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"map\.npz: is missing"):
         read_map(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "array"),
+    [
+        ("sources", np.array([np.nan])),
+        ("sources", np.array("hall")),
+        ("sources", np.array([["hall"]])),
+        ("payload_encoders", np.array([["a", "b"]])),
+        ("payload_encoders", np.array([1.0, 2.0])),
+        ("payload_kinds", np.array(["elf"])),
+        ("payload_0", np.zeros((1, 2))),
+        ("payload_0", np.full((5, 8), np.nan)),
+        ("walk", np.full(5, np.nan)),
+        ("walk", np.full(5, 1e30)),
+        ("xy_m", np.full((5, 2), np.inf)),
+        ("heading_rad", np.array(["north"] * 5)),
+        ("weight", np.zeros(3)),
+    ],
+)
+def test_arrays_of_another_kind_are_refused(
+    tmp_path: Path, run: Run, name: str, array: np.ndarray
+) -> None:
+    write_map(run.floor_map, tmp_path / "map.npz")
+    with np.load(tmp_path / "map.npz") as stored:
+        np.savez(tmp_path / "map.npz", **{**stored, name: array})
+    with pytest.raises(StoreError, match=r"map\.npz: is no floor map") as refused:
+        read_map(tmp_path)
+    assert "\n" not in str(refused.value)

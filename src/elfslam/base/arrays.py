@@ -62,8 +62,9 @@ class Value:
 
 def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> npt.NDArray[Any]:
     try:
-        made: npt.NDArray[Any] = np.array(given, dtype=spec.dtype)
-    except (TypeError, ValueError) as cause:
+        with np.errstate(invalid="raise", over="raise"):
+            made: npt.NDArray[Any] = np.array(given, dtype=spec.dtype)
+    except (TypeError, ValueError, ArithmeticError) as cause:
         raise InputError(f"{name}: wanted numbers, got {given!r:.60}; pass an array") from cause
     _check_shape(name, made.shape, spec.shape, sizes)
     if spec.finite and made.dtype.kind == "f" and not np.isfinite(made).all():

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
@@ -35,8 +38,8 @@ def read_map(path: Path) -> FloorMap:
     """The map in a run folder or an .npz file. Raises StoreError."""
     file = path / MAP if path.is_dir() else path
     arrays = read_npz(file, [*SPOTS, *LABELS])
-    kinds, encoders = arrays["payload_kinds"].tolist(), arrays["payload_encoders"].tolist()
     try:
+        kinds, encoders = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
             payloads=tuple(
@@ -44,7 +47,15 @@ def read_map(path: Path) -> FloorMap:
                 for k, (kind, encoder) in enumerate(zip(kinds, encoders, strict=True))
             ),
             parameters_digest=str(arrays["parameters_digest"]),
-            sources=tuple(arrays["sources"].tolist()),
+            sources=_texts(arrays, "sources"),
         )
     except (InputError, KeyError, TypeError, ValueError) as cause:
         raise StoreError(f"{file}: is no floor map ({cause}); make it again") from cause
+
+
+def _texts(arrays: Mapping[str, npt.NDArray[Any]], name: str) -> tuple[str, ...]:
+    """A list of texts. Raises ValueError where the array is anything else."""
+    given = arrays[name]
+    if given.ndim != 1 or (given.dtype.kind != "U" and len(given)):
+        raise ValueError(f"{name} is {given.dtype} of shape {given.shape}, wanted a list of texts")
+    return tuple(given.tolist())

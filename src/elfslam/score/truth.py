@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path, PurePosixPath
 
@@ -10,7 +9,9 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_text
 from elfslam.base.values import Truth
+from elfslam.base.zips import opened_zip
 
 Row = tuple[int, list[str]]
 """Line number and fields, so that a refusal can name the line."""
@@ -32,7 +33,7 @@ def read_truth(path: Path) -> Truth:
         raise InputError(f"{path}: no such file or folder; pass a truth file or a recording")
     if path.suffix.lower() == ".zip":
         return _from_zip(path)
-    return _parsed(_decoded(path.read_bytes(), str(path)), str(path))
+    return _parsed(read_text(path), str(path))
 
 
 def _from_folder(folder: Path) -> Truth:
@@ -44,27 +45,16 @@ def _from_folder(folder: Path) -> Truth:
 
 def _from_zip(path: Path) -> Truth:
     """The shallowest truth file of the archive (people zip the folder or what lies in it)."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            members = sorted(map(PurePosixPath, archive.namelist()), key=lambda m: len(m.parts))
-            for member in (m for name in _PARSERS for m in members if m.name == name):
-                source = f"{path}:{member}"
-                return _parsed(_decoded(archive.read(str(member)), source), source)
-    except zipfile.BadZipFile as cause:
-        raise InputError(f"{path}: not a readable .zip; save the recording again") from cause
+    with opened_zip(path) as packed:
+        members = sorted(packed.entries, key=lambda member: len(member.parts))
+        for member in (m for name in _PARSERS for m in members if m.name == name):
+            return _parsed(packed.text(packed.entries[member]), f"{path}:{member}")
     raise _no_truth(str(path))
 
 
 def _no_truth(source: str) -> InputError:
     wanted = " or ".join(_PARSERS)
     return InputError(f"{source}: no truth in this recording; put {wanted} into it")
-
-
-def _decoded(raw: bytes, source: str) -> str:
-    try:
-        return raw.decode("utf-8-sig")
-    except UnicodeDecodeError as cause:
-        raise InputError(f"{source}: not a text file; wanted {' or '.join(_PARSERS)}") from cause
 
 
 def _parsed(text: str, source: str) -> Truth:
