@@ -86,7 +86,7 @@ def services(app: FastAPI) -> Services:
 @pytest.fixture
 def anyone(app: FastAPI) -> Iterator[TestClient]:
     """Somebody on this machine without a token, while the server runs."""
-    with TestClient(app, client=("127.0.0.1", 50_000)) as client:
+    with TestClient(app, client=("127.0.0.1", 50_000), base_url="http://127.0.0.1") as client:
         yield client
 
 
@@ -106,7 +106,9 @@ def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
 
 def _client_of(app: FastAPI, running: TestClient, token: str) -> TestClient:
     header = {"Authorization": f"Bearer {token}"}
-    client = TestClient(app, headers=header, client=("127.0.0.1", 50_001))
+    client = TestClient(
+        app, headers=header, client=("127.0.0.1", 50_001), base_url="http://127.0.0.1"
+    )
     client.portal = running.portal  # one event loop, as in a real server
     return client
 

@@ -22,7 +22,7 @@ def test_an_invitation_opens_the_door(tmp_path: Path) -> None:
     assert said.exit_code == 0
     token = said.stdout.splitlines()[0].partition("#token=")[2].partition("&key=")[0]
     app = create_app(open_services(ServerSettings(tmp_path / "data")))
-    client = TestClient(app, client=("127.0.0.1", 1))
+    client = TestClient(app, client=("127.0.0.1", 1), base_url="http://127.0.0.1")
     told = client.get("/api/me", headers={"Authorization": f"Bearer {token}"}).json()
     assert (told["name"], told["is_owner"]) == ("Zoë", False)
     app.state.services.engine.dispose()
@@ -32,6 +32,14 @@ def test_serving_beyond_the_network_wants_a_word(tmp_path: Path) -> None:
     said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path), "--host", "0.0.0.0"])
     assert isinstance(said.exception, InputError)
     assert "--allow-public" in str(said.exception)
+
+
+def test_a_name_that_is_none_is_refused(tmp_path: Path) -> None:
+    words = ["serve", "--data", str(tmp_path / "data"), "--name", "https://floors.example.org"]
+    said = RUNNER.invoke(command, words)
+    assert isinstance(said.exception, InputError)
+    assert "wanted such as floors.example.org" in str(said.exception)
+    assert not (tmp_path / "data").exists()
 
 
 def test_workers_that_are_nobody_are_refused_before_anything_is_made(tmp_path: Path) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import gzip
 import hashlib
 import json
 import os
+import random
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -14,11 +16,12 @@ import pytest
 from PIL import Image
 from starlette.datastructures import Headers
 from starlette.testclient import TestClient
+from starlette.types import Message, Scope
 
 from elfslam.serve.app import create_app
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
-from elfslam.serve.static_files import takes_gzip
+from elfslam.serve.static_files import PIECE_BYTES, PageFiles, takes_gzip
 
 TEXT = "export const words = 'again and again';\n" * 50
 FILES = {
@@ -51,7 +54,7 @@ def pages(tmp_path: Path) -> Path:
 @pytest.fixture
 def client(settings: ServerSettings, pages: Path) -> Iterator[TestClient]:
     app = create_app(open_services(replace(settings, pages_folder=pages)))
-    yield TestClient(app, client=("127.0.0.1", 1))
+    yield TestClient(app, client=("127.0.0.1", 1), base_url="http://127.0.0.1")
     app.state.services.engine.dispose()
 
 
@@ -74,6 +77,29 @@ def test_text_is_sent_compressed_to_whoever_takes_that(client: TestClient) -> No
     assert others["vary"] == "Accept-Encoding"
     assert others["content-length"] == str(len(TEXT))
     assert others["etag"] != headers["etag"]
+
+
+def test_who_is_slow_makes_the_server_hold_little(tmp_path: Path) -> None:
+    text = random.Random(0).randbytes(4 * PIECE_BYTES).hex()
+    (tmp_path / "large.js").write_text(text)
+    held: list[bytes] = []
+
+    async def keep(message: Message) -> None:
+        held.append(message.get("body", b""))
+
+    async def leave() -> Message:
+        await asyncio.Event().wait()
+        raise AssertionError
+
+    async def get() -> None:
+        asked = [(b"accept-encoding", b"gzip")]
+        scope: Scope = {"type": "http", "method": "GET", "path": "/large.js", "headers": asked}
+        await (await PageFiles(tmp_path).get_response("large.js", scope))(scope, leave, keep)
+
+    asyncio.run(get())
+    assert gzip.decompress(b"".join(held)).decode() == text
+    assert len(held) > 4
+    assert max(map(len, held)) == PIECE_BYTES
 
 
 def test_what_does_not_get_smaller_is_sent_as_it_is(client: TestClient) -> None:

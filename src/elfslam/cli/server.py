@@ -36,8 +36,13 @@ def serve_command(
         bool, typer.Option("--new-key", help="A new signing key; all phones pair again.")
     ] = False,
     files: FilesUrl = "",
+    name: Annotated[
+        list[str] | None,
+        typer.Option("--name", help="What else browsers call this server; may be repeated."),
+    ] = None,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
+    from elfslam.serve.network.names import checked_names
     from elfslam.serve.network.running import Listening, run
     from elfslam.serve.settings import ServerSettings
 
@@ -49,6 +54,7 @@ def serve_command(
         run_jobs=jobs,
         on=on,
         allow_public=allow_public,
+        names=checked_names(name or ()),
         files_url=files,
     )
     run(settings, Listening(host, port, http, new_token, new_key), _print)

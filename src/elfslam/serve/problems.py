@@ -60,7 +60,7 @@ def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
     }
 
 
-EVERYWHERE = problems(400, 401, 403, 404, 413, 422, 429, 503, 507)
+EVERYWHERE = problems(400, 401, 403, 404, 408, 413, 421, 422, 429, 503, 507)
 """Any route under a token may refuse so."""
 
 

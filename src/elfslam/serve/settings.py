@@ -34,8 +34,16 @@ class Limits:
     address_requests_per_s: float = 60.0
     burst_s: float = 10.0
     """That many seconds' worth of requests may come at once."""
+    connections: int = 500
+    address_connections: int = 60
+    """At once; of one address, where no reverse proxy stands between."""
+    head_s: float = 10.0
+    """The head of a request has come by then, and so is a TLS handshake made."""
     silence_s: float = 20.0
-    """An upload of which nothing comes for this long is cut, what came is kept."""
+    """So far a client may fall behind: with a body, silent or below the slowest pace, and with
+    reading an answer. It is then cut; what came of an upload is kept."""
+    slowest_bytes_per_s: float = 500.0
+    """Of the body of a request."""
     upload_days: float = 14.0
     """An upload to which nothing was added for this long is deleted."""
     quarantine_days: float = 30.0
@@ -65,6 +73,8 @@ class ServerSettings:
     """Who works on jobs: a number of processes, `ray` or `ray://HOST:PORT`; this machine."""
     allow_public: bool = False
     """Answer also those who are neither on this machine nor in its local network."""
+    names: tuple[str, ...] = ()
+    """What else browsers may call this server, besides addresses and this machine's names."""
     pages_folder: Path = PAGES_FOLDER
     files_url: str = ""
     """fsspec's, of the parts of published floors; by default a folder in the data folder."""

@@ -235,6 +235,24 @@ def test_a_damaged_map_is_a_problem_and_no_crash(
         assert str(services.settings.data_folder) not in answer.json()["detail"]
 
 
+def test_whatever_lost_its_blobs_is_not_found(
+    owner: TestClient, keep_map: Keep, services: Services
+) -> None:
+    map_id = keep_map(owner, "one")
+    put(owner, map_id, image())
+    manifest = json.loads(owner.get(f"/api/maps/{map_id}/package").json()["manifest"])
+    part = manifest["tiles"][0]["sha256"]
+    paths = ("report.html", "floor-plan", f"package/{part}", "map.zip", "view", "exports/tum")
+    for path in paths:
+        assert owner.get(f"/api/maps/{map_id}/{path}").status_code == 200, path
+    for file in services.settings.blobs_folder.glob("*/*"):
+        file.unlink()
+    for path in paths:
+        answer = owner.get(f"/api/maps/{map_id}/{path}")
+        assert answer.status_code == 404, path
+        assert answer.json()["detail"].endswith("here; it may have been deleted")
+
+
 def test_ids_that_are_none_are_not_found(owner: TestClient) -> None:
     for each in (new_id(), "x", "%2e%2e", "a" * 300):
         assert owner.get(f"/api/maps/{each}").status_code == 404

@@ -213,7 +213,9 @@ def test_a_server_that_stops_gives_its_job_to_the_next(
     assert children_of(services) == []
     assert left_over(services) == []
     with TestClient(
-        create_app(open_services(services.settings)), client=("127.0.0.1", 50_000)
+        create_app(open_services(services.settings)),
+        client=("127.0.0.1", 50_000),
+        base_url="http://127.0.0.1",
     ) as after:
         after.headers["Authorization"] = token
         job = ended(after, job_id)

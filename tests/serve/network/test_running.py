@@ -128,6 +128,15 @@ def test_silence_ends_a_piece(server: Any) -> None:
         assert offset_of(client, place) == 300
 
 
+def test_silence_ends_any_request(server: Any) -> None:
+    with raw(server.url) as connection:
+        connection.sendall(
+            b"POST /api/recordings HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 100\r\n"
+            b"Content-Type: application/json\r\n\r\n{"
+        )
+        assert b" 408 " in connection.recv(4096)
+
+
 def test_a_stream_of_unknown_length_stops_at_what_was_said(server: Any) -> None:
     def pieces() -> Iterator[bytes]:
         yield b"x" * 1000
@@ -144,7 +153,7 @@ def test_a_stream_of_unknown_length_stops_at_what_was_said(server: Any) -> None:
 def test_two_gigabytes_that_are_claimed_are_refused_at_once(server: Any) -> None:
     for path in ("/api/recordings", "/api/uploads", "/nowhere"):
         with raw(server.url) as connection:
-            head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Length: {2 * 2**30}\r\n\r\n"
+            head = f"POST {path} HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: {2 * 2**30}\r\n\r\n"
             connection.sendall(head.encode())
             assert b" 413 " in connection.recv(4096)
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,45 +13,35 @@ from starlette.datastructures import Headers
 from starlette.testclient import TestClient
 
 from elfslam.serve.app import create_app
-from elfslam.serve.people.guards import is_local, same_origin
+from elfslam.serve.people.guards import ONLY_HTTPS, same_origin
 from elfslam.serve.people.rates import MOST_BUCKETS, Rates
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import Limits, ServerSettings
 
+OWN_NAME = socket.gethostname().partition(".")[0]
 
-@pytest.mark.parametrize(
-    ("host", "local"),
-    [
-        ("127.0.0.1", True),
-        ("192.168.1.20", True),
-        ("10.0.0.3", True),
-        ("172.31.255.1", True),
-        ("172.32.0.1", False),
-        ("8.8.8.8", False),
-        ("100.64.0.1", False),
-        ("::1", True),
-        ("fe80::1%eth0", True),
-        ("fd12::1", True),
-        ("2001:db8::1", False),
-        ("::ffff:192.168.1.20", True),
-        ("::ffff:8.8.8.8", False),
-        ("testclient", False),
-        ("", False),
-    ],
-)
-def test_who_is_local(host: str, local: bool) -> None:
-    assert is_local(host) is local
+
+@pytest.fixture
+def app_of_a_name(settings: ServerSettings) -> Iterator[FastAPI]:
+    """An app that was told its public name."""
+    app = create_app(open_services(replace(settings, names=("floors.example.org",))))
+    yield app
+    app.state.services.engine.dispose()
 
 
 def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path: Path) -> None:
-    stranger = TestClient(app, client=("8.8.8.8", 1000))
+    stranger = TestClient(app, client=("8.8.8.8", 1000), base_url="http://127.0.0.1")
     answer = stranger.get("/api/version")
     assert answer.status_code == 403
     assert "own network" in answer.json()["detail"]
     open_app = create_app(
         open_services(replace(settings, data_folder=tmp_path / "open", allow_public=True))
     )
-    assert TestClient(open_app, client=("8.8.8.8", 1000)).get("/api/version").is_success
+    assert (
+        TestClient(open_app, client=("8.8.8.8", 1000), base_url="http://127.0.0.1")
+        .get("/api/version")
+        .is_success
+    )
 
 
 @pytest.mark.parametrize(
@@ -57,17 +49,20 @@ def test_strangers_are_refused(app: FastAPI, settings: ServerSettings, tmp_path:
     [
         ({}, True),
         ({"origin": "https://10.0.0.1:8443", "host": "10.0.0.1:8443"}, True),
+        ({"origin": "https://Floors.Example.org", "host": "floors.example.org"}, True),
+        ({"origin": "http://10.0.0.1:8443", "host": "10.0.0.1:8443"}, False),
         ({"origin": "https://10.0.0.1:8444", "host": "10.0.0.1:8443"}, False),
         ({"origin": "https://evil.example", "host": "10.0.0.1:8443"}, False),
         ({"origin": "null", "host": "10.0.0.1:8443"}, False),
         ({"origin": "", "host": ""}, False),
+        ({"origin": "https://", "host": ""}, False),
         ({"origin": "https://[::1", "host": "x"}, False),
         ({"sec-fetch-site": "cross-site"}, False),
         ({"sec-fetch-site": "same-site"}, False),
     ],
 )
 def test_whose_page_it_was(headers: dict[str, str], same: bool) -> None:
-    assert same_origin(Headers(headers)) is same
+    assert same_origin(Headers(headers), "https") is same
 
 
 def test_other_sites_cannot_act(owner: TestClient) -> None:
@@ -75,6 +70,61 @@ def test_other_sites_cannot_act(owner: TestClient) -> None:
     made = owner.post("/api/recordings", json={"name": "walk"}, headers=foreign)
     assert made.status_code == 403
     assert owner.get("/api/recordings", headers=foreign).json() == []
+
+
+def test_a_page_without_tls_cannot_act_on_one_with(owner: TestClient) -> None:
+    owner.base_url = "https://127.0.0.1"  # type: ignore[assignment]
+    for scheme, status in (("http", 403), ("https", 201)):
+        origin = {"Origin": f"{scheme}://127.0.0.1"}
+        made = owner.post("/api/recordings", json={"name": "walk"}, headers=origin)
+        assert made.status_code == status
+
+
+@pytest.mark.parametrize(
+    ("host", "status"),
+    [
+        ("127.0.0.1:8443", 200),
+        ("203.0.113.9", 200),
+        ("[2001:db8::1]:8443", 200),
+        ("localhost:1", 200),
+        ("LOCALHOST", 200),
+        (f"{OWN_NAME}.local:8443", 200),
+        ("floors.example.org", 200),
+        ("Floors.Example.org:443", 200),
+        ("evil.example", 421),
+        ("evil.floors.example.org", 421),
+        ("127.0.0.1.evil.example", 421),
+        ("localhost.evil.example:8443", 421),
+        ("[127.0.0.1", 200),
+        ("[evil.example]", 421),
+        ("", 421),
+    ],
+)
+def test_by_which_names_it_may_be_called(app_of_a_name: FastAPI, host: str, status: int) -> None:
+    client = TestClient(app_of_a_name, client=("127.0.0.1", 1))
+    answer = client.get("/api/version", headers={"Host": host})
+    assert answer.status_code == status
+    if status == 421:
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert "--name" in answer.json()["detail"]
+
+
+@pytest.mark.parametrize(
+    ("url", "lasting"),
+    [
+        ("https://floors.example.org", True),
+        ("http://floors.example.org", False),
+        ("https://localhost", False),
+        (f"https://{OWN_NAME}.local", False),
+        ("https://127.0.0.1", False),
+    ],
+)
+def test_only_names_that_were_given_are_kept_to_https(
+    app_of_a_name: FastAPI, url: str, lasting: bool
+) -> None:
+    client = TestClient(app_of_a_name, client=("127.0.0.1", 1), base_url=url)
+    told = client.get("/api/version").headers.get("strict-transport-security")
+    assert told == (ONLY_HTTPS if lasting else None)
 
 
 def test_every_answer_is_guarded(anyone: TestClient) -> None:
@@ -112,7 +162,9 @@ def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None
     for name in ("phone.html", "desk.html", "a.js", "a.mjs", "a.wasm"):
         (pages / name).write_text(name)
     client = TestClient(
-        create_app(open_services(replace(settings, pages_folder=pages))), client=("127.0.0.1", 1)
+        create_app(open_services(replace(settings, pages_folder=pages))),
+        client=("127.0.0.1", 1),
+        base_url="http://127.0.0.1",
     )
     assert client.get("/").text == "phone.html"
     assert client.get("/desk").text == "desk.html"
@@ -125,7 +177,9 @@ def test_pages_and_their_kinds(settings: ServerSettings, tmp_path: Path) -> None
 def limited(settings: ServerSettings, **limits: float) -> TestClient:
     given = Limits(**limits)  # type: ignore[arg-type]
     return TestClient(
-        create_app(open_services(replace(settings, limits=given))), client=("127.0.0.1", 1)
+        create_app(open_services(replace(settings, limits=given))),
+        client=("127.0.0.1", 1),
+        base_url="http://127.0.0.1",
     )
 
 

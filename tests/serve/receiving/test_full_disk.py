@@ -47,7 +47,9 @@ def client(small_disk: Path, settings: ServerSettings) -> Iterator[TestClient]:
     token = new_token()
     set_owner_token(app.state.services, token)
     mine = {"Authorization": f"Bearer {token}"}
-    with TestClient(app, client=("127.0.0.1", 1), headers=mine) as running:
+    with TestClient(
+        app, client=("127.0.0.1", 1), base_url="http://127.0.0.1", headers=mine
+    ) as running:
         yield running
 
 

@@ -39,7 +39,7 @@ def limited(settings: ServerSettings) -> Iterator[Limited]:
         engines.append(app.state.services.engine)
         set_owner_token(app.state.services, token)
         mine = {"Authorization": f"Bearer {token}"}
-        return TestClient(app, client=("127.0.0.1", 1), headers=mine)
+        return TestClient(app, client=("127.0.0.1", 1), base_url="http://127.0.0.1", headers=mine)
 
     yield make
     for engine in engines:

@@ -19,7 +19,6 @@ from elfslam.serve.jobs.folder import FIXES
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here, Services
-from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
     Job,
     JobFile,
@@ -34,6 +33,7 @@ from elfslam.serve.store.database import (
 )
 from elfslam.serve.store.derived import forget_given
 from elfslam.serve.store.holdings import drop_unnamed, used_bytes
+from elfslam.serve.store.sending import sent_blob
 from elfslam.serve.texts import Line
 
 router = APIRouter(tags=["jobs"])
@@ -174,8 +174,7 @@ def get_fixes(job_id: str, user: Me, services: Here) -> FileResponse:
         file = session.get(JobFile, (job_id, FIXES))
     if file is None:
         raise Problem(404, "this job gave no fixes; wait for it, or look at its problem")
-    kept = blobs.blob_path(services.settings.blobs_folder, file.sha256)
-    return FileResponse(kept, media_type="text/csv", filename=FIXES)
+    return sent_blob(services.settings, file.sha256, "fix", "text/csv", filename=FIXES)
 
 
 def body_of(job: Job) -> JobBody:

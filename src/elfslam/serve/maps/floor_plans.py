@@ -19,7 +19,7 @@ from elfslam.serve.services import Here
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, reading, transaction
 from elfslam.serve.store.holdings import drop_unnamed
-from elfslam.serve.store.sending import scratch_file
+from elfslam.serve.store.sending import scratch_file, sent_blob
 
 router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/floor-plan")
 TYPES = {"PNG": "image/png", "JPEG": "image/jpeg"}
@@ -101,8 +101,8 @@ def get_floor_plan(map_id: str, user: Me, services: Here) -> FileResponse:
         file = session.get(MapFile, (map_id, FLOOR_PLAN))
     if file is None or found.floor_plan is None:
         raise _none()
-    kept = blobs.blob_path(services.settings.blobs_folder, file.sha256)
-    return FileResponse(kept, media_type=found.floor_plan["type"])
+    kind = found.floor_plan["type"]
+    return sent_blob(services.settings, file.sha256, "floor plan", kind)
 
 
 @router.delete("", status_code=204, operation_id="delete_floor_plan")

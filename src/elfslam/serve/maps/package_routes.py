@@ -17,10 +17,11 @@ from elfslam.serve.maps.routes import my_map
 from elfslam.serve.network.signing import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import Me, not_found
 from elfslam.serve.services import Here
-from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, MapPart, reading
+from elfslam.serve.store.sending import sent_blob
 
 router = APIRouter(tags=["packages"])
+BINARY = "application/octet-stream"
 
 
 class KeyBody(BaseModel):
@@ -60,14 +61,14 @@ def get_package(map_id: str, user: Me, services: Here) -> PackageBody:
     "/maps/{map_id}/package/{sha256}",
     operation_id="get_package_part",
     response_class=FileResponse,
-    responses={200: {"content": {"application/octet-stream": {}}}},
+    responses={200: {"content": {BINARY: {}}}},
 )
 def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> Response:
     """A tile, the encoder, or the floor plan of a map's package."""
     headers = {"ETag": f'"{sha256}"'}
     content = published_part(services, map_id, sha256)
     if content is not None:
-        return Response(content, media_type="application/octet-stream", headers=headers)
+        return Response(content, media_type=BINARY, headers=headers)
     files = select(MapFile.sha256).where(
         MapFile.map_id == map_id, or_(MapFile.name == ENCODER, MapFile.name == FLOOR_PLAN)
     )
@@ -76,7 +77,4 @@ def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> Resp
         my_map(session, user, map_id)
         if sha256 not in session.scalars(parts).all():
             raise not_found("part of this map")
-    file = blobs.blob_path(services.settings.blobs_folder, sha256)
-    if not file.is_file():
-        raise not_found("part of this map")
-    return FileResponse(file, media_type="application/octet-stream", headers=headers)
+    return sent_blob(services.settings, sha256, "part of this map", BINARY, headers=headers)

@@ -27,7 +27,7 @@ from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Map, MapFile, User, reading, transaction
 from elfslam.serve.store.derived import forget_map
 from elfslam.serve.store.holdings import drop_unnamed
-from elfslam.serve.store.sending import ZIP, sent, unfolded
+from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
 from elfslam.serve.store.zips import packed
 
 router = APIRouter(tags=["maps"])
@@ -154,9 +154,9 @@ def get_report(map_id: str, user: Me, services: Here) -> FileResponse:
     with _folder(services, user, map_id) as (_, named):
         if REPORT not in named:
             raise Problem(404, "this map has no report")
-        file = blobs.blob_path(services.settings.blobs_folder, named[REPORT])
     policy = {"Content-Security-Policy": REPORT_POLICY}
-    return FileResponse(file, media_type="text/html; charset=utf-8", headers=policy)
+    kind = "text/html; charset=utf-8"
+    return sent_blob(services.settings, named[REPORT], "report", kind, headers=policy)
 
 
 @router.get(

@@ -7,11 +7,35 @@ import socket
 from collections.abc import Sequence
 
 from elfslam.base.errors import InputError
-from elfslam.serve.people.guards import is_local
 
 LOOPBACK = "127.0.0.1"
 PROBES = ("10.255.255.255", "172.31.255.255", "192.168.255.255", "198.51.100.1")
 """A route to one of these shows our own address; nothing is sent there."""
+LOCAL_NETWORKS = tuple(
+    map(
+        ipaddress.ip_network,
+        (
+            "127.0.0.0/8",
+            "10.0.0.0/8",
+            "172.16.0.0/12",
+            "192.168.0.0/16",
+            "169.254.0.0/16",
+            "::1/128",
+            "fc00::/7",
+            "fe80::/10",
+        ),
+    )
+)
+
+
+def is_local(host: str) -> bool:
+    """Whether an address is this machine's or of a local network."""
+    try:
+        address = ipaddress.ip_address(host.partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(address, "ipv4_mapped", None) or address
+    return any(mapped in network for network in LOCAL_NETWORKS)
 
 
 def lan_addresses() -> list[str]:

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import segno
-import uvicorn
 
 from elfslam.base.errors import InputError
 from elfslam.serve.app import create_app
@@ -19,27 +18,28 @@ from elfslam.serve.network.addresses import (
     server_names,
     url_of,
 )
-from elfslam.serve.network.authority import AUTHORITY, server_certificate, utc_now
+from elfslam.serve.network.authority import (
+    AUTHORITY,
+    Certificate,
+    server_certificate,
+    utc_now,
+)
 from elfslam.serve.network.credentials import (
     check_credentials,
     owner_token,
     trust_key,
     write_private,
 )
+from elfslam.serve.network.serving import serve
 from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.users import add_user
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import Services, open_services
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import PORT, ServerSettings
 from elfslam.serve.store.opening import TRIES, alone_with
 from elfslam.serve.texts import plain_line
 
 LAST_URL = "url"
-STOP_S = 10
-"""How long requests that are being answered may go on when the server is stopped."""
-KEEP_ALIVE_S = 60
-"""A phone that sends a piece now and then keeps its connection."""
-MOST_CONNECTIONS = 500
 
 
 @dataclass(frozen=True)
@@ -64,32 +64,14 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
         check_credentials(services, renews_token=listening.new_token, renews_key=listening.new_key)
         sockets = open_sockets(hosts, listening.port)
         url = url_of(hosts[0], sockets[0].getsockname()[1], secure=not listening.plain_http)
-        config = _config(services, hosts, listening)
+        app, certificate = create_app(services), _certificate(settings, hosts, listening)
         token = owner_token(services, renewed=listening.new_token)
         trust_key(services, renewed=listening.new_key)
         write_private(settings.authority_folder / LAST_URL, url)
         pairing = url + pairing_fragment(token, settings.authority_folder)
         for line in greeting(url, pairing, secure=not listening.plain_http):
             say(line)
-        uvicorn.Server(config).run(sockets=sockets)
-
-
-def _config(services: Services, hosts: Sequence[str], listening: Listening) -> uvicorn.Config:
-    config = uvicorn.Config(
-        create_app(services),
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        proxy_headers=listening.plain_http,
-        timeout_graceful_shutdown=STOP_S,
-        timeout_keep_alive=KEEP_ALIVE_S,
-        limit_concurrency=MOST_CONNECTIONS,
-    )
-    if not listening.plain_http:
-        names = server_names(hosts)
-        kept = server_certificate(services.settings.authority_folder, names, utc_now())
-        config.ssl_certfile, config.ssl_keyfile = kept.certificate, kept.key
-    return config
+        serve(app, sockets, settings.limits, certificate)
 
 
 def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
@@ -128,6 +110,15 @@ def _hosts(settings: ServerSettings, listening: Listening) -> list[str]:
             f"--host {listening.host}: plain HTTP is spoken on this machine alone; leave --http out"
         )
     return hosts
+
+
+def _certificate(
+    settings: ServerSettings, hosts: Sequence[str], listening: Listening
+) -> Certificate | None:
+    if listening.plain_http:
+        return None
+    names = server_names([*hosts, *settings.names])
+    return server_certificate(settings.authority_folder, names, utc_now())
 
 
 def _last_url(settings: ServerSettings) -> str:

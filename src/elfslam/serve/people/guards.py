@@ -5,34 +5,20 @@ And the headers that every response carries.
 
 from __future__ import annotations
 
-import ipaddress
-from collections.abc import MutableMapping
+from collections.abc import Collection, MutableMapping
 from typing import Any
-from urllib.parse import urlsplit
 
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from elfslam.serve.network.addresses import is_local, server_names
+from elfslam.serve.network.names import host_of, is_known
 from elfslam.serve.people.access import refuse_haste
+from elfslam.serve.people.bodies import Body, too_large
 from elfslam.serve.problems import Problem, problem_response
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
 
-LOCAL_NETWORKS = tuple(
-    map(
-        ipaddress.ip_network,
-        (
-            "127.0.0.0/8",
-            "10.0.0.0/8",
-            "172.16.0.0/12",
-            "192.168.0.0/16",
-            "169.254.0.0/16",
-            "::1/128",
-            "fc00::/7",
-            "fe80::/10",
-        ),
-    )
-)
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 UPLOADS = "/api/uploads"
 TUS_VERSION = "1.0.0"
@@ -62,16 +48,9 @@ HEADERS = {
     ),
 }
 """A route that sets one of these itself keeps its own."""
-
-
-def is_local(host: str) -> bool:
-    """Whether an address is this machine's or of a local network."""
-    try:
-        address = ipaddress.ip_address(host.partition("%")[0])
-    except ValueError:
-        return False
-    mapped = getattr(address, "ipv4_mapped", None) or address
-    return any(mapped in network for network in LOCAL_NETWORKS)
+ONLY_HTTPS = "max-age=31536000"
+"""Told for names that the server was given alone: browsers keep it for all ports of a name, and of
+`localhost` or the machine's own name it would break every other server there."""
 
 
 class Guard:
@@ -79,15 +58,16 @@ class Guard:
 
     def __init__(self, app: ASGIApp, services: Services) -> None:
         self._app, self._services = app, services
+        self._names = {*map(str.lower, server_names(())), *services.settings.names}
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer a request, or refuse it."""
         if scope["type"] != "http":
             await self._app(scope, receive, send)
             return
-        careful = _with_headers(send, scope["path"])
+        careful = _with_headers(send, scope, self._services.settings.names)
         try:
-            _check(scope, self._services)
+            _check(scope, self._services, self._names)
         except Problem as refusal:
             response = problem_response(
                 refusal.status_code,
@@ -97,34 +77,36 @@ class Guard:
             await response(scope, receive, careful)
             return
         _override_method(scope)
-        most = most_bytes(scope["path"], self._services.settings.limits)
-        await self._app(scope, _bounded(receive, most), careful)
+        await self._app(scope, _bounded(receive, scope, self._services.settings.limits), careful)
 
 
-def _check(scope: Scope, services: Services) -> None:
+def _check(scope: Scope, services: Services, names: Collection[str]) -> None:
     headers, settings = Headers(scope=scope), services.settings
-    host = scope["client"][0] if scope.get("client") else "127.0.0.1"
-    if not (settings.allow_public or is_local(host)):
+    peer = scope["client"][0] if scope.get("client") else ""
+    if not (settings.allow_public or is_local(peer)):
         raise Problem(403, "this server answers its own network only; come closer")
-    refuse_haste(services.address_rates.take(host))
-    if scope["method"] not in SAFE_METHODS and not same_origin(headers):
+    refuse_haste(services.address_rates.take(peer))
+    host = host_of(headers.get("host", ""))
+    if not is_known(host, names):
+        raise Problem(
+            421, f"this server is not called {host!r:.60}; use its address, or serve with --name"
+        )
+    if scope["method"] not in SAFE_METHODS and not same_origin(headers, scope["scheme"]):
         raise Problem(403, "this was sent by a page of another site; open the server's own page")
     length, most = headers.get("content-length", "0"), most_bytes(scope["path"], settings.limits)
     if not (length.isascii() and length.isdigit()):
         raise Problem(400, f"Content-Length is {length!r:.30}; wanted a number of bytes")
     if int(length) > most:
-        raise _too_large(most)
+        raise too_large(most)
 
 
-def same_origin(headers: Headers) -> bool:
+def same_origin(headers: Headers, scheme: str) -> bool:
     """Whether a request was made by one of our own pages, or by no page at all."""
     origin = headers.get("origin")
     if origin is None:
         return headers.get("sec-fetch-site", "none") in ("none", "same-origin")
-    try:
-        return urlsplit(origin).netloc.lower() == headers.get("host", "").lower() != ""
-    except ValueError:
-        return False
+    host = headers.get("host", "")
+    return host != "" and origin.lower() == f"{scheme}://{host}".lower()
 
 
 def most_bytes(path: str, limits: Limits) -> int:
@@ -139,23 +121,12 @@ def is_upload(path: str) -> bool:
     return path == UPLOADS or path.startswith(f"{UPLOADS}/")
 
 
-def _too_large(most: int) -> Problem:
-    return Problem(413, f"the body is too large; at most {most} bytes may be sent here")
-
-
-def _bounded(receive: Receive, most: int) -> Receive:
-    """Receives a body until it is larger than it may be. Raises Problem 413."""
-    came = 0
-
-    async def bounded() -> Message:
-        nonlocal came
-        message = await receive()
-        came += len(message.get("body", b""))
-        if came > most:
-            raise _too_large(most)
-        return message
-
-    return bounded
+def _bounded(receive: Receive, scope: Scope, limits: Limits) -> Receive:
+    """Receives a body within its bounds; what is safe reads none, and waits for the end only."""
+    if scope["method"] in SAFE_METHODS:
+        return receive
+    most = most_bytes(scope["path"], limits)
+    return Body(receive, most, limits.silence_s, limits.slowest_bytes_per_s).receive
 
 
 def _override_method(scope: MutableMapping[str, Any]) -> None:
@@ -165,8 +136,10 @@ def _override_method(scope: MutableMapping[str, Any]) -> None:
         scope["method"] = wanted if wanted in ("PATCH", "DELETE") else "POST"
 
 
-def _with_headers(send: Send, path: str) -> Send:
+def _with_headers(send: Send, scope: Scope, names: Collection[str]) -> Send:
+    path, secure = scope["path"], scope["scheme"] == "https"
     cached = "no-store" if path.startswith("/api/") else "no-cache"
+    lasting = secure and host_of(Headers(scope=scope).get("host", "")) in names
 
     async def careful(message: Message) -> None:
         if message["type"] == "http.response.start":
@@ -174,6 +147,8 @@ def _with_headers(send: Send, path: str) -> Send:
             for name, value in HEADERS.items():
                 headers.setdefault(name, value)
             headers.setdefault("Cache-Control", cached)
+            if lasting:
+                headers["Strict-Transport-Security"] = ONLY_HTTPS
             if is_upload(path):
                 headers.setdefault("Tus-Resumable", TUS_VERSION)
         await send(message)

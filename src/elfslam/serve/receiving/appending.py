@@ -6,7 +6,6 @@ checksum first lies beside the file, so that bytes that were not checked never b
 
 from __future__ import annotations
 
-import asyncio
 import errno
 import os
 import shutil
@@ -32,14 +31,13 @@ class Room:
 
     most_bytes: int
     free_bytes: int
-    silence_s: float
 
 
 async def append(file: Path, receive: Receive, room: Room, checksum: Checksum | None) -> None:
     """Put a body to the end of a file and sync it.
 
-    Raises Problem: 413 over the most, 507 on a full disk, 408 for silence, 400 where the
-    connection was lost (what came is kept in all four, without a checksum), 460.
+    Raises Problem: 413 over the most, 507 on a full disk, 400 where the connection was lost, and
+    what `receive` raises (what came is kept in all of these, without a checksum), 460.
     """
     if checksum is None:
         await _write_body(file, receive, room, None)
@@ -60,7 +58,7 @@ async def _write_body(file: Path, receive: Receive, room: Room, hasher: Any) -> 
     came = 0
     descriptor = await run_in_threadpool(_open, file)
     try:
-        async for chunk in _chunks(receive, room.silence_s):
+        async for chunk in _chunks(receive):
             came += len(chunk)
             if came > room.most_bytes:
                 raise Problem(413, f"only {room.most_bytes} bytes more may come here; send less")
@@ -74,14 +72,11 @@ async def _write_body(file: Path, receive: Receive, room: Room, hasher: Any) -> 
         os.close(descriptor)
 
 
-async def _chunks(receive: Receive, silence_s: float) -> AsyncIterator[bytes]:
-    """The body as it comes. Raises Problem 400 where it ends early, 408 where nothing comes."""
+async def _chunks(receive: Receive) -> AsyncIterator[bytes]:
+    """The body as it comes. Raises Problem 400 where it ends early."""
     more = True
     while more:
-        try:
-            message = await asyncio.wait_for(receive(), silence_s)
-        except TimeoutError as error:
-            raise Problem(408, "nothing came for too long; go on from the offset") from error
+        message = await receive()
         if message["type"] == "http.disconnect":
             raise Problem(400, "the connection was lost; go on from the offset")
         more = message.get("more_body", False)

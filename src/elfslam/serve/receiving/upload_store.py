@@ -174,7 +174,7 @@ def room_for(services: Services, upload: Upload, claimed_bytes: int) -> Room:
     with reading(services.sessions) as session:
         most = _check_room(services, session, upload, claimed_bytes)
     limits = services.settings.limits
-    return Room(most, limits.free_bytes, limits.silence_s)
+    return Room(most, limits.free_bytes)
 
 
 def _check_room(services: Services, session: Session, upload: Upload, more_bytes: int) -> int:

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import IO
+from typing import IO, Any
 from urllib.parse import quote
 
-from fastapi.responses import StreamingResponse
+from fastapi.responses import FileResponse, StreamingResponse
 
+from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
@@ -45,6 +46,16 @@ def pieces(file: IO[bytes]) -> Iterator[bytes]:
     with file:
         while chunk := file.read(CHUNK_BYTES):
             yield chunk
+
+
+def sent_blob(
+    settings: ServerSettings, sha256: str, what: str, media_type: str, **more: Any
+) -> FileResponse:
+    """A blob as a response. Raises Problem 404 where it is gone, whoever names it."""
+    file = blobs.blob_path(settings.blobs_folder, sha256)
+    if not file.is_file():
+        raise not_found(what)
+    return FileResponse(file, media_type=media_type, **more)
 
 
 def sent(content: Iterator[bytes], name: str, media_type: str) -> StreamingResponse:

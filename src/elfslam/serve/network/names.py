@@ -1,0 +1,42 @@
+"""By which names browsers may call this server.
+
+A page of another site can have its own name lead to our address, and its scripts then pass for
+ours; so a name has to be one that we know. An address cannot be turned like that: any may be used.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+import re
+from collections.abc import Collection, Sequence
+
+from elfslam.base.errors import InputError
+
+NAME = re.compile(r"[a-z0-9]([a-z0-9.-]{0,251}[a-z0-9])?")
+
+
+def checked_names(names: Sequence[str]) -> tuple[str, ...]:
+    """Names that somebody gave, as browsers send them. Raises InputError."""
+    for name in names:
+        if not NAME.fullmatch(name.lower()):
+            raise InputError(
+                f"--name {name!r:.60}: is no name of a host; wanted such as floors.example.org, "
+                "without scheme and port"
+            )
+    return tuple(name.lower() for name in names)
+
+
+def host_of(header: str) -> str:
+    """The name or the address in a Host header, without its port."""
+    if header.startswith("["):
+        return header[1:].partition("]")[0].lower()
+    return header.partition(":")[0].lower()
+
+
+def is_known(host: str, names: Collection[str]) -> bool:
+    """Whether a host is an address, or one of these names."""
+    try:
+        ipaddress.ip_address(host)
+    except ValueError:
+        return host in names
+    return True

@@ -1,0 +1,50 @@
+"""Answers at sockets until the server is stopped, within bounds of number and time."""
+
+from __future__ import annotations
+
+import gc
+import socket
+from collections.abc import Sequence
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from elfslam.serve.network.authority import Certificate
+from elfslam.serve.network.patience import PatientConfig
+from elfslam.serve.network.visitors import Door, Visitors
+from elfslam.serve.settings import Limits
+
+STOP_S = 10
+"""How long requests that are being answered may go on when the server is stopped."""
+KEEP_ALIVE_S = 60
+"""A phone that sends a piece now and then keeps its connection."""
+AT_ONCE = 4
+"""So many connections are accepted before those that are there get their next turn."""
+
+
+def serve(
+    app: ASGIApp, sockets: Sequence[socket.socket], limits: Limits, certificate: Certificate | None
+) -> None:
+    """Serve until stopped; plain HTTP without a certificate.
+
+    That is spoken to a reverse proxy, at whose one address everybody is: only all are counted.
+    """
+    of_one = limits.connections if certificate is None else limits.address_connections
+    visitors = Visitors(limits.connections, of_one)
+    config = PatientConfig(
+        visitors,
+        limits,
+        app=app,
+        ws="none",
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=certificate is None,
+        backlog=AT_ONCE,
+        timeout_graceful_shutdown=STOP_S,
+        timeout_keep_alive=KEEP_ALIVE_S,
+        ssl_certfile=None if certificate is None else certificate.certificate,
+        ssl_keyfile=None if certificate is None else certificate.key,
+    )
+    gc.freeze()  # what is there now stays, and need not be looked through
+    uvicorn.Server(config).run(sockets=[Door(each, visitors) for each in sockets])

@@ -1,0 +1,133 @@
+"""Who is connected: so many at once, and whose connection ends where more come.
+
+A connection waits for its client while the client owes something: the rest of a handshake or of a
+request, the next request, or reading what was sent. Of those the one that has waited longest ends
+for a newcomer. One that the server works for never does.
+"""
+
+from __future__ import annotations
+
+import gc
+import ipaddress
+import socket
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import Any
+
+NEIGHBOURS = 64
+"""Bits of an IPv6 address that a provider gives to one customer: all below are one visitor."""
+SENT_BYTES = 2**18
+"""The system holds so much for one who does not read it; by itself it takes 16 times as much."""
+TIDY_EACH = 256
+"""asyncio leaves a ring of garbage, 300 kB large, of a TLS handshake that fails; Python by itself
+would let a gigabyte of it come together."""
+
+
+@dataclass(eq=False)
+class Visit:
+    """A connection, how to end it, and since when it waits for its client; None: it does not."""
+
+    visitor: str
+    end: Callable[[], None]
+    waiting_since_s: float | None
+
+    def credit(self, earned_s: float, now_s: float) -> None:
+        """The client has sent what it has so much time for."""
+        since_s = now_s if self.waiting_since_s is None else self.waiting_since_s
+        self.waiting_since_s = min(now_s, since_s + earned_s)
+
+
+class Visitors:
+    """The connections there are, by the numbers of their sockets. For one thread."""
+
+    def __init__(
+        self, most: int, most_of_one: int, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._most, self._most_of_one, self._clock = most, most_of_one, clock
+        self._visits: dict[int, Visit] = {}
+
+    def enter(self, number: int, address: str, end: Callable[[], None]) -> bool:
+        """Whether a newcomer may stay; another connection has ended where that was wanted."""
+        visitor = visitor_of(address)
+        own = {key: each for key, each in self._visits.items() if each.visitor == visitor}
+        full = self._visits if len(self._visits) >= self._most else {}
+        crowd = own if len(own) >= self._most_of_one else full
+        if crowd and not self._end_one(crowd):
+            return False
+        self._visits[number] = Visit(visitor, end, self._clock())
+        return True
+
+    def leave(self, number: int) -> None:
+        """A connection has ended."""
+        self._visits.pop(number, None)
+
+    def of(self, number: int) -> Visit:
+        """The visit on a socket; one that is not counted any more where it was just ended."""
+        return self._visits.get(number) or Visit("", _nothing, None)
+
+    def _end_one(self, visits: Mapping[int, Visit]) -> bool:
+        """End the one that waits longest; False where the server works for all of them."""
+        waiting = [
+            (visit.waiting_since_s, number)
+            for number, visit in visits.items()
+            if visit.waiting_since_s is not None
+        ]
+        if waiting:
+            self._visits.pop(min(waiting)[1]).end()
+        return bool(waiting)
+
+
+class Door(socket.socket):
+    """A listening socket that counts connections from before any handshake to their end."""
+
+    def __init__(self, listening: socket.socket, visitors: Visitors) -> None:
+        super().__init__(fileno=listening.detach())
+        self.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
+        self._visitors, self._accepted = visitors, 0
+
+    def listen(self, backlog: int = 0) -> None:
+        """It does so already, with a longer queue than what asyncio accepts at once."""
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """A connection that may stay. Raises ConnectionAbortedError where it may not."""
+        accepted, address = super().accept()
+        self._accepted += 1
+        if self._accepted % TIDY_EACH == 0:
+            gc.collect()
+        connection = _Counted(accepted, self._visitors)
+        if not self._visitors.enter(connection.fileno(), address[0], connection.end):
+            connection.close()
+            raise ConnectionAbortedError("too many connections")
+        return connection, address
+
+
+class _Counted(socket.socket):
+    """A connection that is counted until it is closed."""
+
+    def __init__(self, accepted: socket.socket, visitors: Visitors) -> None:
+        super().__init__(fileno=accepted.detach())
+        self._visitors = visitors
+
+    def end(self) -> None:
+        """Let whoever reads it find its end, and close it."""
+        with suppress(OSError):
+            self.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        self._visitors.leave(self.fileno())
+        super().close()
+
+
+def visitor_of(address: str) -> str:
+    """Who is at an address: a network of IPv6 belongs to one, but for local ones."""
+    told = ipaddress.ip_address(address.partition("%")[0])
+    found = getattr(told, "ipv4_mapped", None) or told
+    if found.version == 4 or not found.is_global:
+        return str(found)
+    return str(ipaddress.ip_network((found, NEIGHBOURS), strict=False))
+
+
+def _nothing() -> None:
+    pass
