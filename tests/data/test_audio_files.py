@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import resource
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -30,6 +33,31 @@ def test_flac_keeps_24_bits(tmp_path_factory: pytest.TempPathFactory, samples: n
     file = tmp_path_factory.mktemp("sound") / "audio.flac"
     write_audio(Audio(samples, RATE_HZ), file)
     np.testing.assert_allclose(read_audio(file).samples, samples, atol=1.3e-7)
+
+
+@contextmanager
+def room_for(size_bytes: int) -> Iterator[None]:
+    """As on a disk where no file may become larger than that."""
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size_bytes, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_sound_that_does_not_fit_is_an_error_wherever_it_ends(tmp_path: Path) -> None:
+    """The last bytes as well: the library itself is silent about those."""
+    noise = np.random.default_rng(0).uniform(-0.1, 0.1, (1, 3000)).astype(np.float32)
+    sound, file = Audio(noise, RATE_HZ), tmp_path / "audio.flac"
+    write_audio(sound, file)
+    size_bytes = file.stat().st_size
+    for short in (1, 2, 100, 3000, size_bytes - 42, size_bytes):
+        with room_for(size_bytes - short), pytest.raises(OSError, match="too large"):
+            write_audio(sound, file)
+    with room_for(size_bytes):
+        write_audio(sound, file)
+    np.testing.assert_allclose(read_audio(file).samples, noise, atol=1.3e-7)
 
 
 def write_frames(

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
+from killed import survives
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled
@@ -173,49 +172,53 @@ def test_it_lasts_before_it_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert "." in done[at:]
 
 
-def made(out: Path, what: str) -> None:
-    """A result of three files, the older one replaced."""
-    with new_folder(out, replaces="mark") as partial:
+def made(out: Path, what: str, replaces: str | None = "mark") -> None:
+    """A result of three files, by default in the place of the older one."""
+    with new_folder(out, replaces=replaces) as partial:
         (partial / "deep").mkdir()
         for name in ("mark", "a", "deep/b"):
             (partial / name).write_text(what)
 
 
+def written_by(out: Path, what: Sequence[str], replaces: str | None) -> list[str]:
+    """What of this was written where each is written by a process of its own, all at once."""
+    read, write = os.pipe()
+    children = []
+    for each in what:
+        if (child := os.fork()) == 0:
+            os.close(write)
+            os.read(read, 1)  # all begin when the last has been started
+            os._exit(wrote(out, each, replaces))
+        children.append(child)
+    os.close(write)
+    ended = [os.waitpid(child, 0)[1] for child in children]
+    os.close(read)
+    return [each for each, status in zip(what, ended, strict=True) if status == 0]
+
+
+def wrote(out: Path, what: str, replaces: str | None) -> int:
+    """The exit code of a process that writes."""
+    try:
+        made(out, what, replaces)
+    except StoreError:
+        return 2
+    return 0
+
+
+@pytest.mark.parametrize("replaces", [None, "mark"])
+def test_of_several_at_once_one_is_seen(tmp_path: Path, replaces: str | None) -> None:
+    for turn in range(10):
+        out = tmp_path / str(turn) / "out"
+        done = written_by(out, ["a", "b", "c", "d"], replaces)
+        [whole] = seen(out)
+        assert whole in done
+        assert replaces or len(done) == 1
+        assert [item.name for item in out.parent.iterdir()] == ["out"]
+
+
 def seen(out: Path) -> set[str]:
     """What the files of a result say: one thing where it is whole."""
     return {(out / name).read_text() for name in ("mark", "a", "deep/b")}
-
-
-STEPS = ("fsync", "rename", "replace", "unlink", "rmdir", "mkdir", "open", "close")
-
-
-@contextmanager
-def killed_at(step: int) -> Iterator[None]:
-    """Kill this process before the so-manieth step that it takes on the disk."""
-    left = iter(range(step))
-
-    def counted(do: Callable[..., Any]) -> Callable[..., Any]:
-        def run(*arguments: Any, **named: Any) -> Any:
-            if next(left, None) is None:
-                os.kill(os.getpid(), signal.SIGKILL)
-            return do(*arguments, **named)
-
-        return run
-
-    with pytest.MonkeyPatch.context() as patch:
-        for name in STEPS:
-            patch.setattr(os, name, counted(getattr(os, name)))
-        yield
-
-
-def survives(step: int, do: Callable[[], None]) -> bool:
-    """Whether a process of its own does it in fewer steps."""
-    child = os.fork()
-    if child == 0:
-        with killed_at(step):
-            do()
-        os._exit(0)
-    return os.waitpid(child, 0)[1] == 0
 
 
 def test_a_replacement_killed_at_any_step_is_finished_or_taken_back(tmp_path: Path) -> None:
