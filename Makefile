@@ -19,7 +19,7 @@ test: lint $(VENV)/.kernels
 
 # Damaged files, requests and databases by the thousand; others with --hypothesis-seed=N.
 test-real: $(VENV)/.installed-test $(VENV)/.kernels
-	ELFSLAM_HOSTILE_CASES=$${ELFSLAM_HOSTILE_CASES:-2000} \
+	HOSTILE_CASES=$${HOSTILE_CASES:-2000} \
 		$(BIN)/python -m pytest -n 2 --dist loadfile -m hostile
 
 fast: $(VENV)/.installed-test $(VENV)/.kernels
