@@ -242,6 +242,7 @@ def test_a_port_in_use_is_said(settings: ServerSettings) -> None:
 
 def test_a_second_server_is_refused_before_it_changes_anything(start_server: Start) -> None:
     server = start_server()
+    assert httpx.get(server.url + "api/me", headers=server.bearer).is_success, "it has written all"
     before = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
     second = Listening("127.0.0.1", 0, plain_http=True, new_token=True, new_key=True)
     with pytest.raises(InUseError, match="another server is using it"):
