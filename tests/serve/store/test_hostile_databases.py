@@ -86,9 +86,12 @@ def damaged(content: bytes, kind: str, seed: int) -> bytes:
 
 
 @settings(
-    max_examples=max(10, CASES // 4), deadline=None, derandomize=core.global_force_seed is None, phases=[Phase.generate],
+    max_examples=max(10, CASES // 4),
+    deadline=None,
+    derandomize=core.global_force_seed is None,
+    phases=[Phase.generate],
     suppress_health_check=list(HealthCheck),
-)  # fmt: skip
+)
 @given(kind=st.sampled_from(DAMAGES), seed=st.integers(0, 2**32))
 def test_a_damaged_database(whole: Path, kind: str, seed: int) -> None:
     with tempfile.TemporaryDirectory() as name:
