@@ -10,6 +10,7 @@ DISTRIBUTIONS = {
     "anyio": "fastapi",
     "cryptography": "trustme",
     "faiss": "faiss-cpu",
+    "h11": "uvicorn",
     "pydantic": "fastapi",
     "starlette": "fastapi",
 }
