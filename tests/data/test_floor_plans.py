@@ -193,6 +193,19 @@ def test_an_image_says_how_large_it_is_before_it_is_drawn(
             read_plan_image(file, 10.0)
 
 
+def test_a_large_image_is_made_smaller_and_its_walls_stay_closed(tmp_path: Path) -> None:
+    """Seven thousand pixels for 70 m: three make one, and the lower left corner stays at 0, 0."""
+    pixels = np.full((100, 7000), 255, dtype=np.uint8)
+    pixels[:, 3500] = 0
+    Image.fromarray(pixels).save(tmp_path / "plan.png")
+    plan = read_plan_image(tmp_path / "plan.png", 70.0)
+    assert max(plan.free.shape) <= 3000
+    assert plan.cell_m == pytest.approx(0.03)
+    asked = np.array([[34.9, 0.5], [35.005, 0.5], [35.1, 0.5], [0.01, 0.01], [69.9, 0.9]])
+    npt.assert_array_equal(plan.holds(asked), [1, 0, 1, 1, 1])
+    assert not plan.free[:, np.flatnonzero(~plan.free.all(axis=0))].any()
+
+
 def test_only_pictures_are_opened(tmp_path: Path) -> None:
     """Pillow would hand an EPS to another program."""
     (tmp_path / "plan.png").write_bytes(b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import tracemalloc
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -93,3 +95,16 @@ def test_a_table_that_is_almost_all_empty_is_refused() -> None:
     rows = [float(k) for k in range(count)], [str(k) for k in range(count)]
     with pytest.raises(InputError, match=r"wifi\.csv: 4000 scans of 4000 access points"):
         scans_from_rows(FILE, *rows, [-50.0] * count, [0.0] * count)
+
+
+@pytest.mark.parametrize("line", ["1\n", ",\n", "0,a,-50,,0\n"])
+def test_a_large_file_takes_a_few_times_its_own_size(tmp_path: Path, line: str) -> None:
+    text = "t_s,bssid,rssi_dbm,frequency_mhz,age_s\n" + line * (2_000_000 // len(line))
+    (tmp_path / "wifi.csv").write_text(text)
+    tracemalloc.start()
+    try:
+        with suppress(InputError):
+            read_wifi(tmp_path / "wifi.csv")
+        assert tracemalloc.get_traced_memory()[1] < 15 * len(text)
+    finally:
+        tracemalloc.stop()

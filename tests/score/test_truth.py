@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tracemalloc
 import zipfile
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -99,3 +101,16 @@ def test_what_is_no_text_is_refused(tmp_path: Path) -> None:
     (tmp_path / "truth.tum").write_bytes(b"\xff\xfe\x00\x80")
     with pytest.raises(InputError, match="is no text in UTF-8"):
         read_truth(tmp_path / "truth.tum")
+
+
+@pytest.mark.parametrize("line", ["1\n", ",\n", "{k},1,2\n"])
+def test_a_large_file_takes_a_few_times_its_own_size(tmp_path: Path, line: str) -> None:
+    rows = "".join(line.format(k=k) for k in range(200_000))
+    (tmp_path / "waypoints.csv").write_text("t_s,x_m,y_m\n" + rows)
+    tracemalloc.start()
+    try:
+        with suppress(InputError):
+            read_truth(tmp_path / "waypoints.csv")
+        assert tracemalloc.get_traced_memory()[1] < 20 * len(rows)
+    finally:
+        tracemalloc.stop()

@@ -24,6 +24,7 @@ from elfslam.senses import Settings
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""
+FARTHEST_M = 1e6
 
 
 def export_command(
@@ -107,7 +108,8 @@ def _numbers(text: str | None) -> F64 | None:
         told = np.array([float(cell) for cell in text.split(",")])
     except ValueError:
         told = np.empty(0)
-    if len(told) not in (2, 3) or not np.isfinite(told).all():
+    # NaN fails the comparison.
+    if len(told) not in (2, 3) or not (np.abs(told) < FARTHEST_M).all():
         raise ParameterError(
             f"--start {text!r}: wanted X,Y in metres on the plan, such as 3.5,1, and perhaps the "
             "heading in radians"

@@ -19,7 +19,8 @@ from elfslam.data.geographic import Origin, from_lon_lat
 IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
 FORMATS = ("PNG", "PPM", "JPEG", "BMP")
 """Others are run by other programs, or hold more than a picture."""
-MOST_PIXELS = 40_000_000
+MOST_PIXELS, MOST_SIDE = 40_000_000, 3000
+"""Of the image, and along each side of what is made of it."""
 MOST_CORNERS = 100_000
 GEOJSON = (".geojson", ".json")
 DARK = 128
@@ -39,12 +40,12 @@ def read_plan_image(file: Path, width_m: float) -> FloorGrid:
             f"{file}: a width of {width_m:g} m, wanted {NARROWEST_M:g} to {WIDEST_M:g}; "
             "say how many metres the image is wide"
         )
-    light = _brightness(file) >= DARK
+    light, pixels = _shrunk(_brightness(file) >= DARK)
     ground = light & ~_outside(light)
     ground = ground if ground.any() else light
     if not ground.any():
         raise InputError(f"{file}: has no light pixel; walls are dark, ground is light")
-    return FloorGrid(ground[::-1], np.zeros(2), width_m / ground.shape[1])
+    return FloorGrid(ground[::-1], np.zeros(2), width_m / pixels)
 
 
 def read_plan_geojson(file: Path, origin: Origin | None = None) -> tuple[FloorGrid, Origin]:
@@ -97,6 +98,20 @@ def _brightness(file: Path) -> Any:
         ) from cause
     paper = Image.new("RGBA", seen.size, (255, 255, 255, 255))
     return np.asarray(Image.alpha_composite(paper, seen).convert("L"))
+
+
+def _shrunk(light: Bool) -> tuple[Bool, float]:
+    """The image with so few pixels that plans can be worked with, and how many its width takes.
+
+    A pixel is light where all are of which it is made, so that walls stay closed.
+    """
+    factor = -(-max(light.shape) // MOST_SIDE)
+    rows, columns = (-(-size // factor) * factor for size in light.shape)
+    whole = np.ones((rows, columns), dtype=np.bool_)
+    # The lower left corner is the origin.
+    whole[rows - light.shape[0] :, : light.shape[1]] = light
+    parts = whole.reshape(rows // factor, factor, columns // factor, factor)
+    return np.asarray(parts.all(axis=(1, 3))), light.shape[1] / factor
 
 
 def _outside(light: Bool) -> Bool:

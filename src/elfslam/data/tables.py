@@ -16,6 +16,8 @@ from elfslam.base.errors import InputError
 
 TIME_FORMAT = "%.6f"
 NUMBER_FORMAT = "%.9g"
+MOST_LINES = 5_000_000
+"""Seven hours at 200 Hz; each is an object of its own, a hundred bytes if not more."""
 
 
 def read_text(file: Path) -> str:
@@ -27,8 +29,14 @@ def read_text(file: Path) -> str:
 
 
 def read_lines(file: Path) -> list[str]:
-    """The lines of a text file, without blank ones at its end. Raises InputError as `read_text`."""
-    return read_text(file).rstrip().splitlines()
+    """The lines of a text file, without blank ones at its end.
+
+    Raises InputError as `read_text`, and where there are more than `MOST_LINES`.
+    """
+    text = read_text(file).rstrip()
+    if text.count("\n") > MOST_LINES:
+        raise InputError(f"{file}: has more than {MOST_LINES} lines; cut it in parts")
+    return text.splitlines()
 
 
 def read_named_rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
@@ -121,14 +129,14 @@ def check_times(file: Path, t_s: F64, *, first_row: int = 2) -> None:
     )
 
 
-def check_size(file: Path, values: F64, largest: float, unit: str) -> None:
+def check_size(file: Path, values: F64, largest: float, unit: str, *, first_row: int = 2) -> None:
     """Raises InputError, naming the row (the header is row 1), where a value is beyond belief."""
     beyond = np.flatnonzero((np.abs(values) > largest).any(axis=1))
     if len(beyond):
         worst = values[beyond[0], np.argmax(np.abs(values[beyond[0]]))]
         raise InputError(
-            f"{file}: row {beyond[0] + 2} has {worst:g} {unit}, wanted at most {largest:g}; "
-            "remove or repair that row, or convert the unit"
+            f"{file}: row {beyond[0] + first_row} has {worst:g} {unit}, wanted at most "
+            f"{largest:g}; remove or repair that row, or convert the unit"
         )
 
 

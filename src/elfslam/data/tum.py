@@ -10,7 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.data.tables import check_times, parse_rows, read_lines
+from elfslam.data.tables import check_size, check_times, parse_rows, read_lines
+
+LARGEST = 1e8
+"""Beyond any place in metres; poses may lie in the frame of a country."""
 
 
 def write_tum(file: Path, t_s: F64, world_from_body: F64) -> None:
@@ -30,6 +33,7 @@ def read_tum(file: Path) -> tuple[F64, F64]:
     lines = read_lines(file)
     table = parse_rows(file, lines, range(8), first_row=1, comma=False)
     check_times(file, table[:, 0], first_row=1)
+    check_size(file, table[:, 1:], LARGEST, "m", first_row=1)
     qx, qy, qz, qw = table[:, 4:].T
     heading = np.arctan2(2 * (qw * qz + qx * qy), qw**2 + qx**2 - qy**2 - qz**2)
     return table[:, 0], np.column_stack([table[:, 1:3], heading])

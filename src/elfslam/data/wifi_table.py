@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Iterable, Sequence
+from array import array
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -21,10 +22,10 @@ HEADER = ("t_s", "bssid", "rssi_dbm", "frequency_mhz", "age_s")
 
 def scans_from_rows(
     source: Path,
-    t_s: Sequence[float],
+    t_s: Sequence[float] | F64,
     bssids: Sequence[str],
-    rssi_dbm: Sequence[float],
-    age_s: Sequence[float],
+    rssi_dbm: Sequence[float] | F64,
+    age_s: Sequence[float] | F64,
 ) -> WifiScans:
     """Rows of one time make one scan; a bssid seen twice in a scan keeps its last row.
 
@@ -63,47 +64,48 @@ def write_wifi(wifi: WifiScans, file: Path) -> None:
 
 def read_wifi(file: Path) -> WifiScans:
     """The scans of a recording. Raises InputError naming file and row."""
-    rows = _read_rows(file)
-    header = [name.strip() for name in rows[0]]
+    rows = _rows(file)
+    header = [name.strip() for name in next(rows, [])]
     missing = [name for name in HEADER if name not in header and name != "frequency_mhz"]
     if missing:
         raise InputError(f"{file}: column {missing[0]} is missing, got {','.join(header)[:80]}")
-    if len(rows) == 1:
-        raise InputError(f"{file}: has a header and no rows; delete it if the sensor was off")
-    _check_cell_counts(file, rows, len(header))
-    columns = {name: [row[k] for row in rows[1:]] for k, name in enumerate(header)}
-    t_s = _numbers(file, columns["t_s"])
-    _check_order(file, t_s)
-    rssi_dbm = _numbers(file, columns["rssi_dbm"])
-    age_s = _numbers(file, columns["age_s"], empty=math.nan)
-    return scans_from_rows(file, t_s.tolist(), columns["bssid"], rssi_dbm.tolist(), age_s.tolist())
-
-
-def _read_rows(file: Path) -> list[list[str]]:
-    """Cells by row; a name in quotes may hold commas, quotes and line breaks."""
-    lines = (f"{line}\n" for line in read_text(file).split("\n"))
-    try:
-        rows = list(csv.reader(lines, strict=True))
-    except csv.Error as cause:
-        raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
-    while rows and len(rows[-1]) < 2 and not "".join(rows[-1]).strip():
-        rows.pop()
-    if not rows:
-        raise InputError(f"{file}: is empty; delete it if there is nothing to say")
-    return rows
-
-
-def _check_cell_counts(file: Path, rows: Iterable[Sequence[str]], wanted: int) -> None:
-    for number, row in enumerate(rows, start=1):
-        if len(row) != wanted:
+    places = [header.index(name) for name in ("t_s", "rssi_dbm", "age_s", "bssid")]
+    numbers, bssids = array("d"), list[str]()
+    for row, cells in enumerate(rows, start=2):
+        if len(cells) != len(header):
             raise InputError(
-                f"{file}: row {number} has {len(row)} cells, wanted {wanted}; "
+                f"{file}: row {row} has {len(cells)} cells, wanted {len(header)}; "
                 "the file is cut off or damaged there, remove that row"
             )
+        t_s, rssi_dbm, age_s, bssid = (cells[k] for k in places)
+        numbers.extend(_number(file, row, cell, None) for cell in (t_s, rssi_dbm))
+        numbers.append(_number(file, row, age_s, math.nan))
+        bssids.append(bssid)
+    if not bssids:
+        raise InputError(f"{file}: has a header and no rows; delete it if the sensor was off")
+    table = np.array(numbers).reshape(-1, 3)
+    _check_order(file, table[:, 0])
+    return scans_from_rows(file, table[:, 0], bssids, table[:, 1], table[:, 2])
 
 
-def _numbers(file: Path, cells: Sequence[str], *, empty: float | None = None) -> F64:
-    return np.array([_number(file, k, cell, empty) for k, cell in enumerate(cells, start=2)])
+def _rows(file: Path) -> Iterator[list[str]]:
+    """Cells by row; a name in quotes may hold commas, quotes and line breaks."""
+    text = read_text(file).rstrip()
+    if not text:
+        raise InputError(f"{file}: is empty; delete it if there is nothing to say")
+    try:
+        yield from csv.reader(_lines(text), strict=True)
+    except csv.Error as cause:
+        raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
+
+
+def _lines(text: str) -> Iterator[str]:
+    """The lines with their ends, one after the other: a list of them is larger than the text."""
+    start = 0
+    while end := text.find("\n", start) + 1:
+        yield text[start:end]
+        start = end
+    yield text[start:]
 
 
 def _number(file: Path, row: int, cell: str, empty: float | None) -> float:

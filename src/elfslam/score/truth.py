@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from array import array
+from collections.abc import Callable, Iterator
+from io import StringIO
 from pathlib import Path, PurePosixPath
 
 import numpy as np
@@ -71,51 +74,57 @@ def _parsed(text: str, source: str) -> Truth:
 
 
 def _tum(text: str, source: str) -> tuple[F64, F64]:
-    rows = [
-        (number, line.split())
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    table = _numbers(rows, TUM_COLUMNS, "t x y z qx qy qz qw", source)
+    rows = ((number, line.split()) for number, line in _lines(text) if not line.startswith("#"))
+    table, numbers = _numbers(rows, TUM_COLUMNS, "t x y z qx qy qz qw", source)
     x, y, z, w = table[:, 4:].T
-    length = np.linalg.norm(table[:, 4:], axis=1)
-    if (abs(length - 1) > 0.01).any():
-        number = rows[int(np.argmax(abs(length - 1) > 0.01))][0]
-        raise InputError(f"{source}: line {number}: quaternion is not of length 1; normalise it")
+    # NaN, of what is too large to be squared, fails the comparison.
+    with np.errstate(over="ignore", invalid="ignore"):
+        good = abs(np.linalg.norm(table[:, 4:], axis=1) - 1) <= 0.01
+    if not good.all():
+        row = numbers[int(np.argmin(good))]
+        raise InputError(f"{source}: line {row}: quaternion is not of length 1; normalise it")
     heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return table[:, 0], np.column_stack([table[:, 1:3], heading])
 
 
 def _waypoints(text: str, source: str) -> tuple[F64, F64]:
-    rows = [
-        (number, [part.strip() for part in line.split(",")])
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip()
-    ]
-    header = ",".join(WAYPOINT_HEADER)
-    if not rows or rows[0][1] != WAYPOINT_HEADER:
-        got = ",".join(rows[0][1])[:60] if rows else "nothing"
-        raise InputError(f"{source}: wanted the header {header}, got {got}; add it")
-    table = _numbers(rows[1:], len(WAYPOINT_HEADER), header, source)
+    rows = ((number, [part.strip() for part in line.split(",")]) for number, line in _lines(text))
+    header, (_, got) = ",".join(WAYPOINT_HEADER), next(rows, (1, ["nothing"]))
+    if got != WAYPOINT_HEADER:
+        raise InputError(f"{source}: wanted the header {header}, got {','.join(got)[:60]}; add it")
+    table, _ = _numbers(rows, len(WAYPOINT_HEADER), header, source)
     return table[:, 0], np.column_stack([table[:, 1:], np.full(len(table), np.nan)])
 
 
-def _numbers(rows: list[Row], columns: int, wanted: str, source: str) -> F64:
+def _lines(text: str) -> Iterator[tuple[int, str]]:
+    """The lines that are not blank, without what is blank about them, and their numbers."""
+    stripped = ((number, line.strip()) for number, line in enumerate(StringIO(text), start=1))
+    return ((number, line) for number, line in stripped if line)
+
+
+def _numbers(rows: Iterator[Row], columns: int, wanted: str, source: str) -> tuple[F64, array[int]]:
+    """The numbers of all rows (n, columns), and which lines those are (n)."""
+    numbers, lines = array("d"), array("q")
     for number, parts in rows:
-        if len(parts) != columns or not all(map(_is_finite_number, parts)):
+        read = [_finite(part) for part in parts]
+        if len(parts) != columns or None in read:
             got = " ".join(parts)[:60]
             raise InputError(
                 f"{source}: line {number}: wanted {columns} numbers ({wanted}), got {got!r}; "
                 "repair or remove the line"
             )
-    return np.array([parts for _, parts in rows], dtype=float).reshape(-1, columns)
+        numbers.extend(value for value in read if value is not None)
+        lines.append(number)
+    return np.array(numbers).reshape(-1, columns), lines
 
 
-def _is_finite_number(text: str) -> bool:
+def _finite(text: str) -> float | None:
+    """The number that a text is; None where it is none."""
     try:
-        return bool(np.isfinite(float(text)))
+        number = float(text)
     except ValueError:
-        return False
+        return None
+    return number if math.isfinite(number) else None
 
 
 _PARSERS: dict[str, Callable[[str, str], tuple[F64, F64]]] = {

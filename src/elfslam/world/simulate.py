@@ -76,11 +76,11 @@ def simulate(
 
 def _check_duration(world: World, rounds: int, walker: Walker) -> None:
     lap_m = np.linalg.norm(world.route_m - np.roll(world.route_m, 1, axis=0), axis=1).sum()
-    lasts_s = rounds * float(lap_m) / walker.speed_mps
-    if lasts_s > LONGEST_S:
+    most = LONGEST_S * walker.speed_mps / float(lap_m)
+    if rounds > most:
         raise InputError(
-            f"world {world.name!r:.60}: {rounds} rounds of {lap_m:.0f} m take {lasts_s / 3600:.3g} "
-            f"hours, wanted {LONGEST_S / 3600:g} at most; walk fewer"
+            f"world {world.name!r:.60}: rounds of {lap_m:.0f} m, wanted {most:.0f} at most, which "
+            f"take {LONGEST_S / 3600:g} hours; walk fewer"
         )
 
 
