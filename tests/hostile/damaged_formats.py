@@ -33,8 +33,8 @@ from damage import (
 )
 from foreign_encoders import ALLOCATES, FAILS, GOOD, GROWS, LOOPS, OTHERS, foreign_encoder
 
-LARGE_BYTES = 200 * 2**20
-"""Of what a small file unpacks to."""
+ALLOWED_BYTES, LARGE_BYTES = 60 * 2**20, 200 * 2**20
+"""Of what a small file unpacks to: as much as it may, and more."""
 
 
 # Arrays.
@@ -66,6 +66,10 @@ def an_array(file: Path, chance: random.Random) -> None:
         lambda: np.array([{}]),
         lambda: flat[::-1],
         lambda: chance.random() * flat,
+        lambda: np.resize(
+            array, (int(ALLOWED_BYTES // (8 * max(array[:1].size, 1))), *array.shape[1:])
+        ),
+        lambda: np.zeros((2700, 2700)),
     ]
     with np.errstate(all="ignore"):
         arrays[name] = chance.choice(others)()
@@ -135,7 +139,11 @@ def a_zip_entry(file: Path, chance: random.Random) -> None:
     method = zipfile.ZIP_DEFLATED
     kind = chance.randrange(7)
     if kind == 0:
-        members[chance.choice(names)] = bytes(LARGE_BYTES)
+        row = chance.choice((b"\0", b"1\n", b",", b"\n", b"0,0,0,0\n", b"[1],", b"ab\n", b"# "))
+        size = chance.choice((ALLOWED_BYTES, ALLOWED_BYTES, LARGE_BYTES))
+        name = chance.choice(names)
+        kept = members[name][: chance.choice((0, 40, len(members[name])))]
+        members[name] = kept + row * (size // len(row))
     elif kind == 1:
         method = chance.choice((zipfile.ZIP_LZMA, zipfile.ZIP_BZIP2))
     elif kind == 2:

@@ -20,6 +20,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
+from functools import partialmethod
 from pathlib import Path
 from typing import IO
 
@@ -164,7 +165,8 @@ def _warm_up() -> None:
     from elfslam.serve.jobs.forks import warm_up
 
     Image.init()
-    feature.OnnxEncoder.__init__.__defaults__ = (BATCH_S,)
+    begun = feature.OnnxEncoder.__init__
+    feature.OnnxEncoder.__init__ = partialmethod(begun, batch_s=BATCH_S)  # type: ignore[assignment]
     warm_up()
 
 

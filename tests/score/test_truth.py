@@ -114,3 +114,10 @@ def test_a_large_file_takes_a_few_times_its_own_size(tmp_path: Path, line: str) 
         assert tracemalloc.get_traced_memory()[1] < 20 * len(rows)
     finally:
         tracemalloc.stop()
+
+
+@pytest.mark.parametrize("number", ["1e308", "-1e16", "nan", "9" * 400])
+def test_numbers_beyond_belief_are_refused(tmp_path: Path, number: str) -> None:
+    (tmp_path / "waypoints.csv").write_text(f"t_s,x_m,y_m\n0,1,2\n1,{number},2\n")
+    with pytest.raises(InputError, match="line 3: wanted 3 numbers"):
+        read_truth(tmp_path / "waypoints.csv")

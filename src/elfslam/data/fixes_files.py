@@ -61,7 +61,7 @@ def _read_row(file: Path, number: int, row: Mapping[str, str]) -> tuple[list[flo
         status = FixStatus[row["status"]]
         numbers = [float(row[name] or "nan") for name in NUMBERS]
     except (KeyError, ValueError) as cause:
-        raise InputError(f"{file}: row {number} is no fix ({cause}); repair it") from cause
+        raise InputError(f"{file}: row {number} is no fix ({cause!s:.60}); repair it") from cause
     placed = [math.isfinite(number) for number in numbers[1:]]
     lacking = any(placed) != all(placed) or (status is FixStatus.OK and not all(placed))
     if not math.isfinite(numbers[0]) or lacking or any(abs(number) > LARGEST for number in numbers):

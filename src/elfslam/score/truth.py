@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from array import array
 from collections.abc import Callable, Iterator
 from io import StringIO
@@ -21,6 +20,8 @@ Row = tuple[int, list[str]]
 
 WAYPOINT_HEADER = ["t_s", "x_m", "y_m"]
 TUM_COLUMNS = 8
+LARGEST = 1e15
+"""Beyond any time and place, in any unit; it can still be squared."""
 
 
 def read_truth(path: Path) -> Truth:
@@ -77,11 +78,9 @@ def _tum(text: str, source: str) -> tuple[F64, F64]:
     rows = ((number, line.split()) for number, line in _lines(text) if not line.startswith("#"))
     table, numbers = _numbers(rows, TUM_COLUMNS, "t x y z qx qy qz qw", source)
     x, y, z, w = table[:, 4:].T
-    # NaN, of what is too large to be squared, fails the comparison.
-    with np.errstate(over="ignore", invalid="ignore"):
-        good = abs(np.linalg.norm(table[:, 4:], axis=1) - 1) <= 0.01
-    if not good.all():
-        row = numbers[int(np.argmin(good))]
+    bad = abs(np.linalg.norm(table[:, 4:], axis=1) - 1) > 0.01
+    if bad.any():
+        row = numbers[int(np.argmax(bad))]
         raise InputError(f"{source}: line {row}: quaternion is not of length 1; normalise it")
     heading = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return table[:, 0], np.column_stack([table[:, 1:3], heading])
@@ -119,12 +118,13 @@ def _numbers(rows: Iterator[Row], columns: int, wanted: str, source: str) -> tup
 
 
 def _finite(text: str) -> float | None:
-    """The number that a text is; None where it is none."""
+    """The number that a text is; None where it is none, or beyond belief."""
     try:
         number = float(text)
     except ValueError:
         return None
-    return number if math.isfinite(number) else None
+    # NaN fails the comparison.
+    return number if abs(number) <= LARGEST else None
 
 
 _PARSERS: dict[str, Callable[[str, str], tuple[F64, F64]]] = {
