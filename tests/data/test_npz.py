@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import StoreError
-from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.npz import LARGEST, read_npz, write_npz
 
 DTYPES = st.one_of(
     arrays.boolean_dtypes(),
@@ -66,6 +66,7 @@ def test_every_array_comes_back(
     shape = data.draw(arrays.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
     elements = TEXTS if dtype.kind == "U" else None
     made = data.draw(arrays.arrays(dtype, shape, elements=elements))
+    assume(dtype.kind in "bU" or not ((made > LARGEST) | (made < -LARGEST)).any())
     file = tmp_path_factory.getbasetemp() / "law.npz"
     write_npz(file, {"x": made, "y": np.asarray(made, order="F")})
     for name, came in read_npz(file, ["x", "y"]).items():
@@ -108,6 +109,9 @@ def test_a_bomb_is_refused(tmp_path: Path) -> None:
         npy(np.arange(5)) + b"x",
         npy(np.array([{}])),
         npy(np.zeros(2, dtype="i4,f8")),
+        npy(np.array([1.0, -1e16])),
+        npy(np.array([np.inf])),
+        npy(np.array([-(2**63)])),
         npy(np.zeros(2, dtype="c16")),
         npy(np.zeros(2, dtype="S4")),
         header(claim("(3,)"), bytes(16)),

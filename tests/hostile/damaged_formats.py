@@ -79,6 +79,25 @@ def an_array(file: Path, chance: random.Random) -> None:
     np.savez_compressed(file, **arrays)
 
 
+def a_far_number(file: Path, chance: random.Random) -> None:
+    """One number of an array, or all of them, lie far from where they were."""
+    try:
+        with np.load(file) as stored:
+            arrays = {name: stored[name].copy() for name in stored.files}
+    except Exception:
+        return
+    numbers = [name for name in sorted(arrays) if arrays[name].dtype.kind in "iuf"]
+    array = arrays[chance.choice(numbers)]
+    far = chance.choice((1e308, 1e15, 1e9, 1e6, 3e4, 3e3, -1e7, -3e3, 0.0, -1.0))
+    with np.errstate(all="ignore"):
+        if array.size and chance.random() < 0.5:
+            array.flat[chance.randrange(array.size)] = np.float64(far).astype(array.dtype)
+        else:
+            array[...] = (array * far).astype(array.dtype)
+    file.unlink()
+    np.savez_compressed(file, **arrays)
+
+
 def an_array_header(file: Path, chance: random.Random) -> None:
     """One array of an .npz claims another shape or type than it has."""
     try:
@@ -304,7 +323,7 @@ BY_ENDING: Mapping[str, tuple[Damage, ...]] = {
     ".json": (*SOME, *DOCUMENT),
     ".geojson": (*SOME, *DOCUMENT, *[changed(a_polygon)] * 4),
     ".toml": (*[changed(a_setting)] * 6, *DOCUMENT),
-    ".npz": (*[an_array] * 4, an_array_header, an_array_header, *ZIPPED),
+    ".npz": (*[an_array] * 3, *[a_far_number] * 3, an_array_header, an_array_header, *ZIPPED),
     ".flac": (*[changed(a_sound_header)] * 3,),
     ".wav": (*[changed(a_sound_header)] * 3,),
     ".zip": ZIPPED,

@@ -9,6 +9,7 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.arrays import F64
+from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import inverse
 from elfslam.base.grid import FloorGrid, drawn_grid, walked_grid
 from elfslam.line.anchoring import (
@@ -114,3 +115,9 @@ def test_placing_stretches_turns_and_moves() -> None:
     corners = np.array([[1.0, 0.0], [0.0, 2.0]])
     there = placed(corners, np.array([10.0, 20.0, np.pi / 2]), 2.0)
     npt.assert_allclose(there, [[10, 22], [6, 20]], atol=1e-12)
+
+
+@pytest.mark.parametrize("far_m", [50.0, 1e6, 1e15])
+def test_a_walk_far_larger_than_the_plan_is_not_even_tried(far_m: float) -> None:
+    with pytest.raises(NoAnswerError, match="across and the plan"):
+        anchor([CORRIDOR, CORRIDOR + far_m], PLAN, KNOWN)

@@ -490,3 +490,45 @@ def test_mistakes_of_the_surroundings_are_refused(
 )  # fmt: skip
 def test_mistakes_of_polygons_are_refused(old: str, new: str, mark: str, complaint: str) -> None:
     assert_refused(POLYGON, old, new, mark, complaint)
+
+
+STOOL = '[[furniture]]\nname = "stool"'
+BOXES = """[[furniture]]
+name = "box"
+corner_m = [0.1, 0.1, 0.0]
+size_m = [0.1, 0.1, 0.1]
+repeat = [20, 40]
+spacing_m = [0.001, 0.001]
+"""
+ROUTE = "route_m = [[0.8, 0.8], [5.2, 0.8], [5.2, 3.2], [0.8, 3.2]]"
+
+
+def a_circle(corners: int) -> list[list[float]]:
+    turn = np.linspace(0, 2 * np.pi, corners, endpoint=False)
+    return np.column_stack([3 + 2 * np.cos(turn), 2 + np.sin(turn)]).tolist()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "complaint"),
+    [
+        (ROUTE, f"route_m = {a_circle(1001)}", "route_m has 1001, wanted 1000 at most"),
+        ("spots = [[0.8, 0.8], [5.2, 3.2]]", f"spots = {[[1, 1]] * 100_001}", "spots has 100001"),
+        ("routes_m = [[[0.8, 2.4], [4.8, 2.4]]]", f"routes_m = {[[[1, 1]]] * 1001}", "has 1001"),
+        ('removed = ["screen"]', f"removed = {['screen'] * 1001}", "removed has 1001"),
+        (STOOL, '[[state]]\nname = "x"\n' * 1001 + STOOL, "state has 1002, wanted 1000"),
+        (STOOL, STOOL + "\nrepeat = [200, 200]\nspacing_m = [0.01, 0.01]", "more than 1000 pieces"),
+        ('bssid = "router"', 'bssid = "a"\n[[access_point]]\n' * 1001, "access_point has 1002"),
+        (STOOL, f"{BOXES}\n{STOOL}", "too many together"),
+    ],
+)
+def test_more_than_anybody_draws_is_refused_at_once(old: str, new: str, complaint: str) -> None:
+    assert old in BOX
+    text = BOX.replace(ROUTE, f"route_m = {a_circle(900)}") if new.startswith(BOXES) else BOX
+    with pytest.raises(InputError, match=complaint):
+        parsed(text.replace(old, new, 1))
+
+
+def test_an_outline_of_countless_corners_is_refused_at_once() -> None:
+    size = "size_m = [6.0, 4.0, 2.5]"
+    with pytest.raises(InputError, match="outline_m has 201, wanted 200 at most"):
+        parsed(BOX.replace(size, f"outline_m = {a_circle(201)}\nheight_m = 2.5"))

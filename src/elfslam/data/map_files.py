@@ -12,12 +12,14 @@ import numpy.typing as npt
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.folders import new_file
-from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.npz import check_covariances, read_npz, write_npz
 
 MAP = "map.npz"
 SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
 AGEING = ("weight", "changed")
 """What maps of one walk may lack."""
+FARTHEST_M = 1e8
+"""Maps may lie in the frame of a country."""
 LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
 
 
@@ -39,6 +41,8 @@ def read_map(path: Path) -> FloorMap:
     file = path / MAP if path.is_dir() else path
     arrays = read_npz(file, [*SPOTS, *LABELS])
     try:
+        _check_places(arrays["xy_m"])
+        check_covariances("covariance_m2", arrays["covariance_m2"])
         kinds, encoders = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
@@ -51,6 +55,13 @@ def read_map(path: Path) -> FloorMap:
         )
     except (InputError, KeyError, TypeError, ValueError) as cause:
         raise StoreError(f"{file}: is no floor map ({cause}); make it again") from cause
+
+
+def _check_places(xy_m: npt.NDArray[Any]) -> None:
+    """Raises ValueError where spots lie beyond any building."""
+    # NaN fails the comparison.
+    if xy_m.dtype.kind == "f" and not (np.abs(xy_m) <= FARTHEST_M).all():
+        raise ValueError(f"its spots lie up to {np.abs(xy_m).max():g} m away")
 
 
 def _texts(arrays: Mapping[str, npt.NDArray[Any]], name: str) -> tuple[str, ...]:

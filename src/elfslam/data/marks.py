@@ -5,6 +5,7 @@ Whoever stands still on each mark needs no clock: the pauses are gaps between fo
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -28,9 +29,9 @@ def read_marks(file: Path) -> dict[str, tuple[float, float]]:
         raise InputError(f"{file}: header is {lines[0][:60]!r}, wanted {','.join(HEADER)}")
     xy_m = parse_rows(file, lines[1:], [1, 2], first_row=2) if len(lines) > 1 else np.empty((0, 2))
     names = [line.split(",")[0].strip() for line in lines[1:]]
-    twice = [name for name in names if names.count(name) > 1]
+    twice = [name for name, times in Counter(names).items() if times > 1]
     if twice or not names:
-        what = f"has {twice[0]!r} twice" if twice else "has no marks"
+        what = f"has {twice[0]!r:.60} twice" if twice else "has no marks"
         raise InputError(f"{file}: {what}; give every mark one row and a name of its own")
     return {name: (float(x), float(y)) for name, (x, y) in zip(names, xy_m, strict=True)}
 

@@ -26,6 +26,8 @@ HEADER = re.compile(
     rb"'shape': \(((?:\d{1,18}(?:, ?|(?=\)))){0,8})\), \} *\n"
 )
 """Truth values, numbers and texts; no objects."""
+LARGEST = np.float64(1e15)
+"""Beyond anything that is measured or counted; it can still be squared."""
 MOST_TEXT_BYTES = 16 * MEBIBYTE
 LAST_LETTER, HALVES = 0x10FFFF, (0xD800, 0xE000)
 """Of Unicode; the surrogates are no letters."""
@@ -55,6 +57,12 @@ def read_npz(file: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
     return arrays
 
 
+def check_covariances(name: str, given: npt.NDArray[Any]) -> None:
+    """Raises ValueError where matrices (n, k, k) hold a variance below zero."""
+    if given.ndim == 3 and not (np.diagonal(given, axis1=1, axis2=2) >= 0).all():
+        raise ValueError(f"{name} has a variance below zero, or none")
+
+
 def _array(name: str, content: bytearray) -> npt.NDArray[Any]:
     """The array in a .npy, in the memory of its content. Raises InputError."""
     begins = START_BYTES.get(bytes(content[:8]), 0)
@@ -70,6 +78,9 @@ def _array(name: str, content: bytearray) -> npt.NDArray[Any]:
     if dtype.itemsize == 0 or math.prod(shape) * dtype.itemsize != held:
         raise InputError(f"{name:.60} says {shape} of {dtype} and has {held} bytes")
     flat = np.frombuffer(content, dtype, offset=told.end())
+    # NaN passes: some tables have gaps.
+    if dtype.kind in "iuf" and ((flat > LARGEST) | (flat < -LARGEST)).any():
+        raise InputError(f"{name:.60} holds a number beyond {LARGEST:g}")
     made = flat.reshape(shape, order="F" if told[2] == b"True" else "C")
     return _checked_texts(name, made) if dtype.kind == "U" else made
 

@@ -26,7 +26,7 @@ from elfslam.base.values import (
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import MAP, read_map, write_map
-from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.npz import check_covariances, read_npz, write_npz
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES
@@ -108,6 +108,8 @@ def digest_of(path: Path) -> str:
 def _read_run(folder: Path) -> Run:
     facts, timings = read_facts(folder), read_object(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
+    for name in ("trajectory_covariance", "closure_covariance"):
+        check_covariances(name, spread[name])
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
     if (np.concatenate([closures.i, closures.j, [0]]) >= len(trajectory_t_s)).any():

@@ -18,6 +18,7 @@ from scipy.fft import irfft2, next_fast_len, rfft2
 from scipy.ndimage import distance_transform_edt
 
 from elfslam.base.arrays import F32, F64, I64, Value, array
+from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.grid import FloorGrid, resampled
 from elfslam.base.parameters import parameter
@@ -31,6 +32,8 @@ NEGLIGIBLE = 12.0
 MOST_PER_TURN = 2000
 """Of one heading and scale; where there are more, each kept one stands for several."""
 RECENTRINGS = 8
+MOST_PLANS = 3
+"""A walk that would cross the plan so often leaves it wherever it is placed."""
 
 
 @dataclass(frozen=True)
@@ -115,9 +118,17 @@ def anchor(
     """The placement of a map's walks (lines, each n, 2) on the accessible ground of a plan.
 
     The covariance of a map is no part of it: that is of positions seen from the map's origin, and
-    most of it is a common move that the placement takes away.
+    most of it is a common move that the placement takes away. Raises NoAnswerError where the
+    walks are far larger than the plan.
     """
-    cell_m = max(known.cell_m, plan.cell_m * max(plan.free.shape) / known.widest)
+    plan_m = plan.cell_m * max(plan.free.shape)
+    across_m = float(np.ptp(np.concatenate(lines_m), axis=0).max())
+    if across_m > MOST_PLANS * plan_m:
+        raise NoAnswerError(
+            f"the walk is {across_m:.4g} m across and the plan {plan_m:.4g} m; is it that floor, "
+            "and is the width right?"
+        )
+    cell_m = max(known.cell_m, plan_m / known.widest)
     points = np.concatenate([resampled(line, cell_m) for line in lines_m])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     walk, weights = points - middle, _weights(points, known.patch_m)

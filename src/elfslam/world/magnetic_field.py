@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
+from elfslam.base.errors import InputError
 from elfslam.base.values import Magnetometer
 from elfslam.world.imu import attitude, sample_times
 from elfslam.world.room import Room
@@ -14,8 +15,9 @@ from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion
 
 MICROTESLA_M3_PER_AM2 = 0.1
 """The magnetic constant over 4 pi."""
-BLOCK = 2000
-"""Positions at a time, so that memory stays small."""
+BLOCK, PAIRS = 2000, 8_000_000
+"""Positions at a time, and how many of them times dipoles, so that memory stays small."""
+MOST_DIPOLES = 50_000
 
 
 @dataclass(frozen=True)
@@ -76,9 +78,10 @@ def magnetic_field(
 
 def field_at(field: MagneticField, position_m: F64) -> F64:
     """The field (n, 3) in microtesla and world axes at positions (n, 3)."""
+    block = min(BLOCK, PAIRS // max(len(field.dipole_m), 1))
     rows = [
-        field.earth_ut + _dipoles_at(field, position_m[first : first + BLOCK])
-        for first in range(0, len(position_m), BLOCK)
+        field.earth_ut + _dipoles_at(field, position_m[first : first + block])
+        for first in range(0, len(position_m), block)
     ]
     return np.vstack([np.zeros((0, 3)), *rows])
 
@@ -101,6 +104,11 @@ def _behind_surfaces(size_m: F64, magnetism: Magnetism, generator: np.random.Gen
     length, width, height = size_m
     areas = np.repeat([width * height, length * height, length * width], 2)
     count = round(float(areas.sum()) * magnetism.dipoles_per_m2)
+    if count > MOST_DIPOLES:
+        raise InputError(
+            f"magnetic: {count} dipoles behind the surfaces of the room, wanted {MOST_DIPOLES} at "
+            "most; lower dipoles_per_m2"
+        )
     surface = generator.choice(6, size=count, p=areas / areas.sum())
     points = generator.uniform(0, 1, (count, 3)) * size_m
     depth_m = magnetism.depth_m * generator.uniform(0.5, 1, count)

@@ -24,6 +24,7 @@ from elfslam.world.room import (
 )
 from elfslam.world.toml_tables import (
     LARGEST_M,
+    MOST_ITEMS,
     Table,
     check_keys,
     inline,
@@ -40,6 +41,7 @@ from elfslam.world.toml_tables import (
 SHORTEST_M = 0.01
 LOWEST_CEILING_M = 2.0
 SMALLEST_M2 = 1.0
+MOST_CORNERS = 200
 SLACK_M = 0.001
 """Furniture that touches a wall stands inside."""
 ROOM_KEYS = (
@@ -95,7 +97,7 @@ def _check_ceiling(top: Table, key: str, height_m: float) -> None:
 
 def _polygon(top: Table, seed: int) -> Room:
     """The corners counter-clockwise; materials stay with their sides."""
-    given = points(top, "outline_m", top.values["outline_m"])
+    given = points(top, "outline_m", top.values["outline_m"], MOST_CORNERS)
     height_m = number(top, "height_m", low=SHORTEST_M)
     _check_ceiling(top, "height_m", height_m)
     try:
@@ -166,6 +168,8 @@ def _blocks(top: Table, room: Room) -> tuple[Block, ...]:
                 raise given.refusal(
                     f"the name {block.name!r} is taken; give each piece its own", "name"
                 )
+            if len(blocks) == MOST_ITEMS:
+                raise given.refusal(f"more than {MOST_ITEMS} pieces of furniture; take some out")
             _check_inside(given, room, block)
             blocks[block.name] = block
     return tuple(blocks.values())

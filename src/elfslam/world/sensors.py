@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from enum import StrEnum
@@ -21,10 +22,14 @@ from elfslam.world.magnetic_field import (
 )
 from elfslam.world.mains import MainsParameters, PowerLine, listen_to_mains
 from elfslam.world.room import Room
+from elfslam.world.toml_tables import LARGEST_M
 from elfslam.world.walker import Motion
 from elfslam.world.wifi import AccessPoint, WifiParameters, channel_mhz, scan
 
 Element = TypeVar("Element")
+LARGEST = 1e6
+"""Of a number in any unit."""
+MOST_HARMONICS = 100
 
 
 class Sensor(StrEnum):
@@ -127,9 +132,9 @@ def _elements(
     if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
         raise InputError(f"{kind}: wanted [[{kind}]] tables, got {rows!r:.40}; double the brackets")
     labels = [f"{kind} {row.get(name, k + 1)!r}" for k, row in enumerate(rows)]
-    for label in labels:
-        if labels.count(label) > 1:
-            raise InputError(f"{label}: appears twice; give each its own {name}")
+    for label, times in Counter(labels).items():
+        if times > 1:
+            raise InputError(f"{label:.80}: appears twice; give each its own {name}")
     return tuple(_made(label, row, make, check) for label, row in zip(labels, rows, strict=True))
 
 
@@ -150,18 +155,25 @@ def _made(
     return made
 
 
-def _check_number(name: str, value: object, low: float = -np.inf) -> None:
+def _check_number(name: str, value: object, low: float = -LARGEST) -> None:
     number = isinstance(value, int | float) and not isinstance(value, bool)
-    if not number or not low <= float(value) < np.inf:  # type: ignore[arg-type]
-        limit = "a number" if low == -np.inf else f"a number from {low:g}"
-        raise InputError(f"{name} is {value!r:.40}, wanted {limit}; correct it")
+    if not number or not low <= float(value) <= LARGEST:  # type: ignore[arg-type]
+        raise InputError(
+            f"{name} is {value!r:.40}, wanted a number from {low:g} to {LARGEST:g}; correct it"
+        )
 
 
 def _check_access_point(point: AccessPoint) -> None:
     _check_name("bssid", point.bssid)
+    _check_place(point.position_m)
     _check_number("power_dbm", point.power_dbm)
     _check_number("channel", point.channel)
     channel_mhz(point.channel)
+
+
+def _check_place(*points_m: F64) -> None:
+    if max(float(np.abs(point).max()) for point in points_m) > LARGEST_M:
+        raise InputError(f"lies beyond {LARGEST_M:g} m; correct its position")
 
 
 def _check_name(name: str, value: object) -> None:
@@ -171,13 +183,18 @@ def _check_name(name: str, value: object) -> None:
 
 def _check_power_line(line: PowerLine) -> None:
     _check_name("name", line.name)
+    _check_place(line.from_m, line.to_m)
     if np.linalg.norm(line.to_m - line.from_m) < 0.01:
         raise InputError("begins where it ends; move one end")
-    if len(line.current_a) == 0 or (line.current_a < 0).any():
-        raise InputError("current_a has to be amplitudes from 0, at least one; correct it")
+    current_a = line.current_a
+    if not 0 < len(current_a) <= MOST_HARMONICS or not (current_a >= 0).all():
+        raise InputError(
+            f"current_a has to be amplitudes from 0, one to {MOST_HARMONICS} of them; correct it"
+        )
+    _check_number("current_a", float(current_a.max()))
 
 
 def _check_magnetism(magnetism: Magnetism) -> None:
     for item in fields(magnetism):
         angle = item.name.endswith("_deg")
-        _check_number(item.name, getattr(magnetism, item.name), -np.inf if angle else 0.0)
+        _check_number(item.name, getattr(magnetism, item.name), -LARGEST if angle else 0.0)

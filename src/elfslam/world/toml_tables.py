@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sized
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,6 +17,8 @@ from elfslam.base.text_files import parse_toml
 
 LARGEST_M = 500.0
 """No coordinate or length of a world is beyond this."""
+MOST_ITEMS = 1000
+"""Of a list: tables of one kind, corners of one line."""
 
 _HEADER = re.compile(r"\s*\[\[?\s*([A-Za-z][\w-]*)\s*\]\]?\s*(#.*)?$")
 _KEY = re.compile(r'\s*"?([A-Za-z][\w-]*)"?\s*[.=]')
@@ -76,6 +78,7 @@ def tables(parent: Table, kind: str, name: str = "name") -> list[Table]:
         raise parent.refusal(
             f"{kind}: wanted [[{kind}]] tables, got {rows!r:.40}; double the brackets", kind
         )
+    _check_count(parent, kind, rows, MOST_ITEMS)
     return [
         Table(parent.file, _label(kind, k, row.get(name)), row, _lines_of(parent, kind, k))
         for k, row in enumerate(rows, 1)
@@ -170,10 +173,11 @@ def vector(
     return np.array(value, dtype=np.float64)
 
 
-def points(given: Table, key: str, value: object) -> F64:
+def points(given: Table, key: str, value: object, most: int = MOST_ITEMS) -> F64:
     """Points in plan (n, 2); `value` lies somewhere under the key."""
     if not isinstance(value, list) or not value:
         raise given.refusal(f"{key} is {value!r:.60}, wanted a list of [x, y]; correct it", key)
+    _check_count(given, key, value, most)
     for k, point in enumerate(value, 1):
         if not _is_vector(point, 2, -LARGEST_M, LARGEST_M):
             raise given.refusal(
@@ -183,12 +187,18 @@ def points(given: Table, key: str, value: object) -> F64:
     return np.array(value, dtype=np.float64)
 
 
-def rows(given: Table, key: str) -> list[Any]:
+def rows(given: Table, key: str, most: int = MOST_ITEMS) -> list[Any]:
     """A list, empty where there is none."""
     value = given.values.get(key, [])
     if not isinstance(value, list):
         raise given.refusal(f"{key} is {value!r:.60}, wanted a list; put it in brackets", key)
+    _check_count(given, key, value, most)
     return value
+
+
+def _check_count(given: Table, key: str, items: Sized, most: int) -> None:
+    if len(items) > most:
+        raise given.refusal(f"{key} has {len(items)}, wanted {most} at most; take some out", key)
 
 
 def _value(given: Table, key: str, default: object) -> Any:

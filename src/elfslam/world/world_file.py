@@ -33,7 +33,11 @@ from elfslam.world.toml_tables import (
 from elfslam.world.walkable import HALF_WIDTH_M, fault_of_route, standing_room
 from elfslam.world.wifi import AccessPoint
 
+SPOTS_AT_ONCE = 1000
+"""As many take the time of one leg."""
 MOST_SPOTS = 100_000
+MOST_MEETINGS = 1_000_000
+"""Of a leg of some route with a piece of furniture in some state of it; each is looked at."""
 
 
 @dataclass(frozen=True)
@@ -149,9 +153,9 @@ def _surroundings(top: Table, room: Room) -> Surroundings:
 def _spots(top: Table) -> F64:
     """Marked places (s, 2): listed one by one, or one or more grids of them."""
     given = top.values.get("spots", [])
-    grids = [given] if isinstance(given, dict) else rows(top, "spots")
+    grids = [given] if isinstance(given, dict) else rows(top, "spots", MOST_SPOTS)
     if grids and isinstance(grids[0], list):
-        return points(top, "spots", grids)
+        return points(top, "spots", grids, MOST_SPOTS)
     labels = tables(top, "spots") if isinstance(given, list) else [table(top, "spots")]
     spots_m = np.vstack([_no_spots(), *[_grid(grid) for grid in labels]])
     if len(spots_m) > MOST_SPOTS:
@@ -191,6 +195,13 @@ def _climate(top: Table) -> Climate:
 
 def _check_walks(top: Table, world: World) -> None:
     """Refuse routes and spots where nobody can go, in every state of the furniture."""
+    legs = sum(map(len, (world.route_m, *world.people.routes_m)))
+    meetings = legs * (1 + len(world.states)) * (1 + len(world.room.blocks))
+    if meetings + len(world.spots_m) * len(world.room.blocks) / SPOTS_AT_ONCE > MOST_MEETINGS:
+        raise top.refusal(
+            f"{legs} legs of routes, {len(world.room.blocks)} pieces of furniture and "
+            f"{len(world.states)} states are too many together; take some out"
+        )
     if fault := fault_of_route(world.room, world.route_m, closed=True):
         raise top.refusal(f"route_m: {fault}", "route_m")
     for k, route_m in enumerate(world.people.routes_m, 1):
