@@ -57,5 +57,5 @@ def test_a_damaged_key_is_refused(tmp_path: Path, content: bytes | None) -> None
         serialization.NoEncryption(),
     )
     (tmp_path / SIGNING_KEY).write_bytes(other if content is None else content)
-    with pytest.raises(StoreError, match="delete it for a new one"):
+    with pytest.raises(StoreError, match="is no key"):
         signing_key(tmp_path)

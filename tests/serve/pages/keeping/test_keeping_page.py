@@ -188,7 +188,7 @@ def test_a_new_version_takes_the_place_of_the_old_one(
         assert page.inner_text("h1", timeout=1000) == "Go, and get a map"
     with browser.opened() as page:  # the next visit
         page.goto(server.url)
-        assert title(page) == "Run, and get a map"
+        wait_for(page, lambda: title(page) == "Run, and get a map", "the next version")
         wait_for(page, lambda: len(names_of_caches(page)) == 1, "the old version is dropped")
         stop(server)
         page.reload()
