@@ -26,8 +26,8 @@ fast: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/python -m pytest -m "not slow and not hostile"
 
 lint: $(VENV)/.installed-test
-	$(BIN)/ruff check src tests
-	$(BIN)/ruff format --check src tests
+	$(BIN)/ruff check src studies tests
+	$(BIN)/ruff format --check src studies tests
 	$(BIN)/mypy
 
 pretrain: $(VENV)/.installed-test $(VENV)/.kernels

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elfslam.app.simulated_training import open_stream, pairs_in
 from elfslam.cli.app import run
-from elfslam.learn.settings import PretrainParameters
-from elfslam.studies.pretraining import open_stream, pairs_in
+from elfslam.learn.parameters import PretrainParameters
 
 TINY = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
 

@@ -6,7 +6,7 @@ import json
 import re
 from pathlib import Path
 
-FOLDER = Path(__file__).resolve().parents[1] / "benchmarks" / "web_runtime"
+FOLDER = Path(__file__).resolve().parents[1] / "studies" / "benchmarks" / "web_runtime"
 
 
 def test_the_lock_holds_what_the_package_pins() -> None:
@@ -26,7 +26,7 @@ def test_every_package_is_held_by_its_content_and_not_by_a_place() -> None:
 
 
 def test_the_page_carries_the_pinned_runtime_with_its_licence() -> None:
-    pages = FOLDER.parents[1] / "src" / "elfslam" / "serve" / "pages"
+    pages = FOLDER.parents[2] / "src" / "elfslam" / "serve" / "pages"
     vendored = pages / "vendor" / "onnxruntime-web"
     version = json.loads((FOLDER / "package.json").read_text())["dependencies"]["onnxruntime-web"]
     assert f"ONNX Runtime Web v{version}\n" in (vendored / "ort.wasm.min.mjs").read_text()[:200]

@@ -19,12 +19,12 @@ from elfslam.base.values import (
     Orientation,
     Payload,
     Recording,
+    Run,
     Similarity,
     Trajectory,
     Truth,
     WifiScans,
 )
-from elfslam.slam import Run
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import StoreError
+from elfslam.base.values import Run
 from elfslam.data.map_files import read_map, write_map
-from elfslam.slam import Run
 
 
 def test_round_trip(tmp_path: Path, run: Run) -> None:

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import numpy.testing as npt
 
+from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged
 from elfslam.data.tum import read_tum
 from elfslam.line.quality import MapQuality
-from elfslam.slam import Run
 
 QUALITY = MapQuality(
     xy_m=[[0.5, 0.5], [1.5, 0.5]],

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.base.values import Closures, Recording, Truth
+from elfslam.base.values import Closures, Recording, Run, Truth
 from elfslam.data.facts import read_facts
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_run, write_run
 from elfslam.data.truth_files import write_truth
-from elfslam.slam import Run
 
 FACTS = {"parameters": {"closure": {"threshold": 0.4}}, "digest": "abc"}
 

@@ -160,9 +160,9 @@ def _warm_up() -> None:
     from PIL import Image
 
     import elfslam.cli.app
-    import elfslam.learn.export  # noqa: F401
+    import elfslam.learn.onnx_files  # noqa: F401
     from elfslam.line import feature
-    from elfslam.serve.jobs.forks import warm_up
+    from elfslam.serve.jobs.preforked import warm_up
 
     Image.init()
     begun = feature.OnnxEncoder.__init__

@@ -17,14 +17,18 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from elfslam import following, joining, mapping, plans, slam
+from elfslam.app import anchor as plans
+from elfslam.app import follow as following
+from elfslam.app import map as mapping
+from elfslam.app import merge as joining
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli import walks
 from elfslam.cli.app import run
 from elfslam.data.map_files import write_map
 from elfslam.data.recordings import write_recording
-from elfslam.studies import catalogue
+from elfslam.slam import pipeline as slam
+from studies import catalogue
 
 pytestmark = pytest.mark.hostile
 

@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 from killed import steps_of, survives
 
+from elfslam.app.map import write_reported_run
+from elfslam.base.values import Run
 from elfslam.cli.app import run
 from elfslam.data.facts import read_facts
 from elfslam.data.runs import read_run
-from elfslam.mapping import write_reported_run
-from elfslam.slam import Run
 
 pytestmark = pytest.mark.hostile
 
@@ -62,7 +62,7 @@ def test_a_folder_that_somebody_makes_meanwhile_is_kept(walk: Path, tmp_path: Pa
     """While the report is written, in a place that was free when the command began."""
     out = tmp_path / "out"
     plant = (
-        "import elfslam.mapping as m, pathlib; write = m.write_report\n"
+        "import elfslam.app.map as m, pathlib; write = m.write_report\n"
         f"def meanwhile(*given, **named):\n"
         f"    pathlib.Path({str(out)!r}).mkdir()\n"
         f"    pathlib.Path({str(out)!r}, 'thesis.txt').write_text('years of work')\n"

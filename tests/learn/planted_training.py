@@ -11,16 +11,16 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
+from elfslam.app.workers.together import Seat
 from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pair_loss
 from elfslam.learn.ranks import ALONE, Ranks, joined, rows_of_all, shared
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
-from elfslam.workers.together import Seat
 
 TINY = PretrainParameters(
     steps=6, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2

@@ -17,11 +17,11 @@ from elfslam.base.card import Card
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.values import ECHO_SAMPLES, Echoes
-from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.finetune import Check, Finetuned, augmented, finetune, walk_loss, walk_of
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
-from elfslam.learn.settings import FinetuneParameters
+from elfslam.learn.onnx_files import encoder_content, network_of
+from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import BINS, OnnxEncoder, load_encoder
 
 ROUND, ROUNDS, ANCHOR = 200, 3, 8

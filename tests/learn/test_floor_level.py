@@ -17,7 +17,6 @@ import torch
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import ECHO_SAMPLES
-from elfslam.learn.export import network_of
 from elfslam.learn.floor_level import (
     EchoesOf,
     FloorLevel,
@@ -30,8 +29,9 @@ from elfslam.learn.floor_level import (
     superimposed_map,
 )
 from elfslam.learn.loss import spot_contrast
+from elfslam.learn.onnx_files import network_of
+from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
-from elfslam.learn.settings import FloorLevelParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 
 SPOTS_M = np.column_stack([np.arange(12.0), np.zeros(12)])

@@ -15,6 +15,7 @@ from torch import nn
 from elfslam.base.errors import StoreError
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
@@ -26,7 +27,6 @@ from elfslam.learn.pretrain import (
     training_device,
 )
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
 TINY = PretrainParameters(

@@ -10,12 +10,12 @@ import torch
 from planted_training import Found, one_step, stepped, toy_network, toy_pairs
 from torch import nn
 
+from elfslam.app.workers.together import Work, together
 from elfslam.base.errors import ParameterError
+from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import embedded, pair_loss
 from elfslam.learn.ranks import ALONE, NormOfAll, Ranks, rows_of_all, shared
-from elfslam.learn.settings import PretrainParameters
 from elfslam.learn.trainers import part_of
-from elfslam.workers.together import Work, together
 
 BATCH = toy_pairs(0)
 

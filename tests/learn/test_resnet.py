@@ -10,10 +10,10 @@ import torch
 from torch import Tensor
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
-from elfslam.learn.export import export_encoder
+from elfslam.learn.onnx_files import export_encoder
+from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pretrain
 from elfslam.learn.resnet import ResNetEncoder, Stem, resnet18
-from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS, load_encoder
 
 STEMS: tuple[Stem, ...] = ("imagenet", "small")

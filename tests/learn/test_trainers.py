@@ -14,19 +14,19 @@ import torch
 from planted_training import TINY, die_in_training, toy_pairs
 from torch import nn
 
+from elfslam.app.workers.together import Work
 from elfslam.base.errors import ParameterError, StoreError, WorkerError
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
 from elfslam.learn import trainers
 from elfslam.learn.floor_level import SpotEchoes, learn_floor
+from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Pretrained, Progress, pretrain
-from elfslam.learn.settings import FloorLevelParameters
 from elfslam.learn.trainers import (
     check_trainers,
     learn_floor_by_several,
     pretrain_by_several,
 )
 from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.workers.together import Work
 
 
 def by_two(

@@ -9,7 +9,6 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Echoes, Odometry
-from elfslam.hearing import hear, walk_nodes
 from elfslam.line.acoustic_odometry import (
     UNKNOWN,
     AcousticOdometryParameters,
@@ -23,7 +22,8 @@ from elfslam.line.acoustic_odometry import (
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.motion import MotionParameters, dead_reckon
-from elfslam.parameters import Parameters
+from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 CHIRP = make_chirp(ChirpParameters(), ECHO_RATE_HZ)

@@ -14,13 +14,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from elfslam import slam
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load, replace, rows
 from elfslam.base.values import Audio, Imu, Odometry, Recording, Similarity, Trajectory
 from elfslam.line.feature import SpectralEncoder
 from elfslam.line.graph import build_graph, optimise
-from elfslam.parameters import Parameters
+from elfslam.slam import pipeline as slam
+from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = Parameters()

@@ -14,12 +14,12 @@ from elfslam.base.values import (
     Echoes,
     Features,
     Odometry,
+    Run,
     Similarity,
     Trajectory,
     Truth,
 )
 from elfslam.score.figures import FloorPlan
-from elfslam.slam import Run
 
 STEP_M = 0.65
 STEP_S = 0.55

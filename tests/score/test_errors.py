@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
-from elfslam.base.values import Fixes, FixStatus, Trajectory, Truth
+from elfslam.base.values import Fixes, FixStatus, Run, Trajectory, Truth
 from elfslam.score.alignment import AS_DECLARED, Placement, match, placement
 from elfslam.score.errors import (
     Alignment,
@@ -23,7 +23,6 @@ from elfslam.score.errors import (
     position_errors,
     summarise,
 )
-from elfslam.slam import Run
 
 Moved = Callable[[Truth, np.ndarray], np.ndarray]
 WHERE = np.array([3.0, -2.0, 2.1])

@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.values import Closures, Similarity
+from elfslam.base.values import Closures, Run, Similarity
 from elfslam.score import charts, figures
-from elfslam.slam import Run
 
 
 def test_an_ellipse_has_the_axes_of_its_covariance() -> None:

@@ -10,11 +10,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.values import Closures, Fixes, FloorMap, Payload, Similarity, Trajectory, Truth
+from elfslam.base.values import (
+    Closures,
+    Fixes,
+    FloorMap,
+    Payload,
+    Run,
+    Similarity,
+    Trajectory,
+    Truth,
+)
 from elfslam.score import page
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_fix_report, write_map_page, write_report
-from elfslam.slam import Run
 
 FACTS = {
     "device": "<script>alert(1)</script>",

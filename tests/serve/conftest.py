@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fastapi import FastAPI
-from own_postgresql import initdb, own_postgresql
 from sqlalchemy import select
 
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
@@ -29,6 +28,7 @@ from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Map, MapFile, User, transaction
+from studies.benchmarks.own_postgresql import initdb, own_postgresql
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have

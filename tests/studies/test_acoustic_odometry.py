@@ -6,17 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.studies import walls_in_focus
-from elfslam.studies.acoustic_odometry import (
+from studies import walls_in_focus
+from studies.acoustic_odometry import (
     MAP_COLUMNS,
     SCALE_COLUMNS,
     WALKS,
     _row,
     measure_acoustic_odometry,
 )
-from elfslam.studies.finding import Finding
-from elfslam.studies.heard_walk import Walk
-from elfslam.studies.repeats import Numbers
+from studies.finding import Finding
+from studies.heard_walk import Walk
+from studies.repeats import Numbers
 
 
 @pytest.fixture(scope="module")

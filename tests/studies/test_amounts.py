@@ -8,14 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.learn.settings import ScratchParameters
-from elfslam.studies import amounts, pretraining
-from elfslam.studies.amounts import ERROR, FINETUNED, PRETRAINED, RECALL, Walk, measure_amounts
-from elfslam.studies.finding import Finding
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
+from elfslam.app import simulated_training as pretraining
+from elfslam.base.progress import silent
+from elfslam.learn.parameters import ScratchParameters
+from studies import amounts
+from studies.amounts import ERROR, FINETUNED, PRETRAINED, RECALL, Walk, measure_amounts
+from studies.finding import Finding
 
 
 @pytest.fixture(scope="module")

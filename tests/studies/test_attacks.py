@@ -6,13 +6,15 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
+from elfslam.app.settings import Settings
 from elfslam.base.values import Recording
-from elfslam.hearing import hear_for_fixes
 from elfslam.line.echo import matched_envelope
 from elfslam.score.page import rendered
-from elfslam.senses import Settings
-from elfslam.studies import attacks
-from elfslam.studies.attack_sounds import (
+from elfslam.slam.front_end import hear_for_fixes
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.simulate import load_world
+from studies import attacks
+from studies.attack_sounds import (
     SOUNDS,
     Sound,
     Victim,
@@ -23,11 +25,9 @@ from elfslam.studies.attack_sounds import (
     ramped_echoes,
     replayed_chirps,
 )
-from elfslam.studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
-from elfslam.studies.attacks import APART_S, measure_attacks, measured
-from elfslam.studies.attacks_table import attacks_page, attacks_rows, poisson_interval
-from elfslam.world.circumstances import Circumstances
-from elfslam.world.simulate import load_world
+from studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
+from studies.attacks import APART_S, measure_attacks, measured
+from studies.attacks_table import attacks_page, attacks_rows, poisson_interval
 
 
 @pytest.fixture(scope="module")

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.line.feature import load_encoder
-from elfslam.studies.calibration import measure_calibration, pairs_of
-from elfslam.studies.finding import Finding
+from studies.calibration import measure_calibration, pairs_of
+from studies.finding import Finding
 
 
 def test_pairs_are_near_and_of_one_heading_or_far() -> None:

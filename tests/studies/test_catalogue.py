@@ -8,23 +8,20 @@ from pathlib import Path
 
 import pytest
 
+from elfslam.app.workers import Workers
 from elfslam.base.errors import InputError
+from elfslam.base.progress import silent
 from elfslam.line.feature import SpectralEncoder
 from elfslam.score.page import Page
-from elfslam.studies import catalogue
-from elfslam.studies.catalogue import STUDIES, run_study
-from elfslam.studies.finding import Finding, LongStudy
-from elfslam.workers import Workers
+from studies import catalogue
+from studies.catalogue import STUDIES, run_study
+from studies.finding import Finding, LongStudy
 
 Row = dict[str, object]
 ROWS: list[Row] = [
     {"quantity": "speed", "value": 1.25},
     {"quantity": "size, of steps", "value": None},
 ]
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
 
 
 def test_a_table_is_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

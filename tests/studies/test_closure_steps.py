@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from elfslam.score.page import save_page
-from elfslam.studies.closure_steps import PAPER, SEQUENCE, SINGLE, measure_closure_steps
-from elfslam.studies.finding import Finding
+from studies.closure_steps import PAPER, SEQUENCE, SINGLE, measure_closure_steps
+from studies.finding import Finding
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ from scipy.spatial.transform import Rotation
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Truth
-from elfslam.studies import dead_reckoning as study
-from elfslam.studies.dead_reckoning import measure_dead_reckoning
-from elfslam.studies.reckoned_walks import Walk, mall_floors, resampled, tilted
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
+from studies import dead_reckoning as study
+from studies.dead_reckoning import measure_dead_reckoning
+from studies.reckoned_walks import Walk, mall_floors, resampled, tilted
 
 
 def quiet(what: str, share: float | None) -> None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from elfslam.studies.distinctness import SPOTS_SHOWN, _row_of_spots, measure_distinctness
-from elfslam.studies.finding import Finding
+from studies.distinctness import SPOTS_SHOWN, _row_of_spots, measure_distinctness
+from studies.finding import Finding
 
 
 @pytest.fixture(scope="module")

@@ -6,23 +6,14 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.base.progress import silent
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
-from elfslam.studies.elf import (
-    ON_THE_CARD,
-    labelled_pairs,
-    measure_elf,
-    metrics_of,
-    sequence_similarity,
-)
-from elfslam.studies.finding import Row
+from studies.elf import ON_THE_CARD, labelled_pairs, measure_elf, metrics_of, sequence_similarity
+from studies.finding import Row
 
 CIRCLE_M = 4.0
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
 
 
 def circle(rounds: int, *, back: bool = False) -> tuple[Odometry, Truth]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.studies.error_sources import end_errors
+from studies.error_sources import end_errors
 
 TRUE_M = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [25.0, 5.0]])
 

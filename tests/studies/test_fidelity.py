@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.studies import fidelity
-from elfslam.studies.fidelity import (
-    compare_engines,
-    compare_room,
-    random_ends,
-    random_polygon,
-    random_shoebox,
-)
 from elfslam.world import pyroom
 from elfslam.world.paths import Reach
 from elfslam.world.phone import C64, Ends
 from elfslam.world.pulses import Air
 from elfslam.world.room import Room, check_outline
 from elfslam.world.scene import Scene
+from studies import fidelity
+from studies.fidelity import (
+    compare_engines,
+    compare_room,
+    random_ends,
+    random_polygon,
+    random_shoebox,
+)
 
 Draw = Callable[[np.random.Generator], Room]
 

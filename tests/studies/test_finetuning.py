@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from elfslam.learn.settings import FinetuneParameters
-from elfslam.studies.finetuning import measure_finetuning
+from elfslam.learn.parameters import FinetuneParameters
+from studies.finetuning import measure_finetuning
 
 TINY = FinetuneParameters(
     steps=2, pairs=16, warmup_steps=1, learning_rate=1e-5, check_steps=2, shortest_s=20.0, threads=1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import ParameterError
-from elfslam.studies.fleet import Costs, Demand, hourly, measure_fleet, stations_of, stores_of
+from studies.fleet import Costs, Demand, hourly, measure_fleet, stations_of, stores_of
 
 CALM = Demand(buildings=10, phones=2000, first_share=0.5, walks_per_building=6, walk_minutes=2)
 COSTS = Costs(lookup_s=0.01, page_bytes=1e6, package_bytes=2e6, update_bytes=1e6, run_bytes=0.0)

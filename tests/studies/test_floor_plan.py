@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from elfslam.line.anchoring import AnchoringParameters
-from elfslam.studies import floor_plan
-from elfslam.studies.finding import Finding
-from elfslam.studies.floor_plan import Mapped, Walk, measure_floor_plan, plan_of
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
+from studies import floor_plan
+from studies.finding import Finding
+from studies.floor_plan import Mapped, Walk, measure_floor_plan, plan_of
 
 
 @pytest.fixture

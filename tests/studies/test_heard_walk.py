@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Odometry, Truth
-from elfslam.studies.heard_walk import Walk, hear_walk, true_scale
+from studies.heard_walk import Walk, hear_walk, true_scale
 
 
 def test_the_true_scale_is_true_over_claimed_length() -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Odometry, Recording, Truth, WifiScans
-from elfslam.studies.held_out import (
+from studies.held_out import (
     at_each_place,
     drawn,
     floor_places,
@@ -18,9 +18,9 @@ from elfslam.studies.held_out import (
     whole_walk,
     whole_walk_by_field,
 )
-from elfslam.studies.labelled_neighbours import labelled_neighbours
-from elfslam.studies.mall_fifths import METHODS, SPLITS, fifths_row, positions, split_walks
-from elfslam.studies.mall_floor import FloorWalk, floor_turn, turned
+from studies.labelled_neighbours import labelled_neighbours
+from studies.mall_fifths import METHODS, SPLITS, fifths_row, positions, split_walks
+from studies.mall_floor import FloorWalk, floor_turn, turned
 
 STEP_M = 0.7
 SIGHTS_M = np.array([[x, y] for x in (0.0, 12.0, 24.0, 36.0) for y in (-6.0, 6.0)])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.studies.intervals import by_measure, curve_of, mean_row
+from studies.intervals import by_measure, curve_of, mean_row
 
 
 def test_a_mean_lies_in_its_interval_and_alike_values_have_none() -> None:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from elfslam.score.page import save_page
-from elfslam.studies.finding import Finding
-from elfslam.studies.localization import measure_localization
-from elfslam.studies.localization_table import localization_rows
+from studies.finding import Finding
+from studies.localization import measure_localization
+from studies.localization_table import localization_rows
 
 
 @pytest.fixture(scope="module")

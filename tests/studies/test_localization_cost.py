@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.studies.localization_cost import grid_map, map_bytes, measure_localization_cost
+from studies.localization_cost import grid_map, map_bytes, measure_localization_cost
 
 
 def test_every_way_is_timed_for_every_size() -> None:

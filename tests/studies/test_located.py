@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from elfslam.base.geometry import compose
-from elfslam.base.values import Fixes, FixStatus, Odometry, Trajectory, Truth
-from elfslam.slam import Run, no_similarity
-from elfslam.studies.located import fix_numbers
-from elfslam.studies.mapping_errors import NO_CLOSURES
+from elfslam.base.values import Fixes, FixStatus, Odometry, Run, Trajectory, Truth
+from elfslam.slam.pipeline import no_similarity
+from studies.located import fix_numbers
+from studies.mapping_errors import NO_CLOSURES
 
 T_S = np.arange(0.0, 10.0, 0.5)
 TRUE = np.column_stack([T_S, 0.1 * T_S**2, np.zeros(len(T_S))])

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.studies.mall_fifths import METHODS, measure_mall_fifths
+from studies.mall_fifths import METHODS, measure_mall_fifths
 
 
 def quiet(what, share):

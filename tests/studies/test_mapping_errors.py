@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.learn.settings import ScratchParameters
+from elfslam.app.settings import Settings
+from elfslam.learn.parameters import ScratchParameters
 from elfslam.score.page import save_page
-from elfslam.senses import Settings
-from elfslam.studies import mapping_errors
-from elfslam.studies.finding import Finding
-from elfslam.studies.mapping_errors import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
+from studies import mapping_errors
+from studies.finding import Finding
+from studies.mapping_errors import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import pytest
 from elfslam.base.values import Trajectory, Truth
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import save_page
-from elfslam.studies.finding import Finding
-from elfslam.studies.merged_walks import (
+from studies.finding import Finding
+from studies.merged_walks import (
     FIRST,
     MOVED,
     SECOND,
@@ -21,16 +21,7 @@ from elfslam.studies.merged_walks import (
     strolled,
     truly_apart_m,
 )
-from elfslam.studies.merging import (
-    APART,
-    CHANGED,
-    OPPOSITE,
-    OTHER,
-    PARTLY,
-    SAME,
-    _drawn,
-    measure_merging,
-)
+from studies.merging import APART, CHANGED, OPPOSITE, OTHER, PARTLY, SAME, _drawn, measure_merging
 
 
 @pytest.fixture(scope="module")

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.nearest import open_index
 from elfslam.score.page import Page
-from elfslam.studies.elf_spots import OneThread, make_lookups, make_map, make_spots, places_of
-from elfslam.studies.finding import Finding
-from elfslam.studies.nearest_maps import measure_nearest_map
-from elfslam.studies.nearest_material import Extent
-from elfslam.studies.nearest_spots import measure_nearest
-from elfslam.studies.nearest_times import measure_nearest_times
-from elfslam.studies.simulated_buildings import beside, floor_rooms, walk_in
+from elfslam.serve.nearest import open_index
+from studies.elf_spots import OneThread, make_lookups, make_map, make_spots, places_of
+from studies.finding import Finding
+from studies.nearest_maps import measure_nearest_map
+from studies.nearest_material import Extent
+from studies.nearest_spots import measure_nearest
+from studies.nearest_times import measure_nearest_times
+from studies.simulated_buildings import beside, floor_rooms, walk_in
 
 SMALL = Extent(maps=(2, 6), spots=150, walks=2, kinds=("flat", "ivf-flat"))
 

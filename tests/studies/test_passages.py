@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.line.passages import PassageParameters
-from elfslam.studies.passages import measure_passages
+from elfslam.line.map_matching import PassageParameters
+from studies.passages import measure_passages
 
 
 @pytest.mark.slow

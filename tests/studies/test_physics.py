@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from elfslam.studies.fidelity import random_ends, random_polygon
-from elfslam.studies.physics import check_laws, decay_s, eyring_s, moved
+from studies.fidelity import random_ends, random_polygon
+from studies.physics import check_laws, decay_s, eyring_s, moved
 
 
 def test_every_law_is_met_in_few_rooms() -> None:

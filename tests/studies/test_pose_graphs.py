@@ -8,12 +8,9 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.base.progress import silent
 from elfslam.data.g2o import read_g2o
-from elfslam.studies.pose_graphs import injected, measure_pose_graphs, ours, plain
-
-
-def silent(what: str, share: float | None) -> None:
-    """Nobody listens."""
+from studies.pose_graphs import injected, measure_pose_graphs, ours, plain
 
 
 def test_false_closures_do_not_move_the_answer(shared_data: Path, tmp_path: Path) -> None:

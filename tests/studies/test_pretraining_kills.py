@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elfslam.app.simulated_training import pairs_in
+from elfslam.app.workers import open_workers
 from elfslam.base.errors import InputError
-from elfslam.learn.settings import PretrainParameters
-from elfslam.studies.pretraining import pairs_in
-from elfslam.studies.pretraining_kills import (
+from elfslam.learn.parameters import PretrainParameters
+from studies.pretraining_kills import (
     DRIVER,
     NOBODY,
     STREAM,
@@ -21,7 +22,6 @@ from elfslam.studies.pretraining_kills import (
     measure_pretraining_kills,
     pairs_or_death,
 )
-from elfslam.workers import open_workers
 
 SMALL = PretrainParameters(steps=6, pairs=8, rooms=2, width=4, warmup_steps=2, checkpoint_steps=2)
 ALONE, BESIDE, TWO, RAY = WAYS

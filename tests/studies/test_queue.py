@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from elfslam.app.workers.processes import Processes
 from elfslam.base.errors import InputError
-from elfslam.studies.queue import measure_queue
-from elfslam.studies.queue_table import Kept, queue_rows
-from elfslam.workers.processes import Processes
+from studies.queue import measure_queue
+from studies.queue_table import Kept, queue_rows
 
 
 @pytest.mark.slow

@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.studies.queueing import (
-    arrivals_s,
-    drawn_services_s,
-    expected_wait_s,
-    waiting_share,
-    waits_s,
-)
+from studies.queueing import arrivals_s, drawn_services_s, expected_wait_s, waiting_share, waits_s
 
 
 def test_who_finds_the_server_free_does_not_wait_and_others_wait_for_the_rest():

@@ -11,10 +11,11 @@ from scipy import signal
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
+from elfslam.base.progress import silent
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
 from elfslam.baselines.generic import GenericEncoder, generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.studies.real_rooms import (
+from studies.real_rooms import (
     FILE,
     PERIOD_S,
     PLAIN,
@@ -26,10 +27,6 @@ from elfslam.studies.real_rooms import (
 
 RATE_HZ = 48_000
 DIRECT = 480
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
 
 
 def response(delays_s: np.ndarray, gains: np.ndarray) -> np.ndarray:

@@ -9,14 +9,11 @@ from typing import NamedTuple
 
 import pytest
 
+from elfslam.app.workers import unit_key
+from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from elfslam.studies.repeats import Numbers, by_world, finished
-from elfslam.workers import unit_key
-from elfslam.workers.interface import Result, Task
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
+from elfslam.base.progress import silent
+from studies.repeats import Numbers, by_world, finished
 
 
 def square(task: int) -> Numbers:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from elfslam.learn.settings import ScratchParameters
-from elfslam.studies.scaling import STUDY, WALKS, Walk, measure_scaling, measure_walk, scaling_page
+from elfslam.learn.parameters import ScratchParameters
+from studies.scaling import STUDY, WALKS, Walk, measure_scaling, measure_walk, scaling_page
 
 
 @pytest.mark.slow

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from elfslam.score.page import save_page
-from elfslam.studies import sensitivity
-from elfslam.studies.finding import Finding
-from elfslam.studies.sensitivity import measure_sensitivity, with_some_moved
-from elfslam.studies.sensitivity_table import sensitivity_page
 from elfslam.world.simulate import load_world
+from studies import sensitivity
+from studies.finding import Finding
+from studies.sensitivity import measure_sensitivity, with_some_moved
+from studies.sensitivity_table import sensitivity_page
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,8 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
-from elfslam.studies.sensors import compare_sensors, hall, statistics
 from elfslam.world.wifi import walls_crossed
+from studies.sensors import compare_sensors, hall, statistics
 
 CADENCE_HZ = 1.8
 BOUNCE_MPS2 = 4.0

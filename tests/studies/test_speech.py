@@ -10,11 +10,12 @@ import pytest
 import soundfile
 
 from elfslam.base.errors import InputError
-from elfslam.studies import eavesdropping
-from elfslam.studies import utterances as source
-from elfslam.studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
-from elfslam.studies.finding import Finding
-from elfslam.studies.speech import (
+from elfslam.world.interference import speech_like
+from studies import eavesdropping
+from studies import utterances as source
+from studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
+from studies.finding import Finding
+from studies.speech import (
     Circumstance,
     down,
     heard_by_phone,
@@ -25,8 +26,7 @@ from elfslam.studies.speech import (
     padded,
     talker_response,
 )
-from elfslam.studies.utterances import RATE_HZ, share_in_band_db, utterances, with_hiss
-from elfslam.world.interference import speech_like
+from studies.utterances import RATE_HZ, share_in_band_db, utterances, with_hiss
 
 pytest.importorskip("pystoi", reason="pystoi is not installed")
 SECONDS = 1.6

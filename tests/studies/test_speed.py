@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from elfslam.studies.speed import TIMES_FASTER, measure_speed
+from studies.speed import TIMES_FASTER, measure_speed
 
 
 def test_every_rate_and_every_goal_has_a_row() -> None:

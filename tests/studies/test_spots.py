@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.studies import spots
-from elfslam.studies.finding import Finding
-from elfslam.studies.repeats import Numbers
-from elfslam.studies.spots import (
+from elfslam.base.progress import silent
+from elfslam.world.walkable import standing_room
+from elfslam.world.world_file import load_world
+from studies import spots
+from studies.finding import Finding
+from studies.repeats import Numbers
+from studies.spots import (
     COUNT,
     POINTS,
     SPACING,
@@ -25,15 +28,9 @@ from elfslam.studies.spots import (
     spots_apart,
     spots_of,
 )
-from elfslam.world.walkable import standing_room
-from elfslam.world.world_file import load_world
 
 FEW = (Point(SPACING, 1.0, 1), Point(COUNT, 2, 2))
 HARDLY = Recipe(learnt=6, asked=2, batch=6, epochs=1, fewest_steps=1)
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
 
 
 def run(kept: Path) -> Finding:

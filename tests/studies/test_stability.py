@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from elfslam.score.page import Panel
-from elfslam.studies.finding import Row
-from elfslam.studies.stability import (
+from elfslam.world.world_file import load_world
+from studies.finding import Row
+from studies.stability import (
     AGE,
     ELSEWHERE,
     HEIGHT,
@@ -20,7 +21,6 @@ from elfslam.studies.stability import (
     compared_elsewhere,
     measure_stability,
 )
-from elfslam.world.world_file import load_world
 
 SPECTRA_DB = np.random.default_rng(0).normal(-40, 3, (5, 71))
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, F64
-from elfslam.studies.still_phone import HAND_M, Listener, hear_at, held_still, listener_in, visit
 from elfslam.world.world_file import load_world
+from studies.still_phone import HAND_M, Listener, hear_at, held_still, listener_in, visit
 
 SPOT_M = np.array([4.0, 3.0])
 

@@ -8,25 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.studies.finding import Finding
-from elfslam.studies.floor_spots import (
-    DIRECTIONS_RAD,
-    TOGETHER,
-    Spots,
-    errors,
-    fixes_m,
-    floor_of,
-    heard,
-)
-from elfslam.studies.opposite_ways import PLACED, Ways, mapped
-from elfslam.studies.superimposition import measure_superimposition
+from elfslam.base.progress import silent
+from studies.finding import Finding
+from studies.floor_spots import DIRECTIONS_RAD, TOGETHER, Spots, errors, fixes_m, floor_of, heard
+from studies.opposite_ways import PLACED, Ways, mapped
+from studies.superimposition import measure_superimposition
 
 FEW = Spots(spots=9, traces=16, supervised_traces=8, queries=6)
 SHORT = Ways(world="studio", seed=100, rounds=1, steps=1)
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
 
 
 @pytest.fixture(scope="module")

@@ -7,23 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from elfslam.base.progress import silent
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
-from elfslam.studies.finding import Finding
-from elfslam.studies.marked_walk import MARKERS, walk_over_markers
-from elfslam.studies.trace import (
-    LEARNING,
-    all_encoders,
-    embedded,
-    learnt_on,
-    measure_trace,
-    returns_of,
-)
 from elfslam.world.world_file import load_world
-
-
-def silent(what: str, share: float | None) -> None:
-    """Hears nothing."""
+from studies.finding import Finding
+from studies.marked_walk import MARKERS, walk_over_markers
+from studies.trace import LEARNING, all_encoders, embedded, learnt_on, measure_trace, returns_of
 
 
 def planted(rounds: int) -> np.ndarray:
@@ -91,8 +81,8 @@ def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
 
 def test_all_features_of_the_papers_figure_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
     known = {"raw samples": load_encoder("spectral"), "ELF, shipped": load_encoder("compact")}
-    monkeypatch.setattr("elfslam.studies.trace.shipped_and_generic", known.copy)
-    monkeypatch.setattr("elfslam.studies.trace.LEARNING", replace(LEARNING, steps=1, pairs=8))
+    monkeypatch.setattr("studies.trace.shipped_and_generic", known.copy)
+    monkeypatch.setattr("studies.trace.LEARNING", replace(LEARNING, steps=1, pairs=8))
     _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
     assert list(all_encoders(echoes)) == [
         "raw samples",

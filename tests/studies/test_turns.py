@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.line.locate import LocateParameters
-from elfslam.studies.finding import Finding
-from elfslam.studies.turns import WAYS, measure_turns, together
+from studies.finding import Finding
+from studies.turns import WAYS, measure_turns, together
 
 
 def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from elfslam.studies.finding import Finding
-from elfslam.studies.unknown_phone import measure_unknown_phone
+from studies.finding import Finding
+from studies.unknown_phone import measure_unknown_phone
 
 
 @pytest.fixture(scope="module")

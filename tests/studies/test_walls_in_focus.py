@@ -8,14 +8,8 @@ import pytest
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Echoes, Odometry
 from elfslam.line.acoustic_odometry import AcousticOdometryParameters
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.studies.heard_walk import Walk
-from elfslam.studies.walls_in_focus import (
-    RATIOS,
-    SHOWN_SEEDS,
-    _first_of_each,
-    picture,
-    range_changes,
-)
+from studies.heard_walk import Walk
+from studies.walls_in_focus import RATIOS, SHOWN_SEEDS, _first_of_each, picture, range_changes
 
 CHIRP = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
 PARAMETERS = AcousticOdometryParameters()

@@ -10,13 +10,13 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.studies.fidelity import correlation_of
 from elfslam.world import phone, pyroom
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Ends, air_at
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import Scene, scene_of
+from studies.fidelity import correlation_of
 
 NOBODY = np.zeros((1, 0, 2))
 REACH = Reach(longest_m=21.0, order=3, plan_order=3, block_order=3, beside_block=3)

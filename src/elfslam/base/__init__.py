@@ -1,1 +1,1 @@
-"""Floor 0: values, geometry, parameters and errors. Numpy and the standard library only."""
+"""Floor 1: values, geometry, parameters and errors, on numpy and the standard library."""

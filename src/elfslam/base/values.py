@@ -9,7 +9,7 @@ metres and heading in radians counter-clockwise from x. A pose is (x, y, heading
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from enum import IntEnum
 
 import numpy as np
@@ -354,3 +354,18 @@ class Fixes(Value):
     covariance_m2: F64 = array("n", 2, 2, finite=False)
     score: F64 = array("n", finite=False)
     status: I64 = array("n", dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What mapping one recording gives, with its evidence."""
+
+    name: str
+    odometry: Odometry
+    similarity: AnySimilarity
+    closures: Closures
+    trajectory: Trajectory
+    floor_map: FloorMap | None
+    echoes: Echoes | None
+    features: Features | None
+    seconds: dict[str, float] = field(default_factory=dict)

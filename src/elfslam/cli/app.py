@@ -3,77 +3,104 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
+from typing import Any
 
 import typer
+from typer.core import TyperGroup
 
+from elfslam.app.console import DONE, exit_code_of
 from elfslam.base.errors import ParameterError
 from elfslam.cli import INTERRUPTED
-from elfslam.cli.buildings import buildings_command, publish_command, withdraw_command
-from elfslam.cli.encoders import card, finetune_command, parameters, pretrain_command
-from elfslam.cli.exports import anchor_command, export_command
-from elfslam.cli.maps import locate_command, map_command, merge_command
-from elfslam.cli.scores import score, show, study
-from elfslam.cli.server import invite_command, serve_command
-from elfslam.cli.walks import (
-    demo,
-    import_command,
-    marks_command,
-    phyphox_command,
-    simulate_command,
-)
-from elfslam.console import DONE, exit_code_of
+
+VERBS: Mapping[str, tuple[str, str]] = {
+    "demo": ("demo:demo", "Map ten simulated walks and locate ten others in them."),
+    "simulate": ("simulate:simulate_command", "Simulate a walk with a phone, with its truth."),
+    "import": ("logs:import_command", "Turn someone else's log into recordings."),
+    "phyphox": ("logs:phyphox_command", "Write an experiment for the phyphox app."),
+    "marks": ("logs:marks_command", "Give a walk its truth: the marks it stood on."),
+    "map": ("map:map_command", "Map a recording, or a folder of them."),
+    "merge": ("merge:merge_command", "Merge runs into one floor map."),
+    "locate": ("locate:locate_command", "Locate a recording in a map."),
+    "score": ("score:score", "Compare runs or fixes with the truth."),
+    "anchor": ("anchor:anchor_command", "Place a map on a floor plan."),
+    "export": ("export:export_command", "Write a run or a map for other programs."),
+    "show": ("show:show", "Draw a run, a map or a world as a page."),
+    "parameters": ("parameters:parameters", "Every parameter, its value, unit and meaning."),
+    "pretrain": ("training:pretrain_command", "Train an encoder on simulated echoes."),
+    "finetune": ("training:finetune_command", "Fine-tune an encoder on one recording."),
+    "card": ("card:card", "What an encoder is, and how to train it again."),
+    "serve": ("server:serve_command", "Run the server and its phone page."),
+    "invite": ("server:invite_command", "Let somebody else use the server."),
+    "publish": ("buildings:publish_command", "Let phones find and fetch the map of a floor."),
+    "withdraw": ("buildings:withdraw_command", "Take a published floor back."),
+    "buildings": ("buildings:buildings_command", "List what is published."),
+}
+"""Where each verb stands in this room, and what it does. Its module is imported when it runs."""
+
+
+class Verbs(TyperGroup):
+    """The verbs by name: help lists them without importing any.
+
+    Types of Click stand as Any: Typer carries its own copy and calls it private.
+    """
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        return list(VERBS)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        return command_of(cmd_name) if cmd_name in VERBS else None
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, what) for name, (_, what) in VERBS.items()])
+
+
+def verb_of(name: str) -> Callable[..., None]:
+    """The function behind a verb."""
+    module, function = VERBS[name][0].split(":")
+    found: Callable[..., None] = getattr(import_module(f"elfslam.cli.{module}"), function)
+    return found
+
+
+def command_of(name: str) -> Any:
+    """A verb with its options, as Typer reads them from its function."""
+    alone = typer.Typer(add_completion=False, rich_markup_mode=None)
+    alone.command(name)(verb_of(name))
+    return typer.main.get_command(alone)
+
 
 app = typer.Typer(
     name="elfslam",
+    cls=Verbs,
     help="Indoor positioning from the sound of a phone.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-VERBS: Mapping[str, Callable[..., None]] = {
-    "demo": demo,
-    "simulate": simulate_command,
-    "import": import_command,
-    "phyphox": phyphox_command,
-    "marks": marks_command,
-    "map": map_command,
-    "merge": merge_command,
-    "locate": locate_command,
-    "score": score,
-    "anchor": anchor_command,
-    "export": export_command,
-    "show": show,
-    "study": study,
-    "parameters": parameters,
-    "pretrain": pretrain_command,
-    "finetune": finetune_command,
-    "card": card,
-    "serve": serve_command,
-    "invite": invite_command,
-    "publish": publish_command,
-    "withdraw": withdraw_command,
-    "buildings": buildings_command,
-}
-for name, verb in VERBS.items():
-    app.command(name)(verb)
+
+
+@app.callback()
+def elfslam() -> None:
+    """Indoor positioning from the sound of a phone."""
 
 
 def run(arguments: Sequence[str]) -> int:
     """The exit code of `elfslam ARGUMENTS`, once it has been run."""
-    return exit_code_of(lambda: _run(arguments))
+    return exit_code_of(lambda: run_app(app, arguments, "elfslam"))
 
 
-def _run(arguments: Sequence[str]) -> int:
-    """The commands; what Typer refuses becomes one line as well."""
+def run_app(typed: typer.Typer, arguments: Sequence[str], name: str) -> int:
+    """The exit code of a Typer program; what Typer refuses becomes one line as well."""
     if not arguments:
-        app(arguments)
+        typed(arguments)
     try:
-        return app(arguments, prog_name="elfslam", standalone_mode=False) or DONE
+        return typed(arguments, prog_name=name, standalone_mode=False) or DONE
     except (typer.Abort, KeyboardInterrupt):
         return INTERRUPTED
     except Exception as error:
         explain = getattr(error, "format_message", None)
         if explain is None:
             raise
-        raise ParameterError(f"{explain()} See elfslam --help") from error
+        raise ParameterError(f"{explain()} See {name} --help") from error

@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from elfslam.app.console import print_rows, say
 from elfslam.base.errors import ParameterError
 from elfslam.cli.server import DATA_FOLDER, Database, DataFolder, FilesUrl
-from elfslam.console import print_rows, say
 from elfslam.data.geographic import Origin, parse_origin
 
 BuildingName = Annotated[str, typer.Option("--building", help="Its name.")]
@@ -83,10 +83,10 @@ def buildings_command(
     files: FilesUrl = "",
 ) -> None:
     """List what is published."""
-    from elfslam.nearest import NearestParameters
     from elfslam.serve.buildings import publishing
     from elfslam.serve.buildings.indexes import index_floors
     from elfslam.serve.buildings.listing import published_rows
+    from elfslam.serve.nearest import NearestParameters
     from elfslam.serve.services import open_services
     from elfslam.serve.settings import ServerSettings
 

@@ -7,12 +7,8 @@ from typing import Annotated
 
 import typer
 
+from elfslam.app.console import say
 from elfslam.base.errors import InputError, NoAnswerError
-from elfslam.console import say
-from elfslam.plans import drawn, is_plan_file, read_plan
-from elfslam.score.figures import FloorPlan
-from elfslam.studies.demo import floor_plan
-from elfslam.world.world_file import load_world
 
 ParameterFile = Annotated[
     Path | None, typer.Option("--parameters", help="TOML file of parameters.")
@@ -30,13 +26,6 @@ Plan = Annotated[
     str | None,
     typer.Option("--floor-plan", help="Drawn below: plan.png:WIDTH_M, plan.geojson or a world."),
 ]
-
-
-def drawn_plan(plan: str | None) -> FloorPlan | None:
-    """The plan that is to be drawn below, if one is: of a file, or of a world."""
-    if plan is not None and is_plan_file(plan):
-        return drawn(read_plan(plan).ground)
-    return None if plan is None else floor_plan(load_world(plan).room)
 
 
 def refuse_if_none(done: str, source: Path, refused: dict[str, str], count: int) -> None:

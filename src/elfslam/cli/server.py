@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
+from elfslam.app.workers.choosing import check_on
 from elfslam.cli.options import On
-from elfslam.workers.choosing import check_on
 
 DATA_FOLDER = Path("~/.elfslam")
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]

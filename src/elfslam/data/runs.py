@@ -20,6 +20,7 @@ from elfslam.base.values import (
     Features,
     MeanSimilarity,
     Odometry,
+    Run,
     Similarity,
     Trajectory,
 )
@@ -31,7 +32,6 @@ from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES
 from elfslam.data.tum import read_tum, write_tum
-from elfslam.slam import Run
 
 TIMINGS = "timings.json"
 SIMILARITY = "similarity.npz"

@@ -15,11 +15,11 @@ from elfslam.base.arrays import F32, F64, I64, Bool
 from elfslam.base.card import Card, Finetuning, training_facts
 from elfslam.base.errors import InputError
 from elfslam.base.values import Echoes
-from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.onnx_files import encoder_content, network_of
+from elfslam.learn.parameters import FinetuneParameters
 from elfslam.learn.revisits import beside, likely_revisits, window_means, windows_of
-from elfslam.learn.settings import FinetuneParameters
 from elfslam.line.feature import BINS, OnnxEncoder
 
 HELD_OUT_OF = 5

@@ -23,13 +23,13 @@ from elfslam.base.arrays import F32, F64, I64, Value, array
 from elfslam.base.card import Card, Finetuning, training_facts
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Payload
-from elfslam.learn.export import encoder_content, network_of
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.onnx_files import encoder_content, network_of
+from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.ranks import ALONE, Ranks, mean_over, shared
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.learn.settings import FloorLevelParameters
 from elfslam.line.feature import BINS, Encoder, OnnxEncoder
 
 PARTS = ("whole", "head")

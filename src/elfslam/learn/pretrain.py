@@ -15,10 +15,10 @@ from elfslam.base.arrays import F64
 from elfslam.base.values import EchoPairs
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
+from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.ranks import ALONE, Ranks, rows_of_all, shared
 from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.learn.settings import PretrainParameters
 from elfslam.line.feature import BINS
 
 NETWORKS = ("compact", "resnet18")

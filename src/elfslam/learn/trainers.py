@@ -11,10 +11,12 @@ from typing import Any, TypeVar
 import numpy as np
 import torch
 
+from elfslam.app.workers.together import Seat, Work, together
 from elfslam.base.errors import ParameterError, WorkerError
 from elfslam.base.values import EchoPairs
 from elfslam.learn import floor_level as floor
 from elfslam.learn.floor_level import EchoesOf, FloorLevel, FloorStart, SpotEchoes
+from elfslam.learn.parameters import FloorLevelParameters, PretrainParameters
 from elfslam.learn.pretrain import (
     PairsOf,
     Pretrained,
@@ -26,9 +28,7 @@ from elfslam.learn.pretrain import (
 )
 from elfslam.learn.ranks import Ranks, joined
 from elfslam.learn.resumable import Stream, prefetched
-from elfslam.learn.settings import FloorLevelParameters, PretrainParameters
 from elfslam.line.feature import OnnxEncoder
-from elfslam.workers.together import Seat, Work, together
 
 Rows = TypeVar("Rows", EchoPairs, SpotEchoes)
 

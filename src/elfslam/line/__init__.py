@@ -1,1 +1,1 @@
-"""Floor 1: the method, one stage a file; no stage imports another."""
+"""Floor 2: the method, one stage a file or folder; no stage imports another."""

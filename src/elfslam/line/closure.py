@@ -35,7 +35,6 @@ DEGREES_OF_FREEDOM = 3
 class ClosureParameters:
     """What counts as a loop closure."""
 
-    strategy: str = parameter("sequence", "", "sequence, or curation as in the paper")
     threshold: float = parameter(
         0.4, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
     )

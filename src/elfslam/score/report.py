@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose, interpolate_poses, inverse
-from elfslam.base.values import Fixes, FixStatus, FloorMap, Truth
+from elfslam.base.values import Fixes, FixStatus, FloorMap, Run, Truth
 from elfslam.score import charts, figures
 from elfslam.score.alignment import Alignment, Placement, is_sparse, match, place, placement
 from elfslam.score.closure_score import score_closures
@@ -18,7 +18,6 @@ from elfslam.score.errors import path_length_m, summarise, walk_errors
 from elfslam.score.figures import FloorPlan
 from elfslam.score.page import Page, Panel, facts_table, rows_table, save_page
 from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, methods, run_scores
-from elfslam.slam import Run
 
 PARAMETERS = "parameters"
 """The fact that is shown folded: a mapping of stage to parameters."""

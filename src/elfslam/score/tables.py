@@ -8,7 +8,7 @@ from dataclasses import asdict, fields
 import numpy as np
 
 from elfslam.base.arrays import F64, Bool
-from elfslam.base.values import Closures, Fixes, Truth
+from elfslam.base.values import Closures, Fixes, Run, Truth
 from elfslam.score.closure_score import score_closures
 from elfslam.score.errors import (
     Alignment,
@@ -17,7 +17,6 @@ from elfslam.score.errors import (
     position_errors,
     summarise,
 )
-from elfslam.slam import Run
 
 ScoreRow = dict[str, object]
 

@@ -12,14 +12,14 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
-from elfslam.line.turns import TurnsParameters
+from elfslam.line.medium_access import TurnsParameters
 from elfslam.serve.buildings import routes as building_routes
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import floor_plans as floor_plan_routes
 from elfslam.serve.maps import package_routes
 from elfslam.serve.maps import routes as map_routes
-from elfslam.serve.pages import install_pages
+from elfslam.serve.page_routes import install_pages
 from elfslam.serve.people import users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard

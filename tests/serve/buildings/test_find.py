@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, I64
-from elfslam.nearest import exact_search
 from elfslam.serve.buildings.echoes import (
     EchoEvidence,
     EchoFindParameters,
@@ -26,6 +25,7 @@ from elfslam.serve.buildings.position import (
     distance_m,
     position_log_odds,
 )
+from elfslam.serve.nearest import exact_search
 
 PARAMETERS = FindParameters()
 MALL = Site(47.0, 8.0, 80.0, 400.0)

@@ -9,9 +9,10 @@ import sys
 from pathlib import Path
 
 import pytest
-from own_postgresql import initdb
 
-BENCHMARK = Path(__file__).resolve().parents[3] / "benchmarks/two_hundred_phones.py"
+from studies.benchmarks.own_postgresql import initdb
+
+BENCHMARK = Path(__file__).resolve().parents[3] / "studies/benchmarks/two_hundred_phones.py"
 
 
 @pytest.mark.slow

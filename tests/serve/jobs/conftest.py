@@ -11,12 +11,10 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
+from elfslam.app.map import write_reported_run
+from elfslam.app.merge import merge_into
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.joining import merge_into
 from elfslam.line.feature import load_encoder
-from elfslam.mapping import write_reported_run
-from elfslam.merging import MergeParameters
-from elfslam.parameters import Parameters
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
@@ -29,7 +27,9 @@ from elfslam.serve.store.database import (
     new_id,
     transaction,
 )
-from elfslam.slam import map_by_echoes
+from elfslam.slam.merging import MergeParameters
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 Json = dict[str, Any]

@@ -19,11 +19,11 @@ import httpx
 import numpy as np
 import pytest
 
+from elfslam.app.map import MapJob, map_into
+from elfslam.app.settings import Settings
 from elfslam.data.tum import read_tum
-from elfslam.mapping import MapJob, map_into
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.truth import read_truth
-from elfslam.senses import Settings
 from elfslam.serve.jobs.work import STAGES
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token

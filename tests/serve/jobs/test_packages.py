@@ -24,9 +24,9 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.map_files import read_map
 from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
-from elfslam.parameters import Parameters
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, MapFile, MapPart, new_id, transaction
+from elfslam.slam.parameters import Parameters
 
 Json = dict[str, Any]
 Keep = Callable[[TestClient, str], str]

@@ -13,14 +13,14 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.mapping import MapJob, map_into
-from elfslam.senses import Settings
+from elfslam.app.map import MapJob, map_into
+from elfslam.app.settings import Settings
+from elfslam.app.workers import WorkerDiedError
 from elfslam.serve.jobs.child import LOG, Doing, Result
 from elfslam.serve.jobs.elsewhere import SCRATCH, Made, Parcel, packed, unpack, work_on_parcel
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
 from elfslam.serve.jobs.places import Place, open_place
 from elfslam.serve.store.blobs import link_into, put_folder
-from elfslam.workers import WorkerDiedError
 
 DATED = {"run.json", "timings.json", "report.html"}
 LONG_S = 600.0

@@ -15,9 +15,9 @@ import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
 
+from elfslam.app.map import MapJob, map_into
+from elfslam.app.settings import Settings
 from elfslam.data.fixes_files import read_fixes
-from elfslam.mapping import MapJob, map_into
-from elfslam.senses import Settings
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
 

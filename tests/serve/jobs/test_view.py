@@ -10,12 +10,12 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.errors import StoreError
-from elfslam.base.values import Closures, Odometry, Recording, Trajectory
+from elfslam.base.values import Closures, Odometry, Recording, Run, Trajectory
 from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
 from elfslam.data.tum import read_tum
 from elfslam.serve.maps.view import MOST_CLOSURES, Json, view_of
-from elfslam.slam import Run, no_similarity
+from elfslam.slam.pipeline import no_similarity
 
 TWO_HOURS = 14_400
 """Footsteps."""

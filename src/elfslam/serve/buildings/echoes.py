@@ -11,7 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, I64
 from elfslam.base.parameters import parameter
-from elfslam.nearest import VoteParameters, which_map
+from elfslam.serve.nearest import VoteParameters, which_map
 
 SURE_ODDS = 19.0
 """Where the vote would name a map it is 95 % sure of it, against the next and against none."""

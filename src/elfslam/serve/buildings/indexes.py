@@ -21,7 +21,11 @@ from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data.tiles import features_of
 from elfslam.line.feature import load_encoder
-from elfslam.nearest import (
+from elfslam.serve.buildings import files as store
+from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
+from elfslam.serve.buildings.files import Files
+from elfslam.serve.buildings.tables import Floor
+from elfslam.serve.nearest import (
     NearestParameters,
     absorb,
     add_map,
@@ -31,10 +35,6 @@ from elfslam.nearest import (
     read_meta,
     remove_map,
 )
-from elfslam.serve.buildings import files as store
-from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
-from elfslam.serve.buildings.files import Files
-from elfslam.serve.buildings.tables import Floor
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from elfslam.app.workers.interface import Watchers
 from elfslam.serve.jobs.child import LOG, Doing, Result, child_news
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
-from elfslam.serve.jobs.forks import Loaded
-from elfslam.workers.interface import Watchers
+from elfslam.serve.jobs.preforked import Loaded
 
 SCRATCH, NEW, LOCK = "elfslam-job-", "elfslam-new-", "lock"
 Files = Mapping[str, bytes]

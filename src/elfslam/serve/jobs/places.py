@@ -9,12 +9,12 @@ from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
 
+from elfslam.app.workers import Here
+from elfslam.app.workers.choosing import is_ray, open_watchers
 from elfslam.serve.jobs.child import Begin, Doing, Result, begin_anew, child_news
 from elfslam.serve.jobs.elsewhere import news_from
-from elfslam.serve.jobs.forks import loaded
+from elfslam.serve.jobs.preforked import loaded
 from elfslam.serve.jobs.queue import MOST_ATTEMPTS
-from elfslam.workers import Here
-from elfslam.workers.choosing import is_ray, open_watchers
 
 News = Iterator[Doing | Result]
 

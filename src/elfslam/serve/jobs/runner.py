@@ -23,6 +23,7 @@ from typing import TypeVar
 
 from sqlalchemy.exc import OperationalError
 
+from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.serve.jobs.child import LOG as CHILD_LOG
 from elfslam.serve.jobs.child import Doing, Result
@@ -44,7 +45,6 @@ from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.problems import is_disk_full
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import transaction
-from elfslam.workers import WorkerDiedError, WorkersAwayError
 
 LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"

@@ -21,20 +21,22 @@ from typing import Any, TextIO
 
 import numpy as np
 
-from elfslam import slam
+from elfslam.app.locate import encoder_of
+from elfslam.app.map import MapJob, kept_closures, map_into, refuse_unclosed
+from elfslam.app.merge import merge_into
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Modality, Mode
 from elfslam.base.errors import ElfslamError, NoAnswerError
-from elfslam.base.values import FixStatus
+from elfslam.base.progress import Announce
+from elfslam.base.values import FixStatus, Run
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
-from elfslam.joining import merge_into
-from elfslam.mapping import MapJob, encoder_of, kept_closures, map_into, refuse_unclosed
-from elfslam.merging import MergeParameters
-from elfslam.senses import Settings
 from elfslam.serve.jobs.folder import DISK_FULL, FIXES, GIVEN, OUT, TASK
+from elfslam.slam import pipeline as slam
+from elfslam.slam.merging import MergeParameters
 
 ENCODER = "compact"
 STAGES = {
@@ -52,7 +54,6 @@ NICENESS = 10
 """The server itself goes first."""
 
 Json = dict[str, Any]
-Announce = Callable[[str, float | None], None]
 Work = Callable[[Path, Json, Announce], tuple[Json, str | None]]
 """Gives facts, and the problem of an honest failure that leaves something behind."""
 
@@ -117,7 +118,7 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
     return _facts_of_run(run), _problem_of(lambda: refuse_unclosed(run))
 
 
-def _facts_of_run(run: slam.Run) -> Json:
+def _facts_of_run(run: Run) -> Json:
     xy_m, t_s = run.trajectory.world_from_body[:, :2], run.trajectory.t_s
     return {
         "walks": 1,

@@ -23,7 +23,7 @@ from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import Line
 
 if TYPE_CHECKING:
-    from elfslam.exporting import Told
+    from elfslam.app.export import Told
 
 BINARY = "application/octet-stream"
 FILES = {
@@ -71,7 +71,7 @@ def exported(
     settings: ServerSettings, name: str, named: Named, to: Format, asked: Asked
 ) -> tuple[Iterator[bytes], str, str]:
     """A map as the pieces of a file, that file's name and media type. Raises Problem 422."""
-    from elfslam.exporting import export
+    from elfslam.app.export import export
 
     suffix, media_type = FILES[to]
     light = {file: sha256 for file, sha256 in named.items() if file not in HEAVY}
@@ -91,7 +91,7 @@ def exported(
 
 def told(asked: Asked, to: Format) -> Told:
     """What was asked for, as an export takes it. Raises ParameterError, naming what is missing."""
-    from elfslam.exporting import Told
+    from elfslam.app.export import Told
 
     origin = None if asked.origin is None else parse_origin(asked.origin)
     pixel_m = Told.pixel_m if asked.resolution_m is None else asked.resolution_m

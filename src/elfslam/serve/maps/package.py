@@ -13,13 +13,13 @@ from typing import Any
 from sqlalchemy import delete
 from sqlalchemy.orm import Session
 
+from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.tiles import encoder_identity, phone_of, stretches_of, tiles_of
-from elfslam.senses import Settings
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.routes import my_map
 from elfslam.serve.receiving.completing import scratch

@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.app.map import MapJob, map_into
+from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality
 from elfslam.data.recordings import write_recording
-from elfslam.mapping import MapJob, map_into
-from elfslam.senses import Settings
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings

@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from elfslam.app.export import Told, export
 from elfslam.base.choices import Format
 from elfslam.data.geographic import parse_origin
 from elfslam.data.tum import read_tum
-from elfslam.exporting import Told, export
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import JobFile, JobKind, JobState, transaction
 

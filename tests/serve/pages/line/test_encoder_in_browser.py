@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elfslam.hearing import hear
 from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
-from elfslam.parameters import Parameters
 from elfslam.serve.people.guards import CONTENT_POLICY
+from elfslam.slam.front_end import hear
+from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 
 HERE = Path(__file__).parent

@@ -23,7 +23,6 @@ from elfslam.base.values import (
     Recording,
     Trajectory,
 )
-from elfslam.hearing import hear, walk_nodes
 from elfslam.line.chirp import make_chirp
 from elfslam.line.echo import (
     cut_echoes,
@@ -46,7 +45,8 @@ from elfslam.line.feature import (
 )
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
-from elfslam.parameters import Parameters
+from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 

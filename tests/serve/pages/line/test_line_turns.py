@@ -15,7 +15,7 @@ import pytest
 
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
-from elfslam.line.turns import (
+from elfslam.line.medium_access import (
     Listening,
     Slot,
     TurnsParameters,

@@ -15,7 +15,7 @@ import pytest
 
 from elfslam.base.arrays import I64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
-from elfslam.line.trust import REASONS, TrustParameters, judge, loudness
+from elfslam.line.spoofing import REASONS, TrustParameters, judge, loudness
 
 HERE = Path(__file__).parent
 COUNT = 480

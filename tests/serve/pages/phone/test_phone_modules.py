@@ -19,10 +19,10 @@ from elfslam.data.baseband_files import read_baseband
 from elfslam.data.recordings import read_recording
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
-from elfslam.studies.eavesdropping import FORMS
-from elfslam.studies.speech import down, intelligibility
 from elfslam.world.interference import speech_like
 from elfslam.world.simulate import describe_chirp
+from studies.eavesdropping import FORMS
+from studies.speech import down, intelligibility
 
 HERE = Path(__file__).parent
 PAGES = HERE.parents[3] / "src" / "elfslam" / "serve" / "pages"

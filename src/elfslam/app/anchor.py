@@ -1,0 +1,141 @@
+"""Floor plans in use: named on the command line, drawn below walks, and maps placed on them."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.export import map_of
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import wrap_angle
+from elfslam.base.grid import FloorGrid, outlines, signed_area
+from elfslam.base.values import FloorMap
+from elfslam.data.facts import ENCODER
+from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
+from elfslam.data.folders import new_folder, settled
+from elfslam.data.geographic import Origin
+from elfslam.data.geojson_files import walk_lines
+from elfslam.data.map_files import MAP, write_map
+from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
+from elfslam.score.figures import FloorPlan
+from elfslam.world.room import Room
+from elfslam.world.world_file import load_world
+
+ANCHOR = "anchor.json"
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Accessible ground, and where on the Earth its frame lies where the file says so."""
+
+    ground: FloorGrid
+    origin: Origin | None = None
+
+
+def is_plan_file(text: str) -> bool:
+    """Whether a text names a plan in a file: it ends like one, or like one and a width."""
+    return Path(text.rpartition(":")[0] or text).suffix.lower() in (*IMAGES, *GEOJSON)
+
+
+def read_plan(text: str) -> Plan:
+    """The plan of "plan.png:24.5" (an image and its width in metres) or "plan.geojson".
+
+    Raises InputError.
+    """
+    if Path(text).suffix.lower() in GEOJSON:
+        return Plan(*read_plan_geojson(Path(text)))
+    named = re.fullmatch(r"(.+):([0-9.]+)", text)
+    if named is None or Path(named[1]).suffix.lower() not in IMAGES:
+        raise InputError(
+            f"{text}: wanted an image with its width in metres, such as plan.png:24.5, "
+            "or plan.geojson"
+        )
+    try:
+        width_m = float(named[2])
+    except ValueError:
+        width_m = np.nan
+    return Plan(read_plan_image(Path(named[1]), width_m))
+
+
+def drawn(ground: FloorGrid) -> FloorPlan:
+    """A plan as it is drawn under walks: its rooms, and what stands in them."""
+    polygons = sorted(outlines(ground), key=lambda polygon: -signed_area(polygon[0]))
+    if not polygons:
+        raise InputError("the plan has no accessible ground; walls are dark, ground is light")
+    holes = tuple(hole for polygon in polygons for hole in polygon[1:])
+    first, *rooms = [polygon[0] for polygon in polygons]
+    return FloorPlan(first, holes, tuple(rooms))
+
+
+def moved_map(floor_map: FloorMap, placement: Placement) -> FloorMap:
+    """The map in the frame of the plan; covariances turn and stretch with it."""
+    heading, scale = float(placement.plan_from_map[2]), placement.scale
+    cos, sin = scale * np.cos(heading), scale * np.sin(heading)
+    turn = np.array([[cos, -sin], [sin, cos]])
+    return replace(
+        floor_map,
+        xy_m=placed(floor_map.xy_m, placement.plan_from_map, scale),
+        heading_rad=wrap_angle(floor_map.heading_rad + heading),
+        covariance_m2=turn @ floor_map.covariance_m2 @ turn.T,
+    )
+
+
+def place_on(
+    floor_map: FloorMap, plan: Plan, known: AnchoringParameters, start_m: F64 | None
+) -> Placement:
+    """Where the map lies on the plan; `start_m` (2) is where on it the first walk began."""
+    lines = walk_lines(floor_map)
+    tag = None if start_m is None else Tag(lines[0][1][0], start_m)
+    return anchor([line for _, line in lines], plan.ground, known, tag)
+
+
+def anchor_into(
+    out: Path, source: Path, plan: Plan, known: AnchoringParameters, start_m: F64 | None
+) -> Placement:
+    """Place a run or a map on a plan, and write it as a map folder where that is certain.
+
+    The folder holds the map in the plan's frame, the encoder where one lies beside the map, and
+    the placement. Raises StoreError where the folder is taken.
+    """
+    floor_map = map_of(settled(source))
+    placement = place_on(floor_map, plan, known, start_m)
+    if placement.status == OK:
+        with new_folder(out) as partial:
+            write_map(moved_map(floor_map, placement), partial / MAP)
+            encoder = (source if source.is_dir() else source.parent) / ENCODER
+            if encoder.is_file():
+                (partial / ENCODER).write_bytes(encoder.read_bytes())
+            told = json.dumps(described(placement, plan), indent=2)
+            (partial / ANCHOR).write_text(told + "\n", encoding="utf-8")
+    return placement
+
+
+def described(placement: Placement, plan: Plan) -> dict[str, object]:
+    """A placement as plain values."""
+    return {
+        "status": placement.status,
+        "plan_from_map": placement.plan_from_map.tolist(),
+        "scale": placement.scale,
+        "covariance": placement.covariance.tolist(),
+        "shares": placement.shares.tolist(),
+        "others": placement.others.tolist(),
+        "off_share": placement.off_share,
+        "origin": None if plan.origin is None else asdict(plan.origin),
+    }
+
+
+def drawn_plan(plan: str | None) -> FloorPlan | None:
+    """The plan that is to be drawn below, if one is: of a file, or of a world."""
+    if plan is not None and is_plan_file(plan):
+        return drawn(read_plan(plan).ground)
+    return None if plan is None else floor_plan(load_world(plan).room)
+
+
+def floor_plan(room: Room) -> FloorPlan:
+    """A simulated room as it is drawn under walks."""
+    return FloorPlan(room.outline_m, tuple(block.corners_m for block in room.blocks))

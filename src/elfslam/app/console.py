@@ -1,0 +1,139 @@
+"""What a person sees on a terminal: progress, tables, and errors as one line."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import accumulate
+
+from rich.box import SIMPLE_HEAD
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from elfslam.base.errors import ElfslamError, NoAnswerError
+from elfslam.base.extras import extra_with
+from elfslam.base.progress import Announce
+
+DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE = 0, 1, 2, 1
+
+PIPE_WIDTH = 120
+GAP = 3
+"""Between two columns of a table."""
+FOLDED = 32
+"""Longer texts take several lines."""
+
+
+@contextmanager
+def progress_bar() -> Iterator[Announce]:
+    """A progress bar on a terminal, silence in a pipe."""
+    console = Console(stderr=True)
+    columns = TextColumn("{task.description:<44.44}"), BarColumn(), TimeElapsedColumn()
+    with Progress(
+        *columns, console=console, transient=True, disable=not console.is_terminal
+    ) as bar:
+        task = bar.add_task("starting", total=None)
+
+        def announce(what: str, share: float | None) -> None:
+            total = None if share is None else 1.0
+            bar.update(task, description=what, completed=share or 0.0, total=total)
+
+        yield announce
+
+
+def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: bool) -> None:
+    """A table of rows that share their columns, or the same as JSON.
+
+    Of a table wider than the terminal the first columns, and the names of the others.
+    """
+    if as_json:
+        print(json.dumps(list(rows), indent=2))
+        return
+    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False
+    )
+    fitting = fitting_columns(rows, console.width)
+    for name in fitting:
+        numeric = all(isinstance(row[name], int | float | None) for row in rows)
+        least = _column_width(name, rows)
+        table.add_column(
+            name, justify="right" if numeric else "left", overflow="fold", min_width=least
+        )
+    for row in rows:
+        table.add_row(*[_cell(row[name]) for name in fitting])
+    console.print(table)
+    others = [name for name in (rows[0] if rows else []) if name not in fitting]
+    if others:
+        console.print(f"too wide for this terminal: {', '.join(others)}; --json has all columns")
+
+
+def fitting_columns(rows: Sequence[Mapping[str, object]], width: int) -> list[str]:
+    """The first columns that fit side by side; a long text may take several lines."""
+    names = list(rows[0]) if rows else []
+    wide = [_column_width(name, rows) + GAP for name in names]
+    ends = list(accumulate(wide))
+    return [name for k, name in enumerate(names) if k == 0 or ends[k] < width]
+
+
+def _column_width(name: str, rows: Sequence[Mapping[str, object]]) -> int:
+    """As wide as its longest cell, but not wider than a text that may be folded."""
+    heading = max((len(word) for word in name.split()), default=0)
+    return max(heading, min(max(len(_cell(row[name])) for row in rows), FOLDED))
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, Mapping):
+        return ", ".join(f"{name} {_cell(item)}" for name, item in value.items())
+    if isinstance(value, float):
+        return f"{value:.3g}" if abs(value) < 0.01 or abs(value) >= 1000 else f"{value:.2f}"
+    return "-" if value is None else str(value)
+
+
+def say(message: str) -> None:
+    """A line for the person at the terminal, apart from the output proper."""
+    with suppress(OSError):
+        print(" ".join(message.split("\n")), file=sys.stderr)
+
+
+def exit_code_of(command: Callable[[], int]) -> int:
+    """What `command` gives; an error that a user can act on becomes one line and an exit code."""
+    try:
+        code = command()
+        sys.stdout.flush()
+    except BrokenPipeError:
+        _drop_output()
+        return CLOSED_PIPE
+    except (ElfslamError, OSError, MemoryError, ModuleNotFoundError) as error:
+        if (line := _line_of(error)) is None:
+            raise
+        say(f"elfslam: {line}")
+        _drop_output()
+        return NO_ANSWER if isinstance(error, NoAnswerError) else BAD_INPUT
+    return code
+
+
+def _line_of(error: Exception) -> str | None:
+    """What to tell the user; nothing of a bug."""
+    if isinstance(error, MemoryError):
+        reason = f" ({error})" if str(error) else ""
+        return f"needs more memory than there is{reason}; give it less, or a larger machine"
+    if isinstance(error, ModuleNotFoundError):
+        extra = extra_with(error.name or "")
+        missing = f"this needs {error.name}, which is not installed"
+        return extra and f"{missing}; run pip install 'elfslam[{extra}]'"
+    if isinstance(error, OSError):
+        reason = error.strerror or str(error)
+        return f"{error.filename or 'file'}: {reason}; check path, rights and free space"
+    return str(error)
+
+
+def _drop_output() -> None:
+    """What could not be written out is not tried again, with noise, when the process ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,161 @@
+"""The demonstration: map ten simulated walks, locate ten others in the maps, show one of each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.anchor import floor_plan
+from elfslam.app.map import write_reported_run
+from elfslam.base.arrays import F64
+from elfslam.base.parameters import as_dict, digest
+from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
+from elfslam.data.fixes_files import write_fixes
+from elfslam.data.folders import new_file, refuse_occupied
+from elfslam.data.recordings import write_recording
+from elfslam.line.feature import Encoder, OnnxEncoder
+from elfslam.score.alignment import AS_DECLARED
+from elfslam.score.bootstrap import interval
+from elfslam.score.errors import (
+    Alignment,
+    alignment_of,
+    fix_distances,
+    placed_errors,
+    position_errors,
+    summarise,
+)
+from elfslam.score.report import write_fix_report, write_report
+from elfslam.score.tables import methods
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import locate, map_by_echoes
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import World, load_world
+
+WORLD = "living_room"
+SEEDS = tuple(range(10))
+MAPPING_ROUNDS = 5
+LOCATING_ROUNDS = 2
+LOCATING_SEED = 1000
+"""Added to a seed: the walk to be located is another person's."""
+
+Row = dict[str, object]
+
+
+@dataclass
+class Collected:
+    """Errors in metres of each walk, by method and alignment; fixes by status."""
+
+    mapping: dict[tuple[str, str], list[F64]] = field(default_factory=dict)
+    fixes: list[F64] = field(default_factory=list)
+    statuses: dict[str, int] = field(default_factory=dict)
+
+
+def run_demo(
+    out: Path,
+    encoder: Encoder,
+    parameters: Parameters,
+    *,
+    facts: Mapping[str, object],
+    announce: Callable[[str, float | None], None],
+    seeds: Sequence[int] = SEEDS,
+) -> tuple[list[Row], list[Row]]:
+    """Write the first walk's recording, run, fixes and reports to `out`; give the two tables.
+
+    The first table has errors of dead reckoning and SLAM over all seeds, the second those of
+    one-shot localization with the share of windows that got a fix. `announce` hears what is being
+    done and the share done.
+    """
+    for name in ("walk", "stranger", "run"):
+        refuse_occupied(out / name, None)
+    world, collected = load_world(WORLD), Collected()
+    for count, seed in enumerate(seeds):
+        announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))
+        walk = _declared(*simulate(world, seed, rounds=MAPPING_ROUNDS))
+        stranger = simulate(world, seed + LOCATING_SEED, rounds=LOCATING_ROUNDS)
+        run = map_by_echoes(walk[0], encoder, parameters)
+        assert run.floor_map is not None
+        fixes = locate(stranger[0], run.floor_map, encoder, parameters)
+        _collect(collected, run, walk[1], fixes, stranger[1])
+        if seed == seeds[0]:
+            content = encoder.content if isinstance(encoder, OnnxEncoder) else None
+            described = {
+                **facts,
+                "parameters": as_dict(parameters),
+                "parameters_digest": digest(parameters),
+            }
+            _write_example(out, world, walk, stranger, run, fixes, described, content)
+    announce("done", 1.0)
+    return _mapping_rows(collected), _fix_rows(collected)
+
+
+def _declared(recording: Recording, truth: Truth) -> tuple[Recording, Truth]:
+    """The walker says where the walk starts and whereto, as in the paper."""
+    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
+    return replace(recording, start_pose=(x_m, y_m, heading_rad)), truth
+
+
+def _collect(collected: Collected, run: Run, truth: Truth, fixes: Fixes, fix_truth: Truth) -> None:
+    for method, (t_s, poses) in methods(run).items():
+        declared = placed_errors(t_s, poses, truth, AS_DECLARED)
+        aligned = position_errors(t_s, poses, truth, Alignment.ALIGNED)
+        collected.mapping.setdefault((method, "declared start"), []).append(declared)
+        collected.mapping.setdefault((method, Alignment.ALIGNED.value), []).append(aligned)
+    world_from_map = alignment_of(run.trajectory, truth)
+    status, errors = fix_distances(fixes, fix_truth, world_from_map)
+    collected.fixes.append(errors[status == FixStatus.OK])
+    for kind in FixStatus:
+        count = int((fixes.status == kind).sum())
+        collected.statuses[kind.name] = collected.statuses.get(kind.name, 0) + count
+
+
+def _mapping_rows(collected: Collected) -> list[Row]:
+    return [
+        {"method": method, "alignment": alignment, **_statistics(walks)}
+        for (method, alignment), walks in collected.mapping.items()
+    ]
+
+
+def _fix_rows(collected: Collected) -> list[Row]:
+    total = sum(collected.statuses.values())
+    answered = collected.statuses[FixStatus.OK.name] / total
+    return [{"method": "ELF one-shot, 0.6 s", **_statistics(collected.fixes), "answered": answered}]
+
+
+def _statistics(walks: list[F64]) -> Row:
+    """Median, mean and Q3 over all footsteps; the median's 95 % interval by resampling walks."""
+    summary = summarise(np.concatenate(walks))
+    low, high = interval(walks, lambda errors: float(np.median(errors)), np.random.default_rng(0))
+    return {
+        "median_m": summary.median_m,
+        "mean_m": summary.mean_m,
+        "q3_m": summary.q3_m,
+        "median_low_m": low,
+        "median_high_m": high,
+        "walks": len(walks),
+    }
+
+
+def _write_example(
+    out: Path,
+    world: World,
+    walk: tuple[Recording, Truth],
+    stranger: tuple[Recording, Truth],
+    run: Run,
+    fixes: Fixes,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+) -> None:
+    plan = floor_plan(world.room)
+    write_recording(walk[0], out / "walk", truth=walk[1])
+    write_recording(stranger[0], out / "stranger", truth=stranger[1])
+    write_reported_run(run, out / "run", facts=facts, encoder=encoder)
+    with new_file(out / "score.html") as page:
+        write_report(page, run, facts=facts, floor_plan=plan, truth=walk[1])
+    write_fixes(fixes, out / "fixes.csv")
+    assert run.floor_map is not None
+    move = alignment_of(run.trajectory, walk[1])
+    with new_file(out / "fixes.html") as page:
+        write_fix_report(page, run.floor_map, fixes, stranger[1], world_from_map=move)

@@ -1,0 +1,180 @@
+"""Runs and maps as files that other programs open."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.choices import Format
+from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.base.grid import BODY_RADIUS_M, walked_grid
+from elfslam.base.values import FloorMap, Run
+from elfslam.data.facts import ENCODER, FACTS
+from elfslam.data.folders import new_file, settled
+from elfslam.data.g2o import write_g2o
+from elfslam.data.geographic import Origin
+from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
+from elfslam.data.imdf import Place, write_imdf
+from elfslam.data.map_files import MAP, read_map
+from elfslam.data.parquet_files import write_parquet
+from elfslam.data.ros_map import write_ros_map
+from elfslam.data.runs import read_run
+from elfslam.data.tables import read_table
+from elfslam.data.tum import write_tum
+from elfslam.line.graph import build_graph
+
+COVERAGE = "quality.csv"
+"""Beside a map of several walks: what is known of each square of it."""
+
+FINEST_M, COARSEST_M = 0.01, 1.0
+"""Pixels of an image; what is coarser than a person shows nothing."""
+
+
+@dataclass(frozen=True)
+class Told:
+    """What no map knows and some formats ask for."""
+
+    origin: Origin | None = None
+    place: Place | None = None
+    pixel_m: float = 0.05
+    """Side of a pixel of an image."""
+
+
+def export(source: Path, out: Path, to: Format, told: Told | None = None) -> None:
+    """Write a run or a map as a file of another format, whole or not at all.
+
+    Raises InputError where the run does not hold what the format asks for, ParameterError where
+    something was not told, StoreError where it cannot be read or the file cannot be written.
+    """
+    if out.is_dir():
+        raise StoreError(f"{out}: is a folder; name the file that is to be written")
+    EXPORTS[to](settled(source), out, told or Told())
+
+
+def map_of(source: Path) -> FloorMap:
+    """The map of a run folder, a map folder or an .npz file.
+
+    A run without a map, one by Wi-Fi say, gives a spot per footstep. Raises StoreError.
+    """
+    if not (source / FACTS).is_file() or (source / MAP).is_file():
+        return read_map(source)
+    run = read_run(source)
+    poses, count = run.trajectory.world_from_body, len(run.trajectory.t_s)
+    order = np.arange(count)
+    covariance = run.trajectory.covariance[:, :2, :2]
+    walk = np.zeros(count, dtype=np.int64)
+    return FloorMap(poses[:, :2], poses[:, 2], walk, order, covariance, (), "", (run.name,))
+
+
+def _tum(source: Path, out: Path, told: Told) -> None:
+    """The straightened trajectory; of a map its spots in their order, numbered for want of time."""
+    if (source / FACTS).is_file():
+        trajectory = _run(source).trajectory
+        t_s, poses = trajectory.t_s, trajectory.world_from_body
+    else:
+        floor_map = map_of(source)
+        rows = np.lexsort((floor_map.order, floor_map.walk))
+        poses = np.column_stack([floor_map.xy_m, floor_map.heading_rad])[rows]
+        t_s = np.arange(len(rows), dtype=np.float64)
+    with new_file(out) as partial:
+        write_tum(partial, t_s, poses)
+
+
+def _g2o(source: Path, out: Path, told: Told) -> None:
+    """The pose graph: steps and all closures, the straightened poses as first guess."""
+    run = _run(source)
+    graph = build_graph(run.odometry, run.closures)
+    write_g2o(out, graph, run.trajectory.world_from_body)
+
+
+def _onnx(source: Path, out: Path, told: Told) -> None:
+    """The encoder that others are located by."""
+    encoder = source / ENCODER
+    if not encoder.is_file():
+        raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes (--by elf) first")
+    with new_file(out) as partial:
+        shutil.copyfile(encoder, partial)
+
+
+def _geojson(source: Path, out: Path, told: Told) -> None:
+    """Walks, spots and squares of coverage on the Earth."""
+    write_geojson(out, map_of(source), _origin(told), _coverage(source))
+
+
+def _imdf(source: Path, out: Path, told: Told) -> None:
+    """The walked ground as a unit of a level."""
+    origin = _origin(told)
+    if told.place is None:
+        raise ParameterError(
+            "--place: the format asks for the name and the address of the venue; "
+            "give a TOML file with name, category, address, locality, country, level and ordinal"
+        )
+    write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC))
+
+
+def _ros(source: Path, out: Path, told: Told) -> None:
+    """The walked ground as an image."""
+    if not FINEST_M <= told.pixel_m <= COARSEST_M:
+        raise ParameterError(
+            f"--resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
+            "0.05 is usual"
+        )
+    write_ros_map(out, walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m))
+
+
+def _parquet(source: Path, out: Path, told: Told) -> None:
+    """The spots as a table."""
+    write_parquet(out, map_of(source))
+
+
+def _run(source: Path) -> Run:
+    if not (source / FACTS).is_file():
+        raise InputError(f"{source}: wanted a run folder, found no {FACTS}; name one")
+    return read_run(source)
+
+
+def _lines(source: Path) -> list[F64]:
+    return [line for _, line in walk_lines(map_of(source))]
+
+
+def _origin(told: Told) -> Origin:
+    if told.origin is None:
+        raise ParameterError(
+            "--origin: a map does not know where on the Earth it lies; give "
+            "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90"
+        )
+    return told.origin
+
+
+def _coverage(source: Path) -> list[tuple[F64, Feature]]:
+    """The squares (4, 2) of a map whose coverage is known, and what is known of them."""
+    file = source / COVERAGE
+    if not source.is_dir() or not file.is_file():
+        return []
+    names = ("x_m", "y_m", "walks", "spots", "sigma_m")
+    table = read_table(file, names)
+    middles = table[:, :2]
+    gaps = np.abs(np.diff(np.sort(middles, axis=0), axis=0))
+    half_m = float(np.min(gaps[gaps > 1e-6], initial=1.0)) / 2
+    corners = half_m * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return [
+        (xy_m + corners, {"kind": "coverage", "walks": int(n), "spots": int(m), "sigma_m": s})
+        for xy_m, (n, m, s) in zip(middles, table[:, 2:].tolist(), strict=True)
+    ]
+
+
+EXPORTS: Mapping[Format, Callable[[Path, Path, Told], None]] = {
+    Format.TUM: _tum,
+    Format.G2O: _g2o,
+    Format.ONNX: _onnx,
+    Format.GEOJSON: _geojson,
+    Format.IMDF: _imdf,
+    Format.ROS: _ros,
+    Format.PARQUET: _parquet,
+}

@@ -1,0 +1,248 @@
+"""A recording on disk becomes a run on disk: what `elfslam map` does, for one or many."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from functools import partial
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from elfslam import __version__
+from elfslam.app.senses import sense_of
+from elfslam.app.settings import Settings
+from elfslam.app.workers import unit_key
+from elfslam.base.choices import Modality
+from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
+from elfslam.base.parameters import as_dict, digest
+from elfslam.base.progress import Announce
+from elfslam.base.values import Echoes, Recording, Run
+from elfslam.data.facts import FACTS
+from elfslam.data.folders import new_file, new_folder, refuse_occupied
+from elfslam.data.recordings import read_recording
+from elfslam.data.runs import digest_of, fill_run
+from elfslam.learn.parameters import FinetuneParameters
+from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
+from elfslam.line.graph import build_graph, judge
+from elfslam.score.figures import FloorPlan
+from elfslam.score.report import write_report
+from elfslam.slam import pipeline as slam
+from elfslam.slam.front_end import hear
+from elfslam.slam.parameters import Parameters
+
+if TYPE_CHECKING:
+    from elfslam.learn.finetune import Finetuned
+
+FARTHEST_M = 1e6
+FINETUNE_SEED = 0
+Pose = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class MapJob:
+    """How recordings are to be mapped; `by` nothing means by echoes where there is sound."""
+
+    by: tuple[Modality, ...]
+    start_pose: Pose | None
+    encoder: str
+    parameters: Settings
+    overwrite: bool
+    finetune: bool = False
+    calibrate: bool = False
+
+
+def map_into(
+    folder: Path, path: Path, job: MapJob, announce: Announce, floor_plan: FloorPlan | None = None
+) -> Run:
+    """Map one recording into a run folder with its report, and give the run."""
+    refuse_taken(folder, job)
+    run, facts, content = mapped_run(path, job, announce)
+    write_reported_run(
+        run, folder, facts=facts, encoder=content, floor_plan=floor_plan, replace=job.overwrite
+    )
+    return run
+
+
+def refuse_unclosed(run: Run) -> None:
+    """Raise NoAnswerError where closures were looked for and none held."""
+    if run.trajectory.status != "OK" and run.similarity.kind != "motion":
+        raise NoAnswerError(
+            f"{run.name}: no loop closure held, the trajectory is dead reckoning; "
+            "walk at least two rounds of the same route"
+        )
+
+
+def kept_closures(run: Run) -> int:
+    """How many closures the back end trusted."""
+    return int((run.trajectory.closure_weights > 0.5).sum())
+
+
+def write_reported_run(
+    run: Run,
+    folder: Path,
+    *,
+    facts: Mapping[str, object],
+    encoder: bytes | None,
+    floor_plan: FloorPlan | None = None,
+    replace: bool = False,
+) -> None:
+    """The run as a folder that holds its report.html, whole or not at all. See `fill_run`."""
+    with new_folder(folder, replaces=FACTS if replace else None) as partial:
+        fill_run(run, partial, facts=facts, encoder=encoder)
+        write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
+
+
+def refuse_taken(folder: Path, job: MapJob) -> None:
+    """Raise StoreError before the work where the run could not be written after it."""
+    refuse_occupied(folder, FACTS if job.overwrite else None)
+
+
+def mapped_run(
+    path: Path, job: MapJob, announce: Announce
+) -> tuple[Run, dict[str, Any], bytes | None]:
+    """The run of a recording, the facts that run.json states, and the encoder as a file."""
+    recording = read_recording(path, job.parameters.chirp)
+    if job.start_pose is not None:
+        recording = replace(recording, start_pose=job.start_pose)
+    heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
+    by = job.by or heard
+    learns = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
+    if learns and Modality.ELF not in by:
+        raise InputError(
+            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {','.join(by)}"
+        )
+    encoder = load_encoder(job.encoder) if Modality.ELF in by else None
+    tuned: list[Finetuned] = []
+
+    def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
+        used = shipped
+        if job.finetune:
+            known = job.parameters.finetune
+            tuned.append(finetuned(shipped, echoes, known, FINETUNE_SEED, announce))
+            used = tuned[-1].encoder
+        return calibrated(used, echoes) if job.calibrate else used
+
+    run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
+    encoder = tuned[-1].encoder if tuned else encoder
+    facts: dict[str, Any] = {
+        **versions(),
+        "device": recording.device,
+        "recording_digest": digest_of(path),
+        "unit": unit_of(path, job),
+        "encoder": None if encoder is None else encoder.identity,
+        "parameters_digest": digest(line_only(job.parameters)),
+        "parameters": as_dict(job.parameters),
+        **({"finetuning": tuned[-1].reason} if tuned else {}),
+        **({"calibrated": True} if job.calibrate else {}),
+        **_verdict(run, job.parameters),
+    }
+    return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
+
+
+def unit_of(path: Path, job: MapJob) -> str:
+    """The key of this piece of work: of the recording, the encoder and what the job asks for."""
+    return units_of(job)(path)
+
+
+def units_of(job: MapJob) -> Callable[[Path], str]:
+    """`unit_of` for many recordings: the encoder is read once."""
+    encoder = load_encoder(job.encoder).identity
+    work = partial(mapped_run, job=replace(job, encoder=encoder, overwrite=False))
+    return lambda path: unit_key(work, digest_of(path))
+
+
+def _verdict(run: Run, known: Settings) -> dict[str, Any]:
+    """How many closures the trajectory bears out, where there are any."""
+    if not len(run.closures.i):
+        return {}
+    graph = build_graph(run.odometry, run.closures)
+    return {"closures": str(judge(graph, run.trajectory, known.graph))}
+
+
+def finetune_into(
+    out: Path, path: Path, encoder: str, known: Settings, *, seed: int, announce: Announce
+) -> str:
+    """Fine-tune the encoder called `encoder` on one recording into the file `out`; what came of it.
+
+    Raises StoreError before the work where `out` cannot be an encoder file.
+    """
+    if out.suffix != ".onnx" or out.is_dir():
+        raise StoreError(f"{out}: wanted the name of a file that ends in .onnx; rename it")
+    nearest = next(folder for folder in out.absolute().parents if folder.exists())
+    if not nearest.is_dir():
+        raise StoreError(f"{out}: {nearest} is no folder; choose another place")
+    announce("echoes", None)
+    echoes = hear(read_recording(path, known.chirp), known)
+    tuned = finetuned(load_encoder(encoder), echoes, known.finetune, seed, announce)
+    with new_file(out) as partial:
+        partial.write_bytes(tuned.encoder.content)
+    return tuned.reason
+
+
+def finetuned(
+    encoder: Encoder, echoes: Echoes, known: FinetuneParameters, seed: int, announce: Announce
+) -> Finetuned:
+    """What fine-tuning makes of an encoder. Raises InputError."""
+    if not isinstance(encoder, OnnxEncoder):
+        raise InputError("fine-tuning: wanted an encoder that learns, got spectral; name another")
+    from elfslam.learn.finetune import finetune
+
+    return finetune(
+        encoder, echoes, known, seed=seed,
+        report=lambda check: announce("fine-tuning", check.step / known.steps),
+    )  # fmt: skip
+
+
+def _map_one(
+    recording: Recording,
+    by: tuple[Modality, ...],
+    encoder: Encoder | None,
+    known: Settings,
+    adapt: slam.Adapt,
+    announce: Announce,
+) -> Run:
+    def stage(name: str, share: float | None) -> None:
+        announce(f"{recording.name}: {name}", share)
+
+    senses = [sense_of(item, known) for item in by if item is not Modality.ELF]
+    if encoder is None:
+        return slam.map_by(recording, senses, known, announce=stage)
+    return slam.map_by_echoes(recording, encoder, known, adapt=adapt, beside=senses, announce=stage)
+
+
+def parse_start(text: str | None) -> Pose | None:
+    """The start pose in "X,Y,HEADING" (m, m, rad). Raises ParameterError."""
+    if text is None:
+        return None
+    try:
+        x_m, y_m, heading_rad = (float(part) for part in text.split(","))
+    except ValueError as cause:
+        raise ParameterError(f"--start: wanted X,Y,HEADING (m, m, rad), got {text!r}") from cause
+    if not all(abs(number) < FARTHEST_M for number in (x_m, y_m, heading_rad)):
+        raise ParameterError(
+            f"--start: wanted finite numbers, got {text!r}; give metres and radians"
+        )
+    return x_m, y_m, heading_rad
+
+
+def breaks(echoes: Echoes) -> Iterator[str]:
+    """What happened to the stream, a line for each break."""
+    for at_s, lost_s in echoes.losses_s:
+        if lost_s == 0:
+            yield f"playing and recording shifted against each other at {at_s:.1f} s; no sound lost"
+        else:
+            yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
+
+
+def line_only(known: Settings) -> Parameters:
+    """The groups that decide what a map looks like."""
+    return Parameters(**{name: getattr(known, name) for name in Parameters.__dataclass_fields__})
+
+
+def versions() -> dict[str, object]:
+    """What made a run: this package, the libraries that decide its numbers, and when."""
+    libraries = {name: metadata.version(name) for name in ("numpy", "gtsam", "onnxruntime")}
+    made = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"elfslam": __version__, "libraries": libraries, "made_utc": made}

@@ -1,0 +1,64 @@
+"""What can close loops: the echoes, and the senses they are compared and joined with."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from elfslam.app.settings import Settings
+from elfslam.base.choices import Modality
+from elfslam.base.errors import InputError
+from elfslam.base.values import AnySimilarity, Odometry, Recording
+from elfslam.baselines.emr import emr_similarity
+from elfslam.baselines.magnetic import (
+    level_by_gravity,
+    magnetic_similarity,
+)
+from elfslam.baselines.wifi import wifi_similarity
+from elfslam.slam.pipeline import Sense, no_similarity
+
+
+def sense_of(modality: Modality, known: Settings) -> Sense:
+    """What a modality other than the echoes makes of a walk."""
+    return SENSES[modality](known)
+
+
+def _wifi(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.wifi is None:
+            raise InputError(f"{recording.name}: no Wi-Fi scans; map it by something else")
+        return wifi_similarity(recording.wifi, nodes, known.wifi)
+
+    return Sense(similarity, known.wifi_closure)
+
+
+def _magnetic(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.magnetometer is None:
+            raise InputError(f"{recording.name}: no magnetometer; map it by something else")
+        level = recording.orientation
+        if level is None and recording.imu is not None:
+            level = level_by_gravity(recording.imu)
+        return magnetic_similarity(recording.magnetometer, level, nodes, known.magnetic)
+
+    return Sense(similarity, known.magnetic_closure)
+
+
+def _emr(known: Settings) -> Sense:
+    def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
+        if recording.emr is None:
+            raise InputError(f"{recording.name}: no mains hum; map it by something else")
+        return emr_similarity(recording.emr, nodes, known.emr)
+
+    return Sense(similarity, known.emr_closure)
+
+
+def _motion(known: Settings) -> Sense:
+    return Sense(no_similarity, known.closure)
+
+
+SENSES: Mapping[Modality, Callable[[Settings], Sense]] = {
+    Modality.WIFI: _wifi,
+    Modality.MAGNETIC: _magnetic,
+    Modality.EMR: _emr,
+    Modality.MOTION: _motion,
+}

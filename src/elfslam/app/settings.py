@@ -1,0 +1,42 @@
+"""One schema of parameters: what every command, job and call takes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from elfslam.baselines.emr import EMR_CLOSURES, EmrParameters
+from elfslam.baselines.magnetic import (
+    MAGNETIC_CLOSURES,
+    MagneticParameters,
+)
+from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters
+from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
+from elfslam.line.anchoring import AnchoringParameters
+from elfslam.line.closure import ClosureParameters
+from elfslam.line.device_adaptation import PhoneParameters
+from elfslam.line.map_alignment import AlignmentParameters
+from elfslam.line.map_matching import PassageParameters
+from elfslam.line.quality import QualityParameters
+from elfslam.slam.merging.parameters import MergingParameters
+from elfslam.slam.parameters import Parameters
+
+
+@dataclass(frozen=True)
+class Settings(Parameters):
+    """Every parameter there is: the line's, the rivals', the merging's and the training's."""
+
+    wifi: WifiParameters = field(default_factory=WifiParameters)
+    wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)
+    magnetic: MagneticParameters = field(default_factory=MagneticParameters)
+    magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)
+    emr: EmrParameters = field(default_factory=EmrParameters)
+    emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
+    alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
+    merging: MergingParameters = field(default_factory=MergingParameters)
+    quality: QualityParameters = field(default_factory=QualityParameters)
+    anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
+    passages: PassageParameters = field(default_factory=PassageParameters)
+    pretrain: PretrainParameters = field(default_factory=PretrainParameters)
+    finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
+    floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)
+    phone: PhoneParameters = field(default_factory=PhoneParameters)

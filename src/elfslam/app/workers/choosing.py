@@ -1,0 +1,75 @@
+"""Which workers somebody means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+from importlib.util import find_spec
+from typing import TYPE_CHECKING
+
+from elfslam.app.workers.here import Here
+from elfslam.app.workers.interface import Watchers, Workers
+from elfslam.app.workers.processes import Processes
+from elfslam.base.errors import InputError
+
+if TYPE_CHECKING:
+    from elfslam.app.workers.on_ray import Cluster
+
+RAY = "ray"
+
+
+@contextmanager
+def open_workers(on: str | None = None) -> Iterator[Workers]:
+    """Workers as long as they are needed.
+
+    `on` is nothing (this process), a number of processes, `ray` (a cluster on this machine, or
+    the one that RAY_ADDRESS names) or `ray://HOST:PORT`. Raises InputError for anything else, or
+    where Ray is wanted and not there.
+    """
+    check_on(on)
+    if on is None or on == "1":
+        yield Here()
+    elif is_ray(on):
+        with _cluster(on) as cluster:
+            yield cluster
+    else:
+        yield Processes(int(on))
+
+
+@contextmanager
+def open_watchers(on: str | None = None) -> Iterator[Watchers]:
+    """Who does one long thing at a time and is watched: a cluster, or else this process.
+
+    Raises InputError as `open_workers` does.
+    """
+    check_on(on)
+    if on is None or not is_ray(on):
+        yield Here()
+    else:
+        with _cluster(on) as cluster:
+            yield cluster
+
+
+def _cluster(on: str) -> AbstractContextManager[Cluster]:
+    from elfslam.app.workers.on_ray import open_cluster
+
+    return open_cluster(None if on == RAY else on)
+
+
+def check_on(on: str | None) -> None:
+    """Raise InputError where `on` means nobody, or Ray where that is not installed."""
+    if on is None or (on.isdecimal() and int(on) > 0):
+        return
+    if not is_ray(on):
+        raise InputError(
+            f"--on {on!r}: wanted a number of processes, ray or ray://HOST:10001; choose one"
+        )
+    if find_spec("ray") is None:
+        raise InputError(
+            "--on ray: Ray is not installed; install elfslam[scale], or name a number of processes"
+        )
+
+
+def is_ray(on: str | None) -> bool:
+    """Whether that is a Ray cluster."""
+    return on is not None and (on == RAY or on.startswith(f"{RAY}://"))

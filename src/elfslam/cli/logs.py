@@ -1,0 +1,89 @@
+"""elfslam import, phyphox and marks: recordings made by other programs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from elfslam.app.console import print_rows, progress_bar, say
+from elfslam.app.settings import Settings
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import load
+from elfslam.cli.options import (
+    AsJson,
+    ParameterFile,
+    Setting,
+    refuse_if_none,
+    say_refused,
+)
+from elfslam.data.folders import new_file
+from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
+from elfslam.data.marks import read_marks, stood_on
+from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
+
+
+def import_command(
+    log_format: Annotated[LogFormat, typer.Argument(metavar="FORMAT", help=", ".join(LogFormat))],
+    path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
+    out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
+    drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Turn someone else's log into recordings."""
+    count = damaged = 0
+    refused: dict[str, str] = {}
+    with progress_bar() as announce:
+        for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
+            if isinstance(item, Refused):
+                refused[item.name] = item.reason
+                continue
+            announce(item.recording.name, None)
+            folder = out / item.recording.name if takes_many(log_format) else out
+            write_recording(item.recording, folder, truth=item.truth)
+            count, damaged = count + 1, damaged + item.damaged_lines
+    refuse_if_none("imported", path, refused, count)
+    summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
+    print_rows([summary], title="Imported", as_json=as_json)
+    say_refused("imported", refused)
+
+
+def phyphox_command(
+    out: Annotated[Path, typer.Argument(help="A file, such as elfslam.phyphox.")],
+    minutes: Annotated[float, typer.Option(min=0.1, max=30, help="Longest walk.")] = 2.0,
+    parameter_file: ParameterFile = None,
+    setting: Setting = None,
+) -> None:
+    """Write an experiment for the phyphox app that chirps and records, without our page."""
+    parameters = load(Settings(), parameter_file, setting or [])
+    made = phyphox_experiment(parameters.chirp, minutes)
+    with new_file(out) as partial:
+        partial.write_bytes(made)
+    megabytes = minutes * 60 * RATE_HZ * BYTES_PER_SAMPLE / 1e6
+    say(f"wrote {out}; a walk of {minutes:g} minutes takes about {megabytes:.0f} MB on Android")
+
+
+def marks_command(
+    walk: Annotated[Path, typer.Argument(help="The recording's folder; waypoints.csv goes there.")],
+    marks: Annotated[Path, typer.Argument(help="CSV name,x_m,y_m of the marks on the floor.")],
+    visited: Annotated[list[str], typer.Argument(help="Names of the marks, as stood on.")],
+) -> None:
+    """Give a walk its truth: the marks that the walker stood still on, in that order."""
+    if not walk.is_dir():
+        raise InputError(f"{walk}: is no folder; unpack the recording first")
+    taken = [name for name in TRUTH_FILES if (walk / name).exists()]
+    if taken:
+        raise InputError(f"{walk / taken[0]}: is there already; delete it to write another")
+    imu = read_recording(walk).imu
+    if imu is None:
+        raise InputError(
+            f"{walk}: has no motion to find the pauses in; write waypoints.csv by hand"
+        )
+    truth = stood_on(imu, read_marks(marks), visited)
+    write_truth(truth, walk)
+    span = f"{truth.t_s[0]:.0f} to {truth.t_s[-1]:.0f} s"
+    say(f"wrote {walk / WAYPOINTS}: {len(truth.t_s)} marks, {span}")

@@ -1,0 +1,23 @@
+"""elfslam show: a page of a run, a map or a world."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from elfslam.app.console import say
+from elfslam.app.show import drawing_of
+from elfslam.data.folders import new_file
+
+
+def show(
+    what: Annotated[str, typer.Argument(metavar="RUN|MAP|WORLD", help="What to look at.")],
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
+) -> None:
+    """Draw a run, a map or a world as a page."""
+    draw = drawing_of(what)
+    with new_file(out) as page:
+        draw(page)
+    say(f"look at {out}")

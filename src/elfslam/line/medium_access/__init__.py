@@ -1,0 +1,18 @@
+"""Taking turns: who chirps when, and how one hears that others chirp."""
+
+from elfslam.line.medium_access.foreign import spoiled_frames
+from elfslam.line.medium_access.listening import Listening, Slot, hear_slot
+from elfslam.line.medium_access.parameters import TurnsParameters
+from elfslam.line.medium_access.slots import Turns, after_slot, is_played, no_turns
+
+__all__ = [
+    "Listening",
+    "Slot",
+    "Turns",
+    "TurnsParameters",
+    "after_slot",
+    "hear_slot",
+    "is_played",
+    "no_turns",
+    "spoiled_frames",
+]

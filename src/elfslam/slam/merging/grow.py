@@ -1,0 +1,243 @@
+"""Walks become a map, and a map takes in more walks: read it aloud and you know how."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import digest
+from elfslam.base.progress import Announce
+from elfslam.base.values import FloorMap, Payload, Trajectory
+from elfslam.line.floormap import trajectory_map
+from elfslam.line.map_alignment import Alignment, align
+from elfslam.slam.merging.forgetting import renewed
+from elfslam.slam.merging.groups import Group, Grouped, grouped
+from elfslam.slam.merging.joint_graph import against_map, joined_walks
+from elfslam.slam.merging.members import (
+    Side,
+    Walk,
+    likeness_to,
+    links_between,
+    meeting_of,
+    middles,
+    side_of,
+    sides_of,
+    usual_of,
+)
+from elfslam.slam.merging.parameters import MergeParameters
+
+
+def unheard(what: str, share: float | None) -> None:
+    """Announce nothing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joined:
+    """Walks that share a frame: their names, their trajectories in it, and the map of them all."""
+
+    names: tuple[str, ...]
+    trajectories: tuple[Trajectory, ...]
+    floor_map: FloorMap
+
+
+@dataclass(frozen=True, eq=False)
+class Merged:
+    """The maps that came of some walks, the one of most walks first, and who stayed out and why.
+
+    `pairs` says by names how each pair came out.
+    """
+
+    maps: tuple[Joined, ...]
+    refused: dict[str, str]
+    pairs: dict[tuple[str, str], Alignment]
+
+
+def merge(
+    walks: Sequence[Walk],
+    parameters: MergeParameters,
+    *,
+    known_starts: bool = False,
+    announce: Announce = unheard,
+) -> Merged:
+    """Maps of the walks that certainly share a place; the oldest walk comes first.
+
+    With `known_starts` all share one frame already. Raises InputError where their encoders differ
+    or names repeat, NoAnswerError where a graph has no solution.
+    """
+    check_encoders([(walk.name, walk.features.encoder) for walk in walks])
+    sides = [side_of(walk, parameters) for walk in walks]
+    if known_starts:
+        found = _in_one_frame(sides, parameters)
+    else:
+        found = grouped(sides, parameters, lambda share: announce("comparing walks", share))
+    announce("joining walks", None)
+    kept = [
+        _borne_out(group, walks, sides, found, parameters, known_starts=known_starts)
+        for group in found.groups
+        if len(group.frames) > 1
+    ]
+    maps = tuple(joined for joined, _ in kept if joined is not None)
+    inside = {name for each in maps for name in each.names}
+    dropped = {name: why for _, some in kept for name, why in some.items()}
+    refused = {
+        walk.name: dropped.get(walk.name) or _why_not(k, walks, found)
+        for k, walk in enumerate(walks)
+        if walk.name not in inside
+    }
+    pairs = {(walks[a].name, walks[b].name): each for (a, b), each in found.pairs.items()}
+    return Merged(maps, refused, pairs)
+
+
+def add_walk(
+    floor_map: FloorMap, walk: Walk, parameters: MergeParameters
+) -> tuple[FloorMap, Alignment, Trajectory]:
+    """The map with one more walk, if it certainly belongs there; its spots stay where they are.
+
+    Else the map as it was: the alignment says why. Raises InputError where the encoders differ.
+    """
+    check_encoders([*(("the map", item) for item in _encoders(floor_map)), _encoder_of(walk)])
+    ones, other = sides_of(floor_map, parameters), side_of(walk, parameters)
+    links = [links_between(one, other, parameters) for one in ones]
+    meeting = meeting_of(ones, other, links, parameters)
+    found = align(meeting, usual_of([*ones, other]), parameters.alignment)
+    if found.refusal:
+        return floor_map, found, walk.trajectory
+    trajectory = against_map(walk, found.one_from_other, meeting.one, meeting.links, parameters)
+    alike = likeness_to(ones, replace(other, poses=middles(trajectory.world_from_body)), parameters)
+    if alike < parameters.alignment.least_resemblance:
+        refusal = f"bent onto it it {_too_little(alike)}"
+        return floor_map, replace(found, refusal=refusal), walk.trajectory
+    covariance = trajectory.covariance.copy()
+    covariance[:, :2, :2] += np.mean([one.sigma_m for one in ones]) ** 2 * np.eye(2)
+    trajectory = replace(trajectory, covariance=covariance)
+    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), found, trajectory
+
+
+def check_encoders(named: Sequence[tuple[str, str]]) -> None:
+    """Raise InputError where features of different encoders would be compared."""
+    for name, encoder in named[1:]:
+        if encoder != named[0][1]:
+            raise InputError(
+                f"merge: {named[0][0]} was made with encoder {named[0][1]}, {name} with {encoder}; "
+                "map them again with the same --encoder"
+            )
+
+
+def map_of(walk: Walk, trajectory: Trajectory, parameters: MergeParameters) -> FloorMap:
+    """The map of one walk in the frame of its trajectory."""
+    made = trajectory_map(
+        trajectory,
+        walk.features,
+        parameters.floormap,
+        parameters_digest=digest(parameters),
+        source=walk.name,
+    )
+    if walk.phone is None:
+        return made
+    phone = np.tile(walk.phone.vectors[:1], (len(made.xy_m), 1))
+    return replace(
+        made, payloads=(*made.payloads, Payload(walk.phone.kind, walk.phone.encoder, phone))
+    )
+
+
+def _borne_out(
+    group: Group,
+    walks: Sequence[Walk],
+    sides: Sequence[Side],
+    found: Grouped,
+    parameters: MergeParameters,
+    *,
+    known_starts: bool,
+) -> tuple[Joined | None, dict[str, str]]:
+    """The walks of a group as one map, without those that their own graph does not bear out.
+
+    Bent onto the others, each must still resemble them as much as to be believed; the worst
+    leaves, with the reason, until all do. With known starts nothing needs evidence.
+    """
+    frames, refused = dict(group.frames), dict[str, str]()
+    least = 0.0 if known_starts else parameters.alignment.least_resemblance
+    while len(frames) > 1:
+        members = sorted(frames)
+        inside = [walks[k] for k in members]
+        trajectories = _bent(Group(frames), walks, found, parameters, known_starts=known_starts)
+        bent = [
+            replace(sides[k], poses=middles(walk.world_from_body))
+            for k, walk in zip(members, trajectories, strict=True)
+        ]
+        alike = [
+            likeness_to(bent[:k] + bent[k + 1 :], bent[k], parameters) for k in range(len(bent))
+        ]
+        worst = int(np.argmin(alike))
+        if alike[worst] >= least:
+            names = tuple(walk.name for walk in inside)
+            floor_map = _map(inside, trajectories, parameters)
+            return Joined(names, tuple(trajectories), floor_map), refused
+        refused[inside[worst].name] = f"bent onto the others it {_too_little(alike[worst])}"
+        del frames[members[worst]]
+    reason = next(iter(refused.values()))
+    return None, {**refused, **{walks[k].name: reason for k in frames}}
+
+
+def _too_little(resemblance: float) -> str:
+    return f"resembles them no more than {resemblance:.0%} of the usual"
+
+
+def _bent(
+    group: Group,
+    walks: Sequence[Walk],
+    found: Grouped,
+    parameters: MergeParameters,
+    *,
+    known_starts: bool,
+) -> list[Trajectory]:
+    """The walks of a group in the frame of the oldest, by one graph."""
+    members = sorted(group.frames)
+    place = {k: at for at, k in enumerate(members)}
+    links = {
+        (place[a], place[b]): each
+        for (a, b), each in found.links.items()
+        if a in place and b in place
+    }
+    frames: list[F64] = [group.seen_from(members[0], k) for k in members]
+    inside = [walks[k] for k in members]
+    return joined_walks(inside, frames, links, parameters, known_starts=known_starts)
+
+
+def _map(
+    walks: Sequence[Walk], trajectories: Sequence[Trajectory], parameters: MergeParameters
+) -> FloorMap:
+    """The map of some walks, one after the other."""
+    made = [map_of(*pair, parameters) for pair in zip(walks, trajectories, strict=True)]
+    floor_map = made[0]
+    for newer in made[1:]:
+        floor_map = renewed(floor_map, newer, parameters)
+    return floor_map
+
+
+def _in_one_frame(sides: Sequence[Side], parameters: MergeParameters) -> Grouped:
+    """All walks as one group that lies as they say; the links between them."""
+    pairs = [(a, b) for b in range(len(sides)) for a in range(b)]
+    links = {(a, b): links_between(sides[a], sides[b], parameters) for a, b in pairs}
+    return Grouped([Group({k: np.zeros(3) for k in range(len(sides))})], links, {})
+
+
+def _why_not(k: int, walks: Sequence[Walk], found: Grouped) -> str:
+    """What spoke against the most promising partner of walk k."""
+    mine = {pair: each for pair, each in found.pairs.items() if k in pair}
+    if not mine:
+        return "there is no other walk"
+    pair = max(mine, key=lambda each: mine[each].evidence)
+    other = walks[pair[0] if pair[1] == k else pair[1]].name
+    return f"with {other}: {mine[pair].refusal or 'contradicts the others'}"
+
+
+def _encoders(floor_map: FloorMap) -> list[str]:
+    return [item.encoder for item in floor_map.payloads if item.kind == "elf"]
+
+
+def _encoder_of(walk: Walk) -> tuple[str, str]:
+    return walk.name, walk.features.encoder

@@ -1,0 +1,151 @@
+"""Walks and maps as merging sees them: footsteps with what is heard at each."""
+
+# mypy takes every call on the right of a field for a default.
+# mypy: disable-error-code="misc"
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, Value, array
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose
+from elfslam.base.values import (
+    Closures,
+    Features,
+    FloorMap,
+    Odometry,
+    Payload,
+    Run,
+    Trajectory,
+)
+from elfslam.line.closure import AGAIN, closures_between, sequence_mean
+from elfslam.line.map_alignment import Meeting, resemblances, usual_resemblance
+from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.slam.pipeline import joined
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """A mapped walk: what is needed to merge it, `phone` only where its map has it."""
+
+    name: str
+    odometry: Odometry
+    trajectory: Trajectory
+    closures: Closures
+    features: Features
+    phone: Payload | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Side(Value):
+    """Stretches of a walk (n): pose of the middle, what is heard, how certain the poses are.
+
+    `usual` is how much the walk resembles itself where it comes back.
+    """
+
+    poses: F64 = array("n", 3)
+    means: F32 = array("n", "d", dtype=np.float32)
+    sigma_m: float
+    usual: float
+
+
+def walk_of(run: Run) -> Walk:
+    """What merging needs of a run. Raises InputError where the run has no sound."""
+    if run.features is None or len(run.odometry.t_s) < 2:
+        raise InputError(
+            f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
+        )
+    payloads = () if run.floor_map is None else run.floor_map.payloads
+    phone = next((item for item in payloads if item.kind == "phone"), None)
+    known = run.odometry, run.trajectory, run.closures, run.features
+    return Walk(run.name, *known, phone)
+
+
+def side_of(walk: Walk, parameters: MergeParameters) -> Side:
+    """A walk as merging sees it, in its own frame."""
+    similarity = echo_sequence_similarity(walk.features, walk.odometry)
+    poses = middles(walk.trajectory.world_from_body)
+    return _side(poses, similarity.means, walk.trajectory.covariance[:, :2, :2], parameters)
+
+
+def sides_of(floor_map: FloorMap, parameters: MergeParameters) -> list[Side]:
+    """The walks of a map, in its frame: every so far along a walk one of its spots."""
+    vectors = next(item.vectors for item in floor_map.payloads if item.kind == "elf")
+    sides = []
+    for walk in np.unique(floor_map.walk):
+        rows = np.flatnonzero(floor_map.walk == walk)
+        rows = rows[np.argsort(floor_map.order[rows], kind="stable")]
+        moves_m = np.linalg.norm(np.diff(floor_map.xy_m[rows], axis=0), axis=1)
+        steps = np.concatenate([[0.0], np.cumsum(moves_m)]) // parameters.merging.spacing_m
+        rows = rows[np.unique(steps, return_index=True)[1]]
+        poses = np.column_stack([floor_map.xy_m[rows], floor_map.heading_rad[rows]])
+        sides.append(_side(poses, vectors[rows], floor_map.covariance_m2[rows], parameters))
+    return sides
+
+
+def placed(side: Side, frame_from_side: F64) -> Side:
+    """The same walk in another frame."""
+    return Side(compose(frame_from_side, side.poses), side.means, side.sigma_m, side.usual)
+
+
+def meeting_of(
+    ones: Sequence[Side], other: Side, links: Sequence[Closures], parameters: MergeParameters
+) -> Meeting:
+    """What a walk has in common with walks that share a frame; `links` as `links_between` gives."""
+    firsts = np.cumsum([0, *(len(one.poses) for one in ones)])
+    counted = [
+        replace(found, i=found.i + first) for first, found in zip(firsts, links, strict=False)
+    ]
+    return Meeting(
+        one=np.vstack([one.poses for one in ones]),
+        other=other.poses,
+        scores=np.vstack([short_scores(one.means, other.means, parameters) for one in ones]),
+        links=joined(counted),
+        sigma_m=float(np.hypot(np.mean([one.sigma_m for one in ones]), other.sigma_m)),
+    )
+
+
+def likeness_to(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+    """How much a walk resembles others of its frame on common ground, relative to the usual.
+
+    Zero without common ground.
+    """
+    poses = np.vstack([one.poses for one in ones])
+    scores = np.vstack([short_scores(one.means, other.means, parameters) for one in ones])
+    found = resemblances(poses, other.poses, scores, parameters.alignment)
+    known = found[np.isfinite(found)]
+    return float(known.mean()) / usual_of([*ones, other]) if len(known) else 0.0
+
+
+def links_between(one: Side, other: Side, parameters: MergeParameters) -> Closures:
+    """Places of two walks that sound alike over a long sequence."""
+    return closures_between(one.means, other.means, other.poses, parameters.closure)
+
+
+def short_scores(one: F32, other: F32, parameters: MergeParameters) -> F32:
+    """How alike footsteps are (n, m), averaged over a few that follow each other."""
+    return sequence_mean(one @ other.T, parameters.alignment.short_sequence, AGAIN)
+
+
+def middles(poses: F64) -> F64:
+    """Poses (n-1, 3) half-way between each pose (n, 3) and the next, headed as the first is."""
+    between_m = (poses[:-1, :2] + poses[1:, :2]) / 2
+    return np.column_stack([between_m, poses[:-1, 2]])
+
+
+def usual_of(sides: Sequence[Side]) -> float:
+    """How much these walks resemble themselves, typically."""
+    return float(np.exp(np.mean(np.log([side.usual for side in sides]))))
+
+
+def _side(poses: F64, means: F32, covariance_m2: F64, parameters: MergeParameters) -> Side:
+    scores = short_scores(means, means, parameters)
+    apart, known = parameters.closure.near_footsteps, parameters.alignment
+    usual = usual_resemblance(poses, scores, apart, known)
+    sigma_m = float(np.sqrt(np.trace(covariance_m2, axis1=1, axis2=2).mean() / 2))
+    return Side(poses, means, sigma_m, max(usual or known.usual_resemblance, 0.1))

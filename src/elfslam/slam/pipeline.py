@@ -1,0 +1,246 @@
+"""The line put together: read it aloud and you know the method."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, fields
+from functools import partial
+
+import numpy as np
+
+from elfslam.base.arrays import F32, Bool
+from elfslam.base.choices import Mode
+from elfslam.base.parameters import digest
+from elfslam.base.progress import Announce, silent
+from elfslam.base.values import (
+    NO_CLOSURES,
+    AnySimilarity,
+    Closures,
+    Echoes,
+    Features,
+    Fixes,
+    FloorMap,
+    MeanSimilarity,
+    Odometry,
+    Recording,
+    Run,
+    Trajectory,
+)
+from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
+from elfslam.line.device_adaptation import heard_as_map
+from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
+from elfslam.line.floormap import trajectory_map
+from elfslam.line.graph import agreeing, build_graph, optimise
+from elfslam.line.locate import (
+    LocateParameters,
+    elf_payload,
+    likeness,
+    means_between,
+    trusted_one_shot,
+    without_suspects,
+)
+from elfslam.line.segments import locate_by_segments
+from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.line.track import Tracker
+from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
+from elfslam.slam.parameters import Parameters
+
+Stage = Callable[[str], AbstractContextManager[None]]
+Adapt = Callable[[Encoder, Echoes], Encoder]
+SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]
+
+
+@dataclass(frozen=True)
+class Sense:
+    """What knows a place again: how alike nodes are, and what then counts as a closure."""
+
+    similarity_of: SimilarityMaker
+    closure: ClosureParameters
+
+
+def as_shipped(encoder: Encoder, echoes: Echoes) -> Encoder:
+    """No fine-tuning."""
+    return encoder
+
+
+def map_by_echoes(
+    recording: Recording,
+    encoder: Encoder,
+    parameters: Parameters,
+    *,
+    adapt: Adapt = as_shipped,
+    beside: Sequence[Sense] = (),
+    announce: Announce = silent,
+) -> Run:
+    """A walk with sound becomes a straightened trajectory and a map of ELFs.
+
+    Other senses may close loops `beside` the echoes.
+    """
+    seconds: dict[str, float] = {}
+    stage = partial(_stage, seconds, announce)
+    with stage("motion"):
+        nodes = walk_nodes(recording, parameters)
+    with stage("echoes"):
+        echoes = hear(recording, parameters)
+    with stage("step length"):
+        nodes = with_heard_steps(nodes, echoes, parameters)
+    with stage("features"):
+        used = adapt(encoder, echoes)
+        features = extract_features(echoes, used)
+    with stage("similarity"):
+        similarity = echo_sequence_similarity(features, nodes)
+        similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
+    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
+    with stage("map"):
+        floor_map = trajectory_map(
+            trajectory,
+            features,
+            parameters.floormap,
+            parameters_digest=digest(parameters),
+            source=recording.name,
+        )
+        floor_map = with_phone(floor_map, used)
+    evidence = similarity, closures, trajectory, floor_map, echoes, features
+    return Run(recording.name, nodes, *evidence, seconds)
+
+
+def map_by(
+    recording: Recording,
+    senses: Sequence[Sense],
+    parameters: Parameters,
+    *,
+    announce: Announce = silent,
+) -> Run:
+    """The same with other senses: whatever makes a similarity between nodes closes the loops.
+
+    The run keeps the similarity of the first.
+    """
+    seconds: dict[str, float] = {}
+    stage = partial(_stage, seconds, announce)
+    with stage("motion"):
+        nodes = walk_nodes(recording, parameters)
+    with stage("similarity"):
+        similarities = _sensed(recording, nodes, senses)
+    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
+    similarity = similarities[0][0]
+    return Run(recording.name, nodes, similarity, closures, trajectory, None, None, None, seconds)
+
+
+def _sensed(
+    recording: Recording, nodes: Odometry, senses: Sequence[Sense]
+) -> list[tuple[AnySimilarity, ClosureParameters]]:
+    return [(sense.similarity_of(recording, nodes), sense.closure) for sense in senses]
+
+
+def _close_loops(
+    nodes: Odometry,
+    similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
+    parameters: Parameters,
+    stage: Stage,
+) -> tuple[Closures, Trajectory]:
+    """What resembles closes loops, and the loops straighten the walk."""
+    with stage("closures"):
+        closures = closures_by(nodes, similarities, parameters)
+    with stage("graph"):
+        trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    return closures, trajectory
+
+
+def closures_by(
+    nodes: Odometry,
+    similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
+    parameters: Parameters,
+) -> Closures:
+    """The closures of one sense after the other.
+
+    What a later one says must fit the walk as the earlier ones straighten it.
+    """
+    closures = NO_CLOSURES
+    for similarity, known in similarities:
+        found = find_closures(similarity, nodes, known)
+        fit = agreeing(build_graph(nodes, closures), found, parameters.graph)
+        weighed = sharing_errors(found.chosen(fit), known.shared_footsteps)
+        closures = joined([closures, weighed])
+    return closures
+
+
+def joined(parts: Sequence[Closures]) -> Closures:
+    """The closures of several senses as one."""
+    columns = (
+        np.concatenate([getattr(part, column.name) for part in parts])
+        for column in fields(Closures)
+    )
+    return Closures(*columns)
+
+
+def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:
+    """Nothing resembles anything: mapping by this is dead reckoning alone."""
+    return MeanSimilarity(np.zeros((len(nodes.t_s) - 1, 1), dtype=np.float32), kind="motion")
+
+
+def locate(
+    recording: Recording,
+    floor_map: FloorMap,
+    encoder: Encoder,
+    parameters: Parameters,
+    *,
+    mode: Mode = Mode.ONE_SHOT,
+    seed: int = 0,
+    translation: F32 | None = None,
+) -> Fixes:
+    """Where the phone was at every moment of a recording, as far as the map can tell.
+
+    The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
+    """
+    echoes, suspect = hear_for_fixes(recording, parameters)
+    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
+    if translation is not None:
+        features = heard_as_map(features, translation)
+    if mode is Mode.ONE_SHOT:
+        return trusted_one_shot(features, floor_map, parameters.locate, suspect)
+    nodes = walk_nodes(recording, parameters)
+    scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
+    doubt = suspect(nodes.t_s)
+    return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)
+
+
+def footstep_likeness(
+    features: Features, nodes: Odometry, floor_map: FloorMap, parameters: LocateParameters
+) -> F32:
+    """How alike each spot (m) is to each stretch between footsteps (n-1); NaN where silent."""
+    payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
+    return likeness(means_between(features, nodes.t_s, parameters.fewest_echoes), payload)
+
+
+def locate_walk(
+    nodes: Odometry,
+    scores: F32,
+    floor_map: FloorMap,
+    parameters: Parameters,
+    *,
+    mode: Mode,
+    seed: int = 0,
+    suspect: Bool | None = None,
+) -> Fixes:
+    """Fixes from footsteps and from scores (n-1, m) of any kind, by trajectory or by tracking.
+
+    What is `suspect` (n-1) places nobody.
+    """
+    if mode is Mode.TRAJECTORY:
+        doubt = np.zeros(len(scores), dtype=np.bool_) if suspect is None else suspect
+        trusted = np.where(doubt[:, None], np.float32(np.nan), scores)
+        fixes = locate_by_segments(nodes, trusted, floor_map, parameters.segments)
+        return without_suspects(fixes, doubt[len(doubt) - len(fixes.t_s) :])
+    generator = np.random.default_rng(seed)
+    return Tracker(floor_map, parameters.track, generator).follow(nodes, scores, suspect)
+
+
+@contextmanager
+def _stage(seconds: dict[str, float], announce: Announce, name: str) -> Iterator[None]:
+    """Announce a stage and note in `seconds` how long it took."""
+    announce(name, None)
+    start = time.perf_counter()
+    yield
+    seconds[name] = time.perf_counter() - start

@@ -1,1 +1,0 @@
-"""Floor 4: one file per table or figure, each run by one command."""

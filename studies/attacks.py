@@ -1,0 +1,231 @@
+"""Attacks on a phone that is being located: told how often, how soon, and what they move.
+
+A stranger walks in a mapped place, and from some moment on an attacker plays at the phone. Honest
+walks, with everything that a place may have but no attacker, give the false alarms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Workers
+from elfslam.base.arrays import F64, Bool
+from elfslam.base.choices import Mode
+from elfslam.base.geometry import compose, interpolate_poses, inverse
+from elfslam.base.progress import Announce
+from elfslam.base.values import Audio, Fixes, FixStatus, Recording
+from elfslam.line.feature import encoder_for, extract_features
+from elfslam.line.locate import trusted_one_shot
+from elfslam.line.medium_access import TurnsParameters
+from elfslam.line.spoofing import nothing_suspect
+from elfslam.slam.front_end import hear_for_fixes, walk_nodes
+from elfslam.slam.pipeline import footstep_likeness, locate_walk
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.simulate import World, load_world
+from studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
+from studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
+from studies.attacks_table import attacks_page, attacks_rows
+from studies.finding import Finding
+from studies.localization import shipped
+from studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
+from studies.repeats import Numbers, finished
+
+ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
+"""Of the stranger's walk: a minute or more."""
+SEEDS = (0, 1, 2, 3, 4)
+LEVELS_DB = (0.0, 10.0, 20.0)
+JITTER_S, SOFTER_DB = TurnsParameters().jitter_s, TurnsParameters().softer_db
+OTHER_WALK = 2000
+"""Added to a seed: the walk that the attacker recorded."""
+PREDICTED = "echoes of elsewhere, predicted"
+REGULAR = f"{PREDICTED}, regular schedule"
+"""Chirps at the same moment of each period: an attacker knows when the next one comes."""
+APART_S = 5.0
+"""Alarms closer than this are one."""
+WRONG_M = 1.0
+NEIGHBOURS: Mapping[str, int] = {"1 other phone": 1, "3 other phones": 3}
+HONEST: Mapping[str, Circumstances] = {
+    "alone": Circumstances(),
+    "6 people": Circumstances(people=6),
+    "music": Circumstances(sounds=("music",)),
+    "speech and clicks": Circumstances(sounds=("speech", "clicks")),
+    "furniture moved, 30 days": Circumstances(state="moved", day=30),
+    "a quarter of the volume": Circumstances(volume=0.25),
+    **{
+        f"phone: {name}": Circumstances(device=name)
+        for name in ("flat", "rippled", "cheap", "tablet", "bottom-fired")
+    },
+}
+KINDS = (*HONEST, *NEIGHBOURS, *SOUNDS, REGULAR)
+
+
+@dataclass(frozen=True)
+class Task:
+    """One attack at every level, or one kind of honest walk, in a place that was mapped."""
+
+    world: str
+    seed: int
+    rounds: int
+    what: str
+    levels_db: tuple[float, ...] = LEVELS_DB
+    mapping_rounds: int = MAPPING_ROUNDS
+
+
+def measure_attacks(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    worlds: Mapping[str, int] = ROUNDS,
+    seeds: Sequence[int] = SEEDS,
+    levels_db: Sequence[float] = LEVELS_DB,
+    kinds: Sequence[str] = KINDS,
+    mapping_rounds: int = MAPPING_ROUNDS,
+) -> Finding:
+    """What came of every attack, and false alarms of honest walks; `data` is not needed."""
+    tasks = [
+        Task(world, seed, rounds, what, tuple(levels_db), mapping_rounds)
+        for seed in seeds
+        for world, rounds in worlds.items()
+        for what in kinds
+    ]
+    rows = attacks_rows(finished(measured, tasks, announce, kept=kept, workers=workers))
+    return Finding(rows, attacks_page(rows))
+
+
+def measured(task: Task) -> Numbers:
+    """The numbers of one task: `attack|level|mode|measure` or `honest|kind|mode|measure`."""
+    mapped = _mapped(task.world, task.seed, task.mapping_rounds)
+    if task.what in HONEST or task.what in NEIGHBOURS:
+        return _honest(task, mapped)
+    victim = _victim(task.world, task.seed, task.rounds, 0.0 if task.what == REGULAR else JITTER_S)
+    sound_of = SOUNDS[PREDICTED if task.what == REGULAR else task.what]
+    own_gain = OWN_GAIN.get(task.what, 1.0)
+    numbers: Numbers = {}
+    for level_db in task.levels_db:
+        sound = sound_of(victim, level_db)
+        audio = recorded(victim.walked, sound, own_gain=own_gain, since=victim.onset)
+        for mode, found in _came_of_it(victim, audio, mapped).items():
+            key = f"{task.what}|{level_db:g}|{mode}"
+            numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
+    return numbers
+
+
+@lru_cache(maxsize=1)
+def _mapped(world: str, seed: int, rounds: int) -> Mapped:
+    return mapped_walk(load_world(world), seed, rounds, shipped())
+
+
+@lru_cache(maxsize=2)
+def _victim(world: str, seed: int, rounds: int, jitter_s: float) -> Victim:
+    place = load_world(world)
+    walk = walked(place, seed + STRANGER, rounds, jitter_s, Circumstances(softer_db=SOFTER_DB))
+    other = walked(place, seed + OTHER_WALK, rounds, jitter_s)
+    return Victim(walk, other, np.append(_free_place(place, seed), PLACED_M), seed)
+
+
+def _free_place(world: World, seed: int) -> F64:
+    """A free place (2) in the room for a loudspeaker."""
+    generator = np.random.default_rng([seed, 22])
+    low, size = world.room.corner_m, world.room.size_m[:2]
+    while True:
+        place = low + generator.uniform(0.0, 1.0, 2) * size
+        if world.room.is_free(place[None], PLACED_M, 0.3)[0]:
+            return np.asarray(place)
+
+
+def _came_of_it(victim: Victim, audio: Audio, mapped: Mapped) -> dict[str, Numbers]:
+    """By mode: how soon it was told, and how far fixes were off with and without the checks."""
+    checked, loose = _located(victim.walked, audio, mapped)
+    onset_s = victim.onset / RATE_HZ
+    numbers: dict[str, Numbers] = {}
+    for mode, fixes in checked.items():
+        off_m = _off_m(fixes, victim.walked, mapped)
+        loose_m = _off_m(loose[mode], victim.walked, mapped)
+        under = fixes.t_s >= onset_s
+        told = under & (fixes.status == FixStatus.SUSPECT)
+        given = under & (fixes.status == FixStatus.OK)
+        believed = (loose[mode].t_s >= onset_s) & (loose[mode].status == FixStatus.OK)
+        first_s = float(fixes.t_s[told][0]) if told.any() else np.inf
+        numbers[mode] = {
+            "delay": first_s - onset_s,
+            "told": float(told.sum() / under.sum()),
+            "refused": float((under & ~told & ~given).sum() / under.sum()),
+            "wrong": float((given & (off_m > WRONG_M)).sum() / under.sum()),
+            "off before": _most(off_m[given & (fixes.t_s < first_s)]),
+            "off": _most(off_m[given]),
+            "wrong unchecked": float((believed & (loose_m > WRONG_M)).sum() / under.sum()),
+            "off unchecked": _most(loose_m[believed]),
+        }
+    return numbers
+
+
+def _located(
+    walk: Walked, audio: Audio, mapped: Mapped
+) -> tuple[dict[str, Fixes], dict[str, Fixes]]:
+    """Fixes of the tracker and in one shot from one and the same sound: checked, and believed."""
+    known, floor_map = Settings(), mapped.run.floor_map
+    assert floor_map is not None
+    recording = Recording(
+        name="walk", device=walk.device.name, audio=audio, imu=walk.imu,
+        played_t_s=walk.played_t_s, gain_db=walk.gain_db,
+    )  # fmt: skip
+    echoes, suspicious = hear_for_fixes(recording, known)
+    features = extract_features(echoes, encoder_for(floor_map, shipped(), echoes))
+    nodes = walk_nodes(recording, known)
+    scores = footstep_likeness(features, nodes, floor_map, known.locate)
+    credulous = replace(known, track=replace(known.track, jump=3.0))
+    found = []
+    for settings, suspect in ((known, suspicious), (credulous, nothing_suspect)):
+        doubt = suspect(nodes.t_s)
+        one_shot = trusted_one_shot(features, floor_map, settings.locate, suspect)
+        track = locate_walk(nodes, scores, floor_map, settings, mode=Mode.TRACK, suspect=doubt)
+        found.append({Mode.TRACK.value: track, Mode.ONE_SHOT.value: one_shot})
+    return found[0], found[1]
+
+
+def _off_m(fixes: Fixes, walk: Walked, mapped: Mapped) -> F64:
+    """How far each fix (n) is from the truth; NaN where it has no position."""
+    t_s = np.clip(fixes.t_s, walk.truth.t_s[0], walk.truth.t_s[-1])
+    true = interpolate_poses(walk.truth.t_s, walk.truth.world_from_body, t_s)
+    true_m = compose(inverse(world_from_map(mapped)), true)[:, :2]
+    return np.asarray(np.linalg.norm(fixes.xy_m - true_m, axis=1))
+
+
+def _most(off_m: F64) -> float:
+    return float(np.nanmax(off_m, initial=0.0))
+
+
+def _honest(task: Task, mapped: Mapped) -> Numbers:
+    """False alarms of one walk without an attacker."""
+    world, today = load_world(task.world), HONEST.get(task.what, Circumstances())
+    today = replace(today, softer_db=SOFTER_DB)
+    walk = walked(world, task.seed + STRANGER, task.rounds, JITTER_S, today)
+    places = range(NEIGHBOURS.get(task.what, 0))
+    speakers_m = [_free_place(world, task.seed + 100 * (k + 1)) for k in places]
+    added = chirping_neighbours(walk, speakers_m, task.seed) if speakers_m else None
+    checked, _ = _located(walk, recorded(walk, added), mapped)
+    numbers: Numbers = {}
+    for mode, fixes in checked.items():
+        suspect = fixes.status == FixStatus.SUSPECT
+        key = f"honest|{task.what}|{mode}"
+        numbers |= {
+            f"{key}|alarms": float(_alarms(fixes.t_s, suspect)),
+            f"{key}|hours": float(walk.truth.t_s[-1]) / 3600,
+            f"{key}|told": float(suspect.mean()),
+            f"{key}|answered": float((fixes.status == FixStatus.OK).mean()),
+        }
+    return numbers
+
+
+def _alarms(t_s: F64, suspect: Bool) -> int:
+    """How often it says SUSPECT anew."""
+    at_s = t_s[suspect]
+    return int(len(at_s) > 0) + int(np.sum(np.diff(at_s) > APART_S))

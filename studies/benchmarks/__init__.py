@@ -1,0 +1,1 @@
+"""What things cost and survive: `python -m studies.benchmarks.NAME` runs one."""

@@ -1,0 +1,329 @@
+"""Phones that ask which floor they are on: latency, processor, and how far it goes.
+
+Usage, from the root of the project:
+
+    python -m studies.benchmarks.two_hundred_phones [--buildings 1000] [--seconds 60] [--rates 200]
+    python -m studies.benchmarks.two_hundred_phones \\
+        --seconds 15 --rates 100,200,300,400,600 --until 1000
+
+PostgreSQL and the server are processes of their own, on this machine alone; both end with the
+benchmark. Requests are due at random times (Poisson), whatever became of those before; latency
+counts from when a request was due, and every phone comes with a connection of its own.
+`--until MS` stops at the first rate whose 99th percentile is above. `--kept FILE.npz` keeps the
+simulated city.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elfslam.app.console import print_rows
+from elfslam.base.arrays import F32
+from elfslam.serve.buildings.indexes import FOLDER, LATEST
+from elfslam.serve.buildings.tables import Building, Floor, FloorPoint
+from elfslam.serve.nearest import NearestParameters, build_index
+from elfslam.serve.store.database import open_database
+from elfslam.serve.store.schema import upgrade
+from studies.benchmarks.own_postgresql import Postgresql, own_postgresql
+from studies.benchmarks.served import Served
+from studies.benchmarks.simulated_city import PARAMETERS, SIGMA_M, Asker, City, askers, city_of
+
+START = """
+import sys; from pathlib import Path
+from elfslam.serve.network.running import Listening, run
+from elfslam.serve.settings import Limits, ServerSettings
+often = Limits(token_requests_per_s=1e6, address_requests_per_s=1e6)
+settings = ServerSettings(Path(sys.argv[1]), sys.argv[2], run_jobs=False, limits=often)
+run(settings, Listening("127.0.0.1", 0, plain_http=True), print)
+"""
+PATIENCE_S, DRAIN_S = 120.0, 20.0
+QUESTIONS = 2000
+SAID = ("OK", "OK wrong", "AMBIGUOUS", "UNKNOWN_PLACE")
+ALONE = ("wifi", "position", "both", "echoes")
+SENSES = ("wifi", "position", "mixed")
+"""Mixed: a quarter each of the phones asks in each of the other ways; echoes come with a position.
+"""
+SPOTS, STEPS, SIZE, ENCODER = 100, 4, 128, "simulated"
+"""Of each floor and of each question: vectors with much in common, as many as there are ELFs."""
+TICKS = os.sysconf("SC_CLK_TCK")
+Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request as bytes, and the floor that is right."""
+
+    content: bytes
+    floor: str
+
+
+@dataclass(frozen=True)
+class Answered:
+    """How long it took from when it was due, whether it was answered, and what with."""
+
+    taken_s: float
+    outcome: str
+
+
+def fill(database: Postgresql, city: City) -> None:
+    """The tables as publishing fills them, without packages."""
+    import psycopg
+
+    engine = open_database(database.url)
+    upgrade(engine, Path(database.folder))
+    engine.dispose()
+    floors = PARAMETERS.floors
+    with psycopg.connect(database.told) as connection, connection.cursor() as cursor:
+        with cursor.copy(f"COPY {Building.__tablename__} (number, name) FROM STDIN") as copy:
+            for number in range(city.buildings):
+                copy.write_row((number, f"building {number}"))
+        columns = "number, id, building, level, latitude_deg, longitude_deg, radius_m, has_wifi, "
+        columns += "revision, manifest, published_utc"
+        with cursor.copy(f"COPY {Floor.__tablename__} ({columns}) FROM STDIN") as copy:
+            for k, place in enumerate(zip(city.latitude_deg, city.longitude_deg, city.radius_m,
+                                          strict=True)):  # fmt: skip
+                told = map(float, place)
+                copy.write_row(
+                    (k, _map_id(k), k // floors, k % floors, *told, True, 1, "{}", "now")
+                )
+        columns = "floor, bssid, level_dbm, spread_db, share"
+        with cursor.copy(f"COPY {FloorPoint.__tablename__} ({columns}) FROM STDIN") as copy:
+            for row in city.points:
+                copy.write_row((int(row[0]), int(row[1]), *map(float, row[2:])))
+        connection.commit()
+        connection.autocommit = True
+        cursor.execute("ANALYZE")
+
+
+def sizes(database: Postgresql) -> Row:
+    """Bytes of the tables with their indices."""
+    import psycopg
+
+    with psycopg.connect(database.told) as connection:
+        told = {
+            table.__tablename__: connection.execute(
+                f"SELECT count(*), pg_total_relation_size('{table.__tablename__}') "
+                f"FROM {table.__tablename__}"
+            ).fetchone()
+            for table in (Building, Floor, FloorPoint)
+        }
+    return {f"{name} ({count})": f"{size / 2**20:.1f} MiB" for name, (count, size) in told.items()}
+
+
+def sounds(floor: int) -> F32:
+    """Unit rows (spots, 128) of a floor."""
+    generator = np.random.default_rng([7, floor])
+    own = 0.05 * generator.standard_normal((SPOTS, SIZE), dtype=np.float32)
+    rows = np.eye(1, SIZE, dtype=np.float32) + own
+    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+
+
+def place_index(data: Path, city: City) -> None:
+    """An index of all floors' spots where the server looks for it."""
+    folder, count = data / FOLDER, len(city.radius_m)
+    folder.mkdir(parents=True)
+    kind = NearestParameters(kind="flat" if count * SPOTS < 20_000 else "ivf-flat")
+    maps = {_map_id(k): SPOTS for k in range(count)}
+    rows = np.vstack([sounds(k).astype(np.float16) for k in range(count)])
+    build_index([rows], folder / "1", kind, encoder=ENCODER, maps=maps)
+    (folder / LATEST).write_text("1")
+
+
+@contextmanager
+def serving(database: Postgresql, city: City, *, echoes: bool) -> Iterator[Served]:
+    """The server, as `elfslam serve` runs it, but that it refuses no haste."""
+    with tempfile.TemporaryDirectory() as folder:
+        data = Path(folder) / "data"
+        if echoes:
+            place_index(data, city)
+        command = [sys.executable, "-c", START, str(data), database.url]
+        quiet = subprocess.DEVNULL  # of every phone that is refused it says a line
+        process = subprocess.Popen(command, stdout=quiet, stderr=quiet)
+        try:
+            told, until_s = data / "authority" / "url", time.monotonic() + PATIENCE_S
+            while not told.is_file():
+                if process.poll() is not None or time.monotonic() > until_s:
+                    raise SystemExit("the server does not start")
+                time.sleep(0.05)
+            token = (data / "authority" / "owner.token").read_text().strip()
+            yield Served(process, told.read_text().strip(), token, data)
+        finally:
+            process.kill()
+            process.wait()
+
+
+def requests_of(phones: Sequence[Asker], senses: str, token: str) -> list[Asked]:
+    """What phones send, ready to be written to a socket."""
+    ways = ALONE if senses == "mixed" else (senses,)
+    return [
+        Asked(_request(_question(phone, ways[k % len(ways)]), token), _map_id(phone.floor))
+        for k, phone in enumerate(phones)
+    ]
+
+
+def _question(phone: Asker, senses: str) -> dict[str, Any]:
+    told: dict[str, Any] = {}
+    if senses in ("wifi", "both"):
+        told["wifi"] = phone.wifi
+    if senses == "echoes":
+        vectors = sounds(phone.floor)[:STEPS].round(5).tolist()
+        told["echoes"] = {"encoder": ENCODER, "vectors": vectors}
+    if senses != "wifi":
+        place = {"latitude_deg": phone.latitude_deg, "longitude_deg": phone.longitude_deg}
+        told["position"] = {**place, "sigma_m": SIGMA_M}
+    return told
+
+
+def _request(question: dict[str, Any], token: str) -> bytes:
+    body = json.dumps(question).encode()
+    head = (
+        f"POST /api/find HTTP/1.1\r\nHost: 127.0.0.1\r\nAuthorization: Bearer {token}\r\n"
+        f"Content-Type: application/json\r\nContent-Length: {len(body)}\r\n"
+        "Connection: close\r\n\r\n"
+    )
+    return head.encode() + body
+
+
+async def load(
+    served: Served, asked: Sequence[Asked], rate: float, seconds: float
+) -> list[Answered]:
+    """Ask at random times, so many a second; all that was asked is waited for, not for long."""
+    port = int(served.url.rstrip("/").rpartition(":")[2])
+    generator = np.random.default_rng(5)
+    gaps = generator.exponential(1 / rate, round(rate * seconds))
+    due_s = time.perf_counter() + 0.2 + np.cumsum(gaps)
+    chosen = generator.integers(0, len(asked), len(due_s))
+    waiting = []
+    for at_s, k in zip(due_s.tolist(), chosen.tolist(), strict=True):
+        await asyncio.sleep(max(0.0, at_s - time.perf_counter()))
+        waiting.append(asyncio.create_task(_ask(port, asked[k], at_s)))
+    return list(await asyncio.gather(*waiting))
+
+
+async def _ask(port: int, asked: Asked, due_s: float) -> Answered:
+    try:
+        async with asyncio.timeout(DRAIN_S):
+            reader, writer = await asyncio.open_connection("127.0.0.1", port)
+            writer.write(asked.content)
+            answer = await reader.read()
+            writer.close()
+    except (OSError, TimeoutError) as error:
+        return Answered(time.perf_counter() - due_s, type(error).__name__)
+    taken_s = time.perf_counter() - due_s
+    status = answer.split(b" ", 2)[1].decode() if answer else "cut off"
+    if status != "200":
+        return Answered(taken_s, status)
+    told = json.loads(answer.partition(b"\r\n\r\n")[2])
+    first = told["candidates"][0]["map"] if told["candidates"] else None
+    return Answered(taken_s, told["status"] + (" right" if first == asked.floor else " wrong"))
+
+
+def processor_s(process: int, *, with_children: bool = False) -> float:
+    """Processor time of a process so far, and of those that it started."""
+    used = _used_s(process)
+    if with_children:
+        for folder in Path("/proc").iterdir():
+            if folder.name.isdigit() and _parent(int(folder.name)) == process:
+                used += _used_s(int(folder.name))
+    return used
+
+
+def _cells(process: int) -> list[str]:
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return ["0"] * 20
+
+
+def _used_s(process: int) -> float:
+    """Its own, and that of its children which have ended."""
+    return sum(map(int, _cells(process)[11:15])) / TICKS
+
+
+def _parent(process: int) -> int:
+    return int(_cells(process)[1])
+
+
+def measured(
+    served: Served, database: Postgresql, asked: Sequence[Asked], rate: float, seconds: float
+) -> Row:
+    """One row of the table."""
+    before = processor_s(served.process.pid), processor_s(database.process.pid, with_children=True)
+    begin_s = time.perf_counter()
+    answers = asyncio.run(load(served, asked, rate, seconds))
+    wall_s = time.perf_counter() - begin_s
+    server_s = processor_s(served.process.pid) - before[0]
+    database_s = processor_s(database.process.pid, with_children=True) - before[1]
+    taken_ms = 1000 * np.array([each.taken_s for each in answers])
+    outcomes = Counter(each.outcome for each in answers)
+    said: Counter[str] = Counter()
+    for name in [name for name in outcomes if name.endswith((" right", " wrong"))]:
+        said[name if name == "OK wrong" else name.partition(" ")[0]] += outcomes.pop(name)
+    share = {name: f"{said[name] / len(answers):.1%}" for name in SAID}
+    answered = max(len(answers) - sum(outcomes.values()), 1)
+    return {
+        "a second": rate,
+        "asked": len(answers),
+        "median ms": float(np.median(taken_ms)),
+        "99 % ms": float(np.quantile(taken_ms, 0.99)),
+        "worst ms": float(taken_ms.max()),
+        "errors": sum(outcomes.values()),
+        "server ms each": 1000 * server_s / answered,
+        "database ms each": 1000 * database_s / answered,
+        "server core": f"{server_s / wall_s:.0%}",
+        "database core": f"{database_s / wall_s:.0%}",
+        **share,
+    }
+
+
+def _map_id(floor: int) -> str:
+    return f"{floor:032x}"
+
+
+def main() -> None:
+    """Print the tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--buildings", type=int, default=1000)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--rates", default="200")
+    parser.add_argument("--senses", default=",".join(SENSES))
+    parser.add_argument("--until", type=float, default=float("inf"))
+    parser.add_argument("--kept", type=Path)
+    parser.add_argument("--json", action="store_true")
+    known = parser.parse_args()
+    city = city_of(known.buildings, 200, known.kept)
+    phones = askers(city, 200, QUESTIONS)
+    with own_postgresql() as database:
+        fill(database, city)
+        print_rows([sizes(database)], title="In the database", as_json=known.json)
+        table = []
+        ways = known.senses.split(",")
+        with serving(database, city, echoes=bool({"echoes", "mixed"} & {*ways})) as served:
+            for senses in ways:
+                asked = requests_of(phones, senses, served.token)
+                measured(served, database, asked, 20, 2)  # the first answers take longer
+                for rate in map(float, known.rates.split(",")):
+                    row = measured(served, database, asked, rate, known.seconds)
+                    table.append({"by": senses, **row})
+                    if float(str(row["99 % ms"])) > known.until:
+                        break
+    print_rows(table, title="Phones that ask where they are", as_json=known.json)
+
+
+if __name__ == "__main__":
+    main()

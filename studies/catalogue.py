@@ -1,0 +1,165 @@
+"""The studies that `elfslam study` knows, and how their tables are written."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+
+from elfslam.app.workers import Workers, open_workers
+from elfslam.base.errors import InputError
+from elfslam.base.progress import Announce
+from elfslam.data.folders import new_file
+from elfslam.line.feature import Encoder
+from elfslam.score.page import save_page
+from studies.acoustic_odometry import measure_acoustic_odometry
+from studies.amounts import measure_amounts
+from studies.attacks import measure_attacks
+from studies.calibration import measure_calibration
+from studies.closure_steps import measure_closure_steps
+from studies.dead_reckoning import measure_dead_reckoning
+from studies.distinctness import measure_distinctness
+from studies.elf import measure_elf
+from studies.fidelity import compare_engines
+from studies.finding import Finding, LongStudy, Row, Study
+from studies.finetuning import measure_finetuning
+from studies.fleet import measure_fleet
+from studies.floor_plan import measure_floor_plan
+from studies.localization import measure_localization
+from studies.localization_cost import measure_localization_cost
+from studies.magnetic_walks import measure_magnetic_walks
+from studies.mall_fifths import measure_mall_fifths
+from studies.mall_floor import measure_mall_floor
+from studies.mapping_errors import measure_mapping
+from studies.merging import measure_merging
+from studies.nearest_maps import measure_nearest_map
+from studies.nearest_spots import measure_nearest
+from studies.nearest_times import measure_nearest_times
+from studies.passages import measure_passages
+from studies.physics import check_laws
+from studies.pose_graphs import measure_pose_graphs
+from studies.pretraining_kills import measure_pretraining_kills
+from studies.queue import measure_queue
+from studies.real_rooms import measure_real_rooms
+from studies.scaling import measure_scaling
+from studies.sensitivity import measure_sensitivity
+from studies.sensors import compare_sensors
+from studies.speech import measure_speech
+from studies.speed import measure_speed
+from studies.spots import measure_spots
+from studies.superimposition import measure_superimposition
+from studies.trace import measure_trace
+from studies.turns import measure_turns
+from studies.unknown_phone import measure_unknown_phone
+
+STUDIES: Mapping[str, Study | LongStudy] = {
+    "acoustic-odometry": LongStudy(measure_acoustic_odometry),
+    "amounts": LongStudy(measure_amounts),
+    "attacks": LongStudy(measure_attacks),
+    "calibration": measure_calibration,
+    "closures": LongStudy(measure_closure_steps),
+    "dead-reckoning": measure_dead_reckoning,
+    "distinctness": measure_distinctness,
+    "elf": measure_elf,
+    "fidelity": compare_engines,
+    "finetuning": measure_finetuning,
+    "fleet": measure_fleet,
+    "floor-plan": LongStudy(measure_floor_plan),
+    "localization": LongStudy(measure_localization),
+    "localization-cost": measure_localization_cost,
+    "magnetic-walks": measure_magnetic_walks,
+    "mall-fifths": LongStudy(measure_mall_fifths),
+    "mall-floor": measure_mall_floor,
+    "mapping": LongStudy(measure_mapping),
+    "merging": LongStudy(measure_merging),
+    "nearest": LongStudy(measure_nearest),
+    "nearest-map": LongStudy(measure_nearest_map),
+    "nearest-times": LongStudy(measure_nearest_times),
+    "passages": LongStudy(measure_passages),
+    "physics": check_laws,
+    "pose-graphs": LongStudy(measure_pose_graphs),
+    "pretraining-kills": LongStudy(measure_pretraining_kills),
+    "queue": LongStudy(measure_queue),
+    "real-rooms": measure_real_rooms,
+    "scaling": measure_scaling,
+    "sensitivity": LongStudy(measure_sensitivity),
+    "sensors": compare_sensors,
+    "speech": measure_speech,
+    "speed": measure_speed,
+    "spots": LongStudy(measure_spots),
+    "superimposition": LongStudy(measure_superimposition),
+    "trace": measure_trace,
+    "turns": LongStudy(measure_turns),
+    "unknown-phone": LongStudy(measure_unknown_phone),
+}
+
+
+COMPARES = ("elf", "real-rooms", "trace")
+"""Studies to which encoders can be given."""
+
+
+def run_study(
+    name: str,
+    out: Path,
+    data: Path | None,
+    announce: Announce,
+    *,
+    encoders: Mapping[str, Encoder] | None = None,
+    on: str | None = None,
+) -> list[Row]:
+    """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
+
+    A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
+    `encoders` are measured by name in place of those that the study would measure. `on` says who
+    works on a long one, as `open_workers` has it. Raises InputError for a study that does not
+    exist, compares no encoders, or is too short to be shared out.
+    """
+    if name not in STUDIES:
+        raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
+    kept = out / f"{name}.partial"
+    with _workers_for(name, on) as workers:
+        made = _measured(name, data, announce, kept, encoders or {}, workers)
+    finding = made if isinstance(made, Finding) else Finding(made)
+    rows = finding.rows
+    with new_file(out / f"{name}.json") as partial:
+        partial.write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    with new_file(out / f"{name}.csv") as partial:
+        _write_csv(partial, rows)
+    if finding.page is not None:
+        with new_file(out / f"{name}.html") as partial:
+            save_page(partial, finding.page)
+    kept.unlink(missing_ok=True)
+    return rows
+
+
+@contextmanager
+def _workers_for(name: str, on: str | None) -> Iterator[Workers]:
+    if on is not None and not isinstance(STUDIES[name], LongStudy):
+        raise InputError(f"study {name}: is short and runs in this process; leave --on out")
+    with open_workers(on) as workers:
+        yield workers
+
+
+def _measured(
+    name: str,
+    data: Path | None,
+    announce: Announce,
+    kept: Path,
+    encoders: Mapping[str, Encoder],
+    workers: Workers,
+) -> list[Row] | Finding:
+    study = STUDIES[name]
+    if encoders and name not in COMPARES:
+        raise InputError(f"study {name}: compares no encoders, only {', '.join(COMPARES)} do")
+    if isinstance(study, LongStudy):
+        return study.measure(data, announce, kept, workers=workers)
+    return study(data, announce, encoders=encoders) if encoders else study(data, announce)
+
+
+def _write_csv(file: Path, rows: list[Row]) -> None:
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.DictWriter(stream, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)

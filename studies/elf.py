@@ -1,0 +1,220 @@
+"""Does a feature know a place again? Footsteps of different rounds, at one place or elsewhere."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elfslam.app.map import finetuned
+from elfslam.base.arrays import F32, F64, Bool
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import interpolate_poses, wrap_angle
+from elfslam.base.progress import Announce
+from elfslam.base.values import Echoes, Odometry, Truth
+from elfslam.baselines.generic import generic_encoders, principal_encoder
+from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
+from elfslam.line.closure import ClosureParameters
+from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.parameters import Parameters
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.echo_pairs import echo_pairs
+from elfslam.world.simulate import load_world, simulate
+from studies.figures.separation import histograms, separation_row
+from studies.finding import Row
+
+SECOND_ENGINE = " by pyroomacoustics"
+"""Behind the name of a world: its closed solids, rendered by the second engine."""
+WORLDS = ("living_room", "office", "mall", "living_room" + SECOND_ENGINE)
+SEEDS = (0, 1, 2)
+ROUNDS = 4
+SAME_M = 0.3
+SAME_RAD = np.deg2rad(35.0)
+ELSEWHERE_M = 1.0
+SEQUENCE = 8
+"""Footsteps compared in a row."""
+PRINCIPAL_ECHOES = 2048
+"""From random rooms, never from the worlds that are measured."""
+ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", "kept at 0.4", "false at 0.4")
+UNITS = ("footstep", f"{SEQUENCE} footsteps")
+
+Adapt = Callable[[Echoes], Encoder]
+"""An encoder made from the echoes of the walk that is measured, without labels."""
+Counts = dict[tuple[str, str], list[F64]]
+"""Histograms of each walk, by feature and by what is compared."""
+
+
+def measure_elf(
+    data: Path | None,
+    announce: Announce,
+    *,
+    worlds: Sequence[str] = WORLDS,
+    seeds: Sequence[int] = SEEDS,
+    rounds: int = ROUNDS,
+    encoders: Mapping[str, Encoder] | None = None,
+    adapted: Mapping[str, Adapt] | None = None,
+) -> list[Row]:
+    """A row per world, feature and length: how similarity tells the same place from elsewhere.
+
+    `encoders` are compared by name, `adapted` are made anew for each walk; by default the generic
+    features, the shipped encoder, it after fine-tuning, and one without pre-training. `data` is
+    not needed.
+    """
+    if encoders is None and adapted is None:
+        encoders, adapted = shipped_and_generic(), learnt_from_the_walk()
+    compared: dict[str, Adapt] = {
+        **{name: partial(_as_it_is, encoder) for name, encoder in (encoders or {}).items()},
+        **(adapted or {}),
+    }
+    rows: list[Row] = []
+    for place, world in enumerate(worlds):
+        counts: Counts = {}
+        for k, seed in enumerate(seeds):
+            share = (place + k / len(seeds)) / len(worlds)
+            announce(f"{world}, walk {seed}", share)
+            measure_walk(world, seed, rounds, compared, counts)
+        announce(f"{world}, intervals", (place + 1) / len(worlds))
+        rows += _rows(world, counts)
+    return rows
+
+
+def shipped_and_generic() -> dict[str, Encoder]:
+    """Every generic feature and the shipped encoder, by name."""
+    echoes = echo_pairs(np.random.default_rng([0, 17]), PRINCIPAL_ECHOES, 64).first
+    return {
+        **generic_encoders(),
+        "principal components": principal_encoder(echoes),
+        "ELF, shipped": load_encoder("compact"),
+    }
+
+
+def learnt_from_the_walk() -> dict[str, Adapt]:
+    """The encoders that learn each walk by itself, by name."""
+    from studies.from_scratch import learn_from_scratch
+
+    shipped = load_encoder("compact")
+    return {
+        "ELF, without pre-training": lambda echoes: learn_from_scratch(
+            echoes, ScratchParameters(), seed=0
+        ),
+        "ELF, fine-tuned": lambda echoes: (
+            finetuned(shipped, echoes, FinetuneParameters(), 0, lambda what, share: None).encoder
+        ),
+    }
+
+
+def _as_it_is(encoder: Encoder, echoes: Echoes) -> Encoder:
+    return encoder
+
+
+def measure_walk(
+    world: str, seed: int, rounds: int, compared: Mapping[str, Adapt], counts: Counts
+) -> None:
+    """Simulate a walk and append its histograms (2, 4000) to `counts`."""
+    name = world.removesuffix(SECOND_ENGINE)
+    engine = "images" if name == world else "pyroomacoustics"
+    today = Circumstances(engine=engine)
+    recording, truth = simulate(load_world(name), seed, rounds=rounds, circumstances=today)
+    parameters = Parameters()
+    nodes, echoes = walk_nodes(recording, parameters), hear(recording, parameters)
+    same, elsewhere = labelled_pairs(nodes, truth, rounds)
+    for feature, encoder_for in compared.items():
+        single = _similarity(echoes, nodes, encoder_for(echoes))
+        for unit, scores in zip(UNITS, (single, sequence_similarity(single)), strict=True):
+            known = np.isfinite(scores)
+            made = histograms(scores[same & known], scores[elsewhere & known])
+            counts.setdefault((feature, unit), []).append(made)
+
+
+def labelled_pairs(nodes: Odometry, truth: Truth, rounds: int) -> tuple[Bool, Bool]:
+    """Pairs (n-1, n-1) of footsteps at the same place, and elsewhere; each pair once.
+
+    Both are of different rounds and half a lap of walking apart, so that no pair is of neighbours
+    in time.
+    """
+    middle_s = (nodes.t_s[1:] + nodes.t_s[:-1]) / 2
+    poses = interpolate_poses(truth.t_s, truth.world_from_body, middle_s)
+    laps = _walked_laps(truth, middle_s, rounds)
+    distance_m = np.linalg.norm(poses[:, None, :2] - poses[None, :, :2], axis=2)
+    turn_rad = np.abs(wrap_angle(poses[:, None, 2] - poses[None, :, 2]))
+    later = (laps[None] - laps[:, None] > 0.5) & (np.floor(laps)[None] != np.floor(laps)[:, None])
+    same = later & (distance_m < SAME_M) & (turn_rad < SAME_RAD)
+    return same, later & (distance_m > ELSEWHERE_M)
+
+
+def sequence_similarity(scores: F32, length: int = SEQUENCE) -> F32:
+    """Mean similarity (n, n) of the `length` footsteps about each two, NaN beyond the ends.
+
+    The better of two: both walked the same way, or the second the other way round.
+    """
+    ahead = _diagonal_mean(scores, length)
+    back = _diagonal_mean(scores[:, ::-1], length)[:, ::-1]
+    return np.where(np.isfinite(ahead), np.fmax(ahead, back), ahead)
+
+
+def _diagonal_mean(scores: F32, length: int) -> F32:
+    count = len(scores) - length + 1
+    made = np.full_like(scores, np.nan)
+    if count > 0:
+        middle = slice(length // 2, length // 2 + count)
+        made[middle, middle] = sum(scores[k : k + count, k : k + count] for k in range(length))
+    return made / np.float32(length)
+
+
+def _similarity(echoes: Echoes, nodes: Odometry, encoder: Encoder) -> F32:
+    """ESS between footsteps; NaN where a footstep has no echo."""
+    features = extract_features(echoes, encoder)
+    scores = echo_sequence_similarity(features, nodes).scores.copy()
+    heard = np.histogram(features.t_s, nodes.t_s)[0] > 0
+    scores[~heard] = np.nan
+    scores[:, ~heard] = np.nan
+    return scores
+
+
+def _walked_laps(truth: Truth, t_s: F64, rounds: int) -> F64:
+    steps_m = np.linalg.norm(np.diff(truth.world_from_body[:, :2], axis=0), axis=1)
+    walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
+    return np.asarray(np.interp(t_s, truth.t_s, rounds * walked_m / walked_m[-1]))
+
+
+def _rows(world: str, counts: Counts) -> list[Row]:
+    threshold = ClosureParameters().threshold
+    return [
+        {"world": world, "compared": unit, "feature": name, **separation_row(walks, threshold)}
+        for unit in UNITS
+        for (name, compared), walks in counts.items()
+        if compared == unit
+    ]
+
+
+def metrics_of(table: object) -> dict[str, float]:
+    """What a card says of one encoder, from the rows of this study about it.
+
+    Raises InputError where the rows are of none or of several, or not this study's.
+    """
+    rows: list[Any] = table if isinstance(table, list) else [table]
+    features = {str(row["feature"]) if _is_row(row) else "another table" for row in rows}
+    if len(features) != 1 or not all(map(_is_row, rows)):
+        raise InputError(
+            f"figures: wanted the rows of `elfslam study elf` about one encoder, got "
+            f"{', '.join(sorted(features)) or 'none':.200}; name the encoder with --encoder there"
+        )
+    return {
+        f"{name}, {row['compared']}, {row['world']}": float(row[name])
+        for row in rows
+        for name in ON_THE_CARD
+    }
+
+
+def _is_row(row: object) -> bool:
+    """Whether this is a row of the study's table, as JSON gives it."""
+    return isinstance(row, dict) and all(
+        isinstance(row.get(name), kind)
+        for names, kind in ((("feature", "compared", "world"), str), (ON_THE_CARD, int | float))
+        for name in names
+    )

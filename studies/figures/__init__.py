@@ -1,0 +1,1 @@
+"""Drawings and figures of merit that studies alone use."""

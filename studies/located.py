@@ -1,0 +1,149 @@
+"""One person maps a place, another is located in the map: what several studies share."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from elfslam.app.settings import Settings
+from elfslam.base.arrays import F32, F64
+from elfslam.base.choices import Mode
+from elfslam.base.geometry import compose, interpolate_poses, inverse
+from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Run, Truth
+from elfslam.line.feature import Encoder, encoder_for, extract_features
+from elfslam.line.locate import locate_one_shot
+from elfslam.score.alignment import Alignment, match, placement
+from elfslam.score.errors import fix_distances, summarise
+from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.pipeline import Adapt, as_shipped, footstep_likeness, locate_walk, map_by_echoes
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.sensors import Sensor
+from elfslam.world.simulate import World, simulate
+from studies.mapping_errors import CALIBRATED, walkers
+from studies.repeats import Numbers
+
+MAPPING_ROUNDS = 4
+STRANGER = 1000
+"""Added to a seed: the walk to be located is another person's."""
+GROSS_M = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A mapped walk, with the truth about it."""
+
+    recording: Recording
+    run: Run
+    truth: Truth
+
+
+@dataclass(frozen=True, eq=False)
+class Stranger:
+    """What is known of the walk to be located, and the truth about it."""
+
+    recording: Recording
+    nodes: Odometry
+    features: Features
+    truth: Truth
+
+
+def mapped_walk(
+    world: World,
+    seed: int,
+    rounds: int,
+    encoder: Encoder,
+    *,
+    sensors: Collection[Sensor] = (),
+    adapt: Adapt = as_shipped,
+) -> Mapped:
+    """A walk by someone whose steps are known, from a known start, mapped by echoes."""
+    recording, truth = simulate(world, seed, rounds=rounds, sensors=sensors)
+    recording = at_its_start(recording, truth)
+    run = map_by_echoes(recording, encoder, walkers(seed)[CALIBRATED], adapt=adapt)
+    return Mapped(recording, run, truth)
+
+
+def at_its_start(recording: Recording, truth: Truth) -> Recording:
+    """The recording of someone who said where the walk begins."""
+    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
+    return replace(recording, start_pose=(x_m, y_m, heading_rad))
+
+
+def stranger(
+    world: World,
+    seed: int,
+    rounds: int,
+    encoder: Encoder,
+    mapped: Mapped,
+    *,
+    sensors: Collection[Sensor] = (),
+    circumstances: Circumstances | None = None,
+) -> Stranger:
+    """Another person's walk, of which neither start nor length of step is known."""
+    recording, truth = simulate(
+        world, seed + STRANGER, rounds=rounds, sensors=sensors, circumstances=circumstances
+    )
+    echoes = hear(recording, Settings())
+    assert mapped.run.floor_map is not None
+    features = extract_features(echoes, encoder_for(mapped.run.floor_map, encoder, echoes))
+    return Stranger(recording, walk_nodes(recording, Settings()), features, truth)
+
+
+def located(mapped: Mapped, other: Stranger, mode: Mode, known: Settings) -> Fixes:
+    """Where the stranger is in the map, by echoes."""
+    floor_map = mapped.run.floor_map
+    assert floor_map is not None
+    if mode is Mode.ONE_SHOT:
+        return locate_one_shot(other.features, floor_map, known.locate)
+    scores: F32 = footstep_likeness(other.features, other.nodes, floor_map, known.locate)
+    return locate_walk(other.nodes, scores, floor_map, known, mode=mode)
+
+
+def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
+    """Errors of the answered fixes in metres, how many were answered, and whether sigma is honest.
+
+    The map lies in the world by the best rigid fit of its own walk; `anchored|` by its start
+    alone, as the covariances have it (`NEES`, 2 where they are right). Empty lists give NaN.
+    """
+    numbers: Numbers = {}
+    for name, alignment in (("", Alignment.ALIGNED), ("anchored|", Alignment.ANCHORED)):
+        world_from_map = _map_in_world(run, mapped, alignment)
+        status, errors = fix_distances(fixes, other, world_from_map)
+        summary = summarise(errors[status == FixStatus.OK])
+        numbers |= {
+            f"{name}median": summary.median_m, f"{name}mean": summary.mean_m,
+            f"{name}Q3": summary.q3_m,
+        }  # fmt: skip
+        if alignment is Alignment.ALIGNED:
+            right = errors[status == FixStatus.OK]
+            numbers |= {
+                "answered": float(np.mean(status == FixStatus.OK)),
+                "ambiguous": float(np.mean(status == FixStatus.AMBIGUOUS)),
+                "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
+            }
+    numbers["NEES"] = _nees(fixes, other, _map_in_world(run, mapped, Alignment.ANCHORED))
+    return numbers
+
+
+def world_from_map(mapped: Mapped) -> F64:
+    """Where the map (3) lies in the world, by the best rigid fit of its own walk."""
+    return _map_in_world(mapped.run, mapped.truth, Alignment.ALIGNED)
+
+
+def _map_in_world(run: Run, truth: Truth, alignment: Alignment) -> F64:
+    matched = match(run.trajectory.t_s, run.trajectory.world_from_body, truth)
+    return placement(matched, alignment).world_from_map
+
+
+def _nees(fixes: Fixes, truth: Truth, world_from_map: F64) -> float:
+    """Mean normalised error squared in the plane of the answered fixes."""
+    inside = (fixes.t_s >= truth.t_s[0]) & (fixes.t_s <= truth.t_s[-1])
+    used = inside & (fixes.status == FixStatus.OK)
+    if not used.any():
+        return float("nan")
+    true = interpolate_poses(truth.t_s, truth.world_from_body, fixes.t_s[used])
+    error_m = fixes.xy_m[used] - compose(inverse(world_from_map), true)[:, :2]
+    solved = np.linalg.solve(fixes.covariance_m2[used], error_m[:, :, None])[:, :, 0]
+    return float(np.mean(np.sum(error_m * solved, axis=1)))

@@ -1,0 +1,225 @@
+"""The paper's table of mapping errors: echoes, their rivals, and all of them in one graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.senses import sense_of
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Workers
+from elfslam.base.choices import Modality
+from elfslam.base.progress import Announce
+from elfslam.base.values import (
+    NO_CLOSURES,
+    AnySimilarity,
+    Closures,
+    Echoes,
+    Features,
+    Odometry,
+    Recording,
+    Trajectory,
+    Truth,
+)
+from elfslam.learn.parameters import ScratchParameters
+from elfslam.line.closure import ClosureParameters
+from elfslam.line.feature import extract_features, load_encoder
+from elfslam.line.graph import build_graph, optimise
+from elfslam.line.motion import calibrated, calibrated_by_distance
+from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.score.alignment import AS_DECLARED, Alignment, match, placement
+from elfslam.score.closure_score import score_closures
+from elfslam.score.errors import path_length_m, placed_errors, summarise
+from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
+from elfslam.slam.pipeline import closures_by
+from elfslam.world.sensors import Sensor
+from elfslam.world.simulate import load_world, simulate
+from studies.curation import CurationParameters, curated_closures
+from studies.figures.coverage import trajectory_coverage
+from studies.finding import Finding
+from studies.mapping_table import mapping_page, mapping_rows
+from studies.repeats import Numbers, by_world, finished
+
+WORLDS = ("living_room", "office", "mall")
+SEEDS = tuple(range(10))
+ROUNDS = 4
+CURATED_SEEDS = 3
+"""The paper's curation takes minutes for each walk of a mall: seeds below this get it."""
+COURSE = "concourse"
+"""Where a walker is calibrated: a lap of known length."""
+OFF, OFF_SIGMA = 0.1, 0.1
+"""Steps are assumed this much too long (even seeds) or too short, and known no better."""
+CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
+ELF, ALONE = "ELF", "ELF without pre-training"
+ALONE_THRESHOLD = 0.15
+"""An encoder that has heard one walk alone finds nothing as alike as the shipped one does."""
+RIVALS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
+SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A simulated walk."""
+
+    world: str
+    seed: int
+    rounds: int
+
+
+def measure_mapping(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    worlds: Sequence[str] = WORLDS,
+    seeds: Sequence[int] = SEEDS,
+    rounds: int = ROUNDS,
+    scratch: ScratchParameters | None = None,
+) -> Finding:
+    """Errors of every method for walkers calibrated and not; `data` is not needed."""
+    tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    rows = mapping_rows(by_world(tasks, numbers))
+    return Finding(rows, mapping_page(rows))
+
+
+def _measured(walk: Walk, scratch: ScratchParameters) -> Numbers:
+    recording, truth = simulate(
+        load_world(walk.world), walk.seed, rounds=walk.rounds, sensors=SENSORS
+    )
+    x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
+    recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
+    echoes = hear(recording, Settings())
+    features = _features(echoes, walk.seed, scratch)
+    numbers: Numbers = {}
+    for walker, known in walkers(walk.seed).items():
+        methods = list(_closures(recording, echoes, features, known))
+        if walker == CALIBRATED and walk.seed < CURATED_SEEDS:
+            methods += _as_the_paper_closes(recording, echoes, features, known)
+        for method, nodes, closures in methods:
+            trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
+            found = {**_errors(trajectory, truth), **_evidence(closures, trajectory, truth)}
+            numbers |= {f"{walker}|{method}|{name}": value for name, value in found.items()}
+    return numbers
+
+
+def walkers(seed: int) -> Mapping[str, Settings]:
+    """The settings for this walker, calibrated on another walk, and with steps 10 % off."""
+    usual = Settings()
+    recording, truth = simulate(load_world(COURSE), seed, rounds=1, sound=False)
+    assert recording.imu is not None
+    length_m = path_length_m(truth.world_from_body[:, :2])
+    known = calibrated_by_distance(recording.imu, length_m, usual.motion)
+    off = calibrated(known, 1 + OFF * (1 if seed % 2 == 0 else -1), OFF_SIGMA)
+    return {CALIBRATED: replace(usual, motion=known), UNCALIBRATED: replace(usual, motion=off)}
+
+
+def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str, Features]:
+    """By the shipped encoder, and by one that has heard this walk alone."""
+    from studies.from_scratch import learn_from_scratch
+
+    alone = learn_from_scratch(echoes, scratch, seed=seed)
+    encoders = {ELF: load_encoder("compact"), ALONE: alone}
+    return {name: extract_features(echoes, encoder) for name, encoder in encoders.items()}
+
+
+def _closures(
+    recording: Recording, echoes: Echoes, features: Mapping[str, Features], known: Settings
+) -> Iterator[tuple[str, Odometry, Closures]]:
+    """What is walked and closed by method, first nothing, at last by all senses together.
+
+    Who hears echoes also knows by them how long the steps were.
+    """
+    walked = walk_nodes(recording, known)
+    yield "dead reckoning", walked, NO_CLOSURES
+    heard = with_heard_steps(walked, echoes, known)
+    yield "dead reckoning, heard steps", heard, NO_CLOSURES
+    elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
+    strictness = {ELF: known.closure, ALONE: replace(known.closure, threshold=ALONE_THRESHOLD)}
+    for name, alike in elf.items():
+        yield name, heard, closures_by(heard, [(alike, strictness[name])], known)
+    for item in RIVALS:
+        yield (
+            item.value,
+            walked,
+            closures_by(walked, [_sensed(item, recording, walked, known)], known),
+        )
+    others = [_sensed(item, recording, heard, known) for item in RIVALS]
+    together = closures_by(heard, [(elf[ELF], known.closure), *others], known)
+    yield "all together", heard, together
+
+
+def _as_the_paper_closes(
+    recording: Recording, echoes: Echoes, features: Mapping[str, Features], known: Settings
+) -> Iterator[tuple[str, Odometry, Closures]]:
+    """Our features and the paper's rivals through the paper's curation, which takes minutes."""
+    walked = walk_nodes(recording, known)
+    heard = with_heard_steps(walked, echoes, known)
+    alike = echo_sequence_similarity(features[ELF], heard)
+    curated = _curated(alike, heard, known, known.closure.threshold)
+    yield f"{ELF}, paper's curation", heard, curated
+    for item, paper in _as_in_the_paper(known).items():
+        similarity, closure = _sensed(item, recording, walked, paper)
+        closures = _curated(similarity, walked, paper, closure.threshold)
+        yield f"{item}, paper's", walked, closures
+
+
+def _sensed(
+    item: Modality, recording: Recording, nodes: Odometry, known: Settings
+) -> tuple[AnySimilarity, ClosureParameters]:
+    sense = sense_of(item, known)
+    return sense.similarity_of(recording, nodes), sense.closure
+
+
+def _curated(
+    similarity: AnySimilarity, nodes: Odometry, known: Settings, threshold: float
+) -> Closures:
+    return curated_closures(similarity, nodes, replace(CurationParameters(), threshold=threshold))
+
+
+def _as_in_the_paper(known: Settings) -> Mapping[Modality, Settings]:
+    return {
+        Modality.WIFI: replace(known, wifi=replace(known.wifi, variant="paper")),
+        Modality.MAGNETIC: replace(known, magnetic=replace(known.magnetic, variant="paper")),
+    }
+
+
+def _errors(trajectory: Trajectory, truth: Truth) -> Numbers:
+    numbers: Numbers = {}
+    matched = match(trajectory.t_s, trajectory.world_from_body, truth)
+    for name, where in {
+        "declared start": AS_DECLARED,
+        "aligned": placement(matched, Alignment.ALIGNED),
+        "aligned with scale": placement(matched, Alignment.ALIGNED_WITH_SCALE),
+    }.items():
+        poses = trajectory.world_from_body
+        summary = summarise(placed_errors(trajectory.t_s, poses, truth, where))
+        numbers |= {
+            f"{name}|median": summary.median_m,
+            f"{name}|mean": summary.mean_m,
+            f"{name}|Q3": summary.q3_m,
+        }
+    return numbers
+
+
+def _evidence(closures: Closures, trajectory: Trajectory, truth: Truth) -> Numbers:
+    """How right the closures were, found and believed, and the sigmas of the trajectory."""
+    kept = trajectory.closure_weights > 0.5
+    score = score_closures(closures, trajectory.t_s, truth)
+    known = np.isfinite(score.distance_m)
+    covered = trajectory_coverage(trajectory, truth, AS_DECLARED)
+    return {
+        "closures|found": float(known.sum()),
+        "closures|right": float(score.right[known].sum()),
+        "closures|believed": float((known & kept).sum()),
+        "closures|believed right": float(score.right[known & kept].sum()),
+        "uncertainty|within one sigma": covered.one_sigma,
+        "uncertainty|within two sigma": covered.two_sigma,
+        "uncertainty|NEES": covered.nees,
+    }

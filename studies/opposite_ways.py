@@ -1,0 +1,164 @@
+"""A room mapped one way round and heard the other: what superimposing two walks is worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.geometry import interpolate_poses
+from elfslam.base.progress import Announce
+from elfslam.base.values import Echoes, Truth
+from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.slam.front_end import hear
+from elfslam.slam.pipeline import map_by_echoes
+from elfslam.world.simulate import load_world, simulate
+from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
+from studies.located import at_its_start
+from studies.mapping_errors import CALIBRATED, walkers
+from studies.repeats import Numbers
+
+if TYPE_CHECKING:
+    from elfslam.learn.floor_level import SpotEchoes
+
+STRANGER, ASKER = 500, 1000
+"""Added to the seed for who walks the other way round, and for who is located."""
+HALF_BATCH = 128
+STEPS = 300
+PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
+"""Where the echoes of a map are said to come from: what is left is the map's error, or is not."""
+
+
+@dataclass(frozen=True)
+class Ways:
+    """A room, walked one way round by one person and the other way by a second, then a third."""
+
+    world: str = "living_room"
+    seed: int = 0
+    rounds: int = 4
+    steps: int = STEPS
+
+
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """The echoes of a walk, the poses (n, 3) that its map gives them, and the true ones."""
+
+    echoes: Echoes
+    poses: F64
+    truth: F64
+
+
+def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
+    """Errors (m) of fixes of 0.6 s the other way round, in each map."""
+    shipped = load_encoder("compact")
+    assert isinstance(shipped, OnnxEncoder)
+    walks = [
+        mapped(task, task.seed, reverse=False),
+        mapped(task, task.seed + STRANGER, reverse=True),
+    ]
+    places_m, samples = _asked(task)
+    numbers: Numbers = {}
+    for placed in PLACED:
+        both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
+        learnt = _learnt(task, both, shipped, folder / placed, announce)
+        for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
+            found = fixes_m(encoder.embed(samples), TOGETHER, vectors, xy_m)
+            numbers |= errors(f"{name}|{placed}|{TOGETHER}", found, places_m)
+    off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
+    return {**numbers, "map error (m)": float(np.median(np.concatenate(off_m)))}
+
+
+def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
+    """A walk whose start is known, mapped: what superimposition has of it."""
+    recording, truth = simulate(load_world(task.world), seed, rounds=task.rounds, reverse=reverse)
+    known = walkers(seed)[CALIBRATED]
+    recording = at_its_start(recording, truth)
+    run = map_by_echoes(recording, load_encoder("compact"), known)
+    assert run.echoes is not None
+    t_s, heard = run.trajectory.t_s, run.echoes
+    inside = (heard.t_s >= t_s[0]) & (heard.t_s <= t_s[-1])
+    kept = {name: getattr(heard, name)[inside] for name in ("t_s", "samples", "snr_db")}
+    at_s = heard.t_s[inside]
+    poses = interpolate_poses(t_s, run.trajectory.world_from_body, at_s)
+    true = interpolate_poses(truth.t_s, truth.world_from_body, at_s)
+    return Mapped(replace(heard, **kept), poses, true)
+
+
+def _learnt(
+    task: Ways, walks: Sequence[Mapped], shipped: OnnxEncoder, folder: Path, announce: Announce
+) -> OnnxEncoder:
+    """The encoder of the room, learnt from the walks as their maps place them."""
+    from elfslam.learn.floor_level import floor_spots, learn_floor
+    from elfslam.learn.parameters import FloorLevelParameters
+
+    def batch(step: int) -> SpotEchoes:
+        generator = np.random.default_rng([task.seed, 1, step])
+        rows = [generator.integers(0, len(walk.poses), HALF_BATCH) for walk in walks]
+        return _spot_echoes(walks, rows)
+
+    spots_m = floor_spots(np.vstack([walk.poses[:, :2] for walk in walks]), SPACING_M)
+    folder.mkdir(parents=True, exist_ok=True)
+    checkpoint = folder / f"{task.world}-ways-{task.seed}.checkpoint"
+    found = learn_floor(
+        shipped, spots_m, batch, FloorLevelParameters(steps=task.steps), seed=task.seed,
+        checkpoint=checkpoint,
+        report=lambda at: announce(f"{task.world}, walk {task.seed}", at.step / task.steps),
+    )  # fmt: skip
+    checkpoint.unlink()
+    return found.encoder
+
+
+def _spot_echoes(walks: Sequence[Mapped], rows: Sequence[I64]) -> SpotEchoes:
+    from elfslam.learn.floor_level import SpotEchoes
+
+    pairs = list(zip(walks, rows, strict=True))
+    poses = np.vstack([walk.poses[some] for walk, some in pairs])
+    samples = np.vstack([walk.echoes.samples[some] for walk, some in pairs])
+    return SpotEchoes(samples, poses[:, :2], poses[:, 2])
+
+
+def _asked(task: Ways) -> tuple[F64, F32]:
+    """Where (n, 2) the third person was, who walks back too, and six echoes (6 n, 2352) each."""
+    recording, truth = simulate(load_world(task.world), task.seed + ASKER, rounds=1, reverse=True)
+    echoes = hear(recording, walkers(task.seed)[CALIBRATED])
+    moving = walking(truth, echoes.t_s)
+    count = len(moving) // TOGETHER
+    rows = moving[: count * TOGETHER]
+    middle_s = echoes.t_s[rows].reshape(count, TOGETHER).mean(axis=1)
+    poses = interpolate_poses(truth.t_s, truth.world_from_body, middle_s)
+    return poses[:, :2], echoes.samples[rows]
+
+
+def walking(truth: Truth, t_s: F64) -> I64:
+    """Echoes between the first and the last movement."""
+    from_start_m = np.linalg.norm(np.diff(truth.world_from_body[:, :2], axis=0), axis=1)
+    moving_s = truth.t_s[1:][from_start_m > 0.25 * from_start_m.max()]
+    return np.flatnonzero((t_s >= moving_s[0]) & (t_s <= moving_s[-1]))
+
+
+Map = tuple[str, F64, F32, Encoder]
+
+
+def _maps(both: Sequence[Mapped], shipped: Encoder, learnt: Encoder) -> Iterator[Map]:
+    """Name, spots, their ELFs and encoder of each map."""
+    from elfslam.learn.floor_level import floor_elfs, floor_spots
+
+    there, back = both
+
+    for name, walks, encoder in (
+        ("same direction", [back], shipped),
+        ("opposite direction", [there], shipped),
+        ("both directions, not learnt", both, shipped),
+        ("superimposed", both, learnt),
+        ("superimposed, map of one direction", [there], learnt),
+    ):
+        poses = np.vstack([walk.poses for walk in walks])
+        spots_m = floor_spots(poses[:, :2], SPACING_M)
+        rows = [np.arange(len(walk.poses)) for walk in walks]
+        yield name, spots_m, floor_elfs(encoder, spots_m, [_spot_echoes(walks, rows)]), encoder
+    vectors = np.vstack([shipped.embed(walk.echoes.samples) for walk in both])
+    yield "all echoes kept apart", np.vstack([walk.poses[:, :2] for walk in both]), vectors, shipped

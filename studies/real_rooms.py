@@ -1,0 +1,119 @@
+"""Real impulse responses: is a place known again when the walls or the microphone changed?
+
+Room impulse responses of Meta's R3VIVAL set (CC BY 4.0): twelve loudspeakers on a circle of 2 m
+about the microphones, eight states of the walls' absorption in one room. They are a test: nothing
+is trained or chosen by them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from scipy import signal
+
+from elfslam.base.arrays import F32, F64, Bool
+from elfslam.base.errors import InputError
+from elfslam.base.progress import Announce
+from elfslam.base.values import Audio, Chirp
+from elfslam.baselines.generic import generic_encoders
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.line.feature import Encoder, load_encoder
+from elfslam.score.bootstrap import interval
+from studies.finding import Row
+
+FILE = Path("rirs") / "r3vival_2m.npz"
+REPEATS = 8
+PERIOD_S = 0.25
+"""A chirp, its sound in the room (140 ms) and silence; so that one does not ring into the next."""
+PEAK = 0.5
+REFERENCE = 0
+"""State of the walls and microphone that make the gallery: 000, at the centre."""
+PLAIN = "plain cosine of the spectrogram"
+
+
+def measure_real_rooms(
+    data: Path | None, announce: Announce, *, encoders: Mapping[str, Encoder] | None = None
+) -> list[Row]:
+    """A row per feature and microphone: how often the right one of twelve places is nearest.
+
+    Against `PLAIN`, paired query by query; intervals resample the places. `encoders` are compared
+    with it by name, by default the shipped one. Raises InputError without the real recordings.
+    """
+    responses, rate_hz, microphones = read_responses(data)
+    announce("echoes", 0.0)
+    echoes = np.stack([_heard(state, rate_hz) for state in responses])
+    compared = {
+        PLAIN: generic_encoders()["spectrogram without mean"],
+        **(encoders or {"ELF, shipped": load_encoder("compact")}),
+    }
+    rows: list[Row] = []
+    for k, microphone in enumerate(microphones):
+        right = {name: recognised(echoes, encoder, k) for name, encoder in compared.items()}
+        rows += [_row(microphone, name, right) for name in right]
+    announce("done", 1.0)
+    return rows
+
+
+def read_responses(data: Path | None) -> tuple[F32, int, list[str]]:
+    """Impulse responses (states, places, microphones, n), their rate, the microphones' names."""
+    file = None if data is None else data / FILE
+    if file is None or not file.exists():
+        raise InputError(
+            f"real impulse responses: {file or FILE} is absent; pass --data or set ELFSLAM_DATA"
+        )
+    with np.load(file, allow_pickle=False) as archive:
+        responses = np.moveaxis(archive["rir"], 2, 3)
+        return responses, int(archive["rate_hz"]), [str(name) for name in archive["microphone"]]
+
+
+def recognised(echoes: F32, encoder: Encoder, microphone: int) -> Bool:
+    """Whether the nearest of the reference places is the right one: (changed states, places).
+
+    `echoes` are (states, places, microphones, 2352); the gallery is always the centre microphone.
+    """
+    gallery = encoder.embed(echoes[REFERENCE, :, REFERENCE])
+    changed = np.delete(echoes[:, :, microphone], REFERENCE, axis=0)
+    asked = encoder.embed(changed.reshape(-1, changed.shape[-1]))
+    nearest = (asked @ gallery.T).argmax(axis=1).reshape(changed.shape[:2])
+    return np.asarray(nearest == np.arange(len(gallery)))
+
+
+def echo_of(response: F64, chirp: Chirp) -> F32:
+    """The echo trace (2352) that the line cuts from chirps played through a response (n)."""
+    sound = signal.fftconvolve(chirp.samples.astype(np.float64), response)
+    frame = np.zeros(round(chirp.period_s * chirp.rate_hz))
+    frame[: len(sound)] = PEAK * sound / np.abs(sound).max()
+    audio = Audio(np.tile(frame, REPEATS)[None].astype(np.float32), chirp.rate_hz)
+    echoes = cut_echoes(audio, chirp, replace(EchoParameters(), minimum_duration_s=1.0))
+    return np.asarray(echoes.samples[REPEATS // 2])
+
+
+def _heard(state: F32, rate_hz: int) -> F32:
+    """Echoes (places, microphones, 2352) of the responses of one state."""
+    chirp = make_chirp(replace(ChirpParameters(), period_s=PERIOD_S), rate_hz)
+    return np.stack([[echo_of(response, chirp) for response in place] for place in state])
+
+
+def _row(microphone: str, name: str, right: Mapping[str, Bool]) -> Row:
+    """Top-1 of one feature, and how much more than the plain cosine's."""
+    better = right[name].astype(np.float64) - right[PLAIN]
+    low, high = _over_places(right[name].astype(np.float64))
+    lower, higher = _over_places(better)
+    return {
+        "microphone": microphone,
+        "feature": name,
+        "queries": right[name].size,
+        "top-1": round(float(right[name].mean()), 3),
+        "top-1, 95 %": f"{low:.3f} to {high:.3f}",
+        "over plain": round(float(better.mean()), 3),
+        "over plain, 95 %": f"{lower:.3f} to {higher:.3f}",
+    }
+
+
+def _over_places(values: F64) -> tuple[float, float]:
+    """95 % interval of the mean of (states, places), places drawn with replacement."""
+    return interval(list(values.T), lambda some: float(some.mean()), np.random.default_rng(0))

@@ -1,0 +1,168 @@
+"""What changes between mapping and locating, and how much it costs: a curve for each change.
+
+The map is made on an ordinary day; the stranger then comes with less sound, among people, weeks
+later, in noise, between moved furniture, with a softer or another phone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Workers
+from elfslam.base.choices import Mode
+from elfslam.base.progress import Announce
+from elfslam.line.feature import Encoder, calibrated
+from elfslam.line.locate import locate_one_shot
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.simulate import World, load_world
+from studies.finding import Finding
+from studies.localization import shipped
+from studies.located import (
+    MAPPING_ROUNDS,
+    Mapped,
+    Stranger,
+    fix_numbers,
+    located,
+    mapped_walk,
+    stranger,
+)
+from studies.repeats import Numbers, by_world, finished
+from studies.sensitivity_table import sensitivity_page, sensitivity_rows
+
+PLACES: Mapping[str, str] = {"living_room": "all", "office": "volume", "mall": "volume"}
+"""Which changes are measured where; the volume in all three, as in the paper."""
+SEEDS = tuple(range(10))
+ROUNDS = 2
+LENGTHS_S = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.6)
+PEOPLE = (0, 2, 4, 6, 8)
+DAYS = (0, 20, 30)
+SOUNDS = ("none", "speech", "music", "clicks")
+VOLUMES = (1.0, 0.8, 0.6, 0.4, 0.2)
+PHONES = ("simulated phone", "flat", "cheap", "tablet", "bottom-fired", "rippled")
+MOVED = "moved"
+
+
+@dataclass(frozen=True)
+class Place:
+    """A world and a seed, and which changes are measured there."""
+
+    world: str
+    seed: int
+    changes: str = "all"
+    mapping_rounds: int = MAPPING_ROUNDS
+    rounds: int = ROUNDS
+
+
+def measure_sensitivity(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    places: Mapping[str, str] = PLACES,
+    seeds: Sequence[int] = SEEDS,
+    mapping_rounds: int = MAPPING_ROUNDS,
+    rounds: int = ROUNDS,
+) -> Finding:
+    """Errors and answered shares for every amount of every change; `data` is not needed."""
+    tasks = [
+        Place(world, seed, changes, mapping_rounds, rounds)
+        for world, changes in places.items()
+        for seed in seeds
+    ]
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    rows = sensitivity_rows(by_world(tasks, numbers))
+    return Finding(rows, sensitivity_page(rows))
+
+
+def _measured(place: Place) -> Numbers:
+    world = with_some_moved(load_world(place.world))
+    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped())
+    numbers: Numbers = {}
+    for change, amount, today in _circumstances(world, place.changes):
+        other = _stranger(world, place, mapped, today)
+        numbers |= _numbers(change, amount, mapped, other)
+    if place.changes == "all":
+        numbers |= _lengths(mapped, _stranger(world, place, mapped, Circumstances()))
+        numbers |= _calibrated(world, place)
+    return numbers
+
+
+def _circumstances(world: World, changes: str) -> Iterator[tuple[str, str, Circumstances]]:
+    for volume in VOLUMES:
+        yield "volume", f"{volume:g}", Circumstances(volume=volume)
+    if changes != "all":
+        return
+    for people in PEOPLE:
+        yield "people", str(people), Circumstances(people=people)
+    for day in DAYS:
+        yield "day", str(day), Circumstances(day=day)
+    for sound in SOUNDS:
+        yield "sound", sound, Circumstances(sounds=() if sound == "none" else (sound,))
+    for state in ["", *(name for name in world.states if name.startswith(f"{MOVED} "))]:
+        yield "moved", state.removeprefix(f"{MOVED} ") or "0", Circumstances(state=state)
+    for phone in PHONES:
+        yield "phone", phone, Circumstances(device=phone)
+
+
+def with_some_moved(world: World) -> World:
+    """The world with a state "moved K" for each number of pieces of furniture, in their order."""
+    if MOVED not in world.states:
+        return world
+    usual, moved = world.room.blocks, world.states[MOVED].blocks
+    changed = [k for k, block in enumerate(usual) if _differs(block, moved[k])]
+    states = dict(world.states)
+    for count in range(1, len(changed) + 1):
+        blocks = tuple(moved[k] if k in changed[:count] else block for k, block in enumerate(usual))
+        states[f"{MOVED} {count}"] = replace(world.room, blocks=blocks)
+    return replace(world, states=states)
+
+
+def _differs(block: object, other: object) -> bool:
+    places = [(item.centre_m, item.turn_rad) for item in (block, other)]  # type: ignore[attr-defined]
+    return not np.allclose(np.append(*places[0]), np.append(*places[1]))
+
+
+def _stranger(
+    world: World, place: Place, mapped: Mapped, today: Circumstances, encoder: Encoder | None = None
+) -> Stranger:
+    return stranger(
+        world, place.seed, place.rounds, encoder or shipped(), mapped, circumstances=today
+    )
+
+
+def _numbers(change: str, amount: str, mapped: Mapped, other: Stranger) -> Numbers:
+    numbers: Numbers = {}
+    for mode in Mode:
+        fixes = located(mapped, other, mode, Settings())
+        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        numbers |= {f"{change}|{amount}|{mode.value}|{key}": value for key, value in found.items()}
+    return numbers
+
+
+def _lengths(mapped: Mapped, other: Stranger) -> Numbers:
+    """One-shot fixes from more or less sound."""
+    known, numbers = Settings().locate, Numbers()
+    assert mapped.run.floor_map is not None
+    for length_s in LENGTHS_S:
+        longer = replace(known, window_s=length_s, fewest_echoes=2 if length_s < 0.5 else 3)
+        fixes = locate_one_shot(other.features, mapped.run.floor_map, longer)
+        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        key = f"seconds|{length_s:g}|{Mode.ONE_SHOT.value}"
+        numbers |= {f"{key}|{name}": value for name, value in found.items()}
+    return numbers
+
+
+def _calibrated(world: World, place: Place) -> Numbers:
+    """Other phones, each heard as the one that made the map, without any label."""
+    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), adapt=calibrated)
+    numbers: Numbers = {}
+    for phone in PHONES:
+        other = _stranger(world, place, mapped, Circumstances(device=phone))
+        numbers |= _numbers("phone, calibrated", phone, mapped, other)
+    return numbers

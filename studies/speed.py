@@ -1,0 +1,145 @@
+"""How fast echoes are made: against pyroomacoustics, on both cores, and as a training stream."""
+
+from __future__ import annotations
+
+import multiprocessing
+import resource
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from elfslam.base.progress import Announce
+from elfslam.line.feature import spectrogram
+from elfslam.world.device import named_device
+from elfslam.world.echo_pairs import echo_pairs
+from elfslam.world.paths import Reach
+from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at
+from elfslam.world.room import Room
+from elfslam.world.scene import scene_of
+from elfslam.world.world_file import load_world
+from studies.finding import Row
+
+RATE_HZ = 44_100
+ECHOES = 2000
+PYROOM_ECHOES = 20
+STREAM_ECHOES = 600_000
+PAIRS, ROOMS = 256, 8
+ONE_GIGABYTE = 2**30
+ENOUGH_ORDER = 12
+"""Of reflections, for all paths of at most 21 m in the living room."""
+TIMES_FASTER, MINUTES = 300.0, 5.0
+
+
+def measure_speed(
+    data: Path | None, announce: Announce, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES
+) -> list[Row]:
+    """Rates, their ratios and the goals, all measured in this one run. `data` is not needed."""
+    furnished = load_world("living_room").room
+    announce("living room", 0.0)
+    empty = _rate(replace(furnished, blocks=()), 1, echoes)
+    full, lab = _rate(furnished, 1, echoes), _rate(load_world("lab").room, 1, echoes)
+    announce("pyroomacoustics", 0.1)
+    slow, bare = (_pyroom_rate(furnished, air_absorption=air) for air in (True, False))
+    announce("both cores", 0.15)
+    one, two = (_rate(furnished, k, echoes, clock=time.perf_counter) for k in (1, 2))
+    rows = [
+        _row("living room, empty, ours", empty, "echoes/s and core"),
+        _row("living room, furnished, ours", full, "echoes/s and core"),
+        _row("cubicle lab, ours", lab, "echoes/s and core"),
+        _row("living room, empty, pyroomacoustics with air", slow, "echoes/s and core"),
+        _row("living room, empty, pyroomacoustics without air", bare, "echoes/s and core"),
+        _row("empty: ours over pyroomacoustics with air", empty / slow, "times", TIMES_FASTER),
+        _row("furnished: ours over pyroomacoustics with air", full / slow, "times", TIMES_FASTER),
+        _row("furnished: ours over pyroomacoustics without air", full / bare, "times"),
+        _row("two threads over one, wall clock", two / one, "times"),
+    ]
+    return rows + list(_stream_rows(stream, announce))
+
+
+def _row(quantity: str, value: float, unit: str, goal: float | None = None) -> Row:
+    return {"quantity": quantity, "value": float(f"{value:.4g}"), "unit": unit, "goal": goal}
+
+
+def _places(room: Room, count: int) -> Any:
+    generator = np.random.default_rng(0)
+    xy_m = room.corner_m + generator.uniform(0, 1, (20 * count, 2)) * room.size_m[:2]
+    xy_m = xy_m[room.is_free(xy_m, 1.2, 0.3)][:count]
+    yaw_rad = generator.uniform(-np.pi, np.pi, len(xy_m))
+    position_m = np.column_stack([xy_m, np.full(len(xy_m), 1.2)])
+    return poses_at(position_m, yaw_rad, np.full(len(xy_m), 0.4))
+
+
+def _rate(
+    room: Room, threads: int, echoes: int, clock: Callable[[], float] = time.process_time
+) -> float:
+    """Responses per second of the furnished scene, best of five; sound not yet rendered."""
+    scene, poses = scene_of(room), _places(room, echoes)
+    ends = ends_of(named_device("simulated phone"), poses)
+
+    def run() -> None:
+        image_echoes(scene, ends, poses.people_m, air_at(), Reach(), threads)
+
+    run()
+    seconds = []
+    for _ in range(5):
+        start = clock()
+        run()
+        seconds.append(clock() - start)
+    return len(poses.position_m) / min(seconds)
+
+
+def _pyroom_rate(room: Room, *, air_absorption: bool) -> float:
+    """Responses of the empty room per second by pyroomacoustics, on one thread."""
+    import pyroomacoustics
+
+    pyroomacoustics.constants.set("num_threads", 1)
+    south, east, north, west = (1 - wall.reflection**2 for wall in room.walls)
+    surfaces = {
+        "west": west, "east": east, "south": south, "north": north,
+        "floor": 1 - room.floor.reflection**2, "ceiling": 1 - room.ceiling.reflection**2,
+    }  # fmt: skip
+    materials = {name: pyroomacoustics.Material(value) for name, value in surfaces.items()}
+    ends = ends_of(named_device("simulated phone"), _places(room, PYROOM_ECHOES))
+    lobe = pyroomacoustics.directivities.CardioidFamily
+    seconds = []
+    for row in range(PYROOM_ECHOES):
+        box = pyroomacoustics.ShoeBox(
+            room.size_m, fs=RATE_HZ, materials=materials, max_order=ENOUGH_ORDER,
+            air_absorption=air_absorption,
+        )  # fmt: skip
+        box.add_source(ends.speaker[row], directivity=lobe(ends.speaker_axis[row], p=0.65))
+        box.add_microphone(ends.microphone[row], directivity=lobe(ends.microphone_axis[row], p=0.8))
+        start = time.process_time()
+        box.image_source_model()
+        length_m = np.linalg.norm(box.sources[0].images - box.mic_array.R[:, :1], axis=0)
+        box.visibility[0] &= (length_m <= Reach().longest_m)[None]
+        box.compute_rir()
+        seconds.append(time.process_time() - start)
+    return 1.0 / float(np.median(seconds))
+
+
+def _stream_rows(echoes: int, announce: Announce) -> Iterator[Row]:
+    """The training stream with its spectrograms, by two processes, and what memory it took."""
+    steps = -(-echoes // (2 * PAIRS))
+    start, done, memory = time.perf_counter(), 0, 0.0
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=context) as pool:
+        for _, used in pool.map(_spectrograms, range(steps), chunksize=8):
+            done, memory = done + 1, max(memory, used)
+            if done % 40 == 0:
+                announce(f"{2 * PAIRS * done} echoes", 0.2 + 0.8 * done / steps)
+    minutes = (time.perf_counter() - start) / 60
+    yield _row(f"{echoes} training echoes, spectrograms, 2 cores", minutes, "min", MINUTES)
+    yield _row("their peak memory in each process", memory / ONE_GIGABYTE, "GiB", 0.5)
+
+
+def _spectrograms(step: int) -> tuple[int, float]:
+    """Echoes turned into spectrograms in a step, and the most memory (bytes) used so far."""
+    pairs = echo_pairs(np.random.default_rng([0, step]), PAIRS, ROOMS)
+    count = sum(len(spectrogram(side)) for side in (pairs.first, pairs.second))
+    return count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0

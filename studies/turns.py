@@ -1,0 +1,258 @@
+"""Phones in one room, with and without taking turns: what is spoiled, and what fixes are left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+from scipy import signal
+
+from elfslam.app.workers import Workers
+from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.progress import Announce
+from elfslam.base.values import (
+    DISCARDED_SAMPLES,
+    ECHO_RATE_HZ,
+    ECHO_SAMPLES,
+    Fixes,
+    FixStatus,
+    Truth,
+)
+from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
+from elfslam.line.feature import Encoder, calibrated, encoder_for, extract_features
+from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
+from elfslam.line.medium_access import TurnsParameters, spoiled_frames
+from elfslam.score.errors import fix_distances
+from elfslam.world.simulate import load_world
+from studies.crowd import Crowd, alone, crowd_in
+from studies.crowds import Overheard, overhear
+from studies.figures.turns_figures import turns_page
+from studies.finding import Finding, Row
+from studies.intervals import mean_row
+from studies.localization import shipped
+from studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
+from studies.repeats import Numbers, finished
+
+PLACES = ("living_room",)
+SEEDS = tuple(range(4))
+COUNTS = (1, 2, 3, 4, 5)
+ALONE = 5
+"""Where one phone chirps alone so many are looked at, one after the other."""
+SECONDS = 40.0
+SETTLED_S = 10.0
+"""What is heard before that is left out: phones find their turns."""
+SPOILED_DB = -10.0
+"""Others' sound over the own echoes in a trace, from which on it counts as spoiled."""
+CLEAN_DB = -20.0
+LONGEST_S = 2.0
+FEWEST = 2
+"""Of sparse echoes two make as good a fix as three, and sooner."""
+WAYS = (
+    "at will",
+    "at will, spoiled frames dropped",
+    "in turns",
+    "in turns, spoiled frames dropped",
+)
+GROSS_M = 1.0
+BAND_HZ = (14_500.0, 20_500.0)
+
+
+@dataclass(frozen=True)
+class Task:
+    """So many phones in a world."""
+
+    world: str
+    seed: int
+    phones: int
+    seconds: float = SECONDS
+    mapping_rounds: int = MAPPING_ROUNDS
+
+
+def measure_turns(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    places: Sequence[str] = PLACES,
+    seeds: Sequence[int] = SEEDS,
+    counts: Sequence[int] = COUNTS,
+    seconds: float = SECONDS,
+    mapping_rounds: int = MAPPING_ROUNDS,
+) -> Finding:
+    """What phones in one room make of each other, by their number; `data` is not needed."""
+    tasks = [
+        Task(place, seed, count, seconds, mapping_rounds)
+        for place in places
+        for seed in seeds
+        for count in counts
+    ]
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    rows = _rows(tasks, numbers)
+    return Finding(rows, turns_page(rows))
+
+
+def _measured(task: Task) -> Numbers:
+    mapped = _mapped(task.world, task.seed, task.mapping_rounds)
+    count = max(task.phones, ALONE if task.phones == 1 else 0)
+    everybody = crowd_in(load_world(task.world), count, task.seed, rounds=_rounds(task))
+    seconds = min(task.seconds, *(phone.motion.t_s[-1] for phone in everybody.phones)) - 1.0
+    crowds = [alone(everybody, k) for k in range(count)] if task.phones == 1 else [everybody]
+    numbers: Numbers = {}
+    for first, crowd in enumerate(crowds):
+        for way, turns in (("at will", False), ("in turns", True)):
+            heard = overhear(crowd, TurnsParameters(), task.seed, turns=turns, seconds=seconds)
+            for k, phone in enumerate(heard):
+                for name, found in _of_phone(way, crowd, k, phone, mapped, seconds):
+                    each = {f"{name}|{first + k}|{key}": value for key, value in found.items()}
+                    numbers |= each
+    return numbers
+
+
+def _rounds(task: Task) -> int:
+    """Enough laps for the time that is asked for."""
+    route_m = load_world(task.world).route_m
+    lap_m = np.linalg.norm(np.diff(route_m, axis=0, append=route_m[:1]), axis=1).sum()
+    return int(np.ceil(1.7 * task.seconds / lap_m)) + 1
+
+
+@cache
+def _mapped(world: str, seed: int, rounds: int) -> Mapped:
+    return mapped_walk(load_world(world), seed, rounds, shipped(), adapt=calibrated)
+
+
+def _of_phone(
+    way: str, crowd: Crowd, k: int, heard: Overheard, mapped: Mapped, seconds: float
+) -> Iterator[tuple[str, Numbers]]:
+    frames = find_frames(heard.audio, crowd.chirp, EchoParameters(), heard.played_t_s)
+    arrivals = frames.arrivals.samples
+    settled = arrivals > SETTLED_S * ECHO_RATE_HZ
+    over_db = _others_db(heard, arrivals)
+    found = spoiled_frames(frames.envelope, arrivals, TurnsParameters())
+    spoiled, clean = over_db > SPOILED_DB, over_db < CLEAN_DB
+    span_s = seconds - SETTLED_S
+    told = {
+        "chirps/s": settled.sum() / span_s,
+        "spoiled": _share(spoiled[settled]),
+        "hit": _share(found[settled & spoiled]),
+        "false": _share(found[settled & clean]),
+    }
+    unsettled = ~settled
+    for name, dropped in ((way, unsettled), (f"{way}, spoiled frames dropped", found | unsettled)):
+        kept = ~dropped & ~spoiled
+        numbers = {**told, "clean chirps/s": kept.sum() / span_s}
+        fixes = _fixes(frames, dropped, mapped)
+        yield (
+            name,
+            numbers | _fix_numbers(fixes, crowd.phones[k].truth, heard, crowd, k, mapped, span_s),
+        )
+
+
+def _share(values: Bool) -> float:
+    return float(values.mean()) if len(values) else float("nan")
+
+
+def _others_db(heard: Overheard, arrivals: I64) -> F64:
+    """Energy of the others' sound over that of the own in each trace, in the band."""
+    band = signal.butter(6, BAND_HZ, "bandpass", fs=ECHO_RATE_HZ, output="sos")
+
+    def energy(sound: F32) -> F64:
+        total = np.concatenate([[0.0], np.cumsum(signal.sosfilt(band, sound.astype(float)) ** 2)])
+        first = arrivals + DISCARDED_SAMPLES
+        last = np.minimum(first + ECHO_SAMPLES, len(sound))
+        return np.asarray(total[last] - total[first])
+
+    return np.asarray(10 * np.log10((energy(heard.others) + 1e-15) / (energy(heard.own) + 1e-15)))
+
+
+def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
+    """One-shot fixes, each from at least half a second of sound and two echoes."""
+    if dropped.all():
+        return None
+    floor_map, known = mapped.run.floor_map, LocateParameters()
+    assert floor_map is not None
+    echoes = echoes_of(frames, EchoParameters(), None, dropped)
+    groups = together(echoes.t_s, known)
+    if not groups:
+        return None
+    encoder: Encoder = encoder_for(floor_map, shipped(), echoes)
+    features = extract_features(echoes, encoder)
+    payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
+    means = np.stack([features.vectors[rows].mean(axis=0) for rows in groups])
+    t_s = np.array([echoes.t_s[rows].mean() for rows in groups])
+    return fixes_of(t_s, likeness(means.astype(np.float32), payload), floor_map, known)
+
+
+def together(t_s: F64, known: LocateParameters) -> list[list[int]]:
+    """Rows of echoes that make a fix each: as soon as they are enough and last long enough."""
+    groups: list[list[int]] = []
+    rows: list[int] = []
+    for row, now_s in enumerate(t_s):
+        rows = [each for each in rows if now_s - t_s[each] <= LONGEST_S]
+        rows.append(row)
+        if len(rows) >= FEWEST and now_s - t_s[rows[0]] >= known.window_s - 0.11:
+            groups.append(rows)
+            rows = []
+    return groups
+
+
+def _fix_numbers(
+    fixes: Fixes | None, truth: Truth, heard: Overheard, crowd: Crowd, k: int,
+    mapped: Mapped, span_s: float,
+) -> Numbers:  # fmt: skip
+    if fixes is None:
+        return {"fixes/min": 0.0, "answered": 0.0}
+    later = Fixes(
+        fixes.t_s - crowd.phones[k].in_s, fixes.xy_m, fixes.heading_rad, fixes.covariance_m2,
+        fixes.score, fixes.status,
+    )  # fmt: skip
+    status, errors = fix_distances(later, truth, world_from_map(mapped))
+    right = errors[status == FixStatus.OK]
+    return {
+        "fixes/min": 60 * len(right) / span_s,
+        "answered": float(np.mean(status == FixStatus.OK)),
+        "median": float(np.median(right)) if len(right) else float("nan"),
+        "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
+        "good fixes/min": 60 * float(np.sum(right <= GROSS_M)) / span_s,
+    }
+
+
+MEASURES = (
+    "chirps/s", "spoiled", "clean chirps/s", "fixes/min", "good fixes/min", "median", "gross",
+    "hit", "false",
+)  # fmt: skip
+
+
+def _rows(tasks: Sequence[Task], numbers: Sequence[Numbers]) -> list[Row]:
+    """A row for each number of phones and way; means over walks of the means over phones."""
+    rows: list[Row] = []
+    for world in dict.fromkeys(task.world for task in tasks):
+        for count in dict.fromkeys(task.phones for task in tasks):
+            own = [
+                found
+                for task, found in zip(tasks, numbers, strict=True)
+                if (task.world, task.phones) == (world, count)
+            ]
+            rows += [_row(world, count, way, own) for way in WAYS]
+    return rows
+
+
+def _row(world: str, count: int, way: str, own: Sequence[Numbers]) -> Row:
+    row: Row = {"world": world, "phones": count, "way": way}
+    for measure in MEASURES:
+        each = [
+            [
+                value
+                for key, value in found.items()
+                if key.startswith(f"{way}|") and key.endswith(f"|{measure}")
+            ]
+            for found in own
+        ]
+        means = [float(np.nanmean(some)) for some in each if not np.isnan(some).all()]
+        mean = mean_row("", None, measure, means, "rooms") if means else None
+        row[measure] = mean["mean"] if mean else None
+        row[f"{measure}, 95 %"] = f"{mean['from']} to {mean['to']}" if mean else None
+    return row

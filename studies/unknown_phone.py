@@ -1,0 +1,213 @@
+"""A phone that the map never met: what calibration, both ways and translation are worth."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.workers import Workers
+from elfslam.base.arrays import F32, F64
+from elfslam.base.geometry import interpolate_poses
+from elfslam.base.progress import Announce
+from elfslam.base.values import Features, FloorMap
+from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
+from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
+from elfslam.score.page import Page, Panel, rows_table
+from elfslam.slam.front_end import hear
+from elfslam.slam.parameters import Parameters
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.simulate import load_world, simulate
+from studies.figures.dots import Dot, dots_figure
+from studies.finding import Finding, Row
+from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
+from studies.intervals import mean_row
+from studies.opposite_ways import HALF_BATCH, walking
+from studies.repeats import Numbers, finished
+
+WORLDS = ("studio", "lounge")
+SEEDS = (110, 111, 112, 113)
+PHONES = ("simulated phone", "cheap", "bottom-fired")
+MAPPED_BY = "simulated phone"
+BACK, ASKER, LEARNER = 700, 500, 600
+"""Added to the seed of a map for who walks back, who is located, and for the phone's own walk."""
+MEASURES = ("median", "mean", "over 1 m")
+NOTE = "Means over the walks of each walk's mean error, with 95 % by resampling walks."
+
+
+@dataclass(frozen=True)
+class Place:
+    """A room mapped both ways round by one phone, in which each phone is then heard."""
+
+    world: str
+    seed: int
+    phones: tuple[str, ...] = PHONES
+    rounds: int = 4
+    learner_rounds: int = 3
+    steps: int = 200
+
+
+@dataclass(frozen=True, eq=False)
+class Walk:
+    """Echoes (n, 2352) of a walk, when (n) they were heard and at which poses (n, 3)."""
+
+    t_s: F64
+    samples: F32
+    poses: F64
+
+
+def measure_unknown_phone(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    worlds: Sequence[str] = WORLDS,
+    seeds: Sequence[int] = SEEDS,
+    phones: Sequence[str] = PHONES,
+    rounds: int = 4,
+    steps: int = 200,
+) -> Finding:
+    """One-shot errors of each phone by map and by what is done about it; `data` is not needed."""
+    folder = (kept or Path("unknown-phone.partial")).parent
+    tasks = [
+        Place(world, seed, tuple(phones), rounds, min(rounds, 3), steps)
+        for seed in seeds
+        for world in worlds
+    ]
+    measure = partial(measure_place, folder=folder)
+    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    rows = _rows(tasks, numbers)
+    return Finding(rows, _page(rows))
+
+
+def measure_place(task: Place, folder: Path) -> Numbers:
+    """Errors (m) of each phone, keyed by phone, map and what was done about the phone."""
+    there = _walk(task.world, task.seed, task.rounds, MAPPED_BY)
+    back = _walk(task.world, task.seed + BACK, task.rounds, MAPPED_BY, reverse=True)
+    maps = list(_maps(task, [there, back], folder))
+    numbers: Numbers = {}
+    for phone in task.phones:
+        asked = _walk(task.world, task.seed + ASKER, 1, phone)
+        own = _walk(task.world, task.seed + LEARNER, task.learner_rounds, phone)
+        for name, encoder, floor_map in maps:
+            for done, features in _heard(encoder, floor_map, asked, own, there):
+                key = f"{phone}|{name}|{done}"
+                numbers |= errors(key, _fixes(features, floor_map), _middles(asked))
+    return numbers
+
+
+def _heard(
+    encoder: OnnxEncoder, floor_map: FloorMap, asked: Walk, own: Walk, mapped: Walk
+) -> Iterator[tuple[str, Features]]:
+    """The features of who is located: as they are, calibrated, and translated."""
+    plain = _features(encoder, asked)
+    yield "as it is", plain
+    response = mean_log_spectrum(own.samples) - mean_log_spectrum(mapped.samples)
+    yield "calibrated", Features(asked.t_s, encoder.embed(asked.samples, response), plain.encoder)
+    translation = learn_phone(_features(encoder, own), floor_map, PhoneParameters())
+    yield "translated", heard_as_map(plain, translation)
+
+
+def _maps(
+    task: Place, walks: Sequence[Walk], folder: Path
+) -> Iterator[tuple[str, OnnxEncoder, FloorMap]]:
+    """One walk with the shipped encoder, and both superimposed; all placed truly."""
+    from elfslam.learn.floor_level import SpotEchoes, floor_elfs, floor_spots, learn_floor
+    from elfslam.learn.floor_level import superimposed_map as map_of
+    from elfslam.learn.parameters import FloorLevelParameters
+
+    shipped = load_encoder("compact")
+    assert isinstance(shipped, OnnxEncoder)
+    every = [SpotEchoes(walk.samples, walk.poses[:, :2], walk.poses[:, 2]) for walk in walks]
+
+    def batch(step: int) -> SpotEchoes:
+        generator = np.random.default_rng([task.seed, 1, step])
+        rows = [generator.integers(0, len(each.xy_m), HALF_BATCH) for each in every]
+        columns = (
+            np.concatenate([getattr(e, name)[some] for e, some in zip(every, rows, strict=True)])
+            for name in ("samples", "xy_m", "heading_rad")
+        )
+        return SpotEchoes(*columns)
+
+    def mapped(encoder: OnnxEncoder, heard: Sequence[SpotEchoes]) -> FloorMap:
+        spots_m = floor_spots(np.vstack([each.xy_m for each in heard]), SPACING_M)
+        vectors = floor_elfs(encoder, spots_m, heard)
+        return map_of(spots_m, vectors, encoder, spacing_m=SPACING_M, sources=(task.world,))
+
+    checkpoint = folder / f"phones-{task.world}-{task.seed}.checkpoint"
+    spots_m = floor_spots(np.vstack([each.xy_m for each in every]), SPACING_M)
+    learnt = learn_floor(
+        shipped, spots_m, batch, FloorLevelParameters(steps=task.steps), seed=task.seed,
+        checkpoint=checkpoint,
+    ).encoder  # fmt: skip
+    checkpoint.unlink()
+    yield "one way", shipped, mapped(shipped, every[:1])
+    yield "superimposed", learnt, mapped(learnt, every)
+
+
+def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = False) -> Walk:
+    today = Circumstances(device=phone)
+    recording, truth = simulate(
+        load_world(world), seed, rounds=rounds, reverse=reverse, circumstances=today
+    )
+    echoes = hear(recording, Parameters())
+    rows = walking(truth, echoes.t_s)
+    poses = interpolate_poses(truth.t_s, truth.world_from_body, echoes.t_s[rows])
+    return Walk(echoes.t_s[rows], echoes.samples[rows], poses)
+
+
+def _features(encoder: OnnxEncoder, walk: Walk) -> Features:
+    return Features(walk.t_s, encoder.embed(walk.samples), encoder.identity)
+
+
+def _fixes(features: Features, floor_map: FloorMap) -> F64:
+    whole = len(features.vectors) // TOGETHER * TOGETHER
+    spots = floor_map.payloads[0].vectors
+    return fixes_m(features.vectors[:whole], TOGETHER, spots, floor_map.xy_m)
+
+
+def _middles(walk: Walk) -> F64:
+    whole = len(walk.poses) // TOGETHER * TOGETHER
+    middles: F64 = walk.poses[:whole, :2].reshape(-1, TOGETHER, 2).mean(axis=1)
+    return middles
+
+
+def _rows(tasks: Sequence[Place], numbers: Sequence[Numbers]) -> list[Row]:
+    """A row for each world, phone, map and what was done about the phone."""
+    rows: list[Row] = []
+    for world in dict.fromkeys(task.world for task in tasks):
+        own = [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
+        for key in dict.fromkeys(name.rsplit("|", 1)[0] for name in own[0]):
+            phone, name, done = key.split("|")
+            row: Row = {"world": world, "phone": phone, "map": name, "phone is heard": done}
+            for measure in MEASURES:
+                found = mean_row("", None, "", [each[f"{key}|{measure}"] for each in own], "walks")
+                row |= {
+                    measure: found["mean"],
+                    f"{measure}, 95 %": f"{found['from']} to {found['to']}",
+                }
+            rows.append(row)
+    return rows
+
+
+def _page(rows: Sequence[Row]) -> Page:
+    panels = []
+    for world in dict.fromkeys(str(row["world"]) for row in rows):
+        dots: dict[str, list[Dot]] = {}
+        for row in rows:
+            if row["world"] == world:
+                low, high = str(row["mean, 95 %"]).split(" to ")
+                name = f"{row['map']}, {row['phone is heard']}"
+                value = float(str(row["mean"]))
+                dots.setdefault(str(row["phone"]), []).append(
+                    Dot(name, value, float(low), float(high))
+                )
+        figure = dots_figure(dots, "mean error (m)", "")
+        panels.append(Panel(f"In the {world}", figure, NOTE, wide=True))
+    panels.append(Panel("In figures", rows_table(list(rows)), wide=True))
+    subtitle = f"Maps by the {MAPPED_BY}; fixes from 0.6 s, walks placed where they truly were"
+    return Page("Unknown phones", subtitle, panels)

@@ -1,0 +1,126 @@
+"""Maps placed on plans from files, and plans drawn."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from PIL import Image
+
+from elfslam.app.anchor import anchor_into, drawn, is_plan_file, moved_map, place_on, read_plan
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.geometry import inverse
+from elfslam.base.grid import walked_grid
+from elfslam.base.values import FloorMap
+from elfslam.data.geographic import Origin, from_lon_lat
+from elfslam.data.geojson_files import feature, polygon_of
+from elfslam.data.map_files import read_map, write_map
+from elfslam.line.anchoring import AMBIGUOUS, OK, AnchoringParameters, placed
+
+KNOWN = AnchoringParameters(cell_m=0.15)
+WALK = np.array([[1, 1], [11, 1], [11, 5], [7, 5], [7, 8.0]])
+PLAN_FROM_MAP = np.array([3.0, -2.0, 2.1])
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> str:
+    """A corridor about the walk as an image of 14 m; its origin is the plan's."""
+    grid = walked_grid([WALK], 0.7, 0.1)
+    pixels = np.zeros((100, 140), dtype=np.uint8)
+    row, column = np.round(grid.corner_m[::-1] / 0.1).astype(int)
+    rows, columns = grid.free.shape
+    pixels[row : row + rows, column : column + columns] = 255 * grid.free
+    Image.fromarray(pixels[::-1]).save(tmp_path / "plan.png")
+    return f"{tmp_path / 'plan.png'}:14"
+
+
+@pytest.fixture
+def floor_map() -> FloorMap:
+    xy_m = placed(WALK, inverse(PLAN_FROM_MAP), 1.0)
+    dense = np.concatenate([np.linspace(a, b, 20) for a, b in itertools.pairwise(xy_m)])
+    count = len(dense)
+    covariance = np.tile(np.diag([0.04, 0.01]), (count, 1, 1))
+    walk = np.zeros(count, dtype=int)
+    return FloorMap(dense, np.zeros(count), walk, np.arange(count), covariance, (), "", ("a",))
+
+
+def test_a_map_is_written_in_the_frame_of_the_plan(
+    image: str, floor_map: FloorMap, tmp_path: Path
+) -> None:
+    write_map(floor_map, tmp_path / "run" / "map.npz")
+    (tmp_path / "run" / "encoder.onnx").write_bytes(b"encoder")
+    found = anchor_into(tmp_path / "out", tmp_path / "run", read_plan(image), KNOWN, None)
+    assert found.status == OK
+    there = read_map(tmp_path / "out")
+    truth = placed(floor_map.xy_m, PLAN_FROM_MAP, 1.0)
+    assert np.linalg.norm(there.xy_m - truth, axis=1).max() < 0.4
+    assert (tmp_path / "out" / "encoder.onnx").read_bytes() == b"encoder"
+    told = json.loads((tmp_path / "out" / "anchor.json").read_text())
+    assert told["status"] == OK
+    npt.assert_allclose(told["plan_from_map"], found.plan_from_map)
+    with pytest.raises(StoreError, match="already exists"):
+        anchor_into(tmp_path / "out", tmp_path / "run", read_plan(image), KNOWN, None)
+
+
+def test_what_is_uncertain_is_not_written(image: str, floor_map: FloorMap, tmp_path: Path) -> None:
+    part = FloorMap(
+        *(getattr(floor_map, name)[:10] for name in ("xy_m", "heading_rad", "walk", "order")),
+        floor_map.covariance_m2[:10], (), "", (),
+    )  # fmt: skip
+    write_map(part, tmp_path / "map.npz")
+    found = anchor_into(tmp_path / "out", tmp_path / "map.npz", read_plan(image), KNOWN, None)
+    assert found.status == AMBIGUOUS
+    assert not (tmp_path / "out").exists()
+
+
+def test_headings_and_covariances_turn_with_the_map(image: str, floor_map: FloorMap) -> None:
+    found = place_on(floor_map, read_plan(image), KNOWN, None)
+    moved = moved_map(floor_map, found)
+    heading = found.plan_from_map[2]
+    npt.assert_allclose(np.exp(1j * moved.heading_rad), np.exp(1j * heading))
+    ahead = np.array([np.cos(heading), np.sin(heading)])
+    npt.assert_allclose(ahead @ moved.covariance_m2[0] @ ahead, 0.04 * found.scale**2)
+
+
+def test_a_start_is_of_the_first_walk(image: str, floor_map: FloorMap) -> None:
+    found = place_on(floor_map, read_plan(image), KNOWN, WALK[0])
+    assert found.status == OK
+    assert np.linalg.norm(placed(floor_map.xy_m[:1], found.plan_from_map, 1.0) - WALK[0]) < 0.5
+
+
+def test_a_plan_in_degrees_says_where_its_frame_lies(tmp_path: Path) -> None:
+    there = Origin(47.3769, 8.5417, 90.0)
+    ring = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
+    file = tmp_path / "plan.geojson"
+    file.write_text(json.dumps(feature(polygon_of(there, (ring,)), {})))
+    plan = read_plan(str(file))
+    assert plan.origin is not None
+    middle = np.array([[plan.origin.longitude_deg, plan.origin.latitude_deg]])
+    npt.assert_allclose(from_lon_lat(there, middle), [[3, 2]], atol=0.02)
+    assert len(drawn(plan.ground).outline) >= 4
+
+
+def test_rooms_and_what_stands_in_them_are_drawn(tmp_path: Path) -> None:
+    pixels = np.full((40, 60), 255, dtype=np.uint8)
+    pixels[:, 40] = 0
+    pixels[10:20, 10:20] = 0
+    Image.fromarray(pixels).save(tmp_path / "plan.png")
+    plan = drawn(read_plan(f"{tmp_path / 'plan.png'}:6.0").ground)
+    assert np.ptp(plan.outline, axis=0) == pytest.approx([4, 4], abs=0.1)
+    assert [np.ptp(ring, axis=0) for ring in plan.rooms] == [pytest.approx([1.9, 4.0], abs=0.1)]
+    assert [ring.mean(axis=0) for ring in plan.obstacles] == [pytest.approx([1.5, 2.5], abs=0.1)]
+
+
+@pytest.mark.parametrize("text", ["plan.png", "plan.png:wide", "plan.png:1.2.3", "plan.doc:12"])
+def test_an_image_needs_its_width(text: str) -> None:
+    with pytest.raises(InputError, match=r"metre|as an image"):
+        read_plan(text)
+
+
+def test_files_are_told_from_worlds() -> None:
+    named = ["studio", "a/plan.png:12", "a/plan.PNG", "plan.geojson", "my.toml"]
+    assert [is_plan_file(text) for text in named] == [False, True, True, True, False]

@@ -1,0 +1,47 @@
+"""The demonstration on one walk of its own."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.app.anchor import floor_plan
+from elfslam.app.demo import run_demo
+from elfslam.data.recordings import read_recording
+from elfslam.line.feature import load_encoder
+from elfslam.score.truth import read_truth
+from elfslam.slam.parameters import Parameters
+from elfslam.world.world_file import load_world
+
+
+@pytest.mark.slow
+def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
+    heard: list[float | None] = []
+    walks, fixes = run_demo(
+        tmp_path,
+        load_encoder("compact"),
+        Parameters(),
+        facts={},
+        announce=lambda what, share: heard.append(share),
+        seeds=(500,),
+    )
+    median = {(row["method"], row["alignment"]): row["median_m"] for row in walks}
+    assert median["SLAM", "aligned"] < median["dead reckoning", "aligned"]
+    assert 0 < fixes[0]["answered"] <= 1  # type: ignore[operator]
+    assert heard == [0.0, 1.0]
+    names = {item.name for item in tmp_path.iterdir()}
+    assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}
+    declared = read_recording(tmp_path / "walk").start_pose
+    truth = read_truth(tmp_path / "walk")
+    np.testing.assert_allclose(np.asarray(declared), truth.world_from_body[0], atol=1e-6)
+    assert ("SLAM", "declared start") in median
+
+
+def test_the_floor_plan_shows_every_piece_of_furniture() -> None:
+    room = load_world("studio").room
+    plan = floor_plan(room)
+    assert len(plan.obstacles) == len(room.blocks)
+    workbench = [[2.2, 2.0], [4.6, 2.0], [4.6, 2.8], [2.2, 2.8]]
+    np.testing.assert_allclose(plan.obstacles[0], workbench)

@@ -1,0 +1,137 @@
+"""`elfslam merge` as a user meets it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.app.merge import merge_into
+from elfslam.base.errors import InputError, NoAnswerError, StoreError
+from elfslam.base.values import Run
+from elfslam.cli.app import run
+from elfslam.data.map_files import read_map
+from elfslam.data.runs import write_run
+from elfslam.line.feature import load_encoder
+from elfslam.slam.merging import MergeParameters
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import map_by_echoes
+from elfslam.world.simulate import load_world, simulate
+
+KNOWN = MergeParameters()
+WORLDS = {
+    "one": ("studio", 107),
+    "two": ("studio", 111),
+    "three": ("studio", 114),
+    "away": ("hall", 100),
+}
+Command = Callable[..., tuple[int, str]]
+
+
+def ignore(what: str, share: float | None) -> None:
+    """Nobody watches."""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folders of mapped walks: three of the studio, one of the hall."""
+    folder, encoder = tmp_path_factory.mktemp("runs"), load_encoder("compact")
+    for name, (world, seed) in WORLDS.items():
+        recording, _ = simulate(load_world(world), seed, rounds=2)
+        run: Run = map_by_echoes(recording, encoder, Parameters())
+        write_run(replace(run, echoes=None), folder / name, facts={}, encoder=b"an encoder")
+    return folder
+
+
+@pytest.fixture
+def elfslam(capsys: pytest.CaptureFixture[str]) -> Command:
+    def ended(*arguments: object) -> tuple[int, str]:
+        return run(list(map(str, arguments))), capsys.readouterr().err
+
+    return ended
+
+
+def test_walks_are_merged_into_a_map_and_one_more_is_added(
+    runs: Path, tmp_path: Path, elfslam: Command
+) -> None:
+    first, second = tmp_path / "first", tmp_path / "second"
+    code, said = elfslam("merge", runs / "one", runs / "two", runs / "away", first)
+    assert code == 0
+    assert "not merged: away" in said
+    made = read_map(first)
+    assert made.sources == ("one", "two")
+    assert (first / "encoder.onnx").read_bytes() == b"an encoder"
+    assert (first / "report.html").stat().st_size > 10_000
+    facts = json.loads((first / "merge.json").read_text())
+    assert [pair["outcome"] == "merged" for pair in facts["pairs"]] == [True, False, False]
+    code, said = elfslam("merge", first, runs / "three", runs / "away", second)
+    assert code == 0
+    grown = read_map(second)
+    assert grown.sources == ("one", "two", "three")
+    npt.assert_array_equal(grown.xy_m[grown.walk < 2], made.xy_m)
+    assert elfslam("show", second, tmp_path / "map.html")[0] == 0
+    assert sorted(file.stem for file in (second / "trajectories").iterdir()) == ["three"]
+
+
+def test_nothing_to_merge_is_exit_code_1_and_writes_nothing(
+    runs: Path, tmp_path: Path, elfslam: Command
+) -> None:
+    code, said = elfslam("merge", runs / "one", runs / "away", tmp_path / "out")
+    assert (code, said.count("\n")) == (1, 1)
+    assert "no two walks could be merged" in said
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("names", "reason"),
+    [
+        (("one",), "wanted two walks"),
+        (("one", "one"), "name each run once"),
+        (("one", "nowhere"), "nowhere"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    runs: Path, tmp_path: Path, elfslam: Command, names: tuple[str, ...], reason: str
+) -> None:
+    code, said = elfslam("merge", *(runs / name for name in names), tmp_path / "out")
+    assert (code, said.count("\n")) == (2, 1)
+    assert reason in said
+
+
+def test_a_map_takes_no_walk_twice_and_no_second_map(runs: Path, tmp_path: Path) -> None:
+    merge_into(tmp_path / "map", [runs / "one", runs / "two"], KNOWN, ignore)
+    with pytest.raises(InputError, match="one is in the map already"):
+        merge_into(tmp_path / "out", [tmp_path / "map", runs / "one"], KNOWN, ignore)
+    with pytest.raises(InputError, match="one map at most"):
+        merge_into(tmp_path / "out", [tmp_path / "map"] * 2, KNOWN, ignore)
+    with pytest.raises(InputError, match="got none"):
+        merge_into(tmp_path / "out", [tmp_path / "map"], KNOWN, ignore)
+    with pytest.raises(NoAnswerError, match="no walk could be added; away with the map: "):
+        merge_into(tmp_path / "out", [tmp_path / "map", runs / "away"], KNOWN, ignore)
+
+
+def test_only_an_older_map_gives_way(runs: Path, tmp_path: Path) -> None:
+    walks = [runs / "one", runs / "two"]
+    merge_into(tmp_path / "map", walks, KNOWN, ignore)
+    (tmp_path / "map" / "old.txt").write_text("of the older map")
+    with pytest.raises(StoreError, match="already exists"):
+        merge_into(tmp_path / "map", walks, KNOWN, ignore)
+    merge_into(tmp_path / "map", walks, KNOWN, ignore, overwrite=True)
+    assert not (tmp_path / "map" / "old.txt").exists()
+    (tmp_path / "letters").mkdir()
+    (tmp_path / "letters" / "a.txt").write_text("dear")
+    with pytest.raises(StoreError, match=r"holds no merge\.json"):
+        merge_into(tmp_path / "letters", walks, KNOWN, ignore, overwrite=True)
+
+
+def test_known_starts_put_all_walks_in_one_frame(runs: Path, tmp_path: Path) -> None:
+    paths = [runs / "one", runs / "away"]
+    made = merge_into(tmp_path / "map", paths, KNOWN, ignore, known_starts=True)
+    assert made.floor_map.sources == ("one", "away")
+    starts = [walk.world_from_body[0] for walk in made.trajectories.values()]
+    assert np.linalg.norm(starts[1] - starts[0]) < 3 * KNOWN.merging.start_sigma_m

@@ -1,0 +1,38 @@
+"""What is drawn is read first, so that a refusal makes nothing."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.app.show import drawing_of
+from elfslam.base.errors import ElfslamError
+from elfslam.base.values import FloorMap
+from elfslam.data.map_files import write_map
+
+
+def test_a_world_is_drawn_where_it_is_wanted(tmp_path: Path) -> None:
+    draw = drawing_of("studio")
+    assert list(tmp_path.iterdir()) == []
+    draw(tmp_path / "studio.html")
+    assert (tmp_path / "studio.html").read_text().startswith("<!doctype html>")
+
+
+@pytest.mark.parametrize("what", ["atlantis", "none.npz", "text.npz"])
+def test_what_cannot_be_read_is_refused_at_once(what: str, tmp_path: Path) -> None:
+    (tmp_path / "text.npz").write_text("no map")
+    with pytest.raises(ElfslamError):
+        drawing_of(str(tmp_path / what))
+
+
+@pytest.mark.parametrize("place", ["lap.npz", "anchored/map.npz"])
+def test_a_map_is_drawn_from_its_file_or_its_folder(place: str, tmp_path: Path) -> None:
+    corners = np.array([[0, 0], [6, 0], [6, 4], [0, 4.0]])
+    spread = np.tile(0.01 * np.eye(2), (4, 1, 1))
+    lap = FloorMap(corners, np.zeros(4), np.zeros(4), np.arange(4), spread, (), "", ("lap",))
+    write_map(lap, tmp_path / place)
+    drawn = tmp_path / place if place.startswith("lap") else tmp_path / "anchored"
+    drawing_of(str(drawn))(tmp_path / "out.html")
+    assert "lap" in (tmp_path / "out.html").read_text()

@@ -1,0 +1,129 @@
+"""Training the shipped encoder, in miniature."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from torch import nn
+
+from elfslam.app import simulated_training as pretraining
+from elfslam.app.simulated_training import (
+    ABOUT,
+    block_means,
+    card_of,
+    last_loss,
+    pretrain_on_simulated_echoes,
+)
+from elfslam.base.errors import ParameterError, StoreError
+from elfslam.base.parameters import digest
+from elfslam.base.progress import silent
+from elfslam.learn.parameters import PretrainParameters
+from elfslam.learn.pretrain import Pretrained
+from elfslam.line.feature import load_encoder, read_card
+
+SMALL = PretrainParameters(steps=3, pairs=8, rooms=2, width=4, warmup_steps=1, checkpoint_steps=2)
+
+
+@pytest.mark.slow
+def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
+    shares: list[float | None] = []
+    for name in ("one", "two"):
+        loss = pretrain_on_simulated_echoes(
+            tmp_path / f"{name}.onnx",
+            SMALL,
+            seed=3,
+            announce=lambda what, share: shares.append(share),
+        )
+        assert loss > 0
+    one, two = (load_encoder(str(tmp_path / f"{name}.onnx")) for name in ("one", "two"))
+    assert one.identity == two.identity
+    assert shares[:3] == pytest.approx([1 / 3, 2 / 3, 1.0])
+    made = {name: tmp_path / f"one.{name}" for name in ("onnx", "losses.csv", "losses.html")}
+    assert {file.name for file in tmp_path.glob("one*")} == {file.name for file in made.values()}
+    assert made["losses.csv"].read_bytes() == (tmp_path / "two.losses.csv").read_bytes()
+    card = read_card(str(made["onnx"]))
+    assert card is not None
+    assert card.pretraining is not None
+    assert card.pretraining.seed == 3
+    assert card.pretraining.echoes == 2 * 8 * 3
+    assert card.pretraining.loss == round(loss, 3)
+    assert PretrainParameters(**card.pretraining.parameters) == SMALL
+    assert card.pretraining.parameters_digest == digest(SMALL)
+    (row,) = np.atleast_2d(np.loadtxt(made["losses.csv"], delimiter=",", skiprows=1))
+    assert row[0] == 3
+    assert "loss of the first step" in made["losses.html"].read_text()
+
+
+def test_losses_are_averaged_block_by_block() -> None:
+    step, mean = block_means(np.arange(1.0, 8.0), 3)
+    assert step.tolist() == [3, 6, 7]
+    assert mean.tolist() == [2.0, 5.0, 7.0]
+
+
+def test_the_last_tenth_counts() -> None:
+    assert last_loss(np.arange(40.0)) == np.mean([36, 37, 38, 39])
+    assert last_loss(np.array([5.0, 2.0])) == 2.0
+
+
+def test_figures_of_the_caller_stand_on_the_card() -> None:
+    made = Pretrained(nn.Identity(), np.array([2.0, 1.0]), "float32")
+    one, two = (card_of(made, SMALL, 0, metrics) for metrics in ({}, {"recall": 0.5}))
+    assert two == replace(one, metrics={"recall": 0.5})
+    assert one.text.count("\n") == len(one.text.splitlines())
+    assert all(": " in line for line in one.text.splitlines())
+
+
+def never(*arguments: object, **named: object) -> None:
+    raise AssertionError("the training must not start")
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "error", "words"),
+    [
+        ("new/one.onnx", replace(SMALL, pairs=9), ParameterError, "multiple of pretrain.rooms"),
+        ("new/one.onnx", replace(SMALL, network="vgg"), ParameterError, "compact or resnet18"),
+        ("new/one.checkpoint", SMALL, StoreError, r"ends in \.onnx"),
+    ],
+)
+def test_what_cannot_be_trained_is_refused_before_anything_is_made(
+    name: str,
+    parameters: PretrainParameters,
+    error: type[Exception],
+    words: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(pretraining, "pretrain", never)
+    with pytest.raises(error, match=words):
+        pretrain_on_simulated_echoes(tmp_path / name, parameters, seed=0, announce=silent)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(("checkpoint", "left"), [(False, []), (True, ["new", "deep", "a.pt"])])
+def test_a_training_that_fails_leaves_a_folder_only_for_its_checkpoint(
+    checkpoint: bool, left: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = tmp_path / "new" / "deep"
+
+    def fail(*arguments: object, **named: object) -> None:
+        assert folder.is_dir()
+        if checkpoint:
+            (folder / "a.pt").touch()
+        raise RuntimeError("planted")
+
+    monkeypatch.setattr(pretraining, "pretrain", fail)
+    with pytest.raises(RuntimeError, match="planted"):
+        pretrain_on_simulated_echoes(folder / "one.onnx", SMALL, seed=0, announce=silent)
+    assert [path.name for path in sorted(tmp_path.rglob("*"))] == left
+
+
+def test_the_shipped_encoder_was_trained_as_the_defaults_say() -> None:
+    card = read_card("compact")
+    assert card is not None
+    assert card.pretraining is not None
+    assert card.pretraining.parameters == asdict(PretrainParameters())
+    assert card.pretraining.parameters_digest == digest(PretrainParameters())
+    assert card.text == ABOUT

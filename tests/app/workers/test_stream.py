@@ -1,0 +1,103 @@
+"""Results in order: the same bits whoever makes them, few ahead, and again after a kill."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+import pytest
+from planted_work import die, large, noise, noise_after_a_kill, process, refuse
+
+from elfslam.app.workers import Workers, open_workers
+from elfslam.app.workers.processes import AHEAD
+from elfslam.base.errors import WorkerError
+
+RAY = pytest.param("ray", marks=pytest.mark.slow)
+ELSEWHERE = pytest.mark.parametrize("workers", ["2", RAY], indirect=True)
+
+
+@pytest.fixture(scope="module", params=["1", "2", RAY])
+def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
+    if request.param == "ray":
+        pytest.importorskip("ray", reason="Ray is not installed")
+    with open_workers(request.param) as opened:
+        yield opened
+
+
+def test_the_same_bits_in_order(workers: Workers) -> None:
+    made = list(workers.in_order(noise, range(3, 15)))
+    assert [one.tobytes() for one in made] == [noise(k).tobytes() for k in range(3, 15)]
+    assert list(workers.in_order(noise, [])) == []
+
+
+def test_what_a_task_raises_is_raised_where_it_would_have_come(workers: Workers) -> None:
+    found = workers.in_order(refuse, range(6))
+    assert [next(found) for _ in range(3)] == [0, 1, 2]
+    with pytest.raises(ValueError, match="no 3 here"):
+        next(found)
+
+
+@ELSEWHERE
+def test_a_killed_worker_costs_what_it_worked_on(workers: Workers, tmp_path: Path) -> None:
+    made = list(workers.in_order(partial(noise_after_a_kill, folder=tmp_path), range(8)))
+    assert [one.tobytes() for one in made] == [noise(k).tobytes() for k in range(8)]
+    assert len(list(tmp_path.glob("3-*"))) == 2
+
+
+@ELSEWHERE
+def test_a_task_that_kills_whoever_takes_it_is_given_up(workers: Workers) -> None:
+    with pytest.raises(WorkerError, match="died over"):
+        list(workers.in_order(die, [1]))
+
+
+@pytest.mark.parametrize("workers", ["2"], indirect=True)
+def test_few_are_made_ahead_of_who_takes_them(workers: Workers) -> None:
+    taken: list[int] = []
+    found = workers.in_order(process, (taken.append(k) or k for k in count()))
+    pids = {next(found) for _ in range(6)}
+    time.sleep(0.2)
+    assert len(taken) <= 6 + AHEAD * 2
+    assert os.getpid() not in pids
+    found.close()
+
+
+@pytest.mark.parametrize("workers", [RAY], indirect=True)
+def test_a_cluster_makes_few_ahead_too(workers: Workers, tmp_path: Path) -> None:
+    """Each result is large, so that few fit in what the stream may take of the store."""
+    found = workers.in_order(partial(large, folder=tmp_path), range(200))
+    assert [next(found)[0, 0] for _ in range(2)] == [0.0, 1.0]
+    time.sleep(1.0)
+    assert len(list(tmp_path.iterdir())) < 60
+    found.close()
+
+
+DRIVER = """
+import sys
+from elfslam.workers import open_workers
+from planted_work import process
+if __name__ == "__main__":
+    with open_workers("2") as workers:
+        for pid in workers.in_order(process, iter(int, 1)):
+            print(pid, flush=True)
+"""
+
+
+def test_workers_end_with_a_killed_driver(tmp_path: Path) -> None:
+    script = tmp_path / "driver.py"
+    script.write_text(DRIVER)
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        pids = {int(run.stdout.readline()) for _ in range(40)}
+        run.send_signal(signal.SIGKILL)
+    assert pids
+    until = time.monotonic() + 10
+    while any(Path(f"/proc/{pid}").exists() for pid in pids) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]

@@ -1,0 +1,126 @@
+"""Processes and clusters: the same results as here, errors that come back, workers that die."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+import pytest
+from planted_work import die, die_once, process, refuse, square, threads
+
+from elfslam.app.workers import Workers, open_workers
+from elfslam.base.errors import InputError, WorkerError
+
+ELSEWHERE = pytest.mark.parametrize("workers", ["2", "ray"], indirect=True)
+
+
+@pytest.fixture(scope="module", params=["1", "2", "ray"])
+def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
+    if request.param == "ray":
+        pytest.importorskip("ray", reason="Ray is not installed")
+    with open_workers(request.param) as opened:
+        yield opened
+
+
+def test_every_task_is_done_once(workers: Workers) -> None:
+    assert sorted(workers.each(square, range(20))) == [(k, k * k) for k in range(20)]
+    assert list(workers.each(square, [])) == []
+
+
+def test_tasks_are_taken_as_they_are_needed(workers: Workers) -> None:
+    """An endless row of tasks is none too many: a few are taken ahead, whoever stops is heard."""
+    taken = []
+    found = workers.each(square, (taken.append(k) or k for k in count()))
+    assert {next(found)[0] for _ in range(5)} <= set(range(5 + 6 * workers.count))
+    found.close()  # type: ignore[attr-defined]
+    assert len(taken) <= 5 + 6 * workers.count
+
+
+def test_a_task_has_one_thread_wherever_it_is_done(workers: Workers) -> None:
+    assert [used for _, used in workers.each(threads, range(2))] == [1, 1]
+
+
+def test_what_a_task_raises_is_raised_here(workers: Workers) -> None:
+    with pytest.raises(ValueError, match="no 3 here"):
+        list(workers.each(refuse, range(20)))
+    assert sorted(workers.each(square, [2])) == [(0, 4)], "others can go on"
+
+
+@ELSEWHERE
+def test_work_elsewhere_is_done_elsewhere(workers: Workers) -> None:
+    assert os.getpid() not in {found for _, found in workers.each(process, range(8))}
+
+
+@ELSEWHERE
+def test_a_killed_worker_costs_the_task_it_worked_on(workers: Workers, tmp_path: Path) -> None:
+    done = sorted(workers.each(partial(die_once, folder=tmp_path), range(8)))
+    assert done == [(k, k) for k in range(8)]
+    begun = [file.name.split("-")[0] for file in tmp_path.iterdir()]
+    assert sorted(begun) == sorted([*"01234567", "3"])
+
+
+@ELSEWHERE
+def test_a_task_that_kills_whoever_takes_it_is_given_up(workers: Workers) -> None:
+    with pytest.raises(WorkerError, match="died over"):
+        list(workers.each(die, [1]))
+
+
+@pytest.mark.parametrize("on", ["0", "-1", "two", "rays", "ray:/x", ""])
+def test_who_is_nobody_is_refused(on: str) -> None:
+    with (
+        pytest.raises(InputError, match="wanted a number of processes, ray or ray://"),
+        open_workers(on),
+    ):
+        pass
+
+
+def test_a_cluster_that_is_not_there_is_refused() -> None:
+    pytest.importorskip("ray", reason="Ray is not installed")
+    with pytest.raises(InputError, match="no cluster answers"), open_workers("ray://127.0.0.1:9"):
+        pass
+
+
+DRIVER = """
+from planted_work import stay
+from elfslam.workers import open_workers
+if __name__ == "__main__":
+    with open_workers("2") as workers:
+        list(workers.each(stay, [1, 2]))
+"""
+
+
+def test_processes_end_with_a_killed_driver(tmp_path: Path) -> None:
+    """Who goes on would begin the same units again while they still work on them."""
+    script = tmp_path / "driver.py"
+    script.write_text(DRIVER)
+    driver = subprocess.Popen([sys.executable, script])
+    soon(lambda: len(spawned_by(driver.pid)) == 2)
+    processes = spawned_by(driver.pid)
+    driver.kill()
+    driver.wait()
+    assert len(processes) == 2
+    soon(lambda: not alive(processes))
+    assert alive(processes) == []
+
+
+def alive(processes: list[str]) -> list[str]:
+    return [each for each in processes if Path(f"/proc/{each}").exists()]
+
+
+def spawned_by(driver: int) -> list[str]:
+    threads = Path(f"/proc/{driver}/task").glob("*/children")
+    children = [child for file in threads for child in file.read_text().split()]
+    return [c for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
+
+
+def soon(true: Callable[[], bool]) -> None:
+    until_s = time.monotonic() + 60
+    while not true():
+        assert time.monotonic() < until_s
+        time.sleep(0.05)

@@ -1,0 +1,666 @@
+"""The command as a user meets it: the whole line, and every bad input refused in one line."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+from PIL import Image
+
+from elfslam.base.grid import resampled
+from elfslam.base.values import FloorMap, Imu, Recording
+from elfslam.cli.app import run
+from elfslam.data.map_files import read_map, write_map
+from elfslam.data.phyphox_experiment import phyphox_experiment
+from elfslam.data.recordings import read_recording, write_recording
+from elfslam.line.chirp import ChirpParameters
+from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.score.truth import read_truth
+from studies import catalogue
+
+SENSORS = ("ACCELEROMETER", "GYROSCOPE")
+Outcome = tuple[int, str, str]
+Elfslam = Callable[..., Outcome]
+
+
+def run_command(*arguments: object) -> int:
+    """The exit code of `elfslam ARGUMENTS` in this process."""
+    return run(list(map(str, arguments)))
+
+
+@pytest.fixture
+def elfslam(capsys: pytest.CaptureFixture[str]) -> Elfslam:
+    def ended(*arguments: object) -> Outcome:
+        capsys.readouterr()
+        code = run_command(*arguments)
+        seen = capsys.readouterr()
+        return code, seen.out, seen.err
+
+    return ended
+
+
+@pytest.fixture(scope="session")
+def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated recording with its truth."""
+    folder = tmp_path_factory.mktemp("simulated") / "walk"
+    assert run_command("simulate", "studio", folder, "--seed", 107, "--rounds", 3) == 0
+    return folder
+
+
+@pytest.fixture(scope="session")
+def mapped(walk: Path) -> Path:
+    """The run made of it."""
+    folder = walk.parent / "run"
+    assert run_command("map", walk, folder) == 0
+    return folder
+
+
+@pytest.fixture
+def copy(walk: Path, tmp_path: Path) -> Path:
+    """A copy of the recording to damage."""
+    return Path(shutil.copytree(walk, tmp_path / "copy"))
+
+
+def test_a_simulated_walk_holds_what_a_phone_records_and_the_truth_apart(walk: Path) -> None:
+    names = {file.name for file in walk.iterdir()}
+    assert names == {
+        "recording.json",
+        "audio.flac",
+        "accelerometer.csv",
+        "gyroscope.csv",
+        "truth.tum",
+    }
+    assert json.loads((walk / "recording.json").read_text())["start_pose"] is None
+
+
+def test_the_same_seed_gives_the_same_bytes(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    elfslam("simulate", "studio", tmp_path / "again", "--seed", 107, "--rounds", 3)
+    for file in ("audio.flac", "accelerometer.csv", "gyroscope.csv", "truth.tum"):
+        assert (tmp_path / "again" / file).read_bytes() == (walk / file).read_bytes()
+
+
+def test_a_walk_brings_the_sensors_asked_for(tmp_path: Path, elfslam: Elfslam) -> None:
+    out = tmp_path / "walk"
+    asked = ("--rounds", 1, "--sensors", "wifi,magnetic,emr")
+    assert elfslam("simulate", "studio", out, *asked)[0] == 0
+    recording = read_recording(out)
+    assert recording.wifi is not None
+    assert recording.magnetometer is not None
+    assert recording.emr is not None
+
+
+def test_circumstances_change_the_sound_and_are_not_told(tmp_path: Path, elfslam: Elfslam) -> None:
+    """The manifest names the phone, as a real one would, and says no more of them."""
+    plain, busy = tmp_path / "plain", tmp_path / "busy"
+    walk = ("--rounds", 1, "--seed", 4321)
+    asked = ("--state", "moved", "--day", 8765, "--people", 7, "--volume", 0.37)
+    sounds = ("--sounds", "speech,clicks", "--other-phones", 1)
+    assert elfslam("simulate", "studio", plain, *walk)[0] == 0
+    assert elfslam("simulate", "studio", busy, *walk, *asked, *sounds)[0] == 0
+    for file in ("recording.json", "truth.tum", "gyroscope.csv"):
+        assert (busy / file).read_bytes() == (plain / file).read_bytes()
+    assert (busy / "audio.flac").read_bytes() != (plain / "audio.flac").read_bytes()
+    assert "4321" not in (plain / "recording.json").read_text()
+
+
+def test_another_phone_is_asked_for_by_name(tmp_path: Path, elfslam: Elfslam) -> None:
+    asked = ("--rounds", 1, "--device", "tablet", "--imu", "browser")
+    assert elfslam("simulate", "studio", tmp_path / "walk", *asked)[0] == 0
+    recording = read_recording(tmp_path / "walk")
+    assert recording.device == "tablet, browser on Bosch BMI160"
+    assert recording.imu is not None
+    assert np.diff(recording.imu.t_s).mean() == pytest.approx(1 / 60, rel=1e-3)
+
+
+def test_a_study_is_printed_and_written(tmp_path: Path, elfslam: Elfslam) -> None:
+    def study(data: Path | None, announce: object) -> list[dict[str, object]]:
+        return [{"quantity": "step rate", "value": 1.9}]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(catalogue, "STUDIES", {"gait": study})
+        code, out, _ = elfslam("study", "gait", tmp_path / "out", "--json")
+    assert (code, json.loads(out)) == (0, [{"quantity": "step rate", "value": 1.9}])
+    assert json.loads((tmp_path / "out" / "gait.json").read_text()) == json.loads(out)
+
+
+def test_mapping_writes_a_run_that_never_saw_the_truth(
+    walk: Path, mapped: Path, copy: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    (copy / "truth.tum").unlink()
+    assert elfslam("map", copy, tmp_path / "blind")[0] == 0
+    for file in ("trajectory.tum", "closures.csv"):
+        assert (tmp_path / "blind" / file).read_bytes() == (mapped / file).read_bytes()
+    assert {"encoder.onnx", "map.npz", "run.json", "timings.json", "report.html"} <= {
+        file.name for file in mapped.iterdir()
+    }
+
+
+def test_slam_beats_dead_reckoning(walk: Path, mapped: Path, elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("score", mapped, walk, "--json", "--floor-plan", "studio")
+    medians = {(row["method"], row["alignment"]): row["median_m"] for row in json.loads(out)}
+    assert code == 0
+    assert medians["SLAM", "aligned"] < 0.8 * medians["dead reckoning", "aligned"]
+    assert medians["SLAM", "aligned with scale"] < 0.25
+    assert (mapped / "score.html").exists()
+
+
+def test_a_second_walk_is_located_in_the_map(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    stranger, fixes = tmp_path / "stranger", tmp_path / "fixes.csv"
+    elfslam("simulate", "studio", stranger, "--seed", 108, "--rounds", 1)
+    assert elfslam("locate", stranger, mapped, fixes)[0] == 0
+    code, out, _ = elfslam("score", fixes, stranger, "--map", mapped, "--map-truth", walk, "--json")
+    ok = next(row for row in json.loads(out) if row["status"] == "OK")
+    assert code == 0
+    assert ok["coverage"] > 0.5
+    assert ok["median_m"] < 0.6
+
+
+@pytest.mark.parametrize("mode", ["trajectory", "track"])
+def test_footsteps_help_to_locate(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam, mode: str
+) -> None:
+    fixes = tmp_path / "fixes.csv"
+    assert elfslam("locate", walk, mapped, fixes, "--mode", mode, "--seed", 3)[0] == 0
+    rows = fixes.read_text().splitlines()
+    assert rows[0] == "t_s,x_m,y_m,heading_rad,sigma_m,status"
+    assert sum(row.endswith(",OK") for row in rows) > 0.9 * (len(rows) - 1)
+
+
+def test_a_phone_is_learnt_from_a_walk_of_its_own(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    plain, told = tmp_path / "plain.csv", tmp_path / "told.csv"
+    assert elfslam("locate", walk, mapped, plain)[0] == 0
+    assert elfslam("locate", walk, mapped, told, "--phone-walk", walk)[0] == 0
+    assert plain.read_text() != told.read_text()
+    short = ("--set", "phone.fewest_windows=100000")
+    code, _, err = elfslam("locate", walk, mapped, told, "--phone-walk", walk, *short)
+    assert (code, "walk longer" in err) == (2, True)
+
+
+def test_another_building_is_an_unknown_place(
+    mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    elfslam("simulate", "office", tmp_path / "office", "--seed", 109, "--rounds", 1)
+    code, out, err = elfslam(
+        "locate", tmp_path / "office", mapped, tmp_path / "fixes.csv", "--json"
+    )
+    counts = json.loads(out)[0]
+    assert code == (1 if counts["OK"] == 0 else 0)
+    assert counts["UNKNOWN_PLACE"] >= 0.9 * counts["fixes"]
+    assert code == 0 or "nowhere in" in err
+
+
+def test_the_parameters_are_listed_and_can_be_set(elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("parameters", "--json", "--set", "closure.threshold=0.5")
+    table = {row["name"]: row for row in json.loads(out)}
+    assert code == 0
+    assert table["closure.threshold"]["value"] == 0.5
+    assert all(row["meaning"] for row in table.values())
+
+
+def test_pages_are_drawn(mapped: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    for what in (mapped, mapped / "map.npz", "living_room"):
+        page = tmp_path / "page.html"
+        assert elfslam("show", what, page)[0] == 0
+        assert page.read_text().startswith("<!")
+        page.unlink()
+
+
+def test_a_walk_without_a_second_round_says_so_and_still_writes_its_run(
+    tmp_path: Path, elfslam: Elfslam
+) -> None:
+    elfslam("simulate", "studio", tmp_path / "walk", "--seed", 110, "--rounds", 1)
+    code, _, err = elfslam("map", tmp_path / "walk", tmp_path / "run")
+    assert code == 1
+    assert "no loop closure" in err
+    assert (tmp_path / "run" / "trajectory.tum").exists()
+
+
+def test_a_loss_that_moves_the_beat_is_put_back_and_reported(
+    copy: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    samples, rate_hz = soundfile.read(copy / "audio.flac", dtype="float32")
+    at = 20 * rate_hz + 3000
+    kept = np.delete(samples, slice(at, at + 53 * rate_hz // 100))
+    soundfile.write(copy / "audio.flac", kept, rate_hz, subtype="PCM_24")
+    code, _, err = elfslam("map", copy, tmp_path / "run")
+    assert code == 0
+    assert "lacks 0.53 s and jumps at 20." in err
+    before, after = (np.loadtxt(run / "trajectory.tum") for run in (mapped, tmp_path / "run"))
+    assert np.median(np.linalg.norm(before[:, 1:3] - after[:, 1:3], axis=1)) < 0.3
+
+
+def sound(
+    change: Callable[[np.ndarray], np.ndarray], rate_hz: int = 44_100
+) -> Callable[[Path], None]:
+    """A damage done to the sound of a recording."""
+
+    def damage(folder: Path) -> None:
+        samples, _ = soundfile.read(folder / "audio.flac", dtype="float32")
+        soundfile.write(folder / "audio.flac", change(samples), rate_hz, subtype="PCM_24")
+
+    return damage
+
+
+def table(
+    change: Callable[[list[str]], list[str]], file: str = "gyroscope.csv"
+) -> Callable[[Path], None]:
+    """A damage done to the lines of a table."""
+
+    def damage(folder: Path) -> None:
+        lines = (folder / file).read_text().splitlines(keepends=True)
+        (folder / file).write_text("".join(change(lines)))
+
+    return damage
+
+
+def noise(samples: np.ndarray) -> np.ndarray:
+    return 0.1 * np.random.default_rng(0).standard_normal(len(samples)).astype(np.float32)
+
+
+def short_sound(folder: Path) -> None:
+    sound(lambda samples: samples[:40_000])(folder)
+    manifest = json.loads((folder / "recording.json").read_text())
+    manifest["audio"].pop("samples")
+    (folder / "recording.json").write_text(json.dumps(manifest))
+
+
+def no_motion(folder: Path) -> None:
+    (folder / "accelerometer.csv").unlink()
+    (folder / "gyroscope.csv").unlink()
+
+
+def cut_file(folder: Path) -> None:
+    content = (folder / "audio.flac").read_bytes()
+    (folder / "audio.flac").write_bytes(content[: len(content) // 2])
+
+
+def nan_row(lines: list[str]) -> list[str]:
+    return [*lines[:50], lines[50].split(",")[0] + ",nan,0,0\n", *lines[51:]]
+
+
+DAMAGES = {
+    "no chirps": (sound(noise), "no chirps"),
+    "clipped": (sound(lambda samples: np.clip(40 * samples, -1, 1)), "clipped"),
+    "silent": (sound(np.zeros_like), "silent"),
+    "wrong rate": (sound(lambda samples: samples, 22_050), "22050"),
+    "mislabelled rate": (sound(lambda samples: samples, 48_000), "48000 samples/s"),
+    "too short": (short_sound, "sound (0.0 to 0.9 s)"),
+    "truncated sound": (cut_file, "audio.flac"),
+    "sound of half the walk": (sound(lambda samples: samples[: len(samples) // 2]), "cut off"),
+    "no manifest": (lambda folder: (folder / "recording.json").unlink(), "recording"),
+    "NaN": (table(nan_row), "gyroscope.csv"),
+    "backward": (table(lambda rows: [*rows[:40], rows[41], rows[40], *rows[42:]]), "gyroscope.csv"),
+    "repeated": (table(lambda rows: [*rows[:40], rows[39], *rows[40:]]), "gyroscope.csv"),
+    "gap": (table(lambda rows: rows[:900] + rows[1200:], "accelerometer.csv"), "s"),
+    "cut table": (table(lambda rows: [*rows[:500], rows[500][:12]]), "gyroscope.csv"),
+    "no accelerometer": (lambda folder: (folder / "accelerometer.csv").unlink(), "accelerometer"),
+    "no motion": (no_motion, "motion sensors"),
+}
+
+
+@pytest.mark.parametrize(("damage", "words"), DAMAGES.values(), ids=DAMAGES)
+def test_a_damaged_recording_is_refused_in_one_line(
+    damage: Callable[[Path], None], words: str, copy: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    damage(copy)
+    code, out, err = elfslam("map", copy, tmp_path / "run")
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert err.startswith("elfslam: ")
+    assert words in err
+    assert {item.name for item in tmp_path.iterdir()} == {"copy"}
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["map", "{tmp}/nothing", "{tmp}/out"], "does not exist"),
+        (["map", "{walk}", "{tmp}/out", "--set", "closure.treshold=0.5"], "closure.threshold"),
+        (["map", "{walk}", "{tmp}/out", "--set", "closure.threshold=high"], "float"),
+        (["map", "{walk}", "{tmp}/out", "--encoder", "{tmp}/none.onnx"], "no such file"),
+        (["map", "{walk}", "{tmp}/out", "--by", "magnetic"], "magnetometer"),
+        (["map", "{walk}", "{tmp}/out", "--start", "here"], "X,Y,HEADING"),
+        (["map", "{walk}", "{tmp}/out", "--start", "1e308,0,0"], "finite"),
+        (["map", "{walk}", "{tmp}/out", "--floor-plan", "atlantis"], "atlantis"),
+        (["map", "{walk}", "{walk}"], "already exists"),
+        (["locate", "{walk}", "{mapped}", "{tmp}/out", "--encoder", "spectral"], "encoder"),
+        (["locate", "{walk}", "{walk}", "{tmp}/out"], "map"),
+        (["score", "{mapped}", "{tmp}/none"], "none"),
+        (["score", "{tmp}/none", "{walk}"], "none"),
+        (["score", "{tmp}/none.csv", "{walk}", "--map", "{mapped}"], "--map-truth"),
+        (["show", "atlantis", "{tmp}/out"], "atlantis"),
+        (["simulate", "atlantis", "{tmp}/out"], "studio"),
+        (["simulate", "studio", "{walk}"], "exists"),
+        (["simulate", "studio", "{tmp}/out", "--rate", "16000"], "16000"),
+        (["simulate", "studio", "{tmp}/out", "--sensors", "wifi,radar"], "radar"),
+        (["simulate", "studio", "{tmp}/out", "--state", "flooded"], "moved"),
+        (["simulate", "studio", "{tmp}/out", "--day", "-1"], "day: wanted 0 to 36500"),
+        (["simulate", "studio", "{tmp}/out", "--people", "500"], "people: wanted 0 to 50"),
+        (["simulate", "studio", "{tmp}/out", "--device", "tablets"], "did you mean 'tablet'"),
+        (["simulate", "studio", "{tmp}/out", "--volume", "2"], "volume: wanted 0.001 to 1"),
+        (["simulate", "studio", "{tmp}/out", "--sounds", "music,thunder"], "thunder"),
+        (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
+        (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or pyroomacoustics"),
+        (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
+        (["study", "everything", "{tmp}/out"], "calibration, closures, dead-reckoning"),
+        (["study", "sensors", "{tmp}/out", "--data", "{walk}"], "mall_walks"),
+        (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
+        (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["marks", "{walk}", "{tmp}/none.csv", "M1"], "truth.tum"),
+        (["marks", "{tmp}/none", "{tmp}/none.csv", "M1"], "is no folder"),
+        (["import", "phyphox", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["import", "ronin", "{walk}", "{tmp}/out"], "acce.txt"),
+        (["import", "getsensordata", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
+        (["phyphox", "{tmp}/e.phyphox", "--set", "chirp.period_s=0.100001"], "chirp.period_s"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(
+    arguments: list[str], words: str, walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    filled = [text.format(tmp=tmp_path, walk=walk, mapped=mapped) for text in arguments]
+    code, out, err = elfslam(*filled)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("arguments", [["map", "--nonsense"], ["map"], ["sing"], ["map", "a"]])
+def test_a_wrong_command_line_is_refused_in_one_line(
+    arguments: list[str], elfslam: Elfslam
+) -> None:
+    code, out, err = elfslam(*arguments)
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert "elfslam --help" in err
+
+
+def test_a_phyphox_experiment_is_written(tmp_path: Path, elfslam: Elfslam) -> None:
+    code, out, err = elfslam("phyphox", tmp_path / "e.phyphox", "--minutes", "3")
+    assert (code, out) == (0, "")
+    assert "3 minutes takes about 346 MB" in err
+    assert (tmp_path / "e.phyphox").read_bytes() == phyphox_experiment(ChirpParameters(), 3.0)
+
+
+def test_marks_give_a_walk_its_truth(tmp_path: Path, elfslam: Elfslam) -> None:
+    t_s = np.arange(3000) / 100
+    moving = ((t_s > 4) & (t_s < 14)) | ((t_s > 17) & (t_s < 26))
+    accel = np.column_stack([0 * t_s, 0 * t_s, 9.81 + 3 * moving * np.sin(12 * t_s)])
+    recording = Recording("walk", "phone", imu=Imu(t_s, accel, 0 * accel))
+    write_recording(recording, tmp_path / "walk")
+    (tmp_path / "marks.csv").write_text("name,x_m,y_m\nM1,1,2\nM2,9.5,2\n")
+    given = ("marks", tmp_path / "walk", tmp_path / "marks.csv", "M1", "M2", "M1")
+    assert elfslam(*given)[0] == 0
+    truth = read_truth(tmp_path / "walk")
+    np.testing.assert_allclose(truth.t_s, [2, 15.5, 28], atol=0.6)
+    np.testing.assert_array_equal(truth.world_from_body[:, :2], [[1, 2], [9.5, 2], [1, 2]])
+    code, _, err = elfslam(*given)
+    assert code == 2
+    assert "is there already" in err
+
+
+def test_help_is_no_error(elfslam: Elfslam) -> None:
+    code, out, _ = elfslam("--help")
+    assert code == 0
+    assert "simulate" in out
+
+
+def test_one_bad_log_among_many_costs_no_other(tmp_path: Path, elfslam: Elfslam) -> None:
+    rows = [f"{k * 20}\tTYPE_{kind}\t0\t0\t9.8\t3" for k in range(9) for kind in SENSORS]
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "good.txt").write_text("\n".join(rows) + "\n")
+    (tmp_path / "logs" / "bad.txt").write_text("nothing of use\n")
+    code, out, err = elfslam("import", "mall", tmp_path / "logs", tmp_path / "walks", "--json")
+    assert code == 1
+    assert json.loads(out)[0]["recordings"] == 1
+    assert "bad.txt" in err
+    assert [item.name for item in (tmp_path / "walks").iterdir()] == ["good"]
+
+
+QUICK = tuple(
+    word
+    for setting in ("steps=12", "check_steps=4", "warmup_steps=2", "learning_rate=1e-3",
+                    "pairs=48", "shortest_s=30", "threads=1")
+    for word in ("--set", f"finetune.{setting}")
+)  # fmt: skip
+
+
+def test_an_encoder_learns_a_walk(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    files = [tmp_path / "new" / name for name in ("one.onnx", "two.onnx")]
+    for file in files:
+        code, out, err = elfslam("finetune", walk, file, "--seed", 3, *QUICK)
+        assert (code, out) == (0, "")
+        assert "revisits heard again" in err
+        assert (file.read_bytes() == read_shipped()) == ("does not help" in err)
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def read_shipped() -> bytes:
+    encoder = load_encoder("compact")
+    assert isinstance(encoder, OnnxEncoder)
+    return encoder.content
+
+
+def test_a_map_takes_its_fine_tuned_encoder_along(
+    walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    run = tmp_path / "run"
+    code, _, err = elfslam("map", walk, run, "--finetune", *QUICK)
+    assert code == 0
+    facts = json.loads((run / "run.json").read_text())
+    assert f"fine-tuning: {facts['finetuning']}" in err
+    assert load_encoder(str(run / "encoder.onnx")).identity == facts["encoder"]
+    kept = facts["encoder"] == load_encoder("compact").identity
+    assert kept == ("does not help" in facts["finetuning"])
+    assert elfslam("locate", walk, run, tmp_path / "fixes.csv")[0] == 0
+
+
+def test_a_calibrated_map_locates_another_phone(
+    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    run, tablet, fixes = (tmp_path / name for name in ("run", "tablet", "fixes.csv"))
+    assert elfslam("map", walk, run, "--calibrate")[0] == 0
+    assert json.loads((run / "run.json").read_text())["calibrated"] is True
+    assert (run / "trajectory.tum").read_bytes() == (mapped / "trajectory.tum").read_bytes()
+    assert (run / "encoder.onnx").read_bytes() == (mapped / "encoder.onnx").read_bytes()
+    elfslam("simulate", "studio", tablet, "--seed", 108, "--rounds", 1, "--device", "tablet")
+    assert elfslam("locate", tablet, run, fixes)[0] == 0
+    assert elfslam("locate", tablet, mapped, tmp_path / "plain.csv")[0] in (0, 1)
+    assert fixes.read_bytes() != (tmp_path / "plain.csv").read_bytes()
+    code, _, err = elfslam("locate", tablet, run, fixes, "--encoder", "spectral")
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert "spectral-1 has no input device_log_spectrum" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--encoder", "spectral"), "spectral-1 has no input device_log_spectrum"),
+        (("--by", "motion"), "--calibrate learns echoes; leave it out with --by motion"),
+    ],
+)
+def test_what_cannot_be_calibrated_is_refused(
+    options: tuple[str, ...], words: str, walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, _, err = elfslam("map", walk, tmp_path / "run", "--calibrate", *options)
+    assert code == 2
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> None:
+    file = tmp_path / "one.onnx"
+    tiny = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
+    settings = [word for setting in tiny for word in ("--set", f"pretrain.{setting}")]
+    assert elfslam("pretrain", file, "--seed", 5, *settings)[0] == 0
+    code, out, _ = elfslam("card", file, "--json")
+    shown = {row["what"]: row["value"] for row in json.loads(out)}
+    assert (code, shown["seed"], shown["echoes"]) == (0, 5, 16)
+    assert shown["parameters"]["width"] == 4
+    assert "samples (n, 2352)" in shown["Input"]
+    code, out, _ = elfslam("card", file)
+    assert code == 0
+    assert "parameters_digest" in out
+
+
+def test_figures_of_a_study_go_on_a_card(tmp_path: Path, elfslam: Elfslam) -> None:
+    row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
+    recalls = {"recall at 1 %": 0.7, "recall at 0.1 %": 0.3, "kept at 0.4": 1, "false at 0.4": 0.1}
+    table, out = tmp_path / "elf.json", tmp_path / "measured.onnx"
+    table.write_text(json.dumps([row | recalls]))
+    assert elfslam("card", "--measured", table, "--out", out)[0] == 0
+    shown = {each["what"]: each["value"] for each in json.loads(elfslam("card", out, "--json")[1])}
+    assert shown["recall at 1 %, footstep, hall"] == 0.7
+    table.write_text(json.dumps([row | recalls, {**row, **recalls, "feature": "PSD"}]))
+    code, _, err = elfslam("card", "--measured", table, "--out", tmp_path / "no.onnx")
+    assert (code, (tmp_path / "no.onnx").exists()) == (2, False)
+    assert "got PSD, compact" in err
+    code, _, err = elfslam("card", "--measured", table)
+    assert code == 2
+    assert "go together" in err
+
+
+def test_an_encoder_without_a_card_is_told_in_one_line(elfslam: Elfslam) -> None:
+    code, out, err = elfslam("card", "spectral")
+    assert (code, out) == (1, "")
+    assert err == "elfslam: encoder spectral: carries no card, so how it was made is not known\n"
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("--encoder", "spectral"), "wanted an encoder that learns"),
+        (("--by", "motion"), "leave it out with --by motion"),
+        ((), "walk longer"),
+    ],
+)
+def test_what_cannot_be_fine_tuned_is_refused(
+    options: tuple[str, ...], words: str, walk: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, _, err = elfslam("map", walk, tmp_path / "run", "--finetune", *options)
+    assert code == 2
+    assert words in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_demo_does_not_write_over_anything(tmp_path: Path, elfslam: Elfslam) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "thesis.txt").write_text("mine")
+    assert elfslam("demo", tmp_path)[0] == 2
+    assert [item.name for item in tmp_path.iterdir()] == ["run"]
+
+
+def test_a_folder_is_no_encoder(tmp_path: Path, elfslam: Elfslam) -> None:
+    code, _, err = elfslam("pretrain", tmp_path, "--set", "pretrain.steps=1")
+    assert code == 2
+    assert "is a folder" in err
+
+
+def test_real_magnetic_walks_come_nearer_the_truth(
+    shared_data: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    for name in ("library", "eight"):
+        recording, run = tmp_path / name, tmp_path / f"{name}-run"
+        elfslam("import", "magnetic", shared_data / "magnetic" / f"{name}.mat", recording)
+        assert elfslam("map", recording, run, "--by", "magnetic")[0] == 0
+        rows = json.loads(elfslam("score", run, recording, "--json")[1])
+        rmse = {(row["method"], row["alignment"]): row["rmse_m"] for row in rows}
+        assert rmse["SLAM", "aligned"] < 0.8 * rmse["dead reckoning", "aligned"]
+
+
+@pytest.mark.slow
+def test_every_real_mall_walk_is_dead_reckoned(
+    shared_data: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    code, out, _ = elfslam(
+        "import", "mall", shared_data / "mall_walks", tmp_path / "walks", "--json"
+    )
+    assert (code, json.loads(out)[0]["recordings"]) == (0, 215)
+    assert json.loads(out)[0]["damaged_lines"] == 0
+    assert elfslam("map", tmp_path / "walks", tmp_path / "runs")[0] == 0
+    rows = json.loads(elfslam("score", tmp_path / "runs", tmp_path / "walks", "--json")[1])
+    assert {row["method"] for row in rows} == {"dead reckoning"}
+    assert (rows[0]["measure"], rows[0]["walks"]) == ("end_error_percent", 215)
+    assert rows[0]["median"] < 15.0
+
+
+@pytest.fixture
+def lap(tmp_path: Path) -> Path:
+    """The map of one lap of 6 x 4 m."""
+    corners = np.array([[0, 0], [6, 0], [6, 4], [0, 4], [0, 0]], dtype=np.float64)
+    xy_m = resampled(corners, 0.2)
+    count = len(xy_m)
+    spread = np.tile(0.01 * np.eye(2), (count, 1, 1))
+    order = np.arange(count)
+    lap = FloorMap(xy_m, np.zeros(count), np.zeros(count), order, spread, (), "", ("lap",))
+    write_map(lap, tmp_path / "lap.npz")
+    return tmp_path / "lap.npz"
+
+
+def test_what_an_export_must_be_told_is_asked_in_one_line(
+    lap: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    for told, words in (
+        ((), "--origin: a map does not know"),
+        (("--origin", "here"), "--origin 'here': wanted LAT,LON"),
+        (("--origin", "47,8", "--place", tmp_path / "no.toml"), "no.toml: cannot be read"),
+    ):
+        code, _, err = elfslam("export", lap, tmp_path / "out", "--to", "imdf", *told)
+        assert (code, err.count("\n")) == (2, 1)
+        assert words in err
+    told = ("--to", "geojson", "--origin", "47,8")
+    assert elfslam("export", lap, tmp_path / "m.geojson", *told)[0] == 0
+
+
+def test_a_run_is_placed_on_a_plan_or_not(lap: Path, tmp_path: Path, elfslam: Elfslam) -> None:
+    pixels = np.zeros((80, 100), dtype=np.uint8)
+    pixels[5:75, 5:95] = 255
+    image = tmp_path / "plan.png"
+    Image.fromarray(pixels).save(image)
+    quick = ("--set", "anchoring.cell_m=0.3")
+    code, _, err = elfslam("anchor", lap, image, tmp_path / "out")
+    assert (code, "width in metres" in err) == (2, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:3", tmp_path / "out", *quick)
+    assert (code, "off accessible ground" in err) == (1, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:60", tmp_path / "out", *quick)
+    assert (code, "in several ways" in err) == (1, True)
+    code, _, err = elfslam("anchor", lap, f"{image}:60", tmp_path / "out", "--start", "door")
+    assert (code, "--start 'door'" in err) == (2, True)
+    assert not (tmp_path / "out").exists()
+    code, _, err = elfslam("anchor", lap, f"{image}:9.2", tmp_path / "out", "--start", "1.6,1.6")
+    assert (code, "probability" in err) == (0, True)
+    assert (tmp_path / "out" / "map.npz").is_file()
+
+
+def test_a_run_is_followed_through_a_plan_or_not(
+    mapped: Path, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    pixels = np.zeros((100, 100), dtype=np.uint8)
+    pixels[2:98, 2:98] = 255
+    image = tmp_path / "plan.png"
+    Image.fromarray(pixels).save(image)
+    plan, out = f"{image}:30", tmp_path / "out"
+    quick = ("--follow", "--set", "passages.particles=500")
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15")
+    assert (code, "say the heading" in err) == (2, True)
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "-40,40,0")
+    assert (code, "leaves the ground" in err) == (1, True)
+    assert not out.exists()
+    code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15,0")
+    assert (code, "followed through the plan" in err) == (0, True)
+    there, before = read_map(out), read_map(mapped)
+    assert np.abs(there.xy_m - before.xy_m - 15).max() < 3
+    assert there.payloads[0].encoder == before.payloads[0].encoder
+    assert (out / "followed.tum").is_file()
+    code, _, err = elfslam("anchor", out, plan, tmp_path / "again", *quick)
+    assert (code, "only a walk with its footsteps" in err) == (2, True)

@@ -1,0 +1,126 @@
+"""Walks become a map, and a map takes in more."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose, inverse
+from elfslam.base.values import Features, Payload
+from elfslam.slam.merging import MergeParameters, add_walk, grow, merge
+from elfslam.slam.merging.members import Side, likeness_to, side_of
+
+KNOWN = MergeParameters()
+START = np.array([5.0, -3.0, 2.0])
+
+
+def test_two_walks_become_one_map_in_the_frame_of_the_first(
+    walker: Callable, here: Callable
+) -> None:
+    walks = [walker(here, "a"), walker(here, "b", start=START, seed=1)]
+    made = merge(walks, KNOWN)
+    (joined,) = made.maps
+    assert joined.names == joined.floor_map.sources == ("a", "b")
+    assert made.refused == {}
+    back = compose(inverse(START), walks[1].trajectory.world_from_body)
+    npt.assert_allclose(joined.trajectories[1].world_from_body[:, :2], back[:, :2], atol=0.35)
+    npt.assert_array_equal(np.unique(joined.floor_map.walk), [0, 1])
+    assert made.pairs["a", "b"].refusal == ""
+
+
+def test_two_rooms_stay_two_maps(walker: Callable, here: Callable, elsewhere: Callable) -> None:
+    walks = [
+        walker(heard, name, seed=k)
+        for k, (heard, name) in enumerate(zip([here, elsewhere] * 2, "abcd", strict=True))
+    ]
+    made = merge(walks, KNOWN)
+    assert sorted(each.names for each in made.maps) == [("a", "c"), ("b", "d")]
+    alone = merge(walks[:2], KNOWN)
+    assert alone.maps == ()
+    assert set(alone.refused) == {"a", "b"}
+    assert alone.refused["a"].startswith("with b: ")
+
+
+def test_a_walk_joins_a_map_whose_spots_stay(
+    walker: Callable, here: Callable, elsewhere: Callable
+) -> None:
+    floor_map = merge([walker(here, "a"), walker(here, "b", seed=1)], KNOWN).maps[0].floor_map
+    grown, found, trajectory = add_walk(floor_map, walker(here, "c", start=START, seed=2), KNOWN)
+    assert found.refusal == ""
+    assert grown.sources == ("a", "b", "c")
+    npt.assert_array_equal(grown.xy_m[grown.walk < 2], floor_map.xy_m)
+    true = walker(here, "c", seed=2).trajectory.world_from_body
+    assert np.median(np.linalg.norm((trajectory.world_from_body - true)[:, :2], axis=1)) < 0.2
+    assert (grown.weight[grown.walk == 2] == 1).all()
+    assert grown.weight[grown.walk == 0].mean() < 0.9
+    same, refused, _ = add_walk(floor_map, walker(elsewhere, "d"), KNOWN)
+    assert same is floor_map
+    assert refused.refusal
+
+
+def test_known_starts_need_no_evidence(walker: Callable, here: Callable) -> None:
+    walks = [walker(here, str(k), start=[20.0 * k, 0.0, 0.0]) for k in range(2)]
+    assert merge(walks, KNOWN).maps[0].floor_map.xy_m[:, 0].max() < 12
+    (joined,) = merge(walks, KNOWN, known_starts=True).maps
+    assert joined.floor_map.xy_m[:, 0].max() > 25
+
+
+def test_other_encoders_are_refused_by_name(walker: Callable, here: Callable) -> None:
+    one, other = walker(here, "a"), walker(here, "b")
+    features = Features(other.features.t_s, other.features.vectors, "another")
+    changed = replace(other, features=features)
+    with pytest.raises(InputError, match="a was made with encoder planted, b with another"):
+        merge([one, changed], KNOWN)
+    floor_map = merge([one, other], KNOWN).maps[0].floor_map
+    with pytest.raises(InputError, match="the map was made with encoder planted, b with another"):
+        add_walk(floor_map, changed, KNOWN)
+
+
+def test_a_phone_that_is_known_stays_known(walker: Callable, here: Callable) -> None:
+    phone = Payload("phone", "mean", np.tile(np.arange(12.0), (3, 1)))
+    walks = [replace(walker(here, str(k), seed=k), phone=phone) for k in range(2)]
+    floor_map = merge(walks, KNOWN).maps[0].floor_map
+    (kept,) = [item for item in floor_map.payloads if item.kind == "phone"]
+    npt.assert_array_equal(kept.vectors, np.tile(np.arange(12.0), (len(floor_map.xy_m), 1)))
+
+
+def test_a_walk_that_the_graph_does_not_bear_out_leaves(
+    walker: Callable, here: Callable, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The third of three walks resembles the others too little once it is bent onto them."""
+    walks = [walker(here, str(k), seed=k) for k in range(3)]
+    third = side_of(walks[2], KNOWN)
+
+    def judged(ones: Sequence[Side], other: Side, parameters: MergeParameters) -> float:
+        return 0.5 if np.array_equal(other.means, third.means) else 0.9
+
+    floor_map = merge(walks[:2], KNOWN).maps[0].floor_map
+    monkeypatch.setattr(grow, "likeness_to", judged)
+    made = merge(walks, KNOWN)
+    assert [each.names for each in made.maps] == [("0", "1")]
+    reason = "bent onto the others it resembles them no more than 50% of the usual"
+    assert made.refused == {"2": reason}
+    pair = merge(walks[1:], KNOWN)
+    assert pair.maps == ()
+    assert set(pair.refused) == {"1", "2"}
+    same, found, _ = add_walk(floor_map, walks[2], KNOWN)
+    assert same is floor_map
+    assert "no more than 50% of the usual" in found.refusal
+
+
+def test_likeness_is_that_of_the_common_ground(
+    walker: Callable, here: Callable, elsewhere: Callable
+) -> None:
+    one, other, away = (
+        side_of(walker(heard, "w", seed=k), KNOWN)
+        for k, heard in enumerate((here, here, elsewhere))
+    )
+    assert likeness_to([one], other, KNOWN) > 0.9
+    assert likeness_to([one], away, KNOWN) < 0.6
+    far = replace(other, poses=np.add(other.poses, [100, 0, 0]))
+    assert likeness_to([one], far, KNOWN) == 0.0

@@ -1,0 +1,86 @@
+"""One graph over several walks: bent walks come to lie on each other."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import numpy.testing as npt
+
+from elfslam.base.arrays import F64
+from elfslam.base.geometry import between, chain, compose
+from elfslam.slam.merging import MergeParameters, Walk
+from elfslam.slam.merging.joint_graph import against_map, joined_walks
+from elfslam.slam.merging.members import links_between, middles, side_of
+
+KNOWN = MergeParameters()
+
+
+def bent(walk: Walk, drift_rad: float) -> Walk:
+    """The walk as dead reckoning with a steady turn has it."""
+    poses = walk.trajectory.world_from_body
+    moves = between(poses[:-1], poses[1:])
+    moves[:, 2] += drift_rad
+    wrong = chain(poses[0], moves)
+    sigma = np.tile([0.1, 0.1, 0.03], (len(moves), 1))
+    odometry = replace(walk.odometry, world_from_body=wrong, step_sigma=sigma)
+    return replace(
+        walk, odometry=odometry, trajectory=replace(walk.trajectory, world_from_body=wrong)
+    )
+
+
+def off_m(poses: F64, wanted: F64) -> float:
+    return float(np.median(np.linalg.norm(poses[:, :2] - wanted[:, :2], axis=1)))
+
+
+def test_a_bent_walk_is_straightened_by_a_straight_one(walker: Callable, here: Callable) -> None:
+    one = walker(here, "one", seed=1)
+    other = bent(walker(here, "other", seed=2), 0.01)
+    wanted = walker(here, "other", seed=2).trajectory.world_from_body
+    links = {(0, 1): links_between(side_of(one, KNOWN), side_of(other, KNOWN), KNOWN)}
+    assert off_m(other.trajectory.world_from_body, wanted) > 0.5
+    first, second = joined_walks([one, other], [np.zeros(3)] * 2, links, KNOWN)
+    assert off_m(second.world_from_body, first.world_from_body) < 0.35
+    npt.assert_allclose(first.world_from_body[0], one.trajectory.world_from_body[0], atol=1e-3)
+    assert first.covariance[0, 0, 0] < second.covariance[-1, 0, 0]
+
+
+def test_links_that_no_pose_bears_out_do_no_harm(walker: Callable, here: Callable) -> None:
+    walks = [walker(here, str(k), seed=k) for k in range(2)]
+    links = links_between(*(side_of(walk, KNOWN) for walk in walks), KNOWN)
+    wrong = np.arange(len(links.i)) % 3 == 0
+    spoilt = replace(
+        links, i=np.where(wrong, (links.i + 21) % len(walks[0].odometry.t_s[1:]), links.i)
+    )
+    clean, dirty = (
+        joined_walks(walks, [np.zeros(3)] * 2, {(0, 1): each}, KNOWN)[1] for each in (links, spoilt)
+    )
+    assert off_m(dirty.world_from_body, clean.world_from_body) < 0.1
+
+
+def test_known_starts_hold_walks_that_share_no_ground(walker: Callable, here: Callable) -> None:
+    walks = [walker(here, str(k), start=[20.0 * k, 0.0, 0.0]) for k in range(2)]
+    far = links_between(*(side_of(walk, KNOWN) for walk in walks), KNOWN)
+    _, second = joined_walks(walks, [np.zeros(3)] * 2, {(0, 1): far}, KNOWN, known_starts=True)
+    wanted = walks[1].trajectory.world_from_body
+    npt.assert_allclose(between(wanted, second.world_from_body), 0, atol=0.05)
+    assert second.covariance[0, 0, 0] > 0.5 * KNOWN.merging.start_sigma_m**2
+
+
+def test_a_map_stays_where_it_is_and_bends_the_walk(walker: Callable, here: Callable) -> None:
+    spots = side_of(walker(here, "map", seed=1), KNOWN)
+    walk = bent(walker(here, "walk", seed=2), 0.01)
+    side = side_of(walk, KNOWN)
+    links = links_between(spots, side, KNOWN)
+    made = against_map(walk, np.zeros(3), spots.poses, links, KNOWN)
+    wanted = walker(here, "walk", seed=2).trajectory.world_from_body
+    assert (
+        off_m(made.world_from_body, wanted) < 0.35 < off_m(walk.trajectory.world_from_body, wanted)
+    )
+
+
+def test_middles_lie_half_way() -> None:
+    poses = np.array([[0.0, 0.0, 0.3], [1.0, 2.0, 1.0]])
+    npt.assert_allclose(middles(poses), [[0.5, 1.0, 0.3]])
+    npt.assert_allclose(compose(poses[0], between(poses[0], middles(poses)[0])), middles(poses)[0])

@@ -1,0 +1,351 @@
+"""The line put together, on a simulated walk of two rounds through the studio."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from itertools import pairwise
+
+import numpy as np
+import numpy.testing as npt
+import pytest
+from scipy import signal
+
+from elfslam.base.arrays import F64
+from elfslam.base.choices import Mode
+from elfslam.base.errors import InputError
+from elfslam.base.parameters import digest
+from elfslam.base.values import (
+    Audio,
+    Echoes,
+    FixStatus,
+    Odometry,
+    Recording,
+    Run,
+    Similarity,
+    Truth,
+)
+from elfslam.line.closure import ClosureParameters
+from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
+from elfslam.slam import pipeline as slam
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import Sense, map_by, map_by_echoes, no_similarity
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.simulate import simulate
+from elfslam.world.world_file import load_world
+
+PARAMETERS = Parameters()
+AFTER_ECHOES = ["features", "similarity", "closures", "graph", "map"]
+
+
+@pytest.fixture(scope="module")
+def walk() -> tuple[Recording, Truth]:
+    return simulate(load_world("studio"), seed=7, rounds=2)
+
+
+@pytest.fixture(scope="module")
+def recording(walk: tuple[Recording, Truth]) -> Recording:
+    return walk[0]
+
+
+@pytest.fixture(scope="module")
+def encoder() -> Encoder:
+    return load_encoder("compact")
+
+
+@pytest.fixture(scope="module")
+def run(recording: Recording, encoder: Encoder) -> Run:
+    return map_by_echoes(recording, encoder, PARAMETERS)
+
+
+def true_xy_m(truth: Truth, t_s: F64) -> F64:
+    columns = [np.interp(t_s, truth.t_s, truth.world_from_body[:, axis]) for axis in (0, 1)]
+    return np.column_stack(columns)
+
+
+def shape_error_m(xy_m: F64, wanted_m: F64) -> float:
+    """How far distances between any two positions are off: no alignment is needed to compare."""
+    apart, wanted = (
+        np.linalg.norm(rows[:, None] - rows[None, :], axis=2) for rows in (xy_m, wanted_m)
+    )
+    return float(np.sqrt(np.mean((apart - wanted) ** 2)))
+
+
+def test_echoes_straighten_the_walk(run: Run, walk: tuple[Recording, Truth]) -> None:
+    wanted_m = true_xy_m(walk[1], run.odometry.t_s)
+    before_m = shape_error_m(run.odometry.world_from_body[:, :2], wanted_m)
+    after_m = shape_error_m(run.trajectory.world_from_body[:, :2], wanted_m)
+    assert run.trajectory.status == "OK"
+    assert len(run.closures.i) >= 5
+    assert after_m < 0.8 * before_m
+    kept = run.trajectory.closure_weights > 0.5
+    apart_m = np.linalg.norm(
+        wanted_m[run.closures.i[kept]] - wanted_m[run.closures.j[kept]], axis=1
+    )
+    assert np.median(apart_m) < 0.5
+
+
+def test_the_values_of_a_run_fit_together(run: Run, recording: Recording) -> None:
+    nodes = len(run.odometry.t_s)
+    assert run.floor_map is not None
+    assert run.echoes is not None
+    assert run.features is not None
+    npt.assert_array_equal(run.features.t_s, run.echoes.t_s)
+    npt.assert_array_equal(run.trajectory.t_s, run.odometry.t_s)
+    assert run.similarity.scores.shape == (nodes - 1, nodes - 1)
+    assert len(run.trajectory.closure_weights) == len(run.closures.i)
+    inside = (run.echoes.t_s >= run.odometry.t_s[0]) & (run.echoes.t_s <= run.odometry.t_s[-1])
+    assert len(run.floor_map.xy_m) == inside.sum()
+    assert run.floor_map.parameters_digest == digest(PARAMETERS)
+    assert run.floor_map.sources == (recording.name,)
+    assert run.floor_map.payloads[0].encoder == run.features.encoder
+    assert run.name == recording.name
+    assert recording.audio is not None
+    assert len(run.echoes.t_s) > 9.5 * recording.audio.samples.shape[1] / recording.audio.rate_hz
+
+
+def test_an_encoder_without_learning_runs_on_the_same_line(recording: Recording) -> None:
+    announced: list[str] = []
+    made = map_by_echoes(
+        recording,
+        SpectralEncoder(),
+        PARAMETERS,
+        announce=lambda what, share: announced.append(what),
+    )
+    stages = ["motion", "echoes", "step length", *AFTER_ECHOES]
+    assert announced == stages
+    assert list(made.seconds) == stages
+    assert all(0 < seconds < 60 for seconds in made.seconds.values())
+    assert made.similarity.kind == "elf:spectral-1"
+    neighbours = np.diagonal(made.similarity.scores, 1)
+    assert neighbours.mean() > made.similarity.scores.mean() + 0.02
+
+
+def test_a_footstep_sounds_like_itself_more_than_like_others(run: Run) -> None:
+    scores = run.similarity.scores
+    assert np.diagonal(scores)[5:-5].mean() > scores.mean() + 0.2
+
+
+def test_fine_tuning_enters_as_a_function(recording: Recording) -> None:
+    seen: list[tuple[Encoder, Echoes]] = []
+
+    class Tuned(SpectralEncoder):
+        identity = "tuned"
+
+    def adapt(given: Encoder, echoes: Echoes) -> Encoder:
+        seen.append((given, echoes))
+        return Tuned()
+
+    shipped = SpectralEncoder()
+    made = map_by_echoes(recording, shipped, PARAMETERS, adapt=adapt)
+    assert [given for given, _ in seen] == [shipped]
+    assert seen[0][1] is made.echoes
+    assert made.features is not None
+    assert made.features.encoder == "tuned"
+
+
+def test_the_same_recording_gives_the_same_run(
+    recording: Recording, encoder: Encoder, run: Run
+) -> None:
+    again = map_by_echoes(recording, encoder, PARAMETERS)
+    npt.assert_array_equal(again.trajectory.world_from_body, run.trajectory.world_from_body)
+    npt.assert_array_equal(again.closures.i, run.closures.i)
+
+
+def test_whatever_makes_a_similarity_closes_loops(walk: tuple[Recording, Truth]) -> None:
+    recording, truth = walk
+    asked: list[tuple[Recording, Odometry]] = []
+
+    def true_neighbours(given: Recording, nodes: Odometry) -> Similarity:
+        asked.append((given, nodes))
+        middle_s = np.array([(a + b) / 2 for a, b in pairwise(nodes.t_s)])
+        xy_m = true_xy_m(truth, middle_s)
+        apart_m = np.linalg.norm(xy_m[:, None] - xy_m[None, :], axis=2)
+        return Similarity(np.exp(-((apart_m / 0.8) ** 2)).astype(np.float32), "oracle")
+
+    announced: list[str] = []
+    made = map_by(
+        recording,
+        [Sense(true_neighbours, PARAMETERS.closure)],
+        PARAMETERS,
+        announce=lambda what, share: announced.append(what),
+    )
+    stages = ["motion", "similarity", "closures", "graph"]
+    assert announced == list(made.seconds) == stages
+    assert asked[0][0] is recording
+    assert asked[0][1] is made.odometry
+    assert (made.floor_map, made.echoes, made.features) == (None, None, None)
+    assert made.trajectory.status == "OK"
+    wanted_m = true_xy_m(truth, made.odometry.t_s)
+    before_m = shape_error_m(made.odometry.world_from_body[:, :2], wanted_m)
+    assert shape_error_m(made.trajectory.world_from_body[:, :2], wanted_m) < 0.7 * before_m
+
+
+def test_mapping_by_nothing_is_dead_reckoning(recording: Recording) -> None:
+    made = map_by(recording, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS)
+    assert made.trajectory.status == "NO_CLOSURES"
+    assert made.similarity.scores.shape == (len(made.odometry.t_s) - 1,) * 2
+    npt.assert_allclose(made.trajectory.world_from_body, made.odometry.world_from_body, atol=1e-6)
+
+
+def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder, run: Run) -> None:
+    assert run.floor_map is not None
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    good = fixes.status == FixStatus.OK
+    there = (fixes.t_s > run.odometry.t_s[0]) & (fixes.t_s < run.odometry.t_s[-1])
+    assert (good & there).sum() > 0.8 * there.sum()
+    columns = [
+        np.interp(fixes.t_s, run.trajectory.t_s, run.trajectory.world_from_body[:, axis])
+        for axis in (0, 1)
+    ]
+    error_m = np.linalg.norm(fixes.xy_m - np.column_stack(columns), axis=1)[good & there]
+    assert np.median(error_m) < 0.4
+
+
+def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
+    assert run.floor_map is not None
+    recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    good = fixes.status == FixStatus.OK
+    assert good.mean() > 0.3
+    wanted_m = true_xy_m(truth, fixes.t_s[good])
+    lost_m = shape_error_m(np.zeros_like(wanted_m), wanted_m)
+    assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.5 * lost_m
+
+
+def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
+    recording: Recording, run: Run, encoder: Encoder
+) -> None:
+    """An encoder whose vectors are mirrored stands for a phone: its translation mirrors back."""
+    assert run.floor_map is not None
+    size = run.floor_map.payloads[0].vectors.shape[1]
+    mirror = np.diag(np.where(np.arange(size) % 2, -1.0, 1.0)).astype(np.float32)
+    payload = run.floor_map.payloads[0]
+    mirrored = dataclasses.replace(payload, vectors=payload.vectors @ mirror)
+    other = dataclasses.replace(run.floor_map, payloads=(mirrored,))
+    plain = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
+    lost = slam.locate(recording, other, encoder, PARAMETERS)
+    found = slam.locate(recording, other, encoder, PARAMETERS, translation=mirror)
+    npt.assert_array_equal(found.status, plain.status)
+    npt.assert_allclose(found.xy_m, plain.xy_m, atol=1e-5)
+    assert (lost.status == FixStatus.OK).mean() < 0.2
+
+
+@pytest.mark.parametrize("mode", [Mode.TRAJECTORY, Mode.TRACK])
+def test_with_footsteps_another_walk_is_located_better(
+    run: Run, encoder: Encoder, mode: Mode
+) -> None:
+    assert run.floor_map is not None
+    recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    good = (fixes.status == FixStatus.OK) & (fixes.t_s <= truth.t_s[-1])
+    assert good.mean() > 0.8
+    assert shape_error_m(fixes.xy_m[good], true_xy_m(truth, fixes.t_s[good])) < 0.4
+    again = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    npt.assert_array_equal(again.xy_m, fixes.xy_m)
+
+
+def jammed(recording: Recording) -> tuple[Recording, float]:
+    """A walk with noise in the chirp's band from some moment (s) on."""
+    assert recording.audio is not None
+    samples = recording.audio.samples.copy()
+    first = samples.shape[1] // 2
+    rough = np.random.default_rng(0).standard_normal(samples.shape[1] - first)
+    band = signal.butter(4, [15_000, 20_000], "bandpass", fs=44_100, output="sos")
+    samples[0, first:] += (0.05 * signal.sosfilt(band, rough)).astype(np.float32)
+    return dataclasses.replace(recording, audio=Audio(samples, 44_100)), first / 44_100
+
+
+@pytest.fixture(scope="module")
+def scheduled() -> Recording:
+    today = Circumstances(jitter_s=0.025)
+    return simulate(load_world("studio"), seed=8, rounds=1, circumstances=today)[0]
+
+
+@pytest.mark.parametrize("mode", Mode)
+def test_what_cannot_be_trusted_is_suspect(
+    run: Run, encoder: Encoder, scheduled: Recording, mode: Mode
+) -> None:
+    assert run.floor_map is not None
+    recording, from_s = jammed(scheduled)
+    fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS, mode=mode)
+    told = fixes.status == FixStatus.SUSPECT
+    assert not told[fixes.t_s < from_s].any()
+    assert told[fixes.t_s > from_s + 2.0].mean() > 0.9
+    if mode is not Mode.TRACK:
+        assert np.isnan(fixes.xy_m[told]).all()
+
+
+def test_without_a_schedule_nothing_is_judged(
+    run: Run, encoder: Encoder, recording: Recording
+) -> None:
+    assert run.floor_map is not None
+    fixes = slam.locate(jammed(recording)[0], run.floor_map, encoder, PARAMETERS)
+    assert FixStatus.SUSPECT not in fixes.status
+
+
+def test_another_encoder_cannot_read_the_map(recording: Recording, run: Run) -> None:
+    assert run.floor_map is not None
+    with pytest.raises(InputError, match="got echoes encoded by spectral-1"):
+        slam.locate(recording, run.floor_map, SpectralEncoder(), PARAMETERS)
+
+
+def test_the_line_needs_no_torch_and_no_plotting() -> None:
+    program = (
+        "import sys, elfslam.slam.pipeline; "
+        "print([name for name in ('torch', 'plotly', 'fastapi') if name in sys.modules])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_calibrated_map_is_the_same_map_and_hears_others_as_its_own_phone(
+    recording: Recording, encoder: Encoder, run: Run
+) -> None:
+    own = map_by_echoes(recording, encoder, PARAMETERS, adapt=calibrated)
+    assert own.floor_map is not None
+    assert run.floor_map is not None
+    npt.assert_array_equal(own.trajectory.world_from_body, run.trajectory.world_from_body)
+    kinds = [item.kind for item in own.floor_map.payloads]
+    assert kinds == ["elf", "phone"]
+    npt.assert_array_equal(own.floor_map.payloads[0].vectors, run.floor_map.payloads[0].vectors)
+    phone = Circumstances(device="tablet")
+    other, _ = simulate(load_world("studio"), seed=7, rounds=1, circumstances=phone)
+    fixes = slam.locate(other, own.floor_map, encoder, PARAMETERS)
+    plain = slam.locate(other, run.floor_map, encoder, PARAMETERS)
+    assert not np.array_equal(fixes.score, plain.score), "the tablet is heard as the map's phone"
+    assert np.nanmean(fixes.score) > np.nanmean(plain.score)
+
+
+def test_a_later_sense_may_not_contradict_an_earlier_one() -> None:
+    turn_rad = 2 * np.pi / 20 * np.arange(81)
+    circle = np.column_stack([4 * np.sin(turn_rad), 4 - 4 * np.cos(turn_rad), turn_rad])
+    nodes = Odometry(0.5 * np.arange(81), circle, np.full((80, 3), 0.2))
+    sharp, shifted = ridges(80, 20), ridges(80, 17)
+    known = ClosureParameters()
+    alone = slam.closures_by(nodes, [(shifted, known)], PARAMETERS)
+    together = slam.closures_by(nodes, [(sharp, known), (shifted, known)], PARAMETERS)
+    first = slam.closures_by(nodes, [(sharp, known)], PARAMETERS)
+    assert len(alone.i) > 20
+    assert len(together.i) < len(first.i) + 0.2 * len(alone.i)
+    npt.assert_array_equal(together.i[: len(first.i)], first.i)
+
+
+def test_closures_weigh_as_their_sense_shares_its_errors() -> None:
+    nodes = Odometry(0.5 * np.arange(41), np.zeros((41, 3)), np.full((40, 3), 0.2))
+    apart = dataclasses.replace(ClosureParameters(), shared_footsteps=0)
+    shared = dataclasses.replace(apart, shared_footsteps=40)
+    one, all_one = (
+        slam.closures_by(nodes, [(ridges(40, 20), known)], PARAMETERS) for known in (apart, shared)
+    )
+    npt.assert_allclose(all_one.covariance, len(one.i) * one.covariance)
+
+
+def ridges(count: int, lap: int) -> Similarity:
+    """Stretches alike where they are a multiple of `lap` apart."""
+    away = np.abs(np.arange(count)[:, None] - np.arange(count)) % lap
+    scores = np.exp(-((np.minimum(away, lap - away) / 1.5) ** 2))
+    return Similarity(scores.astype(np.float32), "planted")

@@ -1,0 +1,89 @@
+"""The supervised fingerprint: it learns planted spots, repeats itself and scores by hand."""
+
+from __future__ import annotations
+
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import torch
+
+from elfslam.base.arrays import F32, I64
+from elfslam.base.errors import InputError
+from elfslam.base.values import ECHO_SAMPLES
+from studies.fingerprint import (
+    FingerprintParameters,
+    FingerprintScore,
+    SpotClassifier,
+    named_spots,
+    score_fingerprint,
+    train_fingerprint,
+)
+
+QUICK = FingerprintParameters(epochs=8, batch=16, learning_rate=2e-3, threads=1)
+SPOTS = 4
+
+
+def labelled(per_spot: int, seed: int) -> tuple[F32, I64]:
+    """Every spot has a decaying noise of its own; each echo is that plus a little more."""
+    generator = np.random.default_rng(seed)
+    decay = 0.01 * np.exp(-np.arange(ECHO_SAMPLES) / 600)
+    own = np.random.default_rng(99).standard_normal((SPOTS, ECHO_SAMPLES))
+    spot = np.repeat(np.arange(SPOTS), per_spot)
+    noise = generator.standard_normal((len(spot), ECHO_SAMPLES))
+    return np.asarray((own[spot] + 0.3 * noise) * decay, dtype=np.float32), spot
+
+
+@pytest.fixture(scope="module")
+def network() -> SpotClassifier:
+    return train_fingerprint(*labelled(16, 0), QUICK, seed=0)
+
+
+def test_planted_spots_are_named_in_echoes_not_heard_before(network: SpotClassifier) -> None:
+    samples, spot = labelled(10, 1)
+    assert np.mean(named_spots(network, samples) == spot) > 0.9
+
+
+def test_rows_are_row_by_row(network: SpotClassifier) -> None:
+    samples, _ = labelled(3, 2)
+    alone = [named_spots(network, samples[k : k + 1])[0] for k in range(len(samples))]
+    assert alone == named_spots(network, samples).tolist()
+
+
+def test_the_same_seed_gives_the_same_classifier() -> None:
+    quick = FingerprintParameters(epochs=1, batch=16)
+    shares: list[float] = []
+    one, same, other = (
+        train_fingerprint(*labelled(8, 0), quick, seed=seed, report=shares.append).state_dict()
+        for seed in (0, 0, 1)
+    )
+    assert all(torch.equal(one[name], same[name]) for name in one)
+    assert not torch.equal(one["head.weight"], other["head.weight"])
+    assert shares == [0.5, 1.0] * 3
+
+
+def test_two_that_learn_at_once_do_not_mix_their_first_weights() -> None:
+    quick = FingerprintParameters(epochs=1, batch=16, threads=1)
+
+    def learnt(seed: int) -> torch.Tensor:
+        return train_fingerprint(*labelled(8, 0), quick, seed=seed).state_dict()["head.weight"]
+
+    with ThreadPoolExecutor(2) as pool:
+        at_once = list(pool.map(learnt, (0, 1)))
+    assert all(torch.equal(learnt(seed), weights) for seed, weights in enumerate(at_once))
+
+
+def test_the_score_is_counted_by_hand() -> None:
+    spots_m = np.array([[0.0, 0.0], [3.0, 4.0], [0.0, 1.0]])
+    named, spot = np.array([0, 1, 1, 2]), np.array([0, 1, 0, 0])
+    assert score_fingerprint(named, spot, spots_m) == FingerprintScore(0.5, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("rows", "labels", "match"),
+    [(16, 15, "and 15 spots"), (15, 15, "at least one batch of 16 echoes, got 15")],
+)
+def test_too_few_echoes_or_labels_are_refused(rows: int, labels: int, match: str) -> None:
+    samples, spot = labelled(4, 0)
+    with pytest.raises(InputError, match=match):
+        train_fingerprint(samples[:rows], spot[:labels], QUICK, seed=0)
