@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from elfslam.app.map import finetuned
 from elfslam.base.arrays import F32, F64, Bool
-from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses, wrap_angle
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Odometry, Truth
@@ -40,7 +38,6 @@ SEQUENCE = 8
 """Footsteps compared in a row."""
 PRINCIPAL_ECHOES = 2048
 """From random rooms, never from the worlds that are measured."""
-ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", "kept at 0.4", "false at 0.4")
 UNITS = ("footstep", f"{SEQUENCE} footsteps")
 
 Adapt = Callable[[Echoes], Encoder]
@@ -190,31 +187,3 @@ def _rows(world: str, counts: Counts) -> list[Row]:
         for (name, compared), walks in counts.items()
         if compared == unit
     ]
-
-
-def metrics_of(table: object) -> dict[str, float]:
-    """What a card says of one encoder, from the rows of this study about it.
-
-    Raises InputError where the rows are of none or of several, or not this study's.
-    """
-    rows: list[Any] = table if isinstance(table, list) else [table]
-    features = {str(row["feature"]) if _is_row(row) else "another table" for row in rows}
-    if len(features) != 1 or not all(map(_is_row, rows)):
-        raise InputError(
-            f"figures: wanted the rows of `elfslam study elf` about one encoder, got "
-            f"{', '.join(sorted(features)) or 'none':.200}; name the encoder with --encoder there"
-        )
-    return {
-        f"{name}, {row['compared']}, {row['world']}": float(row[name])
-        for row in rows
-        for name in ON_THE_CARD
-    }
-
-
-def _is_row(row: object) -> bool:
-    """Whether this is a row of the study's table, as JSON gives it."""
-    return isinstance(row, dict) and all(
-        isinstance(row.get(name), kind)
-        for names, kind in ((("feature", "compared", "world"), str), (ON_THE_CARD, int | float))
-        for name in names
-    )

@@ -5,12 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from elfslam.app.card import ON_THE_CARD, metrics_of
 from elfslam.base.errors import InputError
 from elfslam.base.progress import silent
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
-from studies.elf import ON_THE_CARD, labelled_pairs, measure_elf, metrics_of, sequence_similarity
+from studies.elf import labelled_pairs, measure_elf, sequence_similarity
 from studies.finding import Row
 
 CIRCLE_M = 4.0

@@ -9,16 +9,17 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import accumulate
 
+import typer
 from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from elfslam.base.errors import ElfslamError, NoAnswerError
+from elfslam.base.errors import ElfslamError, NoAnswerError, ParameterError
 from elfslam.base.extras import extra_with
 from elfslam.base.progress import Announce
 
-DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE = 0, 1, 2, 1
+DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
 
 PIPE_WIDTH = 120
 GAP = 3
@@ -97,6 +98,21 @@ def say(message: str) -> None:
     """A line for the person at the terminal, apart from the output proper."""
     with suppress(OSError):
         print(" ".join(message.split("\n")), file=sys.stderr)
+
+
+def run_app(typed: typer.Typer, arguments: Sequence[str], name: str) -> int:
+    """The exit code of a Typer program; what Typer refuses becomes one line as well."""
+    if not arguments:
+        typed(arguments)
+    try:
+        return typed(arguments, prog_name=name, standalone_mode=False) or DONE
+    except (typer.Abort, KeyboardInterrupt):
+        return INTERRUPTED
+    except Exception as error:
+        explain = getattr(error, "format_message", None)
+        if explain is None:
+            raise
+        raise ParameterError(f"{explain()} See {name} --help") from error
 
 
 def exit_code_of(command: Callable[[], int]) -> int:

@@ -9,9 +9,7 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from elfslam.app.console import DONE, exit_code_of
-from elfslam.base.errors import ParameterError
-from elfslam.cli import INTERRUPTED
+from elfslam.app.console import exit_code_of, run_app
 
 VERBS: Mapping[str, tuple[str, str]] = {
     "demo": ("demo:demo", "Map ten simulated walks and locate ten others in them."),
@@ -89,18 +87,3 @@ def elfslam() -> None:
 def run(arguments: Sequence[str]) -> int:
     """The exit code of `elfslam ARGUMENTS`, once it has been run."""
     return exit_code_of(lambda: run_app(app, arguments, "elfslam"))
-
-
-def run_app(typed: typer.Typer, arguments: Sequence[str], name: str) -> int:
-    """The exit code of a Typer program; what Typer refuses becomes one line as well."""
-    if not arguments:
-        typed(arguments)
-    try:
-        return typed(arguments, prog_name=name, standalone_mode=False) or DONE
-    except (typer.Abort, KeyboardInterrupt):
-        return INTERRUPTED
-    except Exception as error:
-        explain = getattr(error, "format_message", None)
-        if explain is None:
-            raise
-        raise ParameterError(f"{explain()} See {name} --help") from error

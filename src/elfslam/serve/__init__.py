@@ -1,1 +1,1 @@
-"""The web server, the phone page and the desk page."""
+"""Floor 5: the web server, its pages, and the index of features."""
