@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from elfslam.app.console import print_rows, progress_bar
+from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app
 from elfslam.line.feature import load_encoder
 from studies.catalogue import STUDIES, run_study
 
