@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 
-.PHONY: demo serve test test-real fast lint coverage pretrain web-check clean
+.PHONY: demo serve test test-real fast lint coverage pretrain web-check docs clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -51,10 +51,19 @@ $(VENV)/.installed-test: $(VENV)/.installed
 	$(INSTALL) --editable ".[learn,test]"
 	touch $@
 
+$(VENV)/.installed-docs: $(VENV)/.installed
+	$(INSTALL) --editable ".[docs]"
+	touch $@
+
 # A compiled kernel knows when its own file changes, but not when one that it calls does.
 $(VENV)/.kernels: $(wildcard src/elfslam/world/*.py)
 	find src -name '*.nb[ic]' -delete
 	mkdir -p $(VENV) && touch $@
 
+# The site in site/; the page of the tree is made anew beside it.
+docs: $(VENV)/.installed-docs
+	$(BIN)/python -m studies.tree
+	NO_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict
+
 clean:
-	rm -rf $(VENV) demo
+	rm -rf $(VENV) demo site
