@@ -21,7 +21,6 @@ from elfslam.data.recordings import read_recording, write_recording
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.score.truth import read_truth
-from studies import catalogue
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
 Outcome = tuple[int, str, str]
@@ -115,17 +114,6 @@ def test_another_phone_is_asked_for_by_name(tmp_path: Path, elfslam: Elfslam) ->
     assert recording.device == "tablet, browser on Bosch BMI160"
     assert recording.imu is not None
     assert np.diff(recording.imu.t_s).mean() == pytest.approx(1 / 60, rel=1e-3)
-
-
-def test_a_study_is_printed_and_written(tmp_path: Path, elfslam: Elfslam) -> None:
-    def study(data: Path | None, announce: object) -> list[dict[str, object]]:
-        return [{"quantity": "step rate", "value": 1.9}]
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(catalogue, "STUDIES", {"gait": study})
-        code, out, _ = elfslam("study", "gait", tmp_path / "out", "--json")
-    assert (code, json.loads(out)) == (0, [{"quantity": "step rate", "value": 1.9}])
-    assert json.loads((tmp_path / "out" / "gait.json").read_text()) == json.loads(out)
 
 
 def test_mapping_writes_a_run_that_never_saw_the_truth(
@@ -351,8 +339,6 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
         (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or pyroomacoustics"),
         (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
-        (["study", "everything", "{tmp}/out"], "calibration, closures, dead-reckoning"),
-        (["study", "sensors", "{tmp}/out", "--data", "{walk}"], "mall_walks"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "sensorlogger", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),

@@ -33,7 +33,6 @@ READERS = {
     "import mall": "import mall {bad} {new}/walks",
     "import magnetic": "import magnetic {bad} {new}/walk",
     "import sensorlogger": "import sensorlogger {bad} {new}/walk",
-    "study": "study sensors {new}/study --data {bad}",
     "demo with parameters": "demo {new}/demo --parameters {bad}",
     "demo with an encoder": "demo {new}/demo --encoder {bad}",
     "pretrain": "pretrain {new}/one.onnx --parameters {bad}",
@@ -53,10 +52,9 @@ WRITERS = {
     "pretrain": "pretrain {out} " + " ".join(TINY),
     "pretrain a file": "pretrain {out}/one.onnx " + " ".join(TINY),
     "finetune a file": "finetune {walk} {out}/one.onnx --set finetune.shortest_s=1",
-    "study": "study gait {out}",
 }
 INTO = {"demo": ("text", "text/below"), "show": ("full", "text/below")}
-INTO |= {"locate": ("full", "text/below"), "study": ("text", "text/below")}
+INTO |= {"locate": ("full", "text/below")}
 INTO |= {"pretrain a file": ("text", "text/below"), "finetune a file": ("text", "text/below")}
 """Not a folder with content where only one more file comes to lie in it, nor a file to replace."""
 
@@ -77,7 +75,7 @@ def good(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.fixture
-def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+def place(tmp_path: Path) -> Iterator[Path]:
     """A folder with everything that can lie where something else is wanted."""
     (tmp_path / "empty").mkdir()
     (tmp_path / "full").mkdir()
@@ -86,7 +84,6 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     (tmp_path / "damaged.zip").write_bytes(b"PK and no more")
     (tmp_path / "damaged.npz").write_bytes(b"PK and no more")
     before = contents(tmp_path)
-    monkeypatch.setattr("studies.catalogue.STUDIES", {"gait": lambda *_: [{"a": 1}]})
     yield tmp_path
     assert contents(tmp_path) == before
 
@@ -207,7 +204,6 @@ WITHOUT_EXTRAS = {
     "export {run} {new}/run.parquet --to parquet": "parquet",
     "export {run} {new}/run.tum --to tum": None,
     "show {run} {new}/run.html": None,
-    "study elf {new}/study": "learn",
     "pretrain {new}/one.onnx": "learn",
     "finetune {walk} {new}/one.onnx": "learn",
     "card": None,

@@ -20,15 +20,14 @@ from PIL import Image
 from elfslam.app import anchor as plans
 from elfslam.app import follow as following
 from elfslam.app import map as mapping
+from elfslam.app import locate as locating
 from elfslam.app import merge as joining
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
-from elfslam.cli import walks
+from elfslam.cli import simulate as simulating
 from elfslam.cli.app import run
 from elfslam.data.map_files import write_map
 from elfslam.data.recordings import write_recording
-from elfslam.slam import pipeline as slam
-from studies import catalogue
 
 pytestmark = pytest.mark.hostile
 
@@ -67,7 +66,6 @@ WRITERS = {
     "show a run": "show {given}/one {disk}/out",
     "show a map": "show {given}/one/map.npz {disk}/out",
     "show a world": "show studio {disk}/out",
-    "study": "study gait {disk}/out",
     "pretrain": f"pretrain {{disk}}/out.onnx {TINY}",
     "finetune": "finetune {given}/walk {disk}/out.onnx " + QUICK,
     "card": "card --measured {given}/elf.json --out {disk}/out.onnx",
@@ -75,16 +73,15 @@ WRITERS = {
 """What writes to the disk, by name."""
 SEVERAL = {
     "pretrain": ("out.checkpoint", "out.losses.csv", "out.losses.html"),
-    "study": ("out", "out/gait.json"),
     "map many": ("out", "out/one"),
     "import": ("out", "out/one"),
 }
 """What may stay where the rest does not fit: whole results, or what the next run goes on from."""
 LONG = {
     "map": (mapping, "mapped_run"),
-    "simulate": (walks, "simulate"),
+    "simulate": (simulating, "simulate"),
     "merge": (joining, "merge"),
-    "locate": (slam, "locate"),
+    "locate": (locating, "locate"),
     "anchor": (plans, "place_on"),
     "follow": (following, "follow"),
     "finetune": (mapping, "finetuned"),
@@ -167,7 +164,6 @@ def once(monkeypatch: pytest.MonkeyPatch) -> None:
     """Long work is done once in a test, whatever it is asked for."""
     for module, name in LONG.values():
         monkeypatch.setattr(module, name, remembered(getattr(module, name)))
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda *_: [{"a": 1}]})
 
 
 def remembered(do: Callable[..., Any]) -> Callable[..., Any]:
