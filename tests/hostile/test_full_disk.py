@@ -19,8 +19,8 @@ from PIL import Image
 
 from elfslam.app import anchor as plans
 from elfslam.app import follow as following
-from elfslam.app import map as mapping
 from elfslam.app import locate as locating
+from elfslam.app import map as mapping
 from elfslam.app import merge as joining
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
