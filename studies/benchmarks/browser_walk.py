@@ -137,7 +137,7 @@ def browsing(environment: dict[str, str]) -> Iterator[Browser]:
             executable_path=CHROMIUM,
             args=list(ARGUMENTS),
             ignore_default_args=["--mute-audio"],
-            env=environment,
+            env={**environment},
         )
         yield browser
         browser.close()

@@ -65,7 +65,9 @@ def simulated(walk: Path, told: tuple[str, int, int]) -> float:
     world, rounds, seed = told
     if not walk.is_dir():
         write_recording(simulate(load_world(world), seed, rounds=rounds)[0], walk)
-    return float(read_recording(walk).imu.t_s[-1])
+    imu = read_recording(walk).imu
+    assert imu is not None, "a simulated walk has motion"
+    return float(imu.t_s[-1])
 
 
 def work(name: str, words: list[str]) -> Row:

@@ -85,7 +85,7 @@ def print_network(name: str, network: nn.Module, echoes: F32) -> None:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])  # type: ignore[union-attr]
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--echoes", type=int, default=64)
     count = parser.parse_args().echoes
     torch.set_num_threads(1)

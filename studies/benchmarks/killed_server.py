@@ -28,6 +28,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -93,8 +94,8 @@ class Server:
     def begin(self) -> subprocess.Popen[bytes]:
         """A process of it."""
         with self.log.open("ab") as log:
-            command = [sys.executable, "-c", SERVE, self.folder, self.database, str(self.port)]
-            return subprocess.Popen(command, stderr=log)
+            given = [str(self.folder), self.database, str(self.port)]
+            return subprocess.Popen([sys.executable, "-c", SERVE, *given], stderr=log)
 
     def answers(self) -> bool:
         """Whether it can be asked."""
@@ -241,7 +242,7 @@ def phone(
             number = generator.randrange(len(walks))
             recording = uploaded(client, walks[number].packed, ledger)
             if generator.random() < DELETED_SHARE:
-                answer = patiently(lambda id=recording: client.delete(f"/api/recordings/{id}"))
+                answer = patiently(partial(client.delete, f"/api/recordings/{recording}"))
                 if answer.status_code not in (204, 404):
                     ledger.count(f"answer {answer.status_code}")
                 ledger.deleted.append(recording)

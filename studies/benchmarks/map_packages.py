@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from elfslam.base.choices import Mode
-from elfslam.base.values import Fixes, FloorMap, Odometry
+from elfslam.base.values import Features, Fixes, FloorMap, Odometry
 from elfslam.data.tiles import (
     Stretch,
     Tile,
@@ -24,7 +24,7 @@ from elfslam.data.tiles import (
     stretches_of,
     tiles_of,
 )
-from elfslam.line.feature import Features, load_encoder
+from elfslam.line.feature import load_encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.slam.front_end import heard_in, walk_nodes
 from elfslam.slam.merging import MergeParameters, Walk, add_walk, merge
@@ -74,8 +74,8 @@ def through_tiles(floor_map: FloorMap) -> FloorMap:
     """The map as a phone holds it."""
     tiles = [tile.content for tile in tiles_of(floor_map)]
     stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
-    known = {"encoder": encoder_identity(floor_map), "phone": phone_of(floor_map)}
-    return map_of_parts(tiles, stretches, **known, sources=floor_map.sources)
+    encoder, phone = encoder_identity(floor_map), phone_of(floor_map)
+    return map_of_parts(tiles, stretches, encoder=encoder, phone=phone, sources=floor_map.sources)
 
 
 def tracks(heard: Features, nodes: Odometry, floor_map: FloorMap, seed: int) -> Fixes:

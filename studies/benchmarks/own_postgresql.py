@@ -53,7 +53,7 @@ def own_postgresql(**settings: str) -> Iterator[Postgresql]:
     user = "postgres" if os.getuid() == 0 else None
     if user is not None:
         shutil.chown(folder, user)
-    make = [
+    make: list[str | Path] = [
         binaries / "initdb",
         "-D",
         f"{folder}/data",
@@ -65,7 +65,7 @@ def own_postgresql(**settings: str) -> Iterator[Postgresql]:
         "UTF8",
     ]
     subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd=folder)
-    command = [
+    command: list[str | Path] = [
         binaries / "postgres",
         "-D",
         f"{folder}/data",

@@ -64,7 +64,7 @@ def prepare(folder: Path, spots: int, rate_hz: int) -> float:
     assert walked.audio is not None
     write_f32(folder / "sound.f32", walked.audio.samples[0])
     (folder / "encoder.onnx").write_bytes(encoder.content)
-    return walked.audio.samples.shape[1] / rate_hz
+    return float(walked.audio.samples.shape[1] / rate_hz)
 
 
 def filled(floor_map: FloorMap, spots: int) -> FloorMap:

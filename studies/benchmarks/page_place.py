@@ -27,7 +27,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import desk_pictures
 import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext, Page, sync_playwright
@@ -35,6 +34,7 @@ from playwright.sync_api import BrowserContext, Page, sync_playwright
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.data.fixes_files import read_fixes
 from elfslam.world.world_file import load_world
+from studies.benchmarks import desk_pictures
 from studies.benchmarks.acoustic_loop import in_time, missing_programs, pulse_audio, room_between
 from studies.benchmarks.browser_walk import (
     ARGUMENTS,
@@ -121,7 +121,7 @@ def kept_browser(profile: Path, environment: dict[str, str] | None = None) -> It
             executable_path=CHROMIUM,
             args=list(ARGUMENTS),
             ignore_default_args=["--mute-audio"],
-            env=environment or dict(os.environ),
+            env={**(environment or os.environ)},
             permissions=list(PERMISSIONS),
             viewport={"width": 390, "height": 844},
             reduced_motion="reduce",

@@ -3,9 +3,9 @@
  * JSON, and in a browser by its functions.
  */
 
-import { makeFootsteps } from "../src/elfslam/serve/pages/line/motion/live.js";
-import { makeTracker } from "../src/elfslam/serve/pages/line/track.js";
-import { makeRandom } from "../src/elfslam/serve/pages/line/tracking/random.js";
+import { makeFootsteps } from "../../src/elfslam/serve/pages/line/motion/live.js";
+import { makeTracker } from "../../src/elfslam/serve/pages/line/track.js";
+import { makeRandom } from "../../src/elfslam/serve/pages/line/tracking/random.js";
 
 const EVERY_S = 0.1;
 

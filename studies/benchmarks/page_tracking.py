@@ -52,7 +52,7 @@ from elfslam.world.world_file import load_world
 from studies.located import STRANGER, mapped_walk
 
 ROOT = Path(__file__).resolve().parents[2]
-SCRIPT = ROOT / "benchmarks" / "page_tracking.mjs"
+SCRIPT = Path(__file__).with_suffix(".mjs")
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or ""
 SPOTS = (4_000, 24_000)
 STEPS = 40
@@ -126,7 +126,7 @@ def in_chromium(given: dict[str, Any]) -> dict[str, float]:
             "async ([address, given]) => {"
             " Object.assign(window, await import(address), { given });"
             " window.count = liveSteps({ imu: given.imu, parameters: given.motion }).length; }",
-            [f"{address}/benchmarks/page_tracking.mjs", given],
+            [f"{address}/{SCRIPT.relative_to(ROOT)}", given],
         )
         session = page.context.new_cdp_session(page)
         session.send("Performance.enable", {"timeDomain": "threadTicks"})
@@ -134,7 +134,7 @@ def in_chromium(given: dict[str, Any]) -> dict[str, float]:
         def spent_ms(script: str, before_each: str = "() => {}") -> float:
             def so_far() -> float:
                 metrics = session.send("Performance.getMetrics")["metrics"]
-                return next(each["value"] for each in metrics if each["name"] == "TaskDuration")
+                return float(next(one["value"] for one in metrics if one["name"] == "TaskDuration"))
 
             spent = []
             for _ in range(int(given["rounds"])):
@@ -271,8 +271,11 @@ def map_from(walks: dict[str, Any]) -> FloorMap:
     count = len(walks["xy_m"])
     payload = Payload("elf", "page", walks["spots"])
     order = np.arange(count)
-    places = (walks["xy_m"], walks["heading_rad"], np.zeros(count), order, walks["covariance_m2"])
-    return FloorMap(*places, (payload,), "", ("walk",))
+    xy_m, heading_rad, covariance_m2 = (
+        walks[name] for name in ("xy_m", "heading_rad", "covariance_m2")
+    )
+    one_walk = np.zeros(count, dtype=np.int64)
+    return FloorMap(xy_m, heading_rad, one_walk, order, covariance_m2, (payload,), "", ("walk",))
 
 
 def errors_of(told: list[Fixes], truth: Truth, world_from_map: F64) -> dict[str, float]:

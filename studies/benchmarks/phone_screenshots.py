@@ -34,7 +34,7 @@ SIZE = {"width": 375, "height": 740}
 STATES = ("start", "probe", "name", "record", "sent", "unfinished", "no_network")
 PLACES = ("maps", "place", "place_doubt", "place_offline")
 MAPS = {"Studio, ground floor": 107, "Studio, last autumn": 105}
-PROFILE = {
+PROFILE: dict[str, Any] = {
     "permissions": list(PERMISSIONS),
     "viewport": SIZE,
     "device_scale_factor": 2,

@@ -106,10 +106,20 @@ def postgresql(folder: Path) -> Iterator[str]:
             shutil.chown(place, user)
     data = folder / "data"
     if not data.exists():
-        make = [programs / "initdb", "-D", data, "-A", "trust", "-U", "elfslam", "-E", "UTF8"]
+        make: list[str | Path] = [
+            programs / "initdb",
+            "-D",
+            data,
+            "-A",
+            "trust",
+            "-U",
+            "elfslam",
+            "-E",
+            "UTF8",
+        ]
         subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd="/")
     (data / "postmaster.pid").unlink(missing_ok=True)
-    options = ["-k", socket, "-c", "listen_addresses="]
+    options: list[str | Path] = ["-k", socket, "-c", "listen_addresses="]
     server = subprocess.Popen(
         [programs / "postgres", "-D", data, *options], stderr=subprocess.DEVNULL, user=user, cwd="/"
     )

@@ -90,7 +90,8 @@ def walk_files(folder: Path, seconds: float, seed: int = 0) -> dict[str, bytes]:
         t_s = np.arange(round(50 * seconds)) / 50
         turning = generator.normal(0, 0.1, (len(t_s), 3))
         imu = Imu(t_s, generator.normal([0, 0, 9.8], 0.1, (len(t_s), 3)), turning)
-        sound = Audio(generator.uniform(-0.1, 0.1, (1, round(44_100 * seconds))), 44_100)
+        noise = generator.uniform(-0.1, 0.1, (1, round(44_100 * seconds)))
+        sound = Audio(noise.astype(np.float32), 44_100)
         write_recording(Recording(name="noise", device="none", audio=sound, imu=imu), folder)
     return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
 

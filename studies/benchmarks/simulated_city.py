@@ -58,7 +58,8 @@ def city_of(buildings: int, seed: int, kept: Path | None) -> City:
     floors = floors[: buildings * PARAMETERS.floors]
     places = np.array([row[:3] for row in floors])
     rows = [np.column_stack([np.full(len(row[3]), k), row[3]]) for k, row in enumerate(floors)]
-    made = City(*places.T, np.vstack(rows))
+    latitude_deg, longitude_deg, radius_m = places.T
+    made = City(latitude_deg, longitude_deg, radius_m, np.vstack(rows))
     if kept is not None:
         np.savez_compressed(kept, **vars(made))
     return made

@@ -106,8 +106,10 @@ async def _one_connection(told: Attack, source: str, context: ssl.SSLContext | N
     shakes = told.kind == "handshakes"
     async with asyncio.timeout(CONNECT_S):
         plain = await _connected(source, told.port)
-        secured = {} if shakes or context is None else {"ssl": context, "server_hostname": HOST}
-        reader, writer = await asyncio.open_connection(sock=plain, **secured)
+        secured = None if shakes else context
+        reader, writer = await asyncio.open_connection(
+            sock=plain, ssl=secured, server_hostname=HOST if secured else None
+        )
     try:
         writer.write(_client_hello(context) if shakes else BEGINNINGS[told.kind].encode())
         while not writer.is_closing():

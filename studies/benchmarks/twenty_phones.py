@@ -35,7 +35,8 @@ async def phone(client: httpx.AsyncClient, index: int, kbit: float, seconds: flo
     place = (await client.post("/api/uploads", headers=headers)).headers["location"]
     piece = os.urandom(round(kbit * 1000 / 8 * PIECE_S))
     await asyncio.sleep(PIECE_S * index / 20)
-    begin_s, taken_s, offset = time.perf_counter(), [], 0
+    taken_s: list[float] = []
+    begin_s, offset = time.perf_counter(), 0
     while (due_s := begin_s + len(taken_s) * PIECE_S) < begin_s + seconds:
         await asyncio.sleep(max(0.0, due_s - time.perf_counter()))
         sent_s = time.perf_counter()

@@ -115,14 +115,15 @@ def sizes(database: Postgresql) -> Row:
     import psycopg
 
     with psycopg.connect(database.told) as connection:
-        told = {
-            table.__tablename__: connection.execute(
+        told = [
+            (table.__tablename__, *row)
+            for table in (Building, Floor, FloorPoint)
+            for row in connection.execute(
                 f"SELECT count(*), pg_total_relation_size('{table.__tablename__}') "
                 f"FROM {table.__tablename__}"
-            ).fetchone()
-            for table in (Building, Floor, FloorPoint)
-        }
-    return {f"{name} ({count})": f"{size / 2**20:.1f} MiB" for name, (count, size) in told.items()}
+            )
+        ]
+    return {f"{name} ({count})": f"{size / 2**20:.1f} MiB" for name, count, size in told}
 
 
 def sounds(floor: int) -> F32:
@@ -130,7 +131,8 @@ def sounds(floor: int) -> F32:
     generator = np.random.default_rng([7, floor])
     own = 0.05 * generator.standard_normal((SPOTS, SIZE), dtype=np.float32)
     rows = np.eye(1, SIZE, dtype=np.float32) + own
-    return rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    unit: F32 = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return unit
 
 
 def place_index(data: Path, city: City) -> None:

@@ -2,7 +2,7 @@
 
 Usage, from the root of the project, after `npm ci` in this folder (`make web-check` does both):
 
-    python benchmarks/web_runtime/compare.py [--encoder compact]
+    python -m studies.benchmarks.web_runtime.compare [--encoder compact]
 
 The first echoes of a simulated walk are embedded by both, one echo alone and 64 at once, on one
 thread. Exit code 1 where an element differs by more than 1e-4. Milliseconds are wall clock, the

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import importlib
 import json
-import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +11,6 @@ import pytest
 
 from elfslam.world.world_file import load_world
 
-BENCHMARKS = Path(__file__).resolve().parents[4] / "benchmarks"
 SEED, ROUNDS = 107, 3
 ATTEMPTS = 3
 BROKEN, LOST = "breaks tell", "shorter than the motion"
@@ -26,14 +22,12 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def browser_walk() -> Iterator[Any]:
-    """benchmarks/browser_walk.py, which has the long form; skips where a program is missing."""
+def browser_walk() -> Any:
+    """The benchmark, which has the long form; skips where playwright is missing."""
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(BENCHMARKS)
-        yield importlib.import_module("browser_walk")
-    for name in ("browser_walk", "acoustic_loop"):
-        sys.modules.pop(name, None)
+    from studies.benchmarks import browser_walk
+
+    return browser_walk
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import sys
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +10,6 @@ import pytest
 from elfslam.base.values import FixStatus
 from elfslam.world.world_file import load_world
 
-BENCHMARKS = Path(__file__).resolve().parents[4] / "benchmarks"
 WORLD, MAP_SEED, SEED, ROUNDS = "studio", 107, 108, 2
 ATTEMPTS = 3
 HEARD = 0.9
@@ -24,14 +19,12 @@ pytestmark = pytest.mark.slow
 
 
 @pytest.fixture(scope="module")
-def page_place() -> Iterator[Any]:
-    """benchmarks/page_place.py, which has the long form; skips where a program is missing."""
+def page_place() -> Any:
+    """The benchmark, which has the long form; skips where playwright is missing."""
     pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.syspath_prepend(BENCHMARKS)
-        yield importlib.import_module("page_place")
-    for name in ("page_place", "browser_walk", "acoustic_loop", "desk_pictures"):
-        sys.modules.pop(name, None)
+    from studies.benchmarks import page_place
+
+    return page_place
 
 
 @pytest.fixture(scope="module")
