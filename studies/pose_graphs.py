@@ -23,8 +23,8 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import PoseGraph, Truth
 from elfslam.data.g2o import read_g2o
 from elfslam.line.graph import GraphParameters, optimise
-from elfslam.line.graph.linear import half_square
-from elfslam.line.graph.solve import as_gtsam, as_poses, as_values
+from elfslam.line.graph.solving import as_gtsam, as_poses, as_values
+from elfslam.line.graph.uncertainty import half_square
 from elfslam.score.errors import Alignment, position_errors
 from elfslam.score.page import Page, Panel, rows_table
 from studies.figures.graph_figures import Drawn, graphs_figure

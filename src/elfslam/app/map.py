@@ -25,7 +25,6 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
-from elfslam.line.graph import build_graph, judge
 from elfslam.score.figures import FloorPlan
 from elfslam.score.report import write_report
 from elfslam.slam import pipeline as slam
@@ -136,7 +135,7 @@ def mapped_run(
         "parameters": as_dict(job.parameters),
         **({"finetuning": tuned[-1].reason} if tuned else {}),
         **({"calibrated": True} if job.calibrate else {}),
-        **_verdict(run, job.parameters),
+        **_verdict(run),
     }
     return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
 
@@ -153,12 +152,10 @@ def units_of(job: MapJob) -> Callable[[Path], str]:
     return lambda path: unit_key(work, digest_of(path))
 
 
-def _verdict(run: Run, known: Settings) -> dict[str, Any]:
+def _verdict(run: Run) -> dict[str, str]:
     """How many closures the trajectory bears out, where there are any."""
-    if not len(run.closures.i):
-        return {}
-    graph = build_graph(run.odometry, run.closures)
-    return {"closures": str(judge(graph, run.trajectory, known.graph))}
+    verdict = run.trajectory.verdict
+    return {} if verdict is None else {"closures": str(verdict)}
 
 
 def finetune_into(

@@ -275,12 +275,35 @@ class PoseGraph(Value):
     scale_sigma: float = 0.0
 
 
+@dataclass(frozen=True)
+class Verdict:
+    """Chi-square test of closures: how many were believed or rejected, and how many of each agree.
+
+    A closure agrees where its residual lies inside the chi-square quantile `probability`. If all
+    is well nearly that share of the believed ones agree, and hardly any of the rejected.
+    """
+
+    believed: int
+    believed_agreeing: int
+    rejected: int
+    rejected_agreeing: int
+    probability: float
+
+    def __str__(self) -> str:
+        return (
+            f"{self.believed_agreeing} of {self.believed} believed closures and "
+            f"{self.rejected_agreeing} of {self.rejected} rejected ones agree with the trajectory "
+            f"(within {self.probability:.0%} of chance)"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class Trajectory(Value):
     """The straightened walk: a pose and a covariance per footstep.
 
     `closure_weights` says how far the back end trusted each closure (0 rejected, 1 kept).
-    `status` is OK, or NO_CLOSURES where nothing corrected the dead reckoning.
+    `status` is OK, or NO_CLOSURES where nothing corrected the dead reckoning. The `verdict` comes
+    with the optimisation alone: no file holds it.
     """
 
     t_s: F64 = array("n", increasing=True)
@@ -288,6 +311,7 @@ class Trajectory(Value):
     covariance: F64 = array("n", 3, 3)
     closure_weights: F64 = array("k")
     status: str
+    verdict: Verdict | None = None
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,8 @@
-"""The pose graph: dead reckoning and closures together, and which closures to believe."""
+"""Pose graph optimisation: dead reckoning and closures together, and which closures to believe."""
 
-from elfslam.line.graph.build import build_graph
-from elfslam.line.graph.choose import agreeing
-from elfslam.line.graph.optimise import optimise
-from elfslam.line.graph.parameters import GraphParameters
-from elfslam.line.graph.verdict import Verdict, judge
+from elfslam.line.graph.building import GraphParameters, build_graph
+from elfslam.line.graph.choosing import agreeing
+from elfslam.line.graph.solving import optimise
+from elfslam.line.graph.uncertainty import judge
 
-__all__ = ["GraphParameters", "Verdict", "agreeing", "build_graph", "judge", "optimise"]
+__all__ = ["GraphParameters", "agreeing", "build_graph", "judge", "optimise"]

@@ -1,4 +1,8 @@
-"""Which closures to believe: those that fit, from short loops to long ones.
+"""Outlier rejection among loop closures: pairwise consistency, then gating by prediction.
+
+Who walks the same stretch twice meets many known places in a row, and each says the same of the
+way between; a false closure by chance has no such company. Pairwise consistency is due to Mangelson
+et al. (ICRA 2018, "Pairwise consistent measurement set maximization").
 
 A run of closures is believed where it fits what the graph predicts there, within the uncertainty
 of that prediction. The most certain predictions are asked first; each run believed straightens the
@@ -12,43 +16,44 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 from scipy.stats import chi2
 
 from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph
 from elfslam.line.graph.blocks import pattern_of
-from elfslam.line.graph.build import believing, closure_edges, covariance_of_edges, edges_of
-from elfslam.line.graph.linear import (
+from elfslam.line.graph.building import (
+    GraphParameters,
+    believing,
+    closure_edges,
+    covariance_of_edges,
+    edges_of,
+    rotation_first,
+)
+from elfslam.line.graph.uncertainty import (
+    SETTLING_STEPS,
     Equations,
+    carried,
     chi_square,
     covariance_of,
     half_square,
     jacobians,
+    marginal_covariances,
     predicted_covariance,
     residuals,
     settle,
-    uncertainty,
 )
-from elfslam.line.graph.parameters import GraphParameters
-from elfslam.line.graph.runs import chain_of, find_runs, forward
-from elfslam.line.graph.solve import rotation_first
 
-SETTLING_STEPS = 10
 LAST_ROUNDS = 20
 """Believing and doubting single closures in turn ends by itself after a few."""
 
 
-@dataclass(frozen=True, eq=False)
-class Fit:
-    """How closures (k) fit a prediction: residual, its covariance, and squared length."""
-
-    residual: F64
-    covariance: F64
-    squared: F64
-
-
 def choose_closures(graph: PoseGraph, parameters: GraphParameters) -> tuple[F64, Bool]:
-    """Poses (n, 3) near the solution, and the mask (k) of closures to believe.
+    """Outlier rejection: poses (n, 3) near the solution, and the mask (k) of closures to believe.
 
     Raises InputError where the steps of the graph are no chain.
     """
@@ -73,7 +78,7 @@ def choose_closures(graph: PoseGraph, parameters: GraphParameters) -> tuple[F64,
 
 
 def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -> Bool:
-    """Which further closures (k) fit the graph as its own closures leave it; all without any.
+    """Gating: which further closures (k) fit the graph as its own leave it; all without any.
 
     Raises InputError where the steps of the graph are no chain.
     """
@@ -118,7 +123,7 @@ def _within_reach(closures: PoseGraph, poses: F64, equations: Equations, limit: 
     reach here fits nowhere; it need not be asked in full, which costs far more.
     """
     residual, near, far = jacobians(poses, closures.edges, closures.measurements)
-    known, (i, j) = uncertainty(equations), closures.edges.T
+    known, (i, j) = marginal_covariances(equations), closures.edges.T
     total = near @ covariance_of(known, i, i) @ np.swapaxes(near, 1, 2)
     total += far @ covariance_of(known, j, j) @ np.swapaxes(far, 1, 2)
     widest = bent(2 * total + covariance_of_edges(closures))
@@ -135,17 +140,26 @@ def _settled(
     return settle(believed, start, pattern, parameters.anchor_sigma, SETTLING_STEPS)
 
 
+@dataclass(frozen=True, eq=False)
+class Fit:
+    """Innovations of closures (k): residual, its covariance, and squared Mahalanobis length."""
+
+    residual: F64
+    covariance: F64
+    squared: F64
+
+
 def fit_of(closures: PoseGraph, poses: F64, equations: Equations) -> Fit:
-    """How closures that have no say yet fit the poses."""
+    """Innovations of closures that have no say yet in the poses."""
     edges, measured = closures.edges, closures.measurements
     residual = residuals(poses, edges, measured)
-    predicted = predicted_covariance(uncertainty(equations), poses, edges, measured)
+    predicted = predicted_covariance(marginal_covariances(equations), poses, edges, measured)
     covariance = bent(predicted + covariance_of_edges(closures))
     return Fit(residual, covariance, chi_square(residual, covariance))
 
 
 def bent(covariance: F64) -> F64:
-    """Covariances (k, 3, 3) widened for the way that an uncertain heading bends.
+    """Second-order covariance inflation (k, 3, 3) for the way that an uncertain heading bends.
 
     To second order, a heading error of sigma s shortens a lever by s^2 / 2 of its length, where
     to first order it only moves its end sideways by s of it.
@@ -159,7 +173,102 @@ def bent(covariance: F64) -> F64:
 
 
 def log_odds(fit: Fit, poses: F64) -> F64:
-    """How much likelier (k, natural logarithm) a residual is than a chance meeting on the floor."""
+    """Log-likelihood ratio (k) of each residual to a chance meeting anywhere on the floor."""
     floor_m2 = float(np.prod(np.maximum(np.ptp(poses[:, :2], axis=0), 1.0)))
     density = -0.5 * fit.squared - 0.5 * np.linalg.slogdet(2 * np.pi * fit.covariance)[1]
     return np.asarray(density + np.log(floor_m2 * 2 * np.pi))
+
+
+@dataclass(frozen=True, eq=False)
+class Runs:
+    """Which run (k) each closure belongs to, and per run its best connected closure and its size.
+
+    Of r runs every closure has one; a closure without company is a run of its own.
+    """
+
+    run: I64
+    middle: I64
+    size: I64
+
+
+def find_runs(chain: Chain, closures: Forward, reach: int, limit: float) -> Runs:
+    """Connected components of the pairwise consistency graph of closures."""
+    count = len(closures.low)
+    pairs, agree = agreeing_pairs(chain, closures, reach, limit)
+    a, b = pairs[agree].T
+    links = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
+    _, run = connected_components(links, directed=False)
+    friends = np.bincount(pairs[agree].ravel(), minlength=count)
+    order = np.lexsort((-friends, run))
+    _, first = np.unique(run[order], return_index=True)
+    return Runs(run.astype(np.int64), order[first], np.bincount(run))
+
+
+def agreeing_pairs(chain: Chain, closures: Forward, reach: int, limit: float) -> tuple[I64, Bool]:
+    """Pairwise consistency: pairs (p, 2) of near closures, and whether dead reckoning agrees.
+
+    `limit` bounds the squared Mahalanobis length of what is left of the loop through both.
+    """
+    near = cKDTree(np.column_stack([closures.low, closures.high]))
+    pairs = np.asarray(near.query_pairs(reach, p=np.inf, output_type="ndarray"), dtype=np.int64)
+    a, b = pairs.reshape(-1, 2).T
+    low, high, moves = closures.low, closures.high, closures.low_from_high
+    hop = between(chain.poses[high[a]], chain.poses[high[b]])
+    onward = compose(moves[a], hop)
+    predicted = compose(between(chain.poses[low[b]], chain.poses[low[a]]), onward)
+    covariance = closures.covariance[b] + chain_covariance(chain, high[a], high[b])
+    covariance += carried(inverse(hop), closures.covariance[a])
+    covariance += carried(inverse(onward), chain_covariance(chain, low[b], low[a]))
+    return pairs, chi_square(between(moves[b], predicted), covariance) <= limit
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Dead reckoning: poses (n, 3), and how their errors add up along the way (n, 3, 3)."""
+
+    poses: F64
+    growth: F64
+
+
+def chain_of(graph: PoseGraph) -> Chain:
+    """The steps of a graph as a chain.
+
+    Raises InputError where they do not lead from each pose to the next.
+    """
+    steps = edges_of(graph, ~graph.is_closure)
+    count = len(graph.initial) - 1
+    order = np.argsort(steps.edges[:, 0], kind="stable")
+    wanted = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+    if len(order) != count or (steps.edges[order] != wanted).any():
+        raise InputError(
+            f"pose graph: {len(order)} steps do not lead through its {count + 1} poses one by one, "
+            "as rejecting closures needs; set graph.robust=false"
+        )
+    covariance = carried(graph.initial[1:], covariance_of_edges(steps)[order])
+    growth = np.concatenate([np.zeros((1, 3, 3)), np.cumsum(covariance, axis=0)])
+    return Chain(graph.initial, growth)
+
+
+def chain_covariance(chain: Chain, i: I64, j: I64) -> F64:
+    """Covariances (k, 3, 3) of the dead reckoning from pose i to pose j, in the frame of j."""
+    sign = np.sign(j - i)[:, None, None]
+    return carried(inverse(chain.poses[j]), sign * (chain.growth[j] - chain.growth[i]))
+
+
+@dataclass(frozen=True, eq=False)
+class Forward:
+    """Closures seen from their earlier pose: poses low < high (k), low_from_high, covariance."""
+
+    low: I64
+    high: I64
+    low_from_high: F64
+    covariance: F64
+
+
+def forward(closures: PoseGraph) -> Forward:
+    """The closures of a graph, those that look back turned round."""
+    i, j = closures.edges.T
+    back, measured, covariance = i > j, closures.measurements, covariance_of_edges(closures)
+    turned = np.where(back[:, None, None], carried(measured, covariance), covariance)
+    moves = np.where(back[:, None], inverse(measured), measured)
+    return Forward(np.minimum(i, j), np.maximum(i, j), moves, turned)

@@ -1,8 +1,10 @@
-"""The back end: loops close, false closures are rejected, uncertainty is honest."""
+"""Pose graph optimisation: loops close, outliers are rejected, covariances are honest."""
 
 from __future__ import annotations
 
 import dataclasses
+import subprocess
+import sys
 from pathlib import Path
 
 import gtsam
@@ -11,7 +13,7 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import InputError, NoAnswerError
+from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import between, chain, compose, wrap_angle
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
 from elfslam.data.g2o import read_g2o
@@ -121,22 +123,6 @@ def test_a_published_graph_survives_injected_false_closures(shared_data: Path) -
     assert position_error_m(clean.world_from_body, truth) < start_m / 3
     assert position_error_m(robust.world_from_body, clean.world_from_body) < 0.05
     assert position_error_m(plain.world_from_body, clean.world_from_body) > start_m
-
-
-def test_the_graph_holds_every_step_and_every_closure() -> None:
-    nodes = drifting(chain(np.array([1.0, 2.0, 0.5]), square_moves(1)[:4]))
-    found = closures([0, 1], [3, 4], np.array([[1.0, 0, 0], [0, 2.0, np.pi / 2]]))
-    graph = build_graph(nodes, found)
-    assert graph.edges.tolist() == [[0, 1], [1, 2], [2, 3], [3, 4], [0, 3], [1, 4]]
-    assert graph.is_closure.tolist() == [False] * 4 + [True] * 2
-    poses = nodes.world_from_body
-    npt.assert_allclose(graph.measurements[:4], between(poses[:-1], poses[1:]))
-    npt.assert_allclose(graph.measurements[4:], found.i_from_j)
-    npt.assert_allclose(graph.information[:4], np.tile(np.diag(SIGMA**-2), (4, 1, 1)))
-    npt.assert_allclose(
-        graph.information[4:] @ found.covariance, np.tile(np.eye(3), (2, 1, 1)), atol=1e-9
-    )
-    npt.assert_array_equal(graph.initial, poses)
 
 
 @pytest.mark.parametrize("parameters", [ROBUST, PLAIN])
@@ -264,8 +250,8 @@ def test_an_anchor_that_holds_nothing_gives_no_answer(truth: F64) -> None:
         solve(drifting(truth), NO_CLOSURES, loose)
 
 
-def test_a_step_that_claims_no_error_is_refused(truth: F64) -> None:
-    nodes = drifting(truth)
-    certain = Odometry(nodes.t_s, nodes.world_from_body, nodes.step_sigma * [1.0, 0.0, 1.0])
-    with pytest.raises(InputError, match="wanted sigmas of at least 1e-09, got 0; state how far"):
-        build_graph(certain, NO_CLOSURES)
+def test_gtsam_is_imported_only_when_something_is_solved() -> None:
+    """Who locates never waits for it."""
+    said = "import sys, elfslam.slam.pipeline; print('gtsam' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", said], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "False"
