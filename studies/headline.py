@@ -1,0 +1,146 @@
+"""The README's figures in small, against limits: a map twice as bad turns it red.
+
+    python -m studies.headline [--on N]
+
+Walks of the first evaluation seeds in the three places, mapped; in the living room others are
+located. Each figure is a mean over walks and stands beside what these walks gave when the limit
+was set. Exit code 1 where one is above its limit.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from argparse import RawTextHelpFormatter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from elfslam.app.console import print_rows, progress_bar
+from elfslam.app.senses import sense_of
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Workers, open_workers
+from elfslam.base.choices import Modality, Mode
+from elfslam.base.progress import Announce
+from elfslam.line.feature import load_encoder
+from elfslam.slam.pipeline import map_by
+from elfslam.world.simulate import load_world
+from studies.finding import Row
+from studies.located import MAPPING_ROUNDS, Mapped, fix_numbers, located, mapped_walk, stranger
+from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
+from studies.repeats import Numbers, by_world, finished
+
+SLACK = 1.5
+"""A limit is the expected figure times this: a figure twice as bad is above it."""
+STRANGER_ROUNDS = 2
+MODES = (Mode.ONE_SHOT, Mode.TRACK)
+MAPPED, RECKONED = "mapping by ELF", "dead reckoning"
+OK, RED = "ok", "RED"
+
+
+@dataclass(frozen=True)
+class Task:
+    """A walk to be mapped, and whether somebody is located in the map."""
+
+    world: str
+    seed: int
+    rounds: int = MAPPING_ROUNDS
+    locate: bool = False
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A median error in metres: what is expected on the walks measured here."""
+
+    world: str
+    name: str
+    expected_m: float
+
+    @property
+    def limit_m(self) -> float:
+        """More than this is red."""
+        return round(SLACK * self.expected_m, 3)
+
+
+TASKS = (
+    *(Task("living_room", seed, locate=True) for seed in range(3)),
+    *(Task("office", seed) for seed in range(2)),
+    *(Task("mall", seed) for seed in range(2)),
+)
+FIGURES = (
+    Figure("living_room", RECKONED, 0.32),
+    Figure("living_room", MAPPED, 0.10),
+    Figure("living_room", Mode.ONE_SHOT.value, 0.12),
+    Figure("living_room", Mode.TRACK.value, 0.11),
+    Figure("office", RECKONED, 1.15),
+    Figure("office", MAPPED, 0.18),
+    Figure("mall", RECKONED, 5.92),
+    Figure("mall", MAPPED, 0.43),
+)
+
+
+def measure_headline(
+    announce: Announce, *, tasks: Sequence[Task] = TASKS, workers: Workers | None = None
+) -> dict[tuple[str, str], float]:
+    """Mean over walks of the median error (m), by world and figure."""
+    numbers = finished(median_errors, tasks, announce, kept=None, workers=workers)
+    return {
+        (world, name): float(np.mean([walk[name] for walk in walks]))
+        for world, walks in by_world(tasks, numbers).items()
+        for name in walks[0]
+    }
+
+
+def median_errors(task: Task) -> Numbers:
+    """Median errors (m) of one walk, aligned: its dead reckoning, its map, and who is in it."""
+    world, encoder = load_world(task.world), load_encoder("compact")
+    mapped = mapped_walk(world, task.seed, task.rounds, encoder)
+    numbers = {
+        RECKONED: reckoned_m(mapped, task.seed),
+        MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)["aligned|median"],
+    }
+    if task.locate:
+        other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, mapped)
+        for mode in MODES:
+            fixes = located(mapped, other, mode, Settings())
+            found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+            numbers[mode.value] = found["median"]
+    return numbers
+
+
+def reckoned_m(mapped: Mapped, seed: int) -> float:
+    """The same walk by steps and headings alone."""
+    known = walkers(seed)[CALIBRATED]
+    run = map_by(mapped.recording, [sense_of(Modality.MOTION, known)], known)
+    return trajectory_errors(run.trajectory, mapped.truth)["aligned|median"]
+
+
+def judged(found: Mapping[tuple[str, str], float], figures: Iterable[Figure]) -> list[Row]:
+    """A row per figure; NaN, where nobody was located, is red like what is above its limit."""
+    return [
+        {
+            "world": figure.world,
+            "median error": figure.name,
+            "expected (m)": figure.expected_m,
+            "limit (m)": figure.limit_m,
+            "measured (m)": round(value, 3),
+            "verdict": OK if value <= figure.limit_m else RED,
+        }
+        for figure in figures
+        for value in [found[figure.world, figure.name]]
+    ]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the table; the exit code says whether all is within its limit."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=RawTextHelpFormatter)
+    parser.add_argument("--on", default="2", help="who works: a number of processes")
+    with progress_bar() as announce, open_workers(parser.parse_args(arguments).on) as workers:
+        rows = judged(measure_headline(announce, workers=workers), FIGURES)
+    print_rows(rows, title="Headline", as_json=False)
+    return int(any(row["verdict"] != OK for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
