@@ -80,7 +80,7 @@ def test_a_cluster_makes_few_ahead_too(workers: Workers, tmp_path: Path) -> None
 
 DRIVER = """
 import sys
-from elfslam.workers import open_workers
+from elfslam.app.workers import open_workers
 from planted_work import process
 if __name__ == "__main__":
     with open_workers("2") as workers:

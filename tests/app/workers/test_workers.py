@@ -88,7 +88,7 @@ def test_a_cluster_that_is_not_there_is_refused() -> None:
 
 DRIVER = """
 from planted_work import stay
-from elfslam.workers import open_workers
+from elfslam.app.workers import open_workers
 if __name__ == "__main__":
     with open_workers("2") as workers:
         list(workers.each(stay, [1, 2]))
