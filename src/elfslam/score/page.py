@@ -1,15 +1,22 @@
-"""One self-contained HTML page: style, plotting script, panels, tables. Nothing is fetched."""
+"""HTML pages: style, panels, tables. The drawing script lies beside, once for all in a folder.
+
+Nothing is fetched from anywhere else; `embed_script` makes a page of one file.
+"""
 
 from __future__ import annotations
 
 import html
+import os
+import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
+from importlib.resources import files
 from itertools import count
 from pathlib import Path
 
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs
+from plotly.offline import get_plotlyjs, get_plotlyjs_version
 
 STYLE = """
 :root { color-scheme: light dark; --page: #f6f6f4; --card: #ffffff; --ink: #22262b;
@@ -51,7 +58,15 @@ details table { margin-top: 10px; }
 .js-plotly-plot .legendtext { fill: var(--ink) !important; }
 """
 
-FIT = '<script>dispatchEvent(new Event("resize"))</script>'
+SCRIPT = f"plotly-{get_plotlyjs_version()}.min.js"
+"""What draws the figures, by name: it lies beside the pages."""
+SCRIPT_TAG = f'<script src="{SCRIPT}"></script>'
+FIT = f"""<script>
+if (window.Plotly) dispatchEvent(new Event("resize"));
+else document.querySelector("header").insertAdjacentHTML("beforeend",
+  "<p>{SCRIPT} is missing beside this page, so figures are not drawn: copy it here, or run " +
+  "<code>elfslam show --self-contained</code>.</p>");
+</script>"""
 """Figures were drawn while the page was still short of panels: each takes the width it has now."""
 CONFIG = {
     "responsive": True,
@@ -81,8 +96,38 @@ class Page:
 
 
 def save_page(path: Path, page: Page) -> None:
-    """Write the page; raises OSError where that cannot be done."""
+    """Write the page, and the drawing script beside it unless it is there.
+
+    Raises OSError where that cannot be done.
+    """
+    share_script(path.parent)
     path.write_text(rendered(page), encoding="utf-8")
+
+
+def script_file() -> Path:
+    """The drawing script as it is installed."""
+    return Path(str(files("plotly"))) / "package_data" / "plotly.min.js"
+
+
+def share_script(folder: Path) -> None:
+    """Put the drawing script into a folder: as another name of the installed one, or a copy."""
+    place = folder / SCRIPT
+    if place.exists():
+        return
+    with suppress(OSError):
+        os.link(script_file(), place)
+        return
+    partial = folder / f".{SCRIPT}.partial"  # the same bytes, whoever writes it
+    shutil.copyfile(script_file(), partial)
+    with suppress(FileNotFoundError):
+        partial.replace(place)
+
+
+def embed_script(path: Path) -> None:
+    """Make a page that was saved before a page of one file, which may be sent around."""
+    text = path.read_text(encoding="utf-8")
+    embedded = f"<script>{get_plotlyjs()}</script>"
+    path.write_text(text.replace(SCRIPT_TAG, embedded, 1), encoding="utf-8")
 
 
 def rendered(page: Page) -> str:
@@ -93,7 +138,7 @@ def rendered(page: Page) -> str:
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style><script>{get_plotlyjs()}</script></head>"
+        f"<title>{title}</title><style>{STYLE}</style>{SCRIPT_TAG}</head>"
         f"<body><main><header><h1>{title}</h1><p>{subtitle}</p></header>"
         f'{_tiles(page.tiles)}<div class="panels">{panels}</div>'
         f"{''.join(_details(*item) for item in page.details.items())}</main>{FIT}</body></html>\n"

@@ -7,6 +7,7 @@ from contextlib import AbstractContextManager, AsyncExitStack, asynccontextmanag
 from dataclasses import asdict
 
 from fastapi import APIRouter, Depends, FastAPI
+from fastapi.responses import FileResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
 
@@ -43,9 +44,10 @@ ADMITTING: tuple[APIRouter, ...] = (building_routes.router,)
 """Also under /api; their routes look at the token themselves, in the one thread that answers."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
 """Entered when the server starts and left when it stops."""
-DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` except `/api/version`
-wants a pairing token, as `Authorization: Bearer TOKEN` or as the cookie that `POST /api/session`
-sets. Refusals are `application/problem+json`; their `detail` is one line for people."""
+DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version
+and for the drawing script of reports wants a pairing token, as `Authorization: Bearer TOKEN` or as
+the cookie that `POST /api/session` sets. Refusals are `application/problem+json`; their `detail`
+is one line for people."""
 
 
 class Version(BaseModel):
@@ -69,6 +71,20 @@ def version(services: Here) -> Version:
         turns=asdict(TurnsParameters()),
         limits=told_limits(services.settings.limits),
     )
+
+
+@public.get(
+    "/maps/{map_id}/plotly-{version}.min.js",
+    operation_id="get_drawing_script",
+    response_class=FileResponse,
+    responses={200: {"content": {"text/javascript": {}}}},
+)
+def drawing_script(map_id: str, version: str) -> FileResponse:
+    """What draws the figures of a report: public, for the sandbox of a report sends no cookie."""
+    from elfslam.app.show import script_file
+
+    allowed = {"Cross-Origin-Resource-Policy": "cross-origin", "Cache-Control": "max-age=86400"}
+    return FileResponse(script_file(), media_type="text/javascript", headers=allowed)
 
 
 def played(chirp: ChirpParameters) -> dict[str, object]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -66,6 +67,16 @@ def test_the_report_cannot_reach_the_server(owner: TestClient, keep_map: Keep, r
     assert answer.headers["content-security-policy"].startswith("sandbox allow-scripts")
     assert "allow-same-origin" not in answer.headers["content-security-policy"]
     assert answer.headers["content-type"].startswith("text/html")
+
+
+def test_the_drawing_script_of_a_report_is_public(
+    owner: TestClient, anyone: TestClient, keep_map: Keep, runs: Path
+) -> None:
+    map_id = keep_map(owner, "one")
+    [script] = re.findall('script src="([^"]+)"', owner.get(f"/api/maps/{map_id}/report.html").text)
+    answer = anyone.get(f"/api/maps/{map_id}/{script}")
+    assert answer.content == (runs / "one" / script).read_bytes()
+    assert answer.headers["cross-origin-resource-policy"] == "cross-origin"
 
 
 @pytest.mark.parametrize("name", ["one", "floor"])

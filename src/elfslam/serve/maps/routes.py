@@ -36,7 +36,7 @@ REPORT_POLICY = "; ".join(
     (
         "sandbox allow-scripts allow-downloads",
         "default-src 'none'",
-        "script-src 'unsafe-inline' 'unsafe-eval'",
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval'",
         "style-src 'unsafe-inline'",
         "img-src data: blob:",
         "font-src data:",

@@ -273,6 +273,12 @@ def whole_page(person: Any, open_desk: Open, run_folder: Path) -> Any:
     return opened(open_desk(person), person.plant_map("round the studio", run_folder))
 
 
+def test_the_report_draws_itself_in_its_sandbox(whole_page: Any) -> None:
+    with whole_page.expect_popup() as opening:
+        whole_page.get_by_role("link", name="Report").first.click()
+    opening.value.locator(".js-plotly-plot svg.main-svg").first.wait_for()
+
+
 def test_an_export_is_the_file_that_the_command_writes(
     whole_page: Any, run_folder: Path, tmp_path: Path
 ) -> None:
