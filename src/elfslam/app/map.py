@@ -17,7 +17,7 @@ from elfslam.app.workers import unit_key
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
-from elfslam.base.progress import Announce
+from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
 from elfslam.data.facts import FACTS
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
@@ -98,11 +98,17 @@ def refuse_taken(folder: Path, job: MapJob) -> None:
     refuse_occupied(folder, FACTS if job.overwrite else None)
 
 
-def mapped_run(
-    path: Path, job: MapJob, announce: Announce
-) -> tuple[Run, dict[str, Any], bytes | None]:
-    """The run of a recording, the facts that run.json states, and the encoder as a file."""
-    recording = read_recording(path, job.parameters.chirp)
+@dataclass(frozen=True, eq=False)
+class Mapped:
+    """A run, the encoder that its map needs, and what came of fine-tuning where that was tried."""
+
+    run: Run
+    encoder: Encoder | None
+    finetuning: str | None
+
+
+def map_recording(recording: Recording, job: MapJob, announce: Announce = silent) -> Mapped:
+    """Map one recording as the job says. Raises InputError, NoAnswerError."""
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
@@ -124,7 +130,18 @@ def mapped_run(
         return calibrated(used, echoes) if job.calibrate else used
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
-    encoder = tuned[-1].encoder if tuned else encoder
+    if tuned:
+        return Mapped(run, tuned[-1].encoder, tuned[-1].reason)
+    return Mapped(run, encoder, None)
+
+
+def mapped_run(
+    path: Path, job: MapJob, announce: Announce
+) -> tuple[Run, dict[str, Any], bytes | None]:
+    """The run of a recording, the facts that run.json states, and the encoder as a file."""
+    recording = read_recording(path, job.parameters.chirp)
+    made = map_recording(recording, job, announce)
+    encoder = made.encoder
     facts: dict[str, Any] = {
         **versions(),
         "device": recording.device,
@@ -133,11 +150,11 @@ def mapped_run(
         "encoder": None if encoder is None else encoder.identity,
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
-        **({"finetuning": tuned[-1].reason} if tuned else {}),
+        **({"finetuning": made.finetuning} if made.finetuning else {}),
         **({"calibrated": True} if job.calibrate else {}),
-        **_verdict(run),
+        **_verdict(made.run),
     }
-    return run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
+    return made.run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None
 
 
 def unit_of(path: Path, job: MapJob) -> str:
