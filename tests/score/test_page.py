@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import plotly.graph_objects as go
-import pytest
 
-from elfslam.score import page as pages
 from elfslam.score.page import (
     SCRIPT,
     SCRIPT_TAG,
@@ -39,13 +37,7 @@ def test_pages_of_a_folder_share_one_script(tmp_path: Path) -> None:
     assert (tmp_path / SCRIPT).read_text() == "as it was"
 
 
-def test_where_files_cannot_have_two_names_the_script_is_copied(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refuse(source: Path, target: Path) -> None:
-        raise OSError("no links here")
-
-    monkeypatch.setattr(pages.os, "link", refuse)
+def test_what_a_kill_left_of_the_script_is_finished(tmp_path: Path) -> None:
     (tmp_path / f".{SCRIPT}.partial").write_text("half of it")
     share_script(tmp_path)
     assert [file.name for file in tmp_path.iterdir()] == [SCRIPT]

@@ -6,7 +6,6 @@ Nothing is fetched from anywhere else; `embed_script` makes a page of one file.
 from __future__ import annotations
 
 import html
-import os
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -100,8 +99,8 @@ def save_page(path: Path, page: Page) -> None:
 
     Raises OSError where that cannot be done.
     """
-    share_script(path.parent)
     path.write_text(rendered(page), encoding="utf-8")
+    share_script(path.parent)
 
 
 def script_file() -> Path:
@@ -110,12 +109,9 @@ def script_file() -> Path:
 
 
 def share_script(folder: Path) -> None:
-    """Put the drawing script into a folder: as another name of the installed one, or a copy."""
+    """Put a copy of the drawing script into a folder, where it is not yet."""
     place = folder / SCRIPT
     if place.exists():
-        return
-    with suppress(OSError):
-        os.link(script_file(), place)
         return
     partial = folder / f".{SCRIPT}.partial"  # the same bytes, whoever writes it
     shutil.copyfile(script_file(), partial)
