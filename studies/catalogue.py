@@ -40,7 +40,6 @@ from studies.nearest_times import measure_nearest_times
 from studies.passages import measure_passages
 from studies.physics import check_laws
 from studies.pose_graphs import measure_pose_graphs
-from studies.pretraining_kills import measure_pretraining_kills
 from studies.queue import measure_queue
 from studies.real_rooms import measure_real_rooms
 from studies.scaling import measure_scaling
@@ -80,7 +79,6 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
-    "pretraining-kills": LongStudy(measure_pretraining_kills),
     "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
     "scaling": measure_scaling,

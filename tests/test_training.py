@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -10,22 +13,19 @@ import pytest
 from elfslam.app.simulated_training import open_stream, pairs_in
 from elfslam.cli.app import run
 from elfslam.learn.parameters import PretrainParameters
+from elfslam.line.feature import read_card
 
 TINY = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
+SETTINGS = [word for setting in TINY for word in ("--set", f"pretrain.{setting}")]
 
 
 def command(out: Path, *options: str) -> int:
-    settings = [word for setting in TINY for word in ("--set", f"pretrain.{setting}")]
-    return run(["pretrain", str(out), *settings, *options])
+    return run(["pretrain", str(out), *SETTINGS, *options])
 
 
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--trainers", "0"), "trainers: got 0, wanted a number that pretrain.pairs (4)"),
-        (("--trainers", "3"), "trainers: got 3, wanted a number that"),
-        (("--trainers", "4"), "two times or more; change one"),
-        (("--trainers", "two"), "valid integer"),
         (("--on", "nobody"), "--on 'nobody': wanted a number of processes, ray or ray://"),
         (("--on", "ray://127.0.0.1:9"), "no cluster answers"),
     ],
@@ -45,19 +45,23 @@ def test_bad_numbers_are_refused_in_one_line(
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.slow
-def test_two_trainers_write_an_encoder_that_says_so(
-    tmp_path: Path,
-) -> None:
-    from elfslam.line.feature import read_card
-
-    out = tmp_path / "one.onnx"
-    assert command(out, "--trainers", "2") == 0
-    known = read_card(str(out))
-    assert known is not None
-    assert known.pretraining is not None
-    assert known.pretraining.arithmetic.endswith("2 trainers")
-    assert not out.with_suffix(".checkpoint").exists()
+@pytest.mark.real
+def test_two_processes_of_torchrun_write_one_encoder_that_says_so(tmp_path: Path) -> None:
+    both, one = tmp_path / "both.onnx", tmp_path / "one.onnx"
+    program = "import sys; from elfslam.cli import main; sys.argv[0] = 'elfslam'; main()"
+    torchrun = [sys.executable, "-m", "torch.distributed.run", "--standalone"]
+    launched = [*torchrun, "--nproc-per-node", "2", "--no-python", sys.executable, "-c", program]
+    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
+    subprocess.run([*launched, "pretrain", str(both), *SETTINGS], check=True, env=environment)
+    assert command(one) == 0
+    shared, alone = (read_card(str(file)) for file in (both, one))
+    assert shared is not None
+    assert alone is not None
+    assert shared.pretraining is not None
+    assert alone.pretraining is not None
+    assert shared.pretraining.arithmetic.endswith("2 processes")
+    assert shared.pretraining.loss == pytest.approx(alone.pretraining.loss, abs=2e-3)
+    assert not both.with_suffix(".checkpoint").exists()
 
 
 def test_the_echoes_of_a_step_are_the_same_wherever_they_are_made() -> None:

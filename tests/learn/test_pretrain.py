@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import planted_training as planted
 import pytest
 import torch
+from planted_training import toy_pairs
 from torch import nn
 
 from elfslam.base.errors import StoreError
@@ -29,6 +34,7 @@ from elfslam.learn.pretrain import (
 from elfslam.learn.resnet import ResNetEncoder
 from elfslam.line.feature import BINS
 
+PROGRAM = str(Path(planted.__file__))
 TINY = PretrainParameters(
     steps=4, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
 )
@@ -136,6 +142,22 @@ def test_a_killed_run_goes_on_where_it_was(tmp_path: Path) -> None:
     assert steps == [3, 4]
     assert same_weights(whole, resumed)
     assert not list(tmp_path.rglob("*.partial"))
+
+
+def test_a_killed_process_changes_no_bit_of_the_weights(tmp_path: Path) -> None:
+    checkpoint = tmp_path / "killed.pt"
+    died = subprocess.run([sys.executable, PROGRAM, "die", str(checkpoint)], check=False)
+    assert died.returncode == -signal.SIGKILL
+    steps: list[int] = []
+    resumed, whole = (
+        pretrain(toy_pairs, planted.TINY, seed=0, checkpoint=file, report=report).network
+        for file, report in (
+            (checkpoint, lambda progress: steps.append(progress.step)),
+            (tmp_path / "whole.pt", lambda progress: None),
+        )
+    )
+    assert steps == [5, 6]
+    assert same_weights(resumed, whole)
 
 
 def test_the_losses_of_before_a_kill_are_kept(tmp_path: Path) -> None:

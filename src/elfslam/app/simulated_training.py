@@ -18,11 +18,11 @@ from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.folders import new_file
+from elfslam.learn.distributed import Ranks, check_shares, joined
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
 from elfslam.learn.resumable import Batch, Stream, prefetched
-from elfslam.learn.trainers import check_trainers, pretrain_by_several
 from elfslam.score.charts import loss_figure
 from elfslam.score.page import Page, Panel, facts_table, save_page
 from elfslam.world.echo_pairs import echo_pairs
@@ -49,34 +49,47 @@ def pretrain_on_simulated_echoes(
     announce: Callable[[str, float | None], None],
     metrics: Mapping[str, float] | None = None,
     on: str | None = None,
-    trainers: int = 1,
-) -> float:
+) -> float | None:
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
     The file carries its card, `metrics` in it; beside it come to lie the losses as a table and as
     a page. The checkpoint lies there until the training is done, so that a killed run goes on.
-    `on` says who makes the echoes, as `open_workers` has it, and `trainers` how many processes
-    train. Raises StoreError, ParameterError or InputError before anything is made.
+    `on` says who makes the echoes, as `open_workers` has it. Launched by torchrun the processes
+    train together; the first of them reports and writes, and the others give None. Raises
+    StoreError, ParameterError or InputError before anything is made.
     """
     _check(out, parameters)
-    check_trainers(parameters, trainers)
 
     def report(progress: Progress) -> None:
         share = progress.step / parameters.steps
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
     checkpoint = out.with_suffix(".checkpoint")
-    with _folder_of(out):
-        made = train_on_stream(
-            pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
-            report=report, on=on, trainers=trainers,
-        )  # fmt: skip
-        card = card_of(made, parameters, seed, metrics or {})
-        write_losses(out, made.losses, parameters, seed)
-        with new_file(out) as partial:
-            export_encoder(made.network, partial, card=card)
-        checkpoint.unlink(missing_ok=True)
+    train = partial(_trained, parameters, seed=seed, checkpoint=checkpoint, on=on)
+    with joined() as ranks:
+        check_shares(parameters.pairs, ranks)
+        if ranks.number > 0:
+            train(ranks, lambda progress: None)
+            return None
+        with _folder_of(out):
+            made = train(ranks, report)
+            _write_trained(out, made, parameters, seed, metrics or {})
+            checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
+
+
+def _write_trained(
+    out: Path,
+    made: Pretrained,
+    parameters: PretrainParameters,
+    seed: int,
+    metrics: Mapping[str, float],
+) -> None:
+    """The encoder with its card, and beside it its losses."""
+    card = card_of(made, parameters, seed, metrics)
+    write_losses(out, made.losses, parameters, seed)
+    with new_file(out) as unfinished:
+        export_encoder(made.network, unfinished, card=card)
 
 
 def pairs_in(parameters: PretrainParameters, seed: int) -> PairsOf:
@@ -89,22 +102,20 @@ def step_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
     return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms)
 
 
-def train_on_stream(
-    pairs_of: PairsOf,
+def _trained(
     parameters: PretrainParameters,
+    ranks: Ranks,
+    report: Callable[[Progress], None],
     *,
     seed: int,
     checkpoint: Path,
-    report: Callable[[Progress], None],
     on: str | None,
-    trainers: int,
 ) -> Pretrained:
-    """An encoder trained on batches that `on` makes, by this process or so many `trainers`."""
-    learn = pretrain if trainers == 1 else partial(pretrain_by_several, trainers=trainers)
     with open_stream(on) as stream:
-        return learn(
-            pairs_of, parameters, seed=seed, checkpoint=checkpoint, report=report, stream=stream
-        )
+        return pretrain(
+            pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
+            report=report, stream=stream, ranks=ranks,
+        )  # fmt: skip
 
 
 @contextmanager

@@ -21,21 +21,17 @@ def pretrain_command(
         str | None,
         typer.Option("--on", help="Who makes echoes: so many processes, ray or ray://HOST:10001."),
     ] = None,
-    trainers: Annotated[
-        int, typer.Option("--trainers", help="Processes that train; one that dies starts again.")
-    ] = 1,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
-    """Train an encoder on simulated echoes; goes on after a kill."""
+    """Train an encoder on simulated echoes; goes on after a kill. By several under torchrun."""
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
     known = load(Settings(), parameter_file, setting or []).pretrain
     with progress_bar() as announce:
-        loss = pretrain_on_simulated_echoes(
-            out, known, seed=seed, announce=announce, on=on, trainers=trainers
-        )
-    say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
+        loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce, on=on)
+    if loss is not None:
+        say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
 
 
 def finetune_command(

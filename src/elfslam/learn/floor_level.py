@@ -28,7 +28,6 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
-from elfslam.learn.ranks import ALONE, Ranks, mean_over, shared
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
 from elfslam.line.feature import BINS, Encoder, OnnxEncoder
 
@@ -56,17 +55,6 @@ class FloorLevel:
 
     encoder: OnnxEncoder
     losses: F64
-
-
-@dataclass(frozen=True, eq=False)
-class FloorStart:
-    """Where a training starts: the encoder's file, the spots (m, 2), the first guess of their ELFs
-    (m, 128), and what a checkpoint of it is called."""
-
-    encoder: bytes
-    spots_m: F64
-    spots: F32
-    run: str
 
 
 class FloorNetwork(nn.Module):
@@ -109,81 +97,25 @@ def learn_floor(
     batches and threads, same bytes. Raises InputError for an encoder of another kind,
     ParameterError for an unknown part, StoreError for a checkpoint of another run.
     """
-    check_part(parameters)
-    torch.set_num_threads(parameters.threads)
-    spots = first_spots(encoder, spots_m, echoes_of, parameters, seed, known=checkpoint.exists())
-    start = FloorStart(encoder.content, spots_m, spots, run_of(encoder, spots_m, parameters, seed))
-    network, losses, heard = train_floor(
-        start, echoes_of, parameters, checkpoint=checkpoint, report=report, stream=stream
-    )
-    return floor_level(encoder, network, losses, heard, parameters, seed)
-
-
-def check_part(parameters: FloorLevelParameters) -> None:
-    """Raise ParameterError for a part of the network that is none."""
     if parameters.part not in PARTS:
         raise ParameterError(
             f"floor level: part {parameters.part!r}, wanted {' or '.join(PARTS)}; set another"
         )
-
-
-def run_of(encoder: OnnxEncoder, spots_m: F64, parameters: FloorLevelParameters, seed: int) -> str:
-    """What a checkpoint is of."""
-    return f"seed {seed}, from {encoder.identity}, {len(spots_m)} spots, {parameters}"
-
-
-def train_floor(
-    start: FloorStart,
-    echoes_of: EchoesOf,
-    parameters: FloorLevelParameters,
-    *,
-    checkpoint: Path,
-    report: Callable[[Progress], None],
-    stream: Stream = prefetched,
-    ranks: Ranks = ALONE,
-    kept: Callable[[], None] = lambda: None,
-) -> tuple[FloorNetwork, list[float], int]:
-    """The network after all steps, the loss of each, and how many echoes the last of them heard.
-
-    Of several `ranks`, each has its share of a batch, see `learn_floor_by_several`.
-    """
-    network, optimizer, losses = so_far(start, parameters, checkpoint)
-    learning, heard = shared(network, ranks), 0
+    torch.set_num_threads(parameters.threads)
+    spots = _first_spots(encoder, spots_m, echoes_of, parameters, seed, known=checkpoint.exists())
+    network = FloorNetwork(network_of(encoder.content).eval(), spots)
+    optimizer = _optimizer(network, parameters)
+    run = f"seed {seed}, from {encoder.identity}, {len(spots_m)} spots, {parameters}"
+    losses, heard = resumed(checkpoint, run, network, optimizer), 0
     for step, batch in stream(echoes_of, len(losses), parameters.steps):
         share = warm_cosine(step, parameters.warmup_steps, parameters.steps)
         for group in optimizer.param_groups:
             group["lr"] = group["peak"] * share
-        losses.append(_learn(learning, optimizer, start.spots_m, batch, parameters, ranks))
-        heard = len(batch.samples) * ranks.count
+        losses.append(_learn(network, optimizer, spots_m, batch, parameters))
+        heard = len(batch.samples)
         report(Progress(step + 1, losses[-1]))
-        if ranks.number == 0 and (
-            (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps
-        ):
-            save(checkpoint, start.run, losses, network, optimizer)
-            kept()
-    return network, losses, heard
-
-
-def so_far(
-    start: FloorStart, parameters: FloorLevelParameters, checkpoint: Path
-) -> tuple[FloorNetwork, torch.optim.Optimizer, list[float]]:
-    """Network, optimizer and losses as the checkpoint has them, or as they are in the beginning."""
-    network = FloorNetwork(network_of(start.encoder).eval(), start.spots)
-    if parameters.part == "head":
-        network.encoder.body.requires_grad_(False)  # ranks would wait for its gradients
-    optimizer = _optimizer(network, parameters)
-    return network, optimizer, resumed(checkpoint, start.run, network, optimizer)
-
-
-def floor_level(
-    encoder: OnnxEncoder,
-    network: FloorNetwork,
-    losses: list[float],
-    heard: int,
-    parameters: FloorLevelParameters,
-    seed: int,
-) -> FloorLevel:
-    """The floor's encoder with its card; each step heard as many echoes as the last."""
+        if (step + 1) % parameters.checkpoint_steps == 0 or step + 1 == parameters.steps:
+            save(checkpoint, run, losses, network, optimizer)
     card = _card(encoder, heard * len(losses), losses, parameters, seed)
     content = encoder_content(network.encoder, card)
     return FloorLevel(OnnxEncoder(content, "floor level"), np.array(losses))
@@ -244,7 +176,7 @@ def superimposed_map(
     )
 
 
-def first_spots(
+def _first_spots(
     encoder: OnnxEncoder,
     spots_m: F64,
     echoes_of: EchoesOf,
@@ -281,10 +213,9 @@ def _learn(
     spots_m: F64,
     batch: SpotEchoes,
     parameters: FloorLevelParameters,
-    ranks: Ranks,
 ) -> float:
-    """Take a step; the loss of the batch, of which each rank has as large a share."""
-    loss = mean_over(batch_loss(network, spots_m, batch, parameters), ranks)
+    """Take a step; the loss of the batch."""
+    loss = batch_loss(network, spots_m, batch, parameters)
     optimizer.zero_grad()
     loss.backward()  # type: ignore[no-untyped-call]
     optimizer.step()

@@ -13,10 +13,18 @@ from torch import Tensor, nn
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import EchoPairs
+from elfslam.learn.distributed import (
+    ALONE,
+    Ranks,
+    norms_of_all,
+    rows_of_all,
+    shares,
+    start_together,
+    sum_gradients,
+)
 from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.ranks import ALONE, Ranks, rows_of_all, shared
 from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
 from elfslam.line.feature import BINS
@@ -54,7 +62,6 @@ def pretrain(
     report: Callable[[Progress], None],
     stream: Stream = prefetched,
     ranks: Ranks = ALONE,
-    kept: Callable[[], None] = lambda: None,
 ) -> Pretrained:
     """An encoder trained on the batches `pairs_of(0)`, `pairs_of(1)`, ... made by `stream`.
 
@@ -62,31 +69,31 @@ def pretrain(
     where it was. The same seed gives the same encoder on the same machine: `parameters.threads`
     fixes the number of threads, on which rounding depends. On a GPU, where there is one, the
     network computes in bfloat16, and no seed gives the bytes of a processor. Where this is one of
-    several `ranks`, the batches are its share of the whole, see `pretrain_by_several`; the first
-    of them writes the checkpoint, also after the last step. `kept` hears of each. Raises
-    StoreError for a checkpoint of another run.
+    several `ranks`, they share each batch and its loss, and the first of them writes the
+    checkpoint. Raises StoreError for a checkpoint of another run.
     """
     torch.manual_seed(seed)
     torch.set_num_threads(parameters.threads)
     device = training_device(has_gpu=torch.cuda.is_available())
     network, optimizer, losses = so_far(parameters, seed, checkpoint, device, ranks)
+    start_together(len(losses), ranks)
+    norms_of_all(network, ranks)
     network.train()
-    learning = shared(network, ranks)
-    for step, batch in stream(pairs_of, len(losses), parameters.steps):
+    for step, batch in shares(stream, pairs_of, len(losses), parameters.steps, ranks):
         for group in optimizer.param_groups:
             group["lr"] = parameters.learning_rate * warm_cosine(
                 step, parameters.warmup_steps, parameters.steps
             )
-        loss = pair_loss(learning, batch, parameters, ranks)
+        loss = pair_loss(network, batch, parameters, ranks)
         optimizer.zero_grad()
-        loss.backward()  # type: ignore[no-untyped-call]
+        (loss / ranks.count).backward()  # type: ignore[no-untyped-call]
+        sum_gradients(network, ranks)
         optimizer.step()
         losses.append(float(loss.item()))
         report(Progress(step + 1, losses[-1]))
-        if is_kept(step, parameters.checkpoint_steps, parameters.steps, ranks):
+        if ranks.number == 0 and (step + 1) % parameters.checkpoint_steps == 0:
             run = run_of(parameters, seed, device, ranks)
             save(checkpoint, run, losses, network, optimizer)
-            kept()
     return Pretrained(network.cpu().eval(), np.array(losses), arithmetic_of(device, ranks))
 
 
@@ -110,13 +117,7 @@ def run_of(parameters: PretrainParameters, seed: int, device: torch.device, rank
 def arithmetic_of(device: torch.device, ranks: Ranks) -> str:
     """What the bits of the result depend on besides seed and parameters."""
     alone = ARITHMETIC[device.type]
-    return alone if ranks.count == 1 else f"{alone}, {ranks.count} trainers"
-
-
-def is_kept(step: int, every: int, steps: int, ranks: Ranks) -> bool:
-    """Whether this process writes a checkpoint after a step."""
-    last = ranks.count > 1 and step + 1 == steps
-    return ranks.number == 0 and (last or (step + 1) % every == 0)
+    return alone if ranks.count == 1 else f"{alone}, {ranks.count} processes"
 
 
 def build_network(parameters: PretrainParameters) -> nn.Module:
@@ -146,14 +147,14 @@ def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
 def pair_loss(
     network: nn.Module, batch: EchoPairs, parameters: PretrainParameters, ranks: Ranks = ALONE
 ) -> Tensor:
-    """What a batch costs: weighted NT-Xent, and what lies on the wrong side of the margins.
+    """Contrastive loss of a batch: weighted NT-Xent, and what lies on the wrong side of margins.
 
     Places of one room that are too near are left out of the negatives; the others of the room
     count `room_weight` times, for other rooms are easily told apart. Of several `ranks`, each has
     its share of the batch, and all the loss of the whole.
     """
     rows = rows_of_all(embedded(network, batch), ranks)
-    first, second = (rows[:, half].flatten(0, 1) for half in _halves(len(batch.first)))
+    first, second = (half.flatten(0, 1) for half in rows.chunk(2, dim=1))
     room, xy_m = _places_of_all(batch, ranks)
     distance_m = np.linalg.norm(xy_m[:, None] - xy_m[None], axis=2)
     same_room = room[:, None] == room[None]
@@ -167,10 +168,6 @@ def pair_loss(
         hardest=parameters.hardest,
     )  # fmt: skip
     return contrast + parameters.margin_weight * margin
-
-
-def _halves(count: int) -> tuple[slice, slice]:
-    return slice(count), slice(count, None)
 
 
 def _places_of_all(batch: EchoPairs, ranks: Ranks) -> tuple[F64, F64]:
