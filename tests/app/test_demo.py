@@ -16,7 +16,7 @@ from elfslam.slam.parameters import Parameters
 from elfslam.world.world_file import load_world
 
 
-@pytest.mark.slow
+@pytest.mark.real
 def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     heard: list[float | None] = []
     walks, fixes = run_demo(

@@ -27,7 +27,7 @@ from elfslam.line.feature import load_encoder, read_card
 SMALL = PretrainParameters(steps=3, pairs=8, rooms=2, width=4, warmup_steps=1, checkpoint_steps=2)
 
 
-@pytest.mark.slow
+@pytest.mark.real
 def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     shares: list[float | None] = []
     for name in ("one", "two"):

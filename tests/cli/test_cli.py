@@ -564,7 +564,7 @@ def test_real_magnetic_walks_come_nearer_the_truth(
         assert rmse["SLAM", "aligned"] < 0.8 * rmse["dead reckoning", "aligned"]
 
 
-@pytest.mark.slow
+@pytest.mark.real
 def test_every_real_mall_walk_is_dead_reckoned(
     shared_data: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:

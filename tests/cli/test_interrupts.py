@@ -17,6 +17,8 @@ from elfslam.cli.app import run
 ELFSLAM = "from elfslam.cli import main; main()"
 AT = """
 import builtins, os, signal, sys
+
+pytestmark = pytest.mark.real
 real = builtins.__import__
 def importing(name, *more, **named):
     if name == "{module}":

@@ -5,7 +5,6 @@ from __future__ import annotations
 import secrets
 import subprocess
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -29,6 +28,7 @@ from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Map, MapFile, User, transaction
 from studies.benchmarks.own_postgresql import initdb, own_postgresql
+from tests.waiting import until
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -172,11 +172,12 @@ def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[
         command = [sys.executable, "-c", START, str(data), speaks, repr(limits), str(pages)]
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
         started.append(process)
-        until_s = time.monotonic() + 180
-        while not told.is_file():
+
+        def has_started() -> bool:
             assert process.poll() is None, "the server did not start"
-            assert time.monotonic() < until_s, "the server takes too long to start"
-            time.sleep(0.02)
+            return told.is_file()
+
+        until(has_started, "the start of the server", patience_s=180)
         token = (data / "authority" / "owner.token").read_text().strip()
         return Started(process, told.read_text().strip(), token, data)
 

@@ -69,7 +69,7 @@ def files_around(folder: Path) -> set[Path]:
     return {path for path in folder.parent.iterdir() if path != folder}
 
 
-@pytest.mark.slow
+@pytest.mark.real
 def test_the_description_keeps_its_word(
     start_server: Start, plant: Start, maps: tuple[FloorMap, FloorMap]
 ) -> None:

@@ -18,8 +18,11 @@ from planted_work import die, large, noise, noise_after_a_kill, process, refuse
 from elfslam.app.workers import Workers, open_workers
 from elfslam.app.workers.processes import AHEAD
 from elfslam.base.errors import WorkerError
+from tests.waiting import until
 
-RAY = pytest.param("ray", marks=pytest.mark.slow)
+pytestmark = pytest.mark.real
+
+RAY = "ray"
 ELSEWHERE = pytest.mark.parametrize("workers", ["2", RAY], indirect=True)
 
 
@@ -97,7 +100,4 @@ def test_workers_end_with_a_killed_driver(tmp_path: Path) -> None:
         pids = {int(run.stdout.readline()) for _ in range(40)}
         run.send_signal(signal.SIGKILL)
     assert pids
-    until = time.monotonic() + 10
-    while any(Path(f"/proc/{pid}").exists() for pid in pids) and time.monotonic() < until:
-        time.sleep(0.05)
-    assert not [pid for pid in pids if Path(f"/proc/{pid}").exists()]
+    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), "the end of the workers")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -16,6 +15,9 @@ from planted_work import die, die_once, process, refuse, square, threads
 
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.errors import InputError, WorkerError
+from tests.waiting import until
+
+pytestmark = pytest.mark.real
 
 ELSEWHERE = pytest.mark.parametrize("workers", ["2", "ray"], indirect=True)
 
@@ -100,13 +102,12 @@ def test_processes_end_with_a_killed_driver(tmp_path: Path) -> None:
     script = tmp_path / "driver.py"
     script.write_text(DRIVER)
     driver = subprocess.Popen([sys.executable, script])
-    soon(lambda: len(spawned_by(driver.pid)) == 2)
+    until(lambda: len(spawned_by(driver.pid)) == 2, "two processes")
     processes = spawned_by(driver.pid)
     driver.kill()
     driver.wait()
     assert len(processes) == 2
-    soon(lambda: not alive(processes))
-    assert alive(processes) == []
+    until(lambda: not alive(processes), "the end of both processes")
 
 
 def alive(processes: list[str]) -> list[str]:
@@ -117,10 +118,3 @@ def spawned_by(driver: int) -> list[str]:
     threads = Path(f"/proc/{driver}/task").glob("*/children")
     children = [child for file in threads for child in file.read_text().split()]
     return [c for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]
-
-
-def soon(true: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + 60
-    while not true():
-        assert time.monotonic() < until_s
-        time.sleep(0.05)

@@ -12,10 +12,11 @@ import pytest
 
 from studies.benchmarks.own_postgresql import initdb
 
+pytestmark = pytest.mark.real
+
 BENCHMARK = Path(__file__).resolve().parents[3] / "studies/benchmarks/two_hundred_phones.py"
 
 
-@pytest.mark.slow
 def test_the_benchmark_small() -> None:
     pytest.importorskip("psycopg")
     if initdb() is None:

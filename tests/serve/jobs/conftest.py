@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -31,6 +30,7 @@ from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
+from tests.waiting import until
 
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
@@ -89,13 +89,13 @@ def ended() -> Wait:
     """A job that has ended, waited for."""
 
     def wait(client: TestClient, job_id: str) -> Json:
-        until_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < until_s:
+        def job_that_ended() -> Json | None:
             job: Json = client.get(f"/api/jobs/{job_id}").json()
-            if job["state"] not in ("queued", "running"):
-                return job
-            time.sleep(0.2)
-        raise AssertionError(f"the job did not end: {job}")
+            return None if job["state"] in ("queued", "running") else job
+
+        job = until(job_that_ended, "the end of the job", patience_s=PATIENCE_S)
+        assert job is not None
+        return job
 
     return wait
 

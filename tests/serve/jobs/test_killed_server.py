@@ -7,9 +7,8 @@ import signal
 import socket
 import subprocess
 import sys
-import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -29,6 +28,7 @@ from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
+from tests.waiting import until
 
 Json = dict[str, Any]
 SERVE = """
@@ -38,6 +38,8 @@ from pathlib import Path
 from elfslam.serve.app import create_app
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
+
+pytestmark = pytest.mark.real
 app = create_app(open_services(ServerSettings(Path(sys.argv[1]), secure_cookie=False)))
 uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
 """
@@ -61,7 +63,7 @@ class Server:
         header = {"Authorization": f"Bearer {self.token}"}
         try:
             with httpx.Client(base_url=base, headers=header, timeout=60) as client:
-                until(lambda: answers(client))
+                until(lambda: answers(client), "a server that answers", patience_s=PATIENCE_S)
                 yield process, client
         finally:
             process.kill()
@@ -87,13 +89,6 @@ def answers(client: httpx.Client) -> bool:
         return False
 
 
-def until(true: Callable[[], bool]) -> None:
-    until_s = time.monotonic() + PATIENCE_S
-    while not true():
-        assert time.monotonic() < until_s
-        time.sleep(0.05)
-
-
 def ended(client: httpx.Client, job_id: str) -> Json:
     def has_ended() -> bool:
         return job()["state"] not in ("queued", "running")
@@ -102,7 +97,7 @@ def ended(client: httpx.Client, job_id: str) -> Json:
         answer: Json = client.get(f"/api/jobs/{job_id}").json()
         return answer
 
-    until(has_ended)
+    until(has_ended, "the end of the job", patience_s=PATIENCE_S)
     return job()
 
 
@@ -168,7 +163,6 @@ def undisturbed(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
-@pytest.mark.slow
 def test_from_upload_to_map_is_as_good_as_the_command(
     server: Server, walks: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
@@ -182,7 +176,6 @@ def test_from_upload_to_map_is_as_good_as_the_command(
     assert error_m < 0.3
 
 
-@pytest.mark.slow
 def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
     server: Server, walks: Path, undisturbed: Path, tmp_path: Path
 ) -> None:

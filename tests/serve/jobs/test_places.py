@@ -6,7 +6,6 @@ import json
 import os
 import signal
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
@@ -21,15 +20,17 @@ from elfslam.serve.jobs.elsewhere import SCRATCH, Made, Parcel, packed, unpack, 
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
 from elfslam.serve.jobs.places import Place, open_place
 from elfslam.serve.store.blobs import link_into, put_folder
+from tests.waiting import until
+
+pytestmark = pytest.mark.real
 
 DATED = {"run.json", "timings.json", "report.html"}
 LONG_S = 600.0
 AS_THE_COMMAND = MapJob((), None, "compact", Settings(), overwrite=False)
 Laid = Callable[[str], Path]
-SLOW = pytest.mark.slow
 
 
-@pytest.fixture(scope="module", params=[None, "2", pytest.param("ray", marks=SLOW)])
+@pytest.fixture(scope="module", params=[None, "2", "ray"])
 def place(request: pytest.FixtureRequest) -> Iterator[Place]:
     if request.param == "ray":
         pytest.importorskip("ray", reason="Ray is not installed")
@@ -73,15 +74,6 @@ def workers_of(where: str) -> list[int]:
     return found
 
 
-def soon(true: Callable[[], object]) -> bool:
-    until_s = time.monotonic() + 30
-    while not true():
-        if time.monotonic() > until_s:
-            return False
-        time.sleep(0.02)
-    return True
-
-
 def scratch() -> str:
     return str(Path(tempfile.gettempdir()) / SCRATCH)
 
@@ -109,7 +101,7 @@ def test_what_is_being_done_is_heard_and_whoever_closes_ends_it(
         stages = (each.what for each in news if isinstance(each, Doing) and each.what)
         assert next(stages) in ("motion", "echoes", "step length", "features")
         assert workers_of(str(tmp_path)) or workers_of(scratch())
-    assert soon(lambda: not workers_of(str(tmp_path)) and not workers_of(scratch()))
+    until(lambda: not workers_of(str(tmp_path)) + workers_of(scratch()), "the end of who works")
     assert not list(Path(tempfile.gettempdir()).glob(f"{SCRATCH}*"))
 
 
@@ -138,7 +130,6 @@ def test_what_takes_too_long_is_stopped(place: Place, laid: Laid, lock: int) -> 
     assert not last.died
 
 
-@SLOW
 @pytest.mark.parametrize("place", ["ray"], indirect=True)
 def test_a_killed_node_process_is_noticed(place: Place, laid: Laid, lock: int) -> None:
     """The work ends with it, and the scratch that it left is swept away by the next."""
@@ -149,7 +140,7 @@ def test_a_killed_node_process_is_noticed(place: Place, laid: Laid, lock: int) -
         os.kill(parent_of(parent_of(work)), signal.SIGKILL)
         with pytest.raises(WorkerDiedError, match="do it again"):
             list(news)
-    assert soon(lambda: not workers_of(scratch()))
+    until(lambda: not workers_of(scratch()), "the end of who works")
     done = list(place.news(folder, LONG_S, lock))[-1]
     assert isinstance(done, Result)
     assert done.problem is None

@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import os
 import signal
-import time
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +19,9 @@ from elfslam.app.settings import Settings
 from elfslam.data.fixes_files import read_fixes
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
+from tests.waiting import until
+
+pytestmark = pytest.mark.real
 
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
@@ -41,13 +43,14 @@ def start(client: TestClient, **given: object) -> str:
 
 def when(client: TestClient, job_id: str, wanted: Callable[[Json], bool]) -> Json:
     """The job, as soon as it is as wanted."""
-    until_s = time.monotonic() + 60
-    while time.monotonic() < until_s:
+
+    def as_wanted() -> Json | None:
         job: Json = client.get(f"/api/jobs/{job_id}").json()
-        if wanted(job):
-            return job
-        time.sleep(0.02)
-    raise AssertionError(f"never came: {job}")
+        return job if wanted(job) else None
+
+    job = until(as_wanted, "the job as wanted")
+    assert job is not None
+    return job
 
 
 def works(job: Json) -> bool:
@@ -101,7 +104,6 @@ def test_a_walk_becomes_the_map_that_the_command_makes_of_it(
         assert (ours / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes(), name
 
 
-@pytest.mark.slow
 def test_maps_are_merged_and_a_walk_is_located(
     owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
 ) -> None:
@@ -125,7 +127,6 @@ def test_maps_are_merged_and_a_walk_is_located(
     assert left_over(services) == []
 
 
-@pytest.mark.slow
 def test_a_walk_elsewhere_is_located_nowhere(
     owner: TestClient, remember: Remember, keep_map: Remember, ended: Wait, tmp_path: Path
 ) -> None:
@@ -138,7 +139,6 @@ def test_a_walk_elsewhere_is_located_nowhere(
     assert len(fixes.t_s) == job["gave"]["counts"]["UNKNOWN_PLACE"] > 50
 
 
-@pytest.mark.slow
 def test_a_walk_without_a_loop_fails_honestly_and_leaves_its_dead_reckoning(
     owner: TestClient, remember: Remember, ended: Wait
 ) -> None:
@@ -163,7 +163,6 @@ def test_what_a_recording_lacks_is_said_in_a_line_without_our_folders(
     assert left_over(services) == []
 
 
-@pytest.mark.slow
 def test_a_cancel_in_the_middle_leaves_nothing(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -173,11 +172,8 @@ def test_a_cancel_in_the_middle_leaves_nothing(
     when(owner, job_id, works)
     [process] = children_of(services)
     assert owner.post(f"/api/jobs/{job_id}/cancel").json()["state"] == "cancelled"
-    until_s = time.monotonic() + 10
-    while (children_of(services) or left_over(services)) and time.monotonic() < until_s:
-        time.sleep(0.05)
-    assert process not in children_of(services)
-    assert left_over(services) == []
+    until(lambda: process not in children_of(services), "the end of the process")
+    until(lambda: left_over(services) == [], "an empty folder of work")
     assert owner.get("/api/maps").json() == []
     assert owner.post(f"/api/jobs/{job_id}/retry").json()["state"] == "queued"
     assert ended(owner, job_id)["state"] == "done"
@@ -185,7 +181,6 @@ def test_a_cancel_in_the_middle_leaves_nothing(
     assert sorted(services.settings.blobs_folder.glob("*/*")) == before
 
 
-@pytest.mark.slow
 def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -201,7 +196,6 @@ def test_the_crash_of_a_job_hurts_nobody_and_is_retried(
     assert (job["state"], job["attempts"]) == ("done", 1)
 
 
-@pytest.mark.slow
 def test_a_server_that_stops_gives_its_job_to_the_next(
     app: FastAPI, remember: Remember, ended: Wait, owner: TestClient, services: Services,
     anyone: TestClient,

@@ -18,6 +18,8 @@ from elfslam.serve.jobs.folder import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 
+pytestmark = pytest.mark.real
+
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
 Wait = Callable[[TestClient, str], Json]
@@ -55,7 +57,6 @@ def left_over(services: Services) -> list[str]:
     return [item.name for item in services.settings.work_folder.iterdir()]
 
 
-@pytest.mark.slow
 def test_a_full_disk_fails_the_job_until_there_is_room(
     small_work: Path, owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -68,7 +69,6 @@ def test_a_full_disk_fails_the_job_until_there_is_room(
     assert ended(owner, job_id)["state"] == "done"
 
 
-@pytest.mark.slow
 def test_a_database_that_is_busy_for_long_stops_no_job(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
@@ -85,7 +85,6 @@ def test_a_database_that_is_busy_for_long_stops_no_job(
     assert (job["state"], job["attempts"]) == ("done", 1)
 
 
-@pytest.mark.slow
 def test_a_job_that_takes_too_much_memory_fails_alone(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:

@@ -14,8 +14,9 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
+from tests.waiting import until
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.real
 Json = dict[str, Any]
 Remember = Callable[[TestClient, str], str]
 Wait = Callable[[TestClient, str], Json]
@@ -47,23 +48,22 @@ def start(client: TestClient, recording: str) -> str:
 
 def killed(services: Services, times: int) -> None:
     """Kill the next processes that work, each once."""
-    until_s, gone = time.monotonic() + 120, set[int]()
-    while len(gone) < times:
-        assert time.monotonic() < until_s
+    gone = set[int]()
+
+    def enough() -> bool:
         for process in processes_of(services) - gone:
             os.kill(process, signal.SIGKILL)
             gone.add(process)
-        time.sleep(0.005)
+        return len(gone) >= times
+
+    until(enough, f"{times} processes", between=lambda: time.sleep(0.005))
 
 
 def test_two_jobs_at_once_and_one_killed_is_done_again(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
     jobs = [start(owner, remember(owner, name)) for name in ("one", "two")]
-    until_s = time.monotonic() + 120
-    while len(processes_of(services)) < 2:
-        assert time.monotonic() < until_s
-        time.sleep(0.01)
+    until(lambda: len(processes_of(services)) == 2, "two processes at work")
     os.kill(min(processes_of(services)), signal.SIGKILL)
     found = [ended(owner, job) for job in jobs]
     assert [job["state"] for job in found] == ["done", "done"]

@@ -21,6 +21,8 @@ from elfslam.serve.network.patience import PatientConfig
 from elfslam.serve.network.visitors import Door, Visitors
 from elfslam.serve.settings import Limits
 
+pytestmark = pytest.mark.real
+
 HOST = "127.0.0.1"
 SHORT_S, LONG_S = 0.2, 30.0
 QUICK = Limits(head_s=SHORT_S, silence_s=SHORT_S)

@@ -23,6 +23,7 @@ from elfslam.serve.network.running import Listening, greeting, invite, qr_lines,
 from elfslam.serve.network.signing import fingerprint, signing_key
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.opening import InUseError
+from tests.waiting import until
 
 Start = Callable[..., Any]
 TUS = {"Tus-Resumable": "1.0.0"}
@@ -105,7 +106,7 @@ def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(server: Any) -> None:
         place = begin(client, 1_000_000)
         with raw(server.url) as connection:
             connection.sendall(request(place, server.token, 900_000) + b"x" * 300_000)
-            wait_until(lambda: offset_of(client, place) == 300_000)
+            until(lambda: offset_of(client, place) == 300_000, "the piece")
             assert (
                 client.patch(
                     place, headers={**PIECE, "Upload-Offset": "300000"}, content=b"y"
@@ -113,7 +114,7 @@ def test_a_piece_that_is_cut_off_is_kept_as_far_as_it_came(server: Any) -> None:
                 == 423
             )
         more = {**PIECE, "Upload-Offset": "300000"}
-        wait_until(lambda: client.patch(place, headers=more, content=b"y").status_code == 204)
+        until(lambda: client.patch(place, headers=more, content=b"y").status_code == 204, "room")
         assert offset_of(client, place) == 300_001
 
 
@@ -192,13 +193,6 @@ def request(place: str, token: str, length: int, offset: int = 0) -> bytes:
 
 def offset_of(client: httpx.Client, place: str) -> int:
     return int(client.head(place, headers=TUS).headers["upload-offset"])
-
-
-def wait_until(holds: Callable[[], bool], seconds: float = 10.0) -> None:
-    until_s = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < until_s, "waited in vain"
-        time.sleep(0.05)
 
 
 def test_the_greeting_shows_the_address_and_its_code() -> None:

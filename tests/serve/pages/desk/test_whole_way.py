@@ -31,7 +31,7 @@ def walk_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return file
 
 
-@pytest.mark.slow
+@pytest.mark.real
 def test_from_a_dropped_zip_to_a_located_walk(
     open_desk: Callable[..., Any],
     walk_zip: Path,

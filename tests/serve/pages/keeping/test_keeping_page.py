@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import pytest
 from elfslam.base.values import FloorMap
 from elfslam.serve.network.signing import fingerprint, signing_key
 from elfslam.serve.settings import PAGES_FOLDER
+from tests.waiting import until
 
 Start = Callable[..., Any]
 PATIENCE_S = 60.0
@@ -51,10 +51,7 @@ def pairing(server: Any) -> str:
 
 def wait_for(page: Any, happened: Callable[[], bool], what: str) -> None:
     """Wait until something has happened."""
-    until_s = time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < until_s, f"{what}: not yet"
-        page.wait_for_timeout(50)
+    until(happened, what, patience_s=PATIENCE_S, between=lambda: page.wait_for_timeout(50))
 
 
 def visit(page: Any, address: str) -> None:

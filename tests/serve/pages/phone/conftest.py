@@ -6,12 +6,11 @@ import io
 import shutil
 import subprocess
 import sys
-import time
 import zipfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ import pytest
 import soundfile
 
 from elfslam.line.chirp import ChirpParameters, make_chirp
+from tests.waiting import until
 
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = (
@@ -205,10 +205,11 @@ class Phone:
 
     def wait_for(self, happened: Callable[[], bool], what: str) -> None:
         """Wait until something has happened. The pages allow no evaluated text, so we ask."""
-        until = time.monotonic() + PATIENCE_S
-        while not happened():
-            assert time.monotonic() < until, f"{what}: not yet; {self.text('main')}"
-            self.page.wait_for_timeout(100)
+        pause = partial(self.page.wait_for_timeout, 100)
+        try:
+            until(happened, what, patience_s=PATIENCE_S, between=pause)
+        except TimeoutError as error:
+            raise TimeoutError(f"{error}; the page says {self.text('main')}") from error
 
     def wait_for_text(self, selector: str, part: str) -> None:
         """Wait until something is written there."""

@@ -18,7 +18,7 @@ BROKEN, LOST = "breaks tell", "shorter than the motion"
 LOST_S = 0.1
 """Where the microphone's stream has gaps of more than that the machine was too busy to record."""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ RATE_HZ = 44_100
 HEIGHTS_PX = 48
 Heard = tuple[Path, np.ndarray]
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.real
 
 
 def in_band(sound: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ ATTEMPTS = 3
 HEARD = 0.9
 """Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")

@@ -41,7 +41,7 @@ main()
 """
 """The fake microphone hears a chirp every 100 ms, whoever plays one; so everybody chirps evenly."""
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.real
 
 
 def map_of(sound: np.ndarray, rate_hz: int) -> FloorMap:

@@ -1,0 +1,31 @@
+"""Waiting for what other processes do, in one place: what never comes is a TimeoutError."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+Thing = TypeVar("Thing")
+PATIENCE_S = 120.0
+
+
+def nap() -> None:
+    """Let others work."""
+    time.sleep(0.02)
+
+
+def until(
+    find: Callable[[], Thing],
+    what: str,
+    *,
+    patience_s: float = PATIENCE_S,
+    between: Callable[[], object] = nap,
+) -> Thing:
+    """What `find` gives, as soon as it is true. Raises TimeoutError where that never comes."""
+    end_s = time.monotonic() + patience_s
+    while not (found := find()):
+        if time.monotonic() > end_s:
+            raise TimeoutError(f"{what}: never came in {patience_s:g} s")
+        between()
+    return found
