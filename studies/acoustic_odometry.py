@@ -23,9 +23,9 @@ from elfslam.line.closure import find_closures
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.bootstrap import interval
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from studies.figures.scale_figures import Estimates, estimates_figure
 from studies.finding import Finding, Row

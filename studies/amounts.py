@@ -18,8 +18,8 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Recording, Run, Truth
 from elfslam.learn.parameters import FinetuneParameters, PretrainParameters, ScratchParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
@@ -106,7 +106,7 @@ def _learnt(recording: Recording, minutes: float) -> Encoder:
     """The shipped encoder, fine-tuned on the first minutes of the walk."""
     shipped, echoes = load_encoder("compact"), hear(recording, Parameters())
     heard = echoes.t_s - echoes.t_s[0] <= 60.0 * minutes
-    part = Echoes(echoes.t_s[heard], echoes.samples[heard], echoes.snr_db[heard], echoes.losses_s)
+    part = Echoes(echoes.t_s[heard], echoes.samples[heard], echoes.losses_s)
     return finetuned(shipped, part, FinetuneParameters(), 0, lambda what, share: None).encoder
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy import stats
 
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.attack_figures import shares_figure
 from studies.figures.dots import Dot, dots_figure
 from studies.finding import Row

@@ -20,8 +20,8 @@ from elfslam.line.feature import (
     mean_log_spectrum,
 )
 from elfslam.line.similarity import footstep_means
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances

@@ -13,7 +13,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.progress import Announce
 from elfslam.data.folders import new_file
 from elfslam.line.feature import Encoder
-from elfslam.score.page import save_page
+from elfslam.scoring.page import save_page
 from studies.acoustic_odometry import measure_acoustic_odometry
 from studies.amounts import measure_amounts
 from studies.attacks import measure_attacks

@@ -17,10 +17,10 @@ from elfslam.line.closure import candidates, find_closures, possible
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.bootstrap import interval
-from elfslam.score.closure_score import score_closures
-from elfslam.score.errors import Alignment, position_errors, summarise
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.closure_score import score_closures
+from elfslam.scoring.errors import Alignment, position_errors, summarise
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate

@@ -20,11 +20,11 @@ from elfslam.line.motion import (
     compass_heading,
     dead_reckon,
 )
-from elfslam.score.alignment import Alignment, match, placement
-from elfslam.score.bootstrap import interval
-from elfslam.score.consistency import Displacements, displacement_errors
-from elfslam.score.errors import end_error_share, path_length_m, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.alignment import Alignment, match, placement
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.consistency import Displacements, displacement_errors
+from elfslam.scoring.errors import end_error_share, path_length_m, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.error_sources import end_errors
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.walk_figures import DrawnWalk, walks_figure

@@ -10,8 +10,8 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.progress import Announce
 from elfslam.line.feature import spectrogram
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.world_file import load_world
 from studies.figures.clouds import clouds_figure
 from studies.finding import Finding, Row

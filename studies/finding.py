@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from elfslam.score.page import Page
+from elfslam.scoring.page import Page
 
 Row = dict[str, object]
 

@@ -15,8 +15,8 @@ from elfslam.base.values import Run, Truth
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.score.bootstrap import interval
-from elfslam.score.errors import Alignment, position_errors
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate

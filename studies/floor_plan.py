@@ -27,7 +27,7 @@ from elfslam.line.anchoring import (
     placed,
 )
 from elfslam.line.feature import load_encoder
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.room import Room

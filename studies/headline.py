@@ -64,9 +64,9 @@ class Figure:
 
 
 TASKS = (
-    *(Task("living_room", seed, locate=True) for seed in range(3)),
-    *(Task("office", seed) for seed in range(2)),
-    *(Task("mall", seed) for seed in range(2)),
+    *(Task("living_room", seed, locate=True) for seed in range(5)),
+    *(Task("office", seed) for seed in range(4)),
+    *(Task("mall", seed) for seed in range(4)),
 )
 FIGURES = (
     Figure("living_room", RECKONED, 0.32),

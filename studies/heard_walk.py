@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 from elfslam.base.values import Chirp, Echoes, Odometry, Truth
 from elfslam.line.chirp import make_chirp
-from elfslam.score.alignment import match
-from elfslam.score.errors import path_length_m
+from elfslam.scoring.alignment import match
+from elfslam.scoring.errors import path_length_m
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.score.bootstrap import interval
+from elfslam.scoring.bootstrap import interval
 from studies.figures.curves import Curve
 from studies.finding import Row
 

@@ -14,8 +14,8 @@ from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Run, Truth
 from elfslam.line.feature import Encoder, encoder_for, extract_features
 from elfslam.line.locate import locate_one_shot
-from elfslam.score.alignment import Alignment, match, placement
-from elfslam.score.errors import fix_distances, summarise
+from elfslam.scoring.alignment import Alignment, match, placement
+from elfslam.scoring.errors import fix_distances, summarise
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.pipeline import Adapt, as_shipped, footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.circumstances import Circumstances

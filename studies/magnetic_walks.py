@@ -24,10 +24,10 @@ from elfslam.data.magnetic import CAMERA_FROM_DEVICE, Drift, read_magnetic
 from elfslam.line.closure import find_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.motion import nodes_by_distance
-from elfslam.score.alignment import Alignment, match, place, placement
-from elfslam.score.errors import position_errors
-from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.alignment import Alignment, match, place, placement
+from elfslam.scoring.errors import position_errors
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.finding import Finding, Row
 from studies.magnetic_offsets import AlignmentParameters, align_closures
 

@@ -15,9 +15,9 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
 from elfslam.base.values import WifiScans
-from elfslam.score.bootstrap import interval
-from elfslam.score.figures import SLAM
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.figures import SLAM
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.walks_figure import floor_of_walks
 from studies.finding import Finding, Row
 from studies.held_out import (

@@ -26,8 +26,8 @@ from elfslam.baselines.neighbours import (
 from elfslam.baselines.wifi import Fingerprints, WifiParameters, fingerprints, wifi_scores
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import MotionParameters, dead_reckon
-from elfslam.score.figures import DEAD_RECKONING, SLAM
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.walks_figure import floor_of_walks
 from studies.finding import Finding, Row
 from studies.floor_graph import corrected, thinned, thinned_rows

@@ -31,9 +31,9 @@ from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.alignment import AS_DECLARED, Alignment, match, placement
-from elfslam.score.closure_score import score_closures
-from elfslam.score.errors import path_length_m, placed_errors, summarise
+from elfslam.scoring.alignment import AS_DECLARED, Alignment, match, placement
+from elfslam.scoring.closure_score import score_closures
+from elfslam.scoring.errors import path_length_m, placed_errors, summarise
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
 from elfslam.world.sensors import Sensor

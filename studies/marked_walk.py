@@ -22,7 +22,6 @@ FOOT_RAD = np.deg2rad(3.0)
 BOUNCE_M = 0.028
 PERIOD_S = 0.1
 INSTANT_S = 0.01
-SNR_DB = 40.0
 
 
 def walk_over_markers(
@@ -38,7 +37,7 @@ def walk_over_markers(
     t_s = np.arange(generator.uniform(0, PERIOD_S), footsteps_s[-1], PERIOD_S)
     samples = hear_at(listener_in(world.room), _poses(footsteps_s, held, t_s), generator)
     nodes = Odometry(footsteps_s, held[:, [0, 1, 3]], np.full((steps, 3), FOOT_M))
-    return nodes, Echoes(t_s, samples, np.full(len(t_s), SNR_DB), np.zeros((0, 2)))
+    return nodes, Echoes(t_s, samples, np.zeros((0, 2)))
 
 
 def marker_poses() -> F64:

@@ -13,8 +13,8 @@ from elfslam.app.workers import Workers
 from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap
 from elfslam.line.locate import LocateParameters, locate_one_shot
-from elfslam.score.errors import Alignment, alignment_of, fix_errors, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.merging import MergeParameters, add_walk, merge
 from elfslam.slam.merging.grow import map_of
 from studies.figures.curves import Curve, curves_figure

@@ -13,8 +13,8 @@ from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.serve.nearest import Naming, which_map
 from studies.elf_spots import FOOTSTEPS, Lookups
 from studies.figures.nearest_figures import endings_figure

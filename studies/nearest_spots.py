@@ -11,8 +11,8 @@ import numpy as np
 from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.progress import Announce
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.serve.nearest import Index, build_index, exact_search, open_index
 from studies.elf_spots import FOOTSTEPS, Lookups, places_of
 from studies.figures.nearest_figures import Recall, recall_figure

@@ -81,7 +81,7 @@ def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
     assert run.echoes is not None
     t_s, heard = run.trajectory.t_s, run.echoes
     inside = (heard.t_s >= t_s[0]) & (heard.t_s <= t_s[-1])
-    kept = {name: getattr(heard, name)[inside] for name in ("t_s", "samples", "snr_db")}
+    kept = {name: getattr(heard, name)[inside] for name in ("t_s", "samples")}
     at_s = heard.t_s[inside]
     poses = interpolate_poses(t_s, run.trajectory.world_from_body, at_s)
     true = interpolate_poses(truth.t_s, truth.world_from_body, at_s)

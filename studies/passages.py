@@ -19,9 +19,9 @@ from elfslam.base.values import Run
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.feature import load_encoder
 from elfslam.line.map_matching import PassageParameters, followed_trajectory
-from elfslam.score.alignment import AS_DECLARED
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.alignment import AS_DECLARED
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity

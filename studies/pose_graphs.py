@@ -25,8 +25,8 @@ from elfslam.data.g2o import read_g2o
 from elfslam.line.graph import GraphParameters, optimise
 from elfslam.line.graph.solving import as_gtsam, as_poses, as_values
 from elfslam.line.graph.uncertainty import half_square
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.graph_figures import Drawn, graphs_figure
 from studies.finding import Finding, Row
 from studies.repeats import Numbers, finished

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 from studies.finding import Row
 

@@ -22,7 +22,7 @@ from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.score.bootstrap import interval
+from elfslam.scoring.bootstrap import interval
 from studies.finding import Row
 
 FILE = Path("rirs") / "r3vival_2m.npz"

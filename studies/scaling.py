@@ -23,9 +23,9 @@ from elfslam.app.workers.on_ray import cluster_here
 from elfslam.base.progress import Announce
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import load_encoder
-from elfslam.score.charts import seconds_figure
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.charts import seconds_figure
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate

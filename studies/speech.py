@@ -20,8 +20,8 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, frame_starts_s, to_baseband
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.score.bootstrap import interval
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import built_in_device
 from elfslam.world.interference import record, rumble

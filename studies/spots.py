@@ -12,7 +12,7 @@ from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.progress import Announce
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.room import Room
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import World, load_world

@@ -9,7 +9,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.baselines.generic import PSD_BAND_HZ, power_spectral_density
-from elfslam.score.page import Panel
+from elfslam.scoring.page import Panel
 from elfslam.world.circumstances import Circumstances, air_on, room_on
 from elfslam.world.world_file import World
 from studies.figures.curves import Curve, curves_figure, shades

@@ -10,7 +10,7 @@ import numpy as np
 
 from elfslam.app.workers import Workers, silent_elsewhere
 from elfslam.base.progress import Announce
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.elf_figures import strips_figure
 from studies.finding import Finding, Row

@@ -16,9 +16,9 @@ from elfslam.baselines.generic import GenericEncoder
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import Encoder, extract_features, spectrogram
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.score.bootstrap import interval
-from elfslam.score.figures import SLAM, floor_traces, plan, walk_traces
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.figures import SLAM, floor_traces, plan, walk_traces
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 from studies.elf import shipped_and_generic

@@ -25,7 +25,7 @@ from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
 from elfslam.line.feature import Encoder, calibrated, encoder_for, extract_features
 from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
 from elfslam.line.medium_access import TurnsParameters, spoiled_frames
-from elfslam.score.errors import fix_distances
+from elfslam.scoring.errors import fix_distances
 from elfslam.world.simulate import load_world
 from studies.crowd import Crowd, alone, crowd_in
 from studies.crowds import Overheard, overhear

@@ -16,7 +16,7 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
 from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances

@@ -16,7 +16,7 @@ from elfslam.line.acoustic_odometry import (
     scale_evidence,
     windows,
 )
-from elfslam.score.page import Panel
+from elfslam.scoring.page import Panel
 from studies.figures.scale_figures import Picture, bundles_figure, pictures_figure
 from studies.heard_walk import Heard, Walk, hear_walk, true_scale
 

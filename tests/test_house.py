@@ -21,7 +21,7 @@ FLOORS = {
     "line": 2,
     "slam": 3,
     "data": 3,
-    "score": 3,
+    "scoring": 3,
     "world": 3,
     "learn": 3,
     "baselines": 3,
@@ -33,7 +33,7 @@ FLOORS = {
 ONLY_IN = {
     "torch": {"learn", "studies"},
     "fastapi": {"serve"},
-    "plotly": {"score", "studies"},
+    "plotly": {"scoring", "studies"},
     "sklearn": {"studies"},
     "gtsam": {"line", "studies"},
     "ray": {"app"},

@@ -1,3 +1,109 @@
-"""Indoor positioning from the sound of a phone (ELF-SLAM and beyond)."""
+"""Indoor positioning from the sound of a phone (ELF-SLAM and beyond).
+
+The names below are imported when they are first used; see `elfslam.app.notebook`.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from elfslam.app.notebook import (
+        finetune,
+        locate,
+        map,
+        merge,
+        plot,
+        score,
+        settings_of,
+        simulate,
+    )
+    from elfslam.base.errors import (
+        ElfslamError,
+        InputError,
+        NoAnswerError,
+        ParameterError,
+        StoreError,
+    )
+    from elfslam.base.values import (
+        Audio,
+        Closures,
+        Echoes,
+        Features,
+        Fixes,
+        FixStatus,
+        FloorMap,
+        Imu,
+        Odometry,
+        Recording,
+        Run,
+        Trajectory,
+        Truth,
+    )
+    from elfslam.data.recordings import read_recording
+    from elfslam.line.feature import Encoder, load_encoder
+    from elfslam.slam.pipeline import Sense
 
 __version__ = "0.1.0"
+HOMES = {
+    "app.notebook": (
+        "finetune", "locate", "map", "merge", "plot", "score", "settings_of", "simulate",
+    ),
+    "base.errors": (
+        "ElfslamError", "InputError", "NoAnswerError", "ParameterError", "StoreError",
+    ),
+    "base.values": (
+        "Audio", "Closures", "Echoes", "Features", "FixStatus", "Fixes", "FloorMap", "Imu",
+        "Odometry", "Recording", "Run", "Trajectory", "Truth",
+    ),
+    "data.recordings": ("read_recording",),
+    "line.feature": ("Encoder", "load_encoder"),
+    "slam.pipeline": ("Sense",),
+}  # fmt: skip
+"""Where each public name stands."""
+HOME_OF = {name: f"elfslam.{home}" for home, names in HOMES.items() for name in names}
+__all__ = [
+    "Audio",
+    "Closures",
+    "Echoes",
+    "ElfslamError",
+    "Encoder",
+    "Features",
+    "FixStatus",
+    "Fixes",
+    "FloorMap",
+    "Imu",
+    "InputError",
+    "NoAnswerError",
+    "Odometry",
+    "ParameterError",
+    "Recording",
+    "Run",
+    "Sense",
+    "StoreError",
+    "Trajectory",
+    "Truth",
+    "finetune",
+    "load_encoder",
+    "locate",
+    "map",
+    "merge",
+    "plot",
+    "read_recording",
+    "score",
+    "settings_of",
+    "simulate",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A public name, imported with its room on first use."""
+    if name not in HOME_OF:
+        raise AttributeError(f"module 'elfslam' has no attribute {name!r}")
+    return getattr(import_module(HOME_OF[name]), name)
+
+
+def __dir__() -> list[str]:
+    """What completion offers."""
+    return [*__all__, "__version__"]

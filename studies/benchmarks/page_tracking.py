@@ -41,8 +41,8 @@ from elfslam.line.feature import encoder_for, extract_features, load_encoder
 from elfslam.line.locate import elf_payload, likeness, means_between
 from elfslam.line.motion import MotionParameters, dead_reckon
 from elfslam.line.track import TrackParameters
-from elfslam.score.alignment import Alignment, match, placement
-from elfslam.score.errors import fix_distances
+from elfslam.scoring.alignment import Alignment, match, placement
+from elfslam.scoring.errors import fix_distances
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import footstep_likeness, locate_walk

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from elfslam.score.figures import CLOSURE, TRUTH, WRONG, styled
+from elfslam.scoring.figures import CLOSURE, TRUTH, WRONG, styled
 
 ROW_PX = 25
 COLORS = (WRONG, WRONG, CLOSURE, TRUTH)

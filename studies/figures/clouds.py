@@ -7,7 +7,7 @@ from collections.abc import Mapping
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import styled
+from elfslam.scoring.figures import styled
 
 COLORS = ("#0f8b8d", "#d1495b", "#edae49", "#5b6c9d", "#66a182", "#8d5a97", "#8a8f98")
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Trajectory, Truth
-from elfslam.score.alignment import Alignment, Placement, match, place, placement
+from elfslam.scoring.alignment import Alignment, Placement, match, place, placement
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from plotly.colors import sample_colorscale
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F64, I64
-from elfslam.score.figures import CLOSURE, DEAD_RECKONING, SLAM, TRUTH, styled
+from elfslam.scoring.figures import CLOSURE, DEAD_RECKONING, SLAM, TRUTH, styled
 from studies.figures.clouds import COLORS
 
 TRACE_PX = 100

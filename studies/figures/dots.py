@@ -8,7 +8,7 @@ from typing import NamedTuple
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
-from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, styled
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, styled
 
 ROW_PX = 30
 

@@ -9,7 +9,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import CLOSURE, SLAM, styled
+from elfslam.scoring.figures import CLOSURE, SLAM, styled
 
 STRIP_PX = 26
 STRIP_SCALE = [[0.0, CLOSURE], [0.5, "rgba(127,127,127,0)"], [1.0, SLAM]]

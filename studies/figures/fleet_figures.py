@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 
 SHORTEST_S, LONGEST_S = 1e-4, 86_400.0

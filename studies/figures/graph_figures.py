@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F64, I64
-from elfslam.score.figures import CLOSURE, DEAD_RECKONING, SLAM, TRUTH, WRONG, styled
+from elfslam.scoring.figures import CLOSURE, DEAD_RECKONING, SLAM, TRUTH, WRONG, styled
 
 ROW_PX = 250
 LINKS_AT_MOST = 1500

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS, styled
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS, styled
 
 COLORS = (TRUTH, DEAD_RECKONING, SLAM, *WALKS[2:])
 ROW_PX = 74

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import styled
+from elfslam.scoring.figures import styled
 from studies.figures.clouds import COLORS
 
 ENDS = {"right": COLORS[0], "wrong": "#c0392b", "ambiguous": "#c9a227", "unknown": "#9aa3ad"}

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import plotly.graph_objects as go
 
-from elfslam.score.figures import RIGHT, TRUTH, WRONG, styled
+from elfslam.scoring.figures import RIGHT, TRUTH, WRONG, styled
 
 ROW_PX = 46
 COLORS = {"right": RIGHT, "refused": TRUTH, "wrong": WRONG}

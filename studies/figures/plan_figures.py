@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import (
+from elfslam.scoring.figures import (
     DEAD_RECKONING,
     SLAM,
     TRUTH,

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F32, F64
-from elfslam.score.figures import TRUTH, styled
+from elfslam.scoring.figures import TRUTH, styled
 from studies.figures.clouds import COLORS
 
 FOCUS_SCALE = "Viridis"

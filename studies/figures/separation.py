@@ -12,7 +12,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
-from elfslam.score.bootstrap import interval
+from elfslam.scoring.bootstrap import interval
 
 CELLS = 4000
 EDGES = np.round(np.linspace(-1.0, 1.0, CELLS + 1), 6)

@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS, styled
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS, styled
 
 Understood = Mapping[str, F64]
 """STOI of each utterance (n) by what was done; "unrelated ..." is the same by chance."""

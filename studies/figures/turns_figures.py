@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from elfslam.score.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS
-from elfslam.score.page import Page, Panel, rows_table
+from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, WALKS
+from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 
 MEASURES = {

@@ -10,7 +10,7 @@ import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F64, Value, array
-from elfslam.score.figures import DEAD_RECKONING, TRUTH, styled
+from elfslam.scoring.figures import DEAD_RECKONING, TRUTH, styled
 
 COLUMNS = 4
 TILE_PX = 230

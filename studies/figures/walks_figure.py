@@ -8,7 +8,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.score.figures import TRUTH, WRONG, plan
+from elfslam.scoring.figures import TRUTH, WRONG, plan
 
 
 def floor_of_walks(

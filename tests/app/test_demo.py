@@ -11,7 +11,7 @@ from elfslam.app.anchor import floor_plan
 from elfslam.app.demo import run_demo
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import load_encoder
-from elfslam.score.truth import read_truth
+from elfslam.scoring.truth import read_truth
 from elfslam.slam.parameters import Parameters
 from elfslam.world.world_file import load_world
 

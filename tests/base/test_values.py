@@ -27,9 +27,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "Emr": lambda: values.Emr(T_S, np.zeros((3, 5))),
     "Odometry": lambda: values.Odometry(T_S, np.zeros((3, 3)), np.ones((2, 3))),
     "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
-    "Echoes": lambda: values.Echoes(
-        T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros(3), np.zeros((0, 2))
-    ),
+    "Echoes": lambda: values.Echoes(T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros((0, 2))),
     "EchoPairs": lambda: values.EchoPairs(
         np.zeros((3, ECHO_SAMPLES)), np.zeros((3, ECHO_SAMPLES)), [0, 0, 1], np.zeros((3, 2))
     ),
@@ -147,7 +145,7 @@ def test_an_echo_trace_is_exactly_one_image_of_48_windows() -> None:
     assert ECHO_SAMPLES == 96 + 47 * 48
     assert round((0.010 + 0.001) * 44_100) == values.DISCARDED_SAMPLES
     with pytest.raises(InputError, match=r"Echoes.samples: wanted shape \(n=3, 2352\)"):
-        values.Echoes(T_S, np.zeros((3, 2205)), np.zeros(3), np.zeros((0, 2)))
+        values.Echoes(T_S, np.zeros((3, 2205)), np.zeros((0, 2)))
 
 
 def test_a_recording_holds_no_truth_and_nothing_by_default() -> None:

@@ -20,7 +20,7 @@ from elfslam.data.phyphox_experiment import phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.score.truth import read_truth
+from elfslam.scoring.truth import read_truth
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
 Outcome = tuple[int, str, str]

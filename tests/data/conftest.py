@@ -85,7 +85,7 @@ def run() -> Run:
             odometry.t_s, odometry.world_from_body, np.tile(spread, (6, 1, 1)), [1.0, 0.0], "OK"
         ),
         floor_map=_floor_map(generator),
-        echoes=Echoes(echo_t_s, samples, np.full(30, 20.0), np.empty((0, 2))),
+        echoes=Echoes(echo_t_s, samples, np.empty((0, 2))),
         features=Features(echo_t_s, vectors, "compact"),
         seconds={"echo": 0.5, "graph": 0.25},
     )

@@ -61,6 +61,16 @@ def test_a_run_without_the_optional_parts_round_trips(tmp_path: Path, run: Run) 
     assert read.trajectory.status == "NO_CLOSURES"
 
 
+def test_a_run_of_an_earlier_version_is_read(folder: Path, run: Run) -> None:
+    """Its echoes have a level over the noise besides."""
+    assert run.echoes is not None
+    arrays = dict(np.load(folder / "echoes.npz"))
+    np.savez_compressed(folder / "echoes.npz", **arrays, snr_db=np.full(30, 20.0))
+    read = read_run(folder).echoes
+    assert read is not None
+    np.testing.assert_array_equal(read.t_s, run.echoes.t_s)
+
+
 def test_other_programs_find_their_files(folder: Path) -> None:
     assert {"map.npz", "report.html"} - {file.name for file in folder.iterdir()} == {"report.html"}
     header, first, _ = (folder / "closures.csv").read_text().splitlines()

@@ -10,7 +10,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.values import Truth
 from elfslam.data.truth_files import write_truth
-from elfslam.score.truth import read_truth
+from elfslam.scoring.truth import read_truth
 
 
 def test_poses_round_trip(tmp_path: Path, truth: Truth) -> None:

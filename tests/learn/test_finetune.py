@@ -52,7 +52,7 @@ def toy_echoes(seed: int = 0, *, shared: float = 1.5, noise: float = 1.0) -> Ech
     hiss = noise * draw.standard_normal((len(at), ECHO_SAMPLES))
     samples = 0.01 * decay * (place + shared * draw.standard_normal(ECHO_SAMPLES) + hiss)
     t_s = np.arange(len(at)) * 0.1
-    return Echoes(t_s, samples.astype(np.float32), np.full(len(at), 30.0), np.zeros((0, 2)))
+    return Echoes(t_s, samples.astype(np.float32), np.zeros((0, 2)))
 
 
 def same_place(echoes: Echoes) -> tuple[Bool, Bool]:
@@ -185,7 +185,7 @@ def test_in_a_walk_out_of_order_there_is_nothing_to_learn(
     encoder: OnnxEncoder, echoes: Echoes
 ) -> None:
     order = np.random.default_rng(0).permutation(len(echoes.t_s))
-    shuffled = Echoes(echoes.t_s, echoes.samples[order], echoes.snr_db, echoes.losses_s)
+    shuffled = Echoes(echoes.t_s, echoes.samples[order], echoes.losses_s)
     found = finetune(encoder, shuffled, TOY, seed=0)
     assert found.encoder is encoder
     assert "nothing to judge by" in found.reason
@@ -208,7 +208,7 @@ def test_what_is_learnt_from_and_what_is_spared(encoder: OnnxEncoder, echoes: Ec
 
 def test_an_echo_behind_a_gap_is_no_positive(encoder: OnnxEncoder, echoes: Echoes) -> None:
     t_s = echoes.t_s + 3.0 * (np.arange(len(echoes.t_s)) >= 25)
-    broken = Echoes(t_s, echoes.samples, echoes.snr_db, echoes.losses_s)
+    broken = Echoes(t_s, echoes.samples, echoes.losses_s)
     first = walk_of(encoder.embed(echoes.samples), broken, TOY).first
     assert 23 in first
     assert 24 not in first
@@ -261,9 +261,7 @@ def test_an_echo_is_cut_anew_within_the_jitter(echoes: Echoes) -> None:
 
 
 def cut_to(echoes: Echoes, count: int) -> Echoes:
-    return Echoes(
-        echoes.t_s[:count], echoes.samples[:count], echoes.snr_db[:count], echoes.losses_s
-    )
+    return Echoes(echoes.t_s[:count], echoes.samples[:count], echoes.losses_s)
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def frames_at(xy_m: F64, noise: float = 0.05) -> Echoes:
     samples = heard[:, DISCARDED_SAMPLES : DISCARDED_SAMPLES + ECHO_SAMPLES]
     samples = samples + noise * np.random.default_rng(3).standard_normal(samples.shape)
     t_s = np.arange(len(xy_m)) / 10.0
-    return Echoes(t_s, samples.astype(np.float32), np.full(len(t_s), 30.0), np.zeros((0, 2)))
+    return Echoes(t_s, samples.astype(np.float32), np.zeros((0, 2)))
 
 
 def claimed(scale: float, *, turned_rad: float = 0.0) -> Odometry:
@@ -116,7 +116,7 @@ def test_sound_that_tells_nothing_is_refused(kind: str) -> None:
     if kind == "the same all the time":
         samples += np.random.default_rng(6).standard_normal(ECHO_SAMPLES).astype(np.float32)
     t_s = np.arange(FRAMES) / 10.0
-    mute = Echoes(t_s, samples, np.zeros(FRAMES), np.zeros((0, 2)))
+    mute = Echoes(t_s, samples, np.zeros((0, 2)))
     assert measure_scale(mute, claimed(1.0), CHIRP, PARAMETERS) == UNKNOWN
 
 
@@ -125,9 +125,7 @@ def test_standing_still_and_short_walks_are_refused(echoes: Echoes) -> None:
     assert measure_scale(echoes, still, CHIRP, PARAMETERS) == UNKNOWN
     few = replace(PARAMETERS, least_windows=6)
     assert measure_scale(echoes, claimed(1.0), CHIRP, few) == UNKNOWN
-    none = Echoes(
-        np.zeros(0), np.zeros((0, ECHO_SAMPLES), np.float32), np.zeros(0), np.zeros((0, 2))
-    )
+    none = Echoes(np.zeros(0), np.zeros((0, ECHO_SAMPLES), np.float32), np.zeros((0, 2)))
     assert measure_scale(none, claimed(1.0), CHIRP, PARAMETERS) == UNKNOWN
 
 

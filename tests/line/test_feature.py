@@ -202,7 +202,7 @@ def test_a_graph_for_something_else_is_refused(content: bytes, got: str) -> None
 
 def test_every_echo_gets_its_feature() -> None:
     rows, t_s = traces(3), np.array([0.1, 0.2, 0.4])
-    features = extract_features(Echoes(t_s, rows, np.zeros(3), np.zeros((0, 2))), SpectralEncoder())
+    features = extract_features(Echoes(t_s, rows, np.zeros((0, 2))), SpectralEncoder())
     npt.assert_array_equal(features.t_s, t_s)
     npt.assert_array_equal(features.vectors, SpectralEncoder().embed(rows))
     assert features.encoder == "spectral-1"
@@ -245,7 +245,7 @@ def test_the_shipped_encoder_takes_a_device_calibration_that_defaults_to_none(
 
 
 def heard(rows: F32) -> Echoes:
-    return Echoes(0.1 * np.arange(len(rows)), rows, np.zeros(len(rows)), np.zeros((0, 2)))
+    return Echoes(0.1 * np.arange(len(rows)), rows, np.zeros((0, 2)))
 
 
 SLOPE = np.linspace(-0.8, 0.8, 12)

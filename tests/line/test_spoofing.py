@@ -34,7 +34,7 @@ def quiet() -> tuple[FrameFacts, Echoes]:
     facts = FrameFacts(t_s, late, np.full(COUNT, LEVEL), none + 0.01, none, none, none)
     tone = np.sin(2 * np.pi * 17_500 / 44_100 * np.arange(ECHO_SAMPLES))
     samples = np.tile(0.01 * LEVEL * np.sqrt(2) * tone, (COUNT, 1)).astype(np.float32)
-    return facts, Echoes(t_s + late, samples, none, np.zeros((0, 2)))
+    return facts, Echoes(t_s + late, samples, np.zeros((0, 2)))
 
 
 def planted(reason: int, frames: slice) -> tuple[FrameFacts, Echoes]:
@@ -99,7 +99,7 @@ def test_loudness_is_that_of_the_band_beside_the_direct_sound() -> None:
     hum = 0.05 * np.sin(2 * np.pi * 300 / 44_100 * np.arange(ECHO_SAMPLES)).astype(np.float32)
     humming = replace(echoes, samples=echoes.samples + hum)
     npt.assert_allclose(loudness(facts, humming), 0.01, rtol=0.01)
-    some = Echoes(echoes.t_s[::2], echoes.samples[::2], echoes.snr_db[::2], np.zeros((0, 2)))
+    some = Echoes(echoes.t_s[::2], echoes.samples[::2], np.zeros((0, 2)))
     heard = loudness(facts, some)
     npt.assert_allclose(heard[::2], 0.01, rtol=0.01)
     npt.assert_array_equal(heard[1::2], 0.0)
@@ -179,7 +179,7 @@ def test_loudness_is_compared_among_clean_echoes_alone() -> None:
     samples = np.where(spoiled[:, None], 1.5 * echoes.samples, echoes.samples)
     among = replace(echoes, samples=samples)
     kept = ~spoiled
-    clean = Echoes(echoes.t_s[kept], echoes.samples[kept], echoes.snr_db[kept], np.zeros((0, 2)))
+    clean = Echoes(echoes.t_s[kept], echoes.samples[kept], np.zeros((0, 2)))
     assert (judge(facts, among, EDGES_S, PARAMETERS) == LAGGING).any()
     npt.assert_array_equal(judge(facts, among, EDGES_S, PARAMETERS, clean), 0)
     chirps = heard_chirps(facts, clean)

@@ -9,7 +9,7 @@ import pytest
 from elfslam.app.settings import Settings
 from elfslam.base.values import Recording
 from elfslam.line.echo import matched_envelope
-from elfslam.score.page import rendered
+from elfslam.scoring.page import rendered
 from elfslam.slam.front_end import hear_for_fixes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world

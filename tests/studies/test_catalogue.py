@@ -12,7 +12,7 @@ from elfslam.app.workers import Workers
 from elfslam.base.errors import InputError
 from elfslam.base.progress import silent
 from elfslam.line.feature import SpectralEncoder
-from elfslam.score.page import Page
+from elfslam.scoring.page import Page
 from studies import catalogue
 from studies.catalogue import STUDIES, run_study
 from studies.finding import Finding, LongStudy

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.score.page import save_page
+from elfslam.scoring.page import save_page
 from studies.closure_steps import PAPER, SEQUENCE, SINGLE, measure_closure_steps
 from studies.finding import Finding
 

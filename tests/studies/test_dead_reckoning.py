@@ -42,7 +42,7 @@ def test_rows_cover_headings_and_changes(
     walks: list[Walk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(study, "CHANGES", {"60 Hz": study.CHANGES["60 Hz"]})
-    monkeypatch.setattr("elfslam.score.bootstrap.RESAMPLES", 50)
+    monkeypatch.setattr("elfslam.scoring.bootstrap.RESAMPLES", 50)
     rows = list(study._real_rows({"A": walks[:2], "B": walks[2:]}))
     assert len(rows) == 3 * (4 + 1 + 1)
     assert [row["walks"] for row in rows[:3]] == [2, 1, 3]

@@ -23,7 +23,7 @@ def passing(stretches: int, each: int) -> Echoes:
     samples = np.repeat(sound, each, axis=0)
     samples += 0.5 * generator.standard_normal(samples.shape, dtype=np.float32)
     count = len(samples)
-    return Echoes(0.1 * np.arange(count), samples, np.full(count, 20.0), np.zeros((0, 2)))
+    return Echoes(0.1 * np.arange(count), samples, np.zeros((0, 2)))
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.score.page import save_page
+from elfslam.scoring.page import save_page
 from studies.finding import Finding
 from studies.localization import measure_localization
 from studies.localization_table import localization_rows

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.app.settings import Settings
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.score.page import save_page
+from elfslam.scoring.page import save_page
 from studies import mapping_errors
 from studies.finding import Finding
 from studies.mapping_errors import CALIBRATED, UNCALIBRATED, measure_mapping, walkers

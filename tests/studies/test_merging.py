@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Trajectory, Truth
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.page import save_page
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.page import save_page
 from studies.finding import Finding
 from studies.merged_walks import (
     FIRST,

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.score.page import Page
+from elfslam.scoring.page import Page
 from elfslam.serve.nearest import open_index
 from studies.elf_spots import OneThread, make_lookups, make_map, make_spots, places_of
 from studies.finding import Finding

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.score.page import save_page
+from elfslam.scoring.page import save_page
 from elfslam.world.simulate import load_world
 from studies import sensitivity
 from studies.finding import Finding

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from elfslam.score.page import Panel
+from elfslam.scoring.page import Panel
 from elfslam.world.world_file import load_world
 from studies.finding import Row
 from studies.stability import (

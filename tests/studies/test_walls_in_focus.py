@@ -29,7 +29,7 @@ def walk_towards_a_wall() -> tuple[Echoes, Odometry]:
             row[start : start + 441] += CHIRP.samples
     at_s = np.arange(0.0, FRAMES / 10.0 + 1.0, 0.5)
     poses = np.column_stack([np.zeros(len(at_s)), SPEED_MPS * at_s, np.full(len(at_s), np.pi / 2)])
-    echoes = Echoes(t_s, samples.astype(np.float32), np.ones(FRAMES), np.zeros((0, 2)))
+    echoes = Echoes(t_s, samples.astype(np.float32), np.zeros((0, 2)))
     return echoes, Odometry(at_s, poses, np.ones((len(at_s) - 1, 3)))
 
 

@@ -22,7 +22,7 @@ from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
-from elfslam.score.figures import FloorPlan
+from elfslam.scoring.figures import FloorPlan
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 

@@ -17,9 +17,9 @@ from elfslam.data.fixes_files import write_fixes
 from elfslam.data.folders import new_file, refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.line.feature import Encoder, OnnxEncoder
-from elfslam.score.alignment import AS_DECLARED
-from elfslam.score.bootstrap import interval
-from elfslam.score.errors import (
+from elfslam.scoring.alignment import AS_DECLARED
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import (
     Alignment,
     alignment_of,
     fix_distances,
@@ -27,8 +27,8 @@ from elfslam.score.errors import (
     position_errors,
     summarise,
 )
-from elfslam.score.report import write_fix_report, write_report
-from elfslam.score.tables import methods
+from elfslam.scoring.report import write_fix_report, write_report
+from elfslam.scoring.tables import methods
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import locate, map_by_echoes
 from elfslam.world.simulate import simulate

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from elfslam.app.settings import Settings
+from elfslam.base.arrays import F32
 from elfslam.base.choices import Mode
 from elfslam.base.errors import StoreError
-from elfslam.base.values import Fixes, FloorMap
+from elfslam.base.values import Fixes, FloorMap, Recording
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import settled
 from elfslam.data.map_files import read_map
@@ -39,11 +40,17 @@ def locate_from(
     translation = None
     if phone_walk is not None:
         walk = read_recording(phone_walk, settings.chirp)
-        own = heard_in(floor_map, walk, used, settings)
-        translation = learn_phone(own, floor_map, settings.phone)
+        translation = phone_translation(walk, floor_map, used, settings)
     return locate(
         recording, floor_map, used, settings, mode=mode, seed=seed, translation=translation
     )
+
+
+def phone_translation(
+    walk: Recording, floor_map: FloorMap, encoder: Encoder, settings: Settings
+) -> F32:
+    """What a phone's own walk in a map tells of how it hears (cross-device adaptation)."""
+    return learn_phone(heard_in(floor_map, walk, encoder, settings), floor_map, settings.phone)
 
 
 def encoder_of(path: Path, floor_map: FloorMap) -> Encoder:

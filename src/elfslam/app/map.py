@@ -25,8 +25,8 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
-from elfslam.score.figures import FloorPlan
-from elfslam.score.report import write_report
+from elfslam.scoring.figures import FloorPlan
+from elfslam.scoring.report import write_report
 from elfslam.slam import pipeline as slam
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters

@@ -19,7 +19,7 @@ from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.runs import read_run
 from elfslam.line.map_alignment import Alignment
 from elfslam.line.quality import map_quality
-from elfslam.score.merged_report import write_merged_report
+from elfslam.scoring.merged_report import write_merged_report
 from elfslam.slam.merging import MergeParameters, Walk, add_walk, merge, walk_of
 
 

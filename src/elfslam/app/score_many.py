@@ -9,10 +9,10 @@ import numpy as np
 from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.values import Truth
 from elfslam.data.runs import read_run
-from elfslam.score.bootstrap import interval
-from elfslam.score.errors import Alignment, end_error_share, path_length_m, position_errors
-from elfslam.score.tables import methods
-from elfslam.score.truth import read_truth
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import Alignment, end_error_share, path_length_m, position_errors
+from elfslam.scoring.tables import methods
+from elfslam.scoring.truth import read_truth
 
 Row = dict[str, object]
 FEWEST_WAYPOINTS = 3

@@ -14,15 +14,12 @@ from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, P
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.device_adaptation import PhoneParameters
-from elfslam.line.map_alignment import AlignmentParameters
 from elfslam.line.map_matching import PassageParameters
-from elfslam.line.quality import QualityParameters
-from elfslam.slam.merging.parameters import MergingParameters
-from elfslam.slam.parameters import Parameters
+from elfslam.slam.merging.parameters import MergeParameters
 
 
 @dataclass(frozen=True)
-class Settings(Parameters):
+class Settings(MergeParameters):
     """Every parameter there is: the line's, the rivals', the merging's and the training's."""
 
     wifi: WifiParameters = field(default_factory=WifiParameters)
@@ -31,9 +28,6 @@ class Settings(Parameters):
     magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)
     emr: EmrParameters = field(default_factory=EmrParameters)
     emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
-    alignment: AlignmentParameters = field(default_factory=AlignmentParameters)
-    merging: MergingParameters = field(default_factory=MergingParameters)
-    quality: QualityParameters = field(default_factory=QualityParameters)
     anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
     passages: PassageParameters = field(default_factory=PassageParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)

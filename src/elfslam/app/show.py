@@ -12,9 +12,9 @@ from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.folders import settled
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.runs import read_run
-from elfslam.score.page import embed_script, script_file
-from elfslam.score.report import write_map_page, write_report
-from elfslam.score.world_page import write_world_page
+from elfslam.scoring.page import embed_script, script_file
+from elfslam.scoring.report import write_map_page, write_report
+from elfslam.scoring.world_page import write_world_page
 from elfslam.world.simulate import load_world
 
 __all__ = ["drawing_of", "script_file"]

@@ -23,8 +23,8 @@ from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
 from elfslam.learn.resumable import Batch, Stream, prefetched
-from elfslam.score.charts import loss_figure
-from elfslam.score.page import Page, Panel, facts_table, save_page
+from elfslam.scoring.charts import loss_figure
+from elfslam.scoring.page import Page, Panel, facts_table, save_page
 from elfslam.world.echo_pairs import echo_pairs
 
 ABOUT = """\

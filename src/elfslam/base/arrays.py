@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from elfslam.base.errors import InputError
+from elfslam.base.notebooks import summary
 
 F64 = npt.NDArray[np.float64]
 F32 = npt.NDArray[np.float32]
@@ -48,6 +49,9 @@ class Value:
     A name such as "n" stands for the same size in all fields of one value.
     Raises InputError that names the type, the field, what was wanted and what came.
     """
+
+    def __init_subclass__(cls) -> None:
+        cls.__repr__ = summary  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}

@@ -16,6 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.errors import InputError
+from elfslam.base.notebooks import Plotted, run_summary
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
@@ -146,7 +147,6 @@ class Echoes(Value):
 
     t_s: F64 = array("n", increasing=True)
     samples: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
-    snr_db: F64 = array("n")
     losses_s: F64 = array("k", 2)
     rate_hz: int = ECHO_RATE_HZ
 
@@ -324,7 +324,7 @@ class Payload(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class FloorMap(Value):
+class FloorMap(Value, Plotted):
     """Spots with positions, and one payload per modality.
 
     `weight` says how much what is known of a spot still counts (1 where nobody says), `changed`
@@ -366,7 +366,7 @@ class FixStatus(IntEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Fixes(Value):
+class Fixes(Value, Plotted):
     """Positions in a map; NaN where the status says that there is none.
 
     `t_s` is the middle of the echoes used; `status` holds `FixStatus` values.
@@ -381,7 +381,7 @@ class Fixes(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Run:
+class Run(Plotted):
     """What mapping one recording gives, with its evidence."""
 
     name: str
@@ -393,3 +393,5 @@ class Run:
     echoes: Echoes | None
     features: Features | None
     seconds: dict[str, float] = field(default_factory=dict)
+
+    __repr__ = run_summary

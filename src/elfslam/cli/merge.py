@@ -9,13 +9,13 @@ import typer
 
 from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.merge import merge_into
+from elfslam.app.settings import Settings
 from elfslam.base.parameters import load
 from elfslam.cli.options import (
     AsJson,
     ParameterFile,
     Setting,
 )
-from elfslam.slam.merging import MergeParameters
 
 
 def merge_command(
@@ -33,7 +33,7 @@ def merge_command(
     as_json: AsJson = False,
 ) -> None:
     """Merge runs into one floor map, or add runs to a map that was merged before."""
-    known = load(MergeParameters(), parameter_file, setting or [])
+    known = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce:
         made = merge_into(out, runs, known, announce, known_starts=known_starts, overwrite=force)
     if made.pairs:

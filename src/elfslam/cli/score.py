@@ -17,10 +17,10 @@ from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.folders import new_file, settled
 from elfslam.data.runs import read_run
-from elfslam.score.errors import alignment_of
-from elfslam.score.report import write_report
-from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, run_scores
-from elfslam.score.truth import read_truth
+from elfslam.scoring.errors import alignment_of
+from elfslam.scoring.report import write_report
+from elfslam.scoring.tables import ScoreRow, closure_scores, fix_scores, run_scores
+from elfslam.scoring.truth import read_truth
 
 
 def score(

@@ -196,16 +196,16 @@ def _write_echoes(echoes: Echoes, file: Path) -> None:
     peak = np.max(np.abs(echoes.samples), axis=1, initial=0)
     scaled = echoes.samples / np.where(peak > 0, peak, 1)[:, None]
     arrays = {"samples": scaled.astype(np.float16), "peak": peak}
-    kept = {name: getattr(echoes, name) for name in ("t_s", "snr_db", "losses_s")}
+    kept = {name: getattr(echoes, name) for name in ("t_s", "losses_s")}
     write_npz(file, {**arrays, **kept})
 
 
 def _read_echoes(file: Path) -> Echoes | None:
     if not file.is_file():
         return None
-    arrays = read_npz(file, [*SAMPLES, "t_s", "snr_db", "losses_s"])
+    arrays = read_npz(file, [*SAMPLES, "t_s", "losses_s"])
     samples: F32 = arrays["samples"].astype(np.float32) * arrays["peak"][:, None]
-    return Echoes(arrays["t_s"], samples, arrays["snr_db"], arrays["losses_s"])
+    return Echoes(arrays["t_s"], samples, arrays["losses_s"])
 
 
 def _read_features(file: Path) -> Features | None:

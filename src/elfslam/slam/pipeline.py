@@ -47,6 +47,8 @@ from elfslam.line.track import Tracker
 from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
 
+AS_MAPPED = np.zeros(3)
+"""A map's own frame is that of the world."""
 Stage = Callable[[str], AbstractContextManager[None]]
 Adapt = Callable[[Encoder, Echoes], Encoder]
 SimilarityMaker = Callable[[Recording, Odometry], AnySimilarity]

@@ -21,8 +21,8 @@ import pytest
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.data.tum import read_tum
-from elfslam.score.errors import Alignment, position_errors
-from elfslam.score.truth import read_truth
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.work import STAGES
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token

@@ -7,7 +7,7 @@ from importlib import resources
 import pytest
 
 from elfslam.base.values import FixStatus
-from elfslam.score.figures import STATUSES
+from elfslam.scoring.figures import STATUSES
 
 VIEWER = resources.files("elfslam").joinpath("serve/pages/desk/viewer")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.testing as npt
 
-from elfslam.score.figures import FloorPlan, floor_traces
+from elfslam.scoring.figures import FloorPlan, floor_traces
 from studies.figures.plan_figures import placed_figure
 
 SQUARE = np.array([[0, 0], [4, 0], [4, 4], [0, 4]], dtype=float)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.values import (
     DISCARDED_SAMPLES,
@@ -59,23 +59,10 @@ def echoes_of(
     traces = np.stack([samples[start : start + ECHO_SAMPLES] for start in starts[heard]])
     missing_s = None if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
     t_s, losses_s = arrival_times(frames, missing_s, parameters)
-    return Echoes(t_s[heard], traces, _snr_db(samples, starts[heard]), losses_s)
+    return Echoes(t_s[heard], traces, losses_s)
 
 
 def _holds_echo(samples: F32, start: int) -> bool:
     """Whether the stream goes on behind a direct arrival, and not in digital silence."""
     trace = samples[start : start + ECHO_SAMPLES]
     return len(trace) == ECHO_SAMPLES and bool(trace.any())
-
-
-def _snr_db(samples: F32, starts: I64) -> F64:
-    """Echo level over the quiet tail of the same frame, high-passed to the upper band."""
-    tail = 441
-    levels = []
-    for start in starts:
-        frame = samples[start : start + ECHO_SAMPLES + 2 * tail + 2]
-        sharpened = np.diff(frame, n=2).astype(np.float64)
-        echo, rest = sharpened[:ECHO_SAMPLES], sharpened[ECHO_SAMPLES:][-tail:]
-        levels.append((np.mean(echo**2), np.mean(rest**2) if len(rest) else np.mean(echo**2)))
-    power = np.array(levels) + 1e-20
-    return np.asarray(10 * np.log10(power[:, 0] / power[:, 1]))

@@ -45,7 +45,7 @@ def heard(seed: int) -> tuple[FrameFacts, Echoes]:
     facts = replace(facts, level=level * played, gain_db=gain_db)
     samples = gain[:, None] * generator.normal(size=(COUNT, ECHO_SAMPLES))
     samples = samples[kept].astype(np.float32)
-    echoes = Echoes((due_s + late_s)[kept], samples, np.zeros(kept.sum()), np.zeros((0, 2)))
+    echoes = Echoes((due_s + late_s)[kept], samples, np.zeros((0, 2)))
     return facts, echoes
 
 
@@ -88,7 +88,7 @@ def vectors(seed: int) -> dict[str, Any]:
 
 
 def _rows(echoes: Echoes, rows: I64) -> Echoes:
-    return Echoes(echoes.t_s[rows], echoes.samples[rows], echoes.snr_db[rows], echoes.losses_s)
+    return Echoes(echoes.t_s[rows], echoes.samples[rows], echoes.losses_s)
 
 
 @pytest.fixture(scope="module")

@@ -20,9 +20,9 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
-from elfslam.score import page
-from elfslam.score.figures import FloorPlan
-from elfslam.score.report import write_fix_report, write_map_page, write_report
+from elfslam.scoring import page
+from elfslam.scoring.figures import FloorPlan
+from elfslam.scoring.report import write_fix_report, write_map_page, write_report
 
 FACTS = {
     "device": "<script>alert(1)</script>",

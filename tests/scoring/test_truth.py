@@ -12,7 +12,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Truth
-from elfslam.score.truth import read_truth
+from elfslam.scoring.truth import read_truth
 
 TUM_ROW = "0.5 1 2 0 0 0 0.7071068 0.7071068\n"
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.values import Closures, Fixes, Run, Truth
-from elfslam.score.closure_score import score_closures
-from elfslam.score.errors import (
+from elfslam.scoring.closure_score import score_closures
+from elfslam.scoring.errors import (
     Alignment,
     end_error_share,
     fix_errors,

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Closures, Run, Similarity
-from elfslam.score import charts, figures
+from elfslam.scoring import charts, figures
 
 
 def test_an_ellipse_has_the_axes_of_its_covariance() -> None:

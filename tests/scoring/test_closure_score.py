@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Closures, Truth
-from elfslam.score.closure_score import score_closures
+from elfslam.scoring.closure_score import score_closures
 
 T_S = np.arange(0.0, 50.0, 5.0)
 

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64, Value, array
-from elfslam.score.figures import CLOSURE, DEAD_RECKONING, RIGHT, SLAM, TRUTH, WRONG, plan, styled
+from elfslam.scoring.figures import CLOSURE, DEAD_RECKONING, RIGHT, SLAM, TRUTH, WRONG, plan, styled
 
 PHONE_LOW_M = 1.0
 """What is lower than this is drawn light: a held phone looks over it."""

@@ -19,7 +19,7 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
-from elfslam.score.figures import FloorPlan
+from elfslam.scoring.figures import FloorPlan
 
 STEP_M = 0.65
 STEP_S = 0.55
@@ -99,7 +99,7 @@ def _one(size: int) -> np.ndarray:
 def _echoes(truth: Truth) -> Echoes:
     size = truth.t_s.size
     losses = np.array([[40.0, 1.2]])
-    return Echoes(truth.t_s, np.zeros((size, ECHO_SAMPLES)), np.full(size, 20.0), losses)
+    return Echoes(truth.t_s, np.zeros((size, ECHO_SAMPLES)), losses)
 
 
 def _closures(poses: np.ndarray, generator: np.random.Generator) -> tuple[Closures, np.ndarray]:

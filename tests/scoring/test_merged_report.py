@@ -9,8 +9,8 @@ import numpy.testing as npt
 
 from elfslam.base.values import FloorMap, Payload
 from elfslam.line.quality import MapQuality
-from elfslam.score.merged_report import write_merged_report
-from elfslam.score.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
+from elfslam.scoring.merged_report import write_merged_report
+from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
 from studies.figures.outcomes import outcomes_figure
 
 QUALITY = MapQuality(

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, Run, Trajectory, Truth
-from elfslam.score.alignment import AS_DECLARED, Placement, match, placement
-from elfslam.score.errors import (
+from elfslam.scoring.alignment import AS_DECLARED, Placement, match, placement
+from elfslam.scoring.errors import (
     Alignment,
     alignment_of,
     end_error_share,

@@ -7,7 +7,7 @@ import pytest
 
 from elfslam.base.geometry import chain
 from elfslam.base.values import Odometry, Truth
-from elfslam.score.consistency import Displacements, displacement_errors
+from elfslam.scoring.consistency import Displacements, displacement_errors
 
 STEPS = 150
 STEP_M = 0.7

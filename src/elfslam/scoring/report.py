@@ -6,18 +6,16 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
-import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Run, Truth
-from elfslam.score import charts, figures
-from elfslam.score.alignment import Alignment, Placement, is_sparse, match, place, placement
-from elfslam.score.closure_score import score_closures
-from elfslam.score.errors import path_length_m, summarise, walk_errors
-from elfslam.score.figures import FloorPlan
-from elfslam.score.page import Page, Panel, facts_table, rows_table, save_page
-from elfslam.score.tables import ScoreRow, closure_scores, fix_scores, methods, run_scores
+from elfslam.scoring import charts, figures
+from elfslam.scoring.alignment import Alignment
+from elfslam.scoring.errors import path_length_m, summarise, walk_errors
+from elfslam.scoring.figures import FloorPlan
+from elfslam.scoring.page import Page, Panel, facts_table, rows_table, save_page
+from elfslam.scoring.plots import fix_plot, map_plot, walk_plot
+from elfslam.scoring.tables import ScoreRow, closure_scores, fix_scores, methods, run_scores
 
 PARAMETERS = "parameters"
 """The fact that is shown folded: a mapping of stage to parameters."""
@@ -70,23 +68,19 @@ def write_fix_report(
     map already lies in the world's frame; see `alignment.alignment_of`).
     """
     move = np.zeros(3) if world_from_map is None else world_from_map
-    traces = figures.map_traces(floor_map, faint=True)
     tables: list[Panel] = []
     if truth is not None:
-        traces += _truth_traces(fixes, truth, inverse(move))
         rows = [_short(row) for row in fix_scores(fixes, truth, move)]
         tables = [Panel("Errors (m)", rows_table(rows), wide=True)]
-    traces += figures.fix_traces(fixes)
+    drawn = fix_plot(fixes, floor_map, truth, world_from_map=move)
     counts = {_word(kind.name): str(int((fixes.status == kind).sum())) for kind in FixStatus}
-    panel = Panel("Fixes from above", figures.plan(traces), FIX_NOTE, wide=True)
+    panel = Panel("Fixes from above", drawn, FIX_NOTE, wide=True)
     page = Page("Fixes", _sources(floor_map), [panel, *tables], tiles=counts)
     save_page(path, page)
 
 
 def write_map_page(path: Path, floor_map: FloorMap) -> None:
     """Write a floor map: its spots by walk, their uncertainty, and what it knows at each."""
-    ellipses = figures.ellipse_trace(floor_map.xy_m, floor_map.covariance_m2, figures.TRUTH)
-    traces = [ellipses, *figures.map_traces(floor_map)]
     payloads: list[Mapping[str, object]] = [
         {"kind": item.kind, "encoder": item.encoder, "numbers per spot": item.vectors.shape[1]}
         for item in floor_map.payloads
@@ -97,7 +91,7 @@ def write_map_page(path: Path, floor_map: FloorMap) -> None:
         "parameters": floor_map.parameters_digest,
     }
     panels = [
-        Panel("The map from above", figures.plan(traces), wide=True),
+        Panel("The map from above", map_plot(floor_map), wide=True),
         Panel("What it knows at each spot", rows_table(payloads), wide=True),
     ]
     save_page(path, Page("Floor map", _sources(floor_map), panels, tiles=tiles))
@@ -109,28 +103,8 @@ FIX_NOTE = "In the frame of the map. Fixes without a position are counted above,
 
 
 def _walk_panel(run: Run, floor_plan: FloorPlan | None, truth: Truth | None) -> Panel:
-    placed = {name: _placed(t_s, poses, truth) for name, (t_s, poses) in methods(run).items()}
-    where, poses = placed["SLAM"]
-    traces = figures.floor_traces(floor_plan)
-    if truth is not None:
-        score = score_closures(run.closures, run.trajectory.t_s, truth)
-        known = np.isfinite(score.distance_m)
-        kept = run.trajectory.closure_weights > 0.5
-        links = (poses[:, :2], run.closures, score.right, known, kept)
-        traces += figures.judged_closure_traces(*links)
-        true_xy = truth.world_from_body[:, :2]
-        traces += figures.walk_traces(true_xy, "truth", figures.TRUTH, dash="dash")
-    dead_reckoned = placed["dead reckoning"][1][:, :2]
-    name, color = "dead reckoning", figures.DEAD_RECKONING
-    traces += figures.walk_traces(dead_reckoned, name, color, width=1.5, opacity=0.7)
-    covariance = _turned(run.trajectory.covariance[:, :2, :2], where)
-    traces.append(figures.ellipse_trace(poses[:, :2], covariance, figures.SLAM))
-    traces += figures.walk_traces(poses[:, :2], "SLAM", figures.SLAM)
-    if truth is None:
-        weights = run.trajectory.closure_weights
-        traces += figures.closure_traces(poses[:, :2], run.closures, weights)
     note = WALK_NOTE if truth is None else WALK_NOTE + " Both walks are aligned onto the truth."
-    return Panel("The walk from above", figures.plan(traces), note, wide=True)
+    return Panel("The walk from above", walk_plot(run, truth, floor_plan), note, wide=True)
 
 
 def _rounds_panel(run: Run) -> Panel:
@@ -140,30 +114,6 @@ def _rounds_panel(run: Run) -> Panel:
     traces = figures.closure_traces(raised, run.closures, walk.closure_weights)
     traces += figures.walk_traces(raised, "SLAM", figures.SLAM)
     return Panel("The walk through time", figures.lifted_plan(traces), ROUNDS_NOTE, wide=True)
-
-
-def _truth_traces(fixes: Fixes, truth: Truth, map_from_world: F64) -> list[go.Scatter]:
-    """The true walk in the map, and each fix joined to where it should be (dense truth only)."""
-    there = compose(map_from_world, np.nan_to_num(truth.world_from_body))
-    traces = figures.walk_traces(there[:, :2], "truth", figures.TRUTH, dash="dash")
-    if is_sparse(truth):
-        return traces
-    inside = (fixes.t_s >= truth.t_s[0]) & (fixes.t_s <= truth.t_s[-1])
-    at_fixes = interpolate_poses(truth.t_s, there, fixes.t_s[inside])[:, :2]
-    return [*traces, figures.error_trace(fixes.xy_m[inside], at_fixes, figures.WRONG)]
-
-
-def _placed(t_s: F64, poses: F64, truth: Truth | None) -> tuple[Placement, F64]:
-    if truth is None:
-        return Placement(np.zeros(3)), poses
-    where = placement(match(t_s, poses, truth), Alignment.ALIGNED)
-    return where, place(poses, where)
-
-
-def _turned(covariance_m2: F64, where: Placement) -> F64:
-    cos, sin = np.cos(where.world_from_map[2]), np.sin(where.world_from_map[2])
-    turn = np.array([[cos, -sin], [sin, cos]])
-    return np.asarray(turn @ covariance_m2 @ turn.T)
 
 
 def _error_panels(run: Run, truth: Truth) -> list[Panel]:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.score.bootstrap import interval
+from elfslam.scoring.bootstrap import interval
 
 
 def mean(values: np.ndarray) -> float:

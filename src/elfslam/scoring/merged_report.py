@@ -9,9 +9,9 @@ import numpy as np
 
 from elfslam.base.values import FloorMap
 from elfslam.line.quality import MapQuality
-from elfslam.score import figures
-from elfslam.score.page import Page, Panel, rows_table, save_page
-from elfslam.score.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
+from elfslam.scoring import figures
+from elfslam.scoring.page import Page, Panel, rows_table, save_page
+from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
 
 PAIRS_NOTE = (
     "Places: ground that both cover in the same direction. Resemblance: there, relative to that of "

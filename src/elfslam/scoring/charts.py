@@ -11,7 +11,7 @@ from plotly.subplots import make_subplots
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import AnySimilarity, Closures, Echoes, Odometry, Trajectory
-from elfslam.score.figures import CLOSURE, DEAD_RECKONING, GRID, METHODS, SLAM, TRUTH, styled
+from elfslam.scoring.figures import CLOSURE, DEAD_RECKONING, GRID, METHODS, SLAM, TRUTH, styled
 
 MATRIX_AT_MOST = 800
 """Larger similarity matrices are shown in blocks, so that the page stays under 10 MB."""

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.score.errors import path_length_m
-from elfslam.score.page import Page, Panel, rows_table, save_page
-from elfslam.score.world_figures import WorldPlan, by_material, closed, plan_figure, space_figure
+from elfslam.scoring.errors import path_length_m
+from elfslam.scoring.page import Page, Panel, rows_table, save_page
+from elfslam.scoring.world_figures import WorldPlan, by_material, closed, plan_figure, space_figure
 
 
 def write_world_page(path: Path, world: WorldPlan) -> None:

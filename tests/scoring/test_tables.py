@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Fixes, Run, Truth
-from elfslam.score.errors import Alignment, position_errors, summarise
-from elfslam.score.tables import closure_scores, fix_scores, run_scores
+from elfslam.scoring.errors import Alignment, position_errors, summarise
+from elfslam.scoring.tables import closure_scores, fix_scores, run_scores
 
 
 def test_a_row_per_method_and_alignment(run: Run, truth: Truth) -> None:

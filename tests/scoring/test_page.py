@@ -6,7 +6,7 @@ from pathlib import Path
 
 import plotly.graph_objects as go
 
-from elfslam.score.page import (
+from elfslam.scoring.page import (
     SCRIPT,
     SCRIPT_TAG,
     Page,

@@ -10,7 +10,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64
 from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Fixes, FixStatus, Truth
-from elfslam.score.alignment import (
+from elfslam.scoring.alignment import (
     Alignment,
     Placement,
     alignment_of,
