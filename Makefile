@@ -1,10 +1,12 @@
 # Everything sets itself up: Python 3.11 or newer, git and make are all that is needed.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
 VENV := .venv
+JAVASCRIPT := tests/javascript
 BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
+PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo serve test test-real fast lint coverage pretrain web-check docs clean
+.PHONY: demo serve test test-real headline coverage lint lint-pages pretrain web-check docs clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -13,30 +15,51 @@ demo: $(VENV)/.installed $(VENV)/.kernels
 serve: $(VENV)/.installed-serve $(VENV)/.kernels
 	$(BIN)/elfslam serve
 
+# Whatever waits on no clock: the same answer on a machine with other work on it.
 test: lint $(VENV)/.kernels
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not hostile" --cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
+	$(PYTEST) -m "not real"
+
+# Browser, sound server, databases, Ray, kills, small studies; damaged files, requests and databases
+# by the thousand (others with --hypothesis-seed=N); how much of the line the tests reach.
+test-real: $(VENV)/.installed-test $(VENV)/.kernels
+	HOSTILE_CASES=$${HOSTILE_CASES:-2000} $(PYTEST) -m real --once-more
+	$(MAKE) coverage
+
+# The README's figures in small, against limits.
+headline: $(VENV)/.installed-test $(VENV)/.kernels
+	$(BIN)/python -m studies.headline
+
+coverage: $(VENV)/.installed-test $(VENV)/.kernels
+	$(PYTEST) -m "not hostile" tests/base tests/line tests/slam \
+		--cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 
-# Damaged files, requests and databases by the thousand; others with --hypothesis-seed=N.
-test-real: $(VENV)/.installed-test $(VENV)/.kernels
-	HOSTILE_CASES=$${HOSTILE_CASES:-2000} \
-		$(BIN)/python -m pytest -n 2 --dist loadfile -m hostile
-
-fast: $(VENV)/.installed-test $(VENV)/.kernels
-	$(BIN)/python -m pytest -m "not slow and not hostile"
-
-lint: $(VENV)/.installed-test
+lint: $(VENV)/.installed-test lint-pages
 	$(BIN)/ruff check src studies tests
 	$(BIN)/ruff format --check src studies tests
 	$(BIN)/mypy
+
+# The pages' JavaScript, with tools from npm; a machine without them does without.
+lint-pages:
+	@if ! command -v npm >/dev/null; then \
+		echo "npm is missing: the pages' JavaScript is not linted (Debian: apt-get install npm)"; \
+	elif $(MAKE) --no-print-directory $(JAVASCRIPT)/node_modules/.installed; then \
+		npm --prefix $(JAVASCRIPT) run --silent lint; \
+	else \
+		echo "npm cannot install its tools: the pages' JavaScript is not linted"; \
+	fi
+
+$(JAVASCRIPT)/node_modules/.installed: $(JAVASCRIPT)/package.json $(JAVASCRIPT)/package-lock.json
+	npm --prefix $(JAVASCRIPT) ci --silent
+	touch $@
 
 pretrain: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0
 
 # Needs node and npm, 20 or newer; no test does.
 web-check: $(VENV)/.installed $(VENV)/.kernels
-	cd benchmarks/web_runtime && npm ci
-	$(BIN)/python benchmarks/web_runtime/compare.py
+	cd studies/benchmarks/web_runtime && npm ci
+	$(BIN)/python -m studies.benchmarks.web_runtime.compare
 
 $(VENV)/.installed: pyproject.toml constraints.txt
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)

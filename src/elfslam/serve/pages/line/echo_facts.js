@@ -25,7 +25,7 @@ const FULL_SCALE = 0.999;
  */
 export function makeFacts() {
   let before = null;
-  let waiting = [];
+  const waiting = [];
 
   const take = (arrivals, heard, isOver) => {
     waiting.push(...arrivals);

@@ -31,7 +31,7 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   const scheduled = makeScheduled({ rateHz, chirp, period, guess: late ?? 0 });
   let search = NOTHING_YET;
   let hunted = 0;
-  let waiting = [];
+  const waiting = [];
   let last = -1;
 
   const findMore = () => {
