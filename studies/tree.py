@@ -11,19 +11,6 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PAGE = ROOT / "docs" / "reference" / "tree.md"
-ROOMS = (
-    "base",
-    "line",
-    "slam",
-    "data",
-    "score",
-    "world",
-    "learn",
-    "baselines",
-    "app",
-    "serve",
-    "cli",
-)
 HEAD = """# The tree of files
 
 Every module with the first line of its docstring, made by `python -m studies.tree`. How the rooms
@@ -39,11 +26,11 @@ def main() -> None:
 
 def tree_page(root: Path) -> str:
     """The page for the package and the studies below `root`."""
-    rooms = [(f"src/elfslam/{room}/", root / "src" / "elfslam" / room) for room in ROOMS]
-    sections = [
-        section(title, folder) for title, folder in [*rooms, ("studies/", root / "studies")]
-    ]
-    return "\n".join([HEAD, *sections])
+    package = root / "src" / "elfslam"
+    rooms = [init.parent for init in package.glob("*/__init__.py")]
+    rooms.sort(key=lambda room: (first_line(room / "__init__.py").partition(":")[0], room.name))
+    sections = [section(f"src/elfslam/{room.name}/", room) for room in rooms]
+    return "\n".join([HEAD, *sections, section("studies/", root / "studies")])
 
 
 def section(title: str, folder: Path) -> str:

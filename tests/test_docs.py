@@ -1,0 +1,125 @@
+"""The documentation: links lead somewhere, commands exist, the tree of files is the tree."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+from elfslam.cli.app import VERBS
+from studies.catalogue import STUDIES
+from studies.tree import PAGE, ROOT, tree_page
+
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
+HISTORY = {ROOT / "CHANGELOG.md"}
+"""Names commands that are gone."""
+MOST_README_LINES = 130
+FENCE = re.compile(r"^(```|~~~).*?^\1", re.S | re.M)
+LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
+COMMAND = re.compile(r"(?<![\w./-])elfslam ([a-z][a-z-]*)(?![\w.])")
+STUDY = re.compile(r"python -m studies ([a-z][a-z-]*)")
+MODULE = re.compile(r"python -m (studies(?:\.\w+)+|elfslam(?:\.\w+)+)")
+
+
+def page_name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def prose(page: Path) -> str:
+    """A page without its blocks of code, in which brackets are no links."""
+    return FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def anchors(page: Path) -> set[str]:
+    """What can be linked to in a page: its headings, written as MkDocs and forges write them."""
+    headings = re.findall(r"^#+ (.*)$", prose(page), re.M)
+    return {anchor_of(re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", heading)) for heading in headings}
+
+
+def anchor_of(heading: str) -> str:
+    return re.sub(r"[\s-]+", "-", re.sub(r"[^\w\s-]", "", heading.lower()).strip())
+
+
+def dead_links(page: Path) -> Iterator[str]:
+    for link in LINK.findall(re.sub(r"`[^`]*`", "", prose(page))):
+        target, _, anchor = link.partition("#")
+        if "://" in link or link.startswith("mailto:"):
+            continue
+        file = (page.parent / target).resolve() if target else page
+        if not file.exists() or (anchor and anchor not in anchors(file)):
+            yield link
+
+
+def unknown_commands(text: str) -> Iterator[str]:
+    code = "\n".join(re.findall(r"`([^`\n]+)`", text) + [m[0] for m in FENCE.finditer(text)])
+    yield from (f"elfslam {verb}" for verb in COMMAND.findall(code) if verb not in VERBS)
+    yield from (f"studies {name}" for name in STUDY.findall(text) if name not in STUDIES)
+    yield from (module for module in MODULE.findall(text) if not is_module(module))
+
+
+def is_module(name: str) -> bool:
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+@pytest.mark.parametrize("page", PAGES, ids=page_name)
+def test_links_lead_somewhere(page: Path) -> None:
+    assert list(dead_links(page)) == []
+
+
+@pytest.mark.parametrize("page", sorted({*PAGES} - HISTORY), ids=page_name)
+def test_commands_exist(page: Path) -> None:
+    assert list(unknown_commands(page.read_text(encoding="utf-8"))) == []
+
+
+def test_every_verb_is_told_of() -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PAGES)
+    assert [verb for verb in VERBS if f"elfslam {verb}" not in text] == []
+
+
+def test_every_study_is_told_of() -> None:
+    text = "\n".join(page.read_text(encoding="utf-8") for page in {*PAGES} - HISTORY)
+    told = {*STUDY.findall(text)}
+    assert sorted(set(STUDIES) - told) == []
+
+
+def test_the_tree_of_files_is_the_tree() -> None:
+    again = "made again by: python -m studies.tree"
+    assert PAGE.read_text(encoding="utf-8") == tree_page(ROOT), again
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    named = set(re.findall(r"[\w/-]+\.md", (ROOT / "mkdocs.yml").read_text(encoding="utf-8")))
+    pages = {page.relative_to(ROOT / "docs").as_posix() for page in (ROOT / "docs").rglob("*.md")}
+    assert named == pages
+
+
+def test_the_readme_is_short() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= MOST_README_LINES
+
+
+@pytest.mark.parametrize(
+    ("text", "found"),
+    [
+        ("`elfslam fly`", ["elfslam fly"]),
+        ("```\nelfslam map WALK RUN\nelfslam study x OUT\n```", ["elfslam study"]),
+        ("`python -m studies no-such OUT`", ["studies no-such"]),
+        ("`python -m studies.benchmarks.nothing`", ["studies.benchmarks.nothing"]),
+        ("`python -m studies mapping OUT`, `elfslam map A B`, the folder elfslam lies in", []),
+    ],
+)
+def test_the_gate_notices_commands(text: str, found: list[str]) -> None:
+    assert list(unknown_commands(text)) == found
+
+
+def test_the_gate_notices_links(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(
+        "# A page: with `code`\n[a](#a-page-with-code) [b](#b) [c](c.md) [d](page.md)\n"
+    )
+    assert list(dead_links(page)) == ["#b", "c.md"]
