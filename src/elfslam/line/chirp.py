@@ -14,15 +14,12 @@ from elfslam.base.values import Chirp
 ACCEPTED_RATES_HZ = (44_100, 48_000)
 """10 ms and 100 ms are whole samples at both."""
 
-HOP_ORDER = (3, 7, 0, 5, 9, 2, 6, 1, 8, 4)
-"""Fixed pseudo-random order of the ten FHSS hops, so that every phone plays the same code."""
-
 
 @dataclass(frozen=True)
 class ChirpParameters:
     """What is played (paper section 3, excitation signal)."""
 
-    kind: str = parameter("chirp", "", "excitation: chirp (logarithmic), tone or fhss")
+    kind: str = parameter("chirp", "", "excitation: chirp (logarithmic) or tone")
     band_low_hz: float = parameter(
         15_000.0, "Hz", "lower end of the band", low=1_000.0, high=21_000.0
     )
@@ -77,15 +74,9 @@ def _phase_rad(parameters: ChirpParameters, t_s: F64) -> F64:
         turns = low_hz * duration_s / np.log(ratio) * (ratio ** (t_s / duration_s) - 1.0)
     elif parameters.kind == "tone":
         turns = high_hz * t_s
-    elif parameters.kind == "fhss":
-        hop = np.minimum(
-            (t_s / parameters.duration_s * len(HOP_ORDER)).astype(int), len(HOP_ORDER) - 1
-        )
-        hop_hz = low_hz + (np.array(HOP_ORDER)[hop] + 0.5) * (high_hz - low_hz) / len(HOP_ORDER)
-        turns = np.cumsum(hop_hz) * (t_s[1] - t_s[0])
     else:
         raise ParameterError(
-            f"chirp.kind: wanted chirp, tone or fhss, got {parameters.kind!r}; choose one"
+            f"chirp.kind: wanted chirp or tone, got {parameters.kind!r}; choose one"
         )
     return np.asarray(2 * np.pi * turns)
 
