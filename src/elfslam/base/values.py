@@ -16,7 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.errors import InputError
-from elfslam.base.notebooks import Plotted, run_summary
+from elfslam.base.notebooks import Plotted, run_summary, summary
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
@@ -124,6 +124,8 @@ class Recording:
     emr: Emr | None = None
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
+
+    __repr__ = summary
 
 
 @dataclass(frozen=True, eq=False)
