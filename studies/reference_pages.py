@@ -12,7 +12,9 @@ from elfslam.app.settings import Settings
 from elfslam.base.parameters import rows
 from elfslam.cli.app import VERBS, command_of
 
-COMMANDS, PARAMETERS = "<!-- commands -->", "<!-- parameters -->"
+COMMANDS = "The table of each verb is written here by `make docs`."
+PARAMETERS = "The tables are written here by `make docs`."
+"""What the pages say in the place of the tables where nobody has built the site."""
 
 
 def on_page_markdown(markdown: str, **_: Any) -> str:

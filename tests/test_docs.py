@@ -21,7 +21,7 @@ FENCE = re.compile(r"^(```|~~~).*?^\1", re.S | re.M)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND = re.compile(r"(?<![\w./-])elfslam ([a-z][a-z-]*)(?![\w.])")
 STUDY = re.compile(r"python -m studies ([a-z][a-z-]*)")
-MODULE = re.compile(r"python -m (studies(?:\.\w+)+|elfslam(?:\.\w+)+)")
+MODULE = re.compile(r"python -m ((?:studies|elfslam)(?:\.[a-z_]+)+)\b(?!\.)")
 
 
 def page_name(page: Path) -> str:
