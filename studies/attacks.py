@@ -20,7 +20,7 @@ from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.progress import Announce
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
-from elfslam.line.feature import encoder_for, extract_features
+from elfslam.line.feature import extract_features
 from elfslam.line.locate import trusted_one_shot
 from elfslam.line.medium_access import TurnsParameters
 from elfslam.line.spoofing import nothing_suspect
@@ -178,7 +178,7 @@ def _located(
         played_t_s=walk.played_t_s, gain_db=walk.gain_db,
     )  # fmt: skip
     echoes, suspicious = hear_for_fixes(recording, known)
-    features = extract_features(echoes, encoder_for(floor_map, shipped(), echoes))
+    features = extract_features(echoes, shipped())
     nodes = walk_nodes(recording, known)
     scores = footstep_likeness(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))

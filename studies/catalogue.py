@@ -17,7 +17,6 @@ from elfslam.scoring.page import save_page
 from studies.acoustic_odometry import measure_acoustic_odometry
 from studies.amounts import measure_amounts
 from studies.attacks import measure_attacks
-from studies.calibration import measure_calibration
 from studies.closure_steps import measure_closure_steps
 from studies.dead_reckoning import measure_dead_reckoning
 from studies.distinctness import measure_distinctness
@@ -57,7 +56,6 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "acoustic-odometry": LongStudy(measure_acoustic_odometry),
     "amounts": LongStudy(measure_amounts),
     "attacks": LongStudy(measure_attacks),
-    "calibration": measure_calibration,
     "closures": LongStudy(measure_closure_steps),
     "dead-reckoning": measure_dead_reckoning,
     "distinctness": measure_distinctness,

@@ -12,12 +12,12 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Run, Truth
-from elfslam.line.feature import Encoder, encoder_for, extract_features
+from elfslam.line.feature import Encoder, extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.errors import fix_distances, summarise
 from elfslam.slam.front_end import hear, walk_nodes
-from elfslam.slam.pipeline import Adapt, as_shipped, footstep_likeness, locate_walk, map_by_echoes
+from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World, simulate
@@ -56,12 +56,11 @@ def mapped_walk(
     encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
-    adapt: Adapt = as_shipped,
 ) -> Mapped:
     """A walk by someone whose steps are known, from a known start, mapped by echoes."""
     recording, truth = simulate(world, seed, rounds=rounds, sensors=sensors)
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, encoder, walkers(seed)[CALIBRATED], adapt=adapt)
+    run = map_by_echoes(recording, encoder, walkers(seed)[CALIBRATED])
     return Mapped(recording, run, truth)
 
 
@@ -86,8 +85,7 @@ def stranger(
         world, seed + STRANGER, rounds=rounds, sensors=sensors, circumstances=circumstances
     )
     echoes = hear(recording, Settings())
-    assert mapped.run.floor_map is not None
-    features = extract_features(echoes, encoder_for(mapped.run.floor_map, encoder, echoes))
+    features = extract_features(echoes, encoder)
     return Stranger(recording, walk_nodes(recording, Settings()), features, truth)
 
 

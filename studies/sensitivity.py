@@ -16,7 +16,7 @@ from elfslam.app.settings import Settings
 from elfslam.app.workers import Workers
 from elfslam.base.choices import Mode
 from elfslam.base.progress import Announce
-from elfslam.line.feature import Encoder, calibrated
+from elfslam.line.feature import Encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import World, load_world
@@ -89,7 +89,6 @@ def _measured(place: Place) -> Numbers:
         numbers |= _numbers(change, amount, mapped, other)
     if place.changes == "all":
         numbers |= _lengths(mapped, _stranger(world, place, mapped, Circumstances()))
-        numbers |= _calibrated(world, place)
     return numbers
 
 
@@ -155,14 +154,4 @@ def _lengths(mapped: Mapped, other: Stranger) -> Numbers:
         found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
         key = f"seconds|{length_s:g}|{Mode.ONE_SHOT.value}"
         numbers |= {f"{key}|{name}": value for name, value in found.items()}
-    return numbers
-
-
-def _calibrated(world: World, place: Place) -> Numbers:
-    """Other phones, each heard as the one that made the map, without any label."""
-    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), adapt=calibrated)
-    numbers: Numbers = {}
-    for phone in PHONES:
-        other = _stranger(world, place, mapped, Circumstances(device=phone))
-        numbers |= _numbers("phone, calibrated", phone, mapped, other)
     return numbers

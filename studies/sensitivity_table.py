@@ -21,7 +21,6 @@ TITLES = {
     "moved": ("Moved furniture", "pieces moved since mapping"),
     "volume": ("Volume", "share of the phone's full level"),
     "phone": ("Another phone", "device that is located"),
-    "phone, calibrated": ("Another phone, calibrated", "device that is located"),
 }
 PAPER_M: Mapping[str, Mapping[str, float]] = {
     "people": {"6": 0.57, "8": 0.6},
@@ -29,7 +28,7 @@ PAPER_M: Mapping[str, Mapping[str, float]] = {
     "volume": {"1": 0.10, "0.2": 0.18},
 }
 """Medians that the paper gives for one-shot fixes in its living room."""
-NAMED = ("sound", "phone", "phone, calibrated")
+NAMED = ("sound", "phone")
 MODES = {"one-shot": "one-shot", "trajectory": "from 8 footsteps", "track": "tracker"}
 NOTE = "Mean over walks of the median error of the answered queries, with its 95 % interval."
 

@@ -22,7 +22,7 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
-from elfslam.line.feature import Encoder, calibrated, encoder_for, extract_features
+from elfslam.line.feature import extract_features
 from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
 from elfslam.line.medium_access import TurnsParameters, spoiled_frames
 from elfslam.scoring.errors import fix_distances
@@ -121,7 +121,7 @@ def _rounds(task: Task) -> int:
 
 @cache
 def _mapped(world: str, seed: int, rounds: int) -> Mapped:
-    return mapped_walk(load_world(world), seed, rounds, shipped(), adapt=calibrated)
+    return mapped_walk(load_world(world), seed, rounds, shipped())
 
 
 def _of_phone(
@@ -178,8 +178,7 @@ def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
     groups = together(echoes.t_s, known)
     if not groups:
         return None
-    encoder: Encoder = encoder_for(floor_map, shipped(), echoes)
-    features = extract_features(echoes, encoder)
+    features = extract_features(echoes, shipped())
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     means = np.stack([features.vectors[rows].mean(axis=0) for rows in groups])
     t_s = np.array([echoes.t_s[rows].mean() for rows in groups])

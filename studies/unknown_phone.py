@@ -1,4 +1,4 @@
-"""A phone that the map never met: what calibration, both ways and translation are worth."""
+"""A phone that the map never met: what both ways and translation are worth."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
 from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
-from elfslam.line.feature import OnnxEncoder, load_encoder, mean_log_spectrum
+from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
@@ -94,20 +94,18 @@ def measure_place(task: Place, folder: Path) -> Numbers:
         asked = _walk(task.world, task.seed + ASKER, 1, phone)
         own = _walk(task.world, task.seed + LEARNER, task.learner_rounds, phone)
         for name, encoder, floor_map in maps:
-            for done, features in _heard(encoder, floor_map, asked, own, there):
+            for done, features in _heard(encoder, floor_map, asked, own):
                 key = f"{phone}|{name}|{done}"
                 numbers |= errors(key, _fixes(features, floor_map), _middles(asked))
     return numbers
 
 
 def _heard(
-    encoder: OnnxEncoder, floor_map: FloorMap, asked: Walk, own: Walk, mapped: Walk
+    encoder: OnnxEncoder, floor_map: FloorMap, asked: Walk, own: Walk
 ) -> Iterator[tuple[str, Features]]:
-    """The features of who is located: as they are, calibrated, and translated."""
+    """The features of who is located: as they are, and translated."""
     plain = _features(encoder, asked)
     yield "as it is", plain
-    response = mean_log_spectrum(own.samples) - mean_log_spectrum(mapped.samples)
-    yield "calibrated", Features(asked.t_s, encoder.embed(asked.samples, response), plain.encoder)
     translation = learn_phone(_features(encoder, own), floor_map, PhoneParameters())
     yield "translated", heard_as_map(plain, translation)
 

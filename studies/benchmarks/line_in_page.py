@@ -92,8 +92,7 @@ def write_floor_map(folder: Path, floor_map: FloorMap, parameters: Parameters) -
     """A map as `given.js` reads it."""
     folder.mkdir(parents=True, exist_ok=True)
     elf = next(item for item in floor_map.payloads if item.kind == "elf")
-    phones = [item.vectors[0].tolist() for item in floor_map.payloads if item.kind == "phone"]
-    told = {"encoder": elf.encoder, "phone": [*phones, None][0], "parameters": as_dict(parameters)}
+    told = {"encoder": elf.encoder, "parameters": as_dict(parameters)}
     (folder / "map.json").write_text(json.dumps(told))
     write_f32(folder / "xy.f32", floor_map.xy_m)
     write_f32(folder / "heading.f32", floor_map.heading_rad)

@@ -20,13 +20,12 @@ from elfslam.data.tiles import (
     Tile,
     encoder_identity,
     map_of_parts,
-    phone_of,
     stretches_of,
     tiles_of,
 )
-from elfslam.line.feature import load_encoder
+from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.locate import locate_one_shot
-from elfslam.slam.front_end import heard_in, walk_nodes
+from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.merging import MergeParameters, Walk, add_walk, merge
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
@@ -56,7 +55,7 @@ def moved_fixes() -> Iterator[Row]:
         stranger, _ = simulate(load_world(world), seed + 50, rounds=1)
         floor_map = map_by_echoes(recording, encoder, PARAMETERS).floor_map
         assert floor_map is not None
-        heard = heard_in(floor_map, stranger, encoder, PARAMETERS)
+        heard = extract_features(hear(stranger, PARAMETERS), encoder)
         nodes, tiled = walk_nodes(stranger, PARAMETERS), through_tiles(floor_map)
         one, other = (
             locate_one_shot(heard, each, PARAMETERS.locate) for each in (floor_map, tiled)
@@ -74,8 +73,8 @@ def through_tiles(floor_map: FloorMap) -> FloorMap:
     """The map as a phone holds it."""
     tiles = [tile.content for tile in tiles_of(floor_map)]
     stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
-    encoder, phone = encoder_identity(floor_map), phone_of(floor_map)
-    return map_of_parts(tiles, stretches, encoder=encoder, phone=phone, sources=floor_map.sources)
+    encoder = encoder_identity(floor_map)
+    return map_of_parts(tiles, stretches, encoder=encoder, sources=floor_map.sources)
 
 
 def tracks(heard: Features, nodes: Odometry, floor_map: FloorMap, seed: int) -> Fixes:

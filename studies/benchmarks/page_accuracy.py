@@ -5,10 +5,8 @@
 
 In development worlds a walk is mapped and another walker is located in it, one shot: by Python,
 and by the page's modules in a headless Chromium, block by block as the sound comes in. Printed are
-the median errors of both after the best fit of the map's own walk, and how many fixes agree. In a
-plain map the phone that made it is located, at both rates; in a calibrated one another phone too:
-what it makes of the chirp the page takes from the echoes so far, Python from the whole recording.
-The same walks are therefore located once more by the page with all echoes at once.
+the median errors of both after the best fit of the map's own walk, and how many fixes agree. The
+phone that made the map is located, at both rates, and another one.
 Needs chromium and the `test` extra.
 """
 
@@ -25,9 +23,9 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.values import Fixes, FixStatus, Truth
-from elfslam.line.feature import OnnxEncoder, calibrated, load_encoder
+from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
-from elfslam.slam.pipeline import as_shipped, locate
+from elfslam.slam.pipeline import locate
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.line_in_page import (
@@ -41,14 +39,9 @@ from studies.located import STRANGER, Mapped, fix_numbers, mapped_walk
 
 MAPPING_ROUNDS = 3
 SAME_M = 0.001
-LIVE, AT_ONCE = "live", "at once"
 OWN_PHONE, OTHER_PHONE = "simulated phone", "rippled"
-PLAIN, CALIBRATED = "plain", "calibrated"
-WALKS = {
-    PLAIN: ((OWN_PHONE, 44_100), (OWN_PHONE, 48_000)),
-    CALIBRATED: ((OWN_PHONE, 44_100), (OTHER_PHONE, 48_000)),
-}
-"""By the kind of map: the phone that is located in it, and its rate."""
+WALKS = ((OWN_PHONE, 44_100), (OWN_PHONE, 48_000), (OTHER_PHONE, 48_000))
+"""The phone that is located, and its rate."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +61,13 @@ def prepared(folder: Path, given: argparse.Namespace) -> list[Walk]:
     assert isinstance(encoder, OnnxEncoder)
     (folder / "encoder.onnx").write_bytes(encoder.content)
     walks, told = [], []
-    for name, seed, kind in itertools.product(given.worlds, given.seeds, WALKS):
-        world, adapt = load_world(name), calibrated if kind == CALIBRATED else as_shipped
-        mapped = mapped_walk(world, seed, MAPPING_ROUNDS, encoder, adapt=adapt)
-        floor_map, map_name = mapped.run.floor_map, f"{name}_{seed}_{kind}"
+    for name, seed in itertools.product(given.worlds, given.seeds):
+        world = load_world(name)
+        mapped = mapped_walk(world, seed, MAPPING_ROUNDS, encoder)
+        floor_map, map_name = mapped.run.floor_map, f"{name}_{seed}"
         assert floor_map is not None
         write_floor_map(folder / map_name, floor_map, parameters)
-        for device, rate_hz in WALKS[kind]:
+        for device, rate_hz in WALKS:
             today = Circumstances(device=device)
             recording, truth = simulate(
                 world, seed + STRANGER, rounds=given.rounds, rate_hz=rate_hz, circumstances=today
@@ -83,19 +76,8 @@ def prepared(folder: Path, given: argparse.Namespace) -> list[Walk]:
             walk = f"{map_name}_{rate_hz}_{device.replace(' ', '_')}"
             assert recording.audio is not None
             write_f32(folder / f"{walk}.f32", recording.audio.samples[0])
-            for way in (LIVE, AT_ONCE)[: 1 + (kind == CALIBRATED)]:
-                label = f"{kind}, {device}, {rate_hz} Hz, {way}"
-                key = f"{walk}_{way}"
-                walks.append(Walk(key, label, mapped, fixes, truth))
-                told.append(
-                    {
-                        "key": key,
-                        "name": walk,
-                        "map": map_name,
-                        "rateHz": rate_hz,
-                        "atOnce": way == AT_ONCE,
-                    }
-                )
+            walks.append(Walk(walk, f"{device}, {rate_hz} Hz", mapped, fixes, truth))
+            told.append({"name": walk, "map": map_name, "rateHz": rate_hz})
     (folder / "walks.json").write_text(json.dumps(told))
     return walks
 
@@ -138,7 +120,7 @@ def agreement(page: Fixes, python: Fixes) -> tuple[float, float, float]:
 
 def print_agreement(walks: list[Walk], said: dict[str, Any]) -> None:
     """A row for each kind of walk; medians are those of the walks' medians."""
-    print(f"{'map, phone, rate, echoes':52}windows  status  within  95 % are  median  median")
+    print(f"{'phone, rate':52}windows  status  within  95 % are  median  median")
     print(f"{'':52}         equal    1 mm   within  Python    page")
     for kind in sorted({walk.kind for walk in walks}):
         rows = []

@@ -23,7 +23,7 @@ import numpy as np
 from playwright.sync_api import Browser
 
 from elfslam.base.values import FloorMap, Payload
-from elfslam.line.feature import OnnxEncoder, calibrated, load_encoder
+from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
@@ -57,7 +57,7 @@ def prepare(folder: Path, spots: int, rate_hz: int) -> float:
     assert isinstance(encoder, OnnxEncoder)
     world = load_world("studio")
     mapped, _ = simulate(world, 100, rounds=1)
-    run = map_by_echoes(mapped, encoder, parameters, adapt=calibrated)
+    run = map_by_echoes(mapped, encoder, parameters)
     assert run.floor_map is not None
     write_floor_map(folder / "map", filled(run.floor_map, spots), parameters)
     walked, _ = simulate(world, 101, rounds=1, rate_hz=rate_hz)

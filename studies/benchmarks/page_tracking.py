@@ -37,7 +37,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Mode
 from elfslam.base.values import Features, Fixes, FixStatus, FloorMap, Imu, Payload, Truth
-from elfslam.line.feature import encoder_for, extract_features, load_encoder
+from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.locate import elf_payload, likeness, means_between
 from elfslam.line.motion import MotionParameters, dead_reckon
 from elfslam.line.track import TrackParameters
@@ -170,7 +170,7 @@ def walks_of(world: str, seed: int) -> dict[str, Any]:
     )
     assert recording.imu is not None
     echoes = hear(recording, KNOWN)
-    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
+    features = extract_features(echoes, encoder)
     matched = match(trajectory.t_s, trajectory.world_from_body, mapped.truth)
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     return {

@@ -451,39 +451,6 @@ def test_a_map_takes_its_fine_tuned_encoder_along(
     assert elfslam("locate", walk, run, tmp_path / "fixes.csv")[0] == 0
 
 
-def test_a_calibrated_map_locates_another_phone(
-    walk: Path, mapped: Path, tmp_path: Path, elfslam: Elfslam
-) -> None:
-    run, tablet, fixes = (tmp_path / name for name in ("run", "tablet", "fixes.csv"))
-    assert elfslam("map", walk, run, "--calibrate")[0] == 0
-    assert json.loads((run / "run.json").read_text())["calibrated"] is True
-    assert (run / "trajectory.tum").read_bytes() == (mapped / "trajectory.tum").read_bytes()
-    assert (run / "encoder.onnx").read_bytes() == (mapped / "encoder.onnx").read_bytes()
-    elfslam("simulate", "studio", tablet, "--seed", 108, "--rounds", 1, "--device", "tablet")
-    assert elfslam("locate", tablet, run, fixes)[0] == 0
-    assert elfslam("locate", tablet, mapped, tmp_path / "plain.csv")[0] in (0, 1)
-    assert fixes.read_bytes() != (tmp_path / "plain.csv").read_bytes()
-    code, _, err = elfslam("locate", tablet, run, fixes, "--encoder", "spectral")
-    assert (code, len(err.splitlines())) == (2, 1)
-    assert "spectral-1 has no input device_log_spectrum" in err
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--encoder", "spectral"), "spectral-1 has no input device_log_spectrum"),
-        (("--by", "motion"), "--calibrate learns echoes; leave it out with --by motion"),
-    ],
-)
-def test_what_cannot_be_calibrated_is_refused(
-    options: tuple[str, ...], words: str, walk: Path, tmp_path: Path, elfslam: Elfslam
-) -> None:
-    code, _, err = elfslam("map", walk, tmp_path / "run", "--calibrate", *options)
-    assert code == 2
-    assert words in err
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> None:
     file = tmp_path / "one.onnx"
     tiny = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")

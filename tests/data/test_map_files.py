@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import StoreError
-from elfslam.base.values import Run
+from elfslam.base.values import Payload, Run
 from elfslam.data.map_files import read_map, write_map
 
 
@@ -35,6 +35,17 @@ def test_the_age_of_spots_is_kept_and_older_files_have_none(tmp_path: Path, run:
         older = {name: stored[name] for name in stored.files if name not in ("weight", "changed")}
     np.savez(tmp_path / "map.npz", **older)
     assert (read_map(tmp_path).weight == 1).all()
+
+
+def test_a_map_that_says_as_whom_to_hear_phones_is_read_without(tmp_path: Path, run: Run) -> None:
+    """As earlier versions wrote it: a payload more, and a name behind that of the encoder."""
+    elfs, *others = run.floor_map.payloads
+    named = replace(elfs, encoder=f"{elfs.encoder}+as-0123abcd")
+    phone = Payload("phone", "mean-log-spectrum-1", np.ones((len(elfs.vectors), 12)))
+    write_map(replace(run.floor_map, payloads=(named, phone, *others)), tmp_path / "map.npz")
+    read = read_map(tmp_path).payloads
+    wanted = [(each.kind, each.encoder) for each in (elfs, *others)]
+    assert [(each.kind, each.encoder) for each in read] == wanted
 
 
 @pytest.mark.parametrize("kept", [0, 10, 300, -30])

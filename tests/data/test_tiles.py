@@ -10,28 +10,25 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.tiles import encoder_identity, map_of_parts, phone_of, stretches_of, tiles_of
-from elfslam.line.feature import MEAN_LOG_SPECTRUM, PHONE
+from elfslam.data.tiles import encoder_identity, map_of_parts, stretches_of, tiles_of
 
 PLACES = np.array([[7.9, -0.1], [0.0, 0.0], [8.0, 0.0], [-3.0, 7.0], [7.0, 7.9], [0.5, 0.0]])
 ORDER = [3, 0, 1, 4, 5, 2]
 """The spots by the squares (-1, 0), (0, -1), (0, 0) and (1, 0)."""
 
 
-def a_map(phone: np.ndarray | None = None) -> FloorMap:
+def a_map() -> FloorMap:
     generator = np.random.default_rng(3)
     count = len(PLACES)
     root = generator.normal(size=(count, 2, 2))
-    payloads = [Payload("elf", "abc", generator.normal(0, 0.09, (count, 128)).astype(np.float32))]
-    if phone is not None:
-        payloads.append(Payload(PHONE, MEAN_LOG_SPECTRUM, np.tile(phone, (count, 1))))
+    elfs = Payload("elf", "abc", generator.normal(0, 0.09, (count, 128)).astype(np.float32))
     return FloorMap(
         xy_m=PLACES,
         heading_rad=generator.uniform(-3, 3, count),
         walk=np.array([0, 0, 0, 0, 0, 2]),
         order=np.array([5, 0, 300, 256, 255, 5]),
         covariance_m2=root @ root.transpose(0, 2, 1),
-        payloads=tuple(payloads),
+        payloads=(elfs,),
         parameters_digest="d",
         sources=("one", "two", "three"),
         weight=generator.uniform(0.1, 1, count),
@@ -39,8 +36,7 @@ def a_map(phone: np.ndarray | None = None) -> FloorMap:
 
 
 def test_what_is_cut_is_put_together() -> None:
-    phone = np.linspace(-1, 1, 12, dtype=np.float32)
-    given = a_map(phone)
+    given = a_map()
     tiles, stretches = tiles_of(given), stretches_of(given)
     assert [(tile.square, tile.spots) for tile in tiles] == [
         ((-1, 0), 1), ((0, -1), 1), ((0, 0), 3), ((1, 0), 1)
@@ -50,7 +46,6 @@ def test_what_is_cut_is_put_together() -> None:
         [tile.content for tile in tiles],
         [(each.walk, each.content) for each in stretches],
         encoder=encoder_identity(given),
-        phone=phone_of(given),
         sources=given.sources,
     )
     for name in ("walk", "order"):
@@ -62,8 +57,6 @@ def test_what_is_cut_is_put_together() -> None:
         assert (payload.kind, payload.encoder) == (wanted.kind, wanted.encoder)
     halves = given.payloads[0].vectors[ORDER].astype(np.float16)
     npt.assert_array_equal(read.payloads[0].vectors, halves.astype(np.float32))
-    npt.assert_array_equal(read.payloads[1].vectors, np.tile(phone, (6, 1)))
-    assert phone_of(a_map()) is None
 
 
 def test_a_change_stays_in_its_tile() -> None:
@@ -83,7 +76,7 @@ def test_a_part_that_is_cut_off_is_refused(kept: int) -> None:
     given = a_map()
     tiles = [tile.content for tile in tiles_of(given)]
     stretches = [(each.walk, each.content) for each in stretches_of(given)]
-    known = {"encoder": "abc", "phone": None, "sources": given.sources}
+    known = {"encoder": "abc", "sources": given.sources}
     with pytest.raises(InputError, match="fetch it again"):
         map_of_parts([tiles[0][:kept], *tiles[1:]], stretches, **known)
     first = stretches[0][0], stretches[0][1][:kept]
@@ -98,14 +91,14 @@ def test_spots_without_features_are_refused() -> None:
     other = [(walk + 1, content) for walk, content in stretches]
     for some in (stretches[1:], stretches[:-1], other, []):
         with pytest.raises(InputError, match="no features"):
-            map_of_parts(tiles, some, encoder="abc", phone=None, sources=given.sources)
+            map_of_parts(tiles, some, encoder="abc", sources=given.sources)
 
 
 def test_spots_that_their_order_does_not_tell_apart_keep_their_features() -> None:
     given = replace(a_map(), walk=np.zeros(6, dtype=np.int64), order=np.zeros(6, dtype=np.int64))
     tiles = [tile.content for tile in tiles_of(given)]
     stretches = [(each.walk, each.content) for each in stretches_of(given)]
-    read = map_of_parts(tiles, stretches, encoder="abc", phone=None, sources=("one",))
+    read = map_of_parts(tiles, stretches, encoder="abc", sources=("one",))
     halves = given.payloads[0].vectors[ORDER].astype(np.float16)
     npt.assert_array_equal(read.payloads[0].vectors, halves.astype(np.float32))
 

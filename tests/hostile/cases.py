@@ -42,7 +42,6 @@ def _targets() -> Iterator[Target]:
     for by in ("motion", "wifi", "magnetic", "emr", "elf,wifi"):
         yield Target("recordings", "walk", f"map {{given}} {{out}} --by {by}")
     yield Target("recordings", "walk", "locate {given} {base}/run {out} --mode tracking", "out.csv")
-    yield Target("recordings", "walk", "map {given} {out} --calibrate")
     yield Target(
         "recordings", "walk", "locate {base}/walk {base}/run {out} --phone-walk {given}", "out.csv"
     )

@@ -19,7 +19,7 @@ from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.recordings import write_recording
-from elfslam.line.feature import MEAN_LOG_SPECTRUM, PHONE, OnnxEncoder, load_encoder
+from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
@@ -195,17 +195,13 @@ def maps() -> Maps:
     root = generator.normal(0, 0.3, (SPOTS, 2, 2))
     vectors = generator.normal(0, 0.09, (SPOTS, 128)).astype(np.float32)
     vectors[0, :4] = [0, 1e-7, -1e-5, 1]  # none, less than the least half, a subnormal one
-    phone = np.tile(generator.normal(0, 2, 12).astype(np.float32), (SPOTS, 1))
     first = FloorMap(
         xy_m=generator.uniform(0, SIDE_M, (SPOTS, 2)),
         heading_rad=generator.uniform(-3, 3, SPOTS),
         walk=np.zeros(SPOTS, dtype=np.int64),
         order=np.arange(SPOTS),
         covariance_m2=root @ root.transpose(0, 2, 1),
-        payloads=(
-            Payload("elf", encoder.identity, vectors),
-            Payload(PHONE, MEAN_LOG_SPECTRUM, phone),
-        ),
+        payloads=(Payload("elf", encoder.identity, vectors),),
         parameters_digest="",
         sources=("walk",),
         weight=generator.uniform(0.2, 1, SPOTS),

@@ -13,10 +13,9 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.parameters import load
 from elfslam.base.values import Audio, Odometry, Recording
-from elfslam.line.feature import Encoder, calibrated, extract_features, load_encoder
-from elfslam.slam.front_end import hear, hear_for_fixes, heard_in, walk_nodes, with_heard_steps
+from elfslam.line.feature import Encoder, load_encoder
+from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
-from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
 
@@ -121,17 +120,3 @@ def test_without_a_schedule_the_echoes_for_fixes_are_the_echoes(recording: Recor
     echoes, suspect = hear_for_fixes(recording, PARAMETERS)
     npt.assert_array_equal(echoes.samples, hear(recording, PARAMETERS).samples)
     assert not suspect(echoes.t_s).any()
-
-
-def test_a_calibrated_map_is_heard_as_its_phone_would(
-    recording: Recording, encoder: Encoder
-) -> None:
-    own = map_by_echoes(recording, encoder, PARAMETERS, adapt=calibrated).floor_map
-    plain = map_by_echoes(recording, encoder, PARAMETERS).floor_map
-    assert own is not None
-    assert plain is not None
-    bare = extract_features(hear(recording, PARAMETERS), encoder)
-    npt.assert_array_equal(heard_in(plain, recording, encoder, PARAMETERS).vectors, bare.vectors)
-    npt.assert_allclose(
-        heard_in(own, recording, encoder, PARAMETERS).vectors, bare.vectors, atol=1e-3
-    )

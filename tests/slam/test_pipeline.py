@@ -27,7 +27,7 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, SpectralEncoder, calibrated, load_encoder
+from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.slam import pipeline as slam
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense, map_by, map_by_echoes, no_similarity
@@ -194,13 +194,13 @@ def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
     good = fixes.status == FixStatus.OK
     there = (fixes.t_s > run.odometry.t_s[0]) & (fixes.t_s < run.odometry.t_s[-1])
-    assert (good & there).sum() > 0.8 * there.sum()
+    assert (good & there).sum() > 0.95 * there.sum()
     columns = [
         np.interp(fixes.t_s, run.trajectory.t_s, run.trajectory.world_from_body[:, axis])
         for axis in (0, 1)
     ]
     error_m = np.linalg.norm(fixes.xy_m - np.column_stack(columns), axis=1)[good & there]
-    assert np.median(error_m) < 0.4
+    assert np.median(error_m) < 0.1
 
 
 def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
@@ -208,10 +208,9 @@ def test_another_walk_is_located_in_the_map(run: Run, encoder: Encoder) -> None:
     recording, truth = simulate(load_world("studio"), seed=8, rounds=1)
     fixes = slam.locate(recording, run.floor_map, encoder, PARAMETERS)
     good = fixes.status == FixStatus.OK
-    assert good.mean() > 0.3
+    assert good.mean() > 0.9
     wanted_m = true_xy_m(truth, fixes.t_s[good])
-    lost_m = shape_error_m(np.zeros_like(wanted_m), wanted_m)
-    assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.5 * lost_m
+    assert shape_error_m(fixes.xy_m[good], wanted_m) < 0.25
 
 
 def test_a_phone_that_hears_otherwise_is_heard_as_the_maps(
@@ -300,24 +299,6 @@ def test_the_line_needs_no_torch_and_no_plotting() -> None:
         [sys.executable, "-c", program], capture_output=True, text=True, check=True
     )
     assert done.stdout.strip() == "[]"
-
-
-def test_a_calibrated_map_is_the_same_map_and_hears_others_as_its_own_phone(
-    recording: Recording, encoder: Encoder, run: Run
-) -> None:
-    own = map_by_echoes(recording, encoder, PARAMETERS, adapt=calibrated)
-    assert own.floor_map is not None
-    assert run.floor_map is not None
-    npt.assert_array_equal(own.trajectory.world_from_body, run.trajectory.world_from_body)
-    kinds = [item.kind for item in own.floor_map.payloads]
-    assert kinds == ["elf", "phone"]
-    npt.assert_array_equal(own.floor_map.payloads[0].vectors, run.floor_map.payloads[0].vectors)
-    phone = Circumstances(device="tablet")
-    other, _ = simulate(load_world("studio"), seed=7, rounds=1, circumstances=phone)
-    fixes = slam.locate(other, own.floor_map, encoder, PARAMETERS)
-    plain = slam.locate(other, run.floor_map, encoder, PARAMETERS)
-    assert not np.array_equal(fixes.score, plain.score), "the tablet is heard as the map's phone"
-    assert np.nanmean(fixes.score) > np.nanmean(plain.score)
 
 
 def test_a_later_sense_may_not_contradict_an_earlier_one() -> None:

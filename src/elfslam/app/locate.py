@@ -14,8 +14,8 @@ from elfslam.data.folders import settled
 from elfslam.data.map_files import read_map
 from elfslam.data.recordings import read_recording
 from elfslam.line.device_adaptation import learn_phone
-from elfslam.line.feature import Encoder, load_encoder
-from elfslam.slam.front_end import heard_in
+from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.slam.front_end import hear
 from elfslam.slam.pipeline import locate
 
 
@@ -50,7 +50,8 @@ def phone_translation(
     walk: Recording, floor_map: FloorMap, encoder: Encoder, settings: Settings
 ) -> F32:
     """What a phone's own walk in a map tells of how it hears (cross-device adaptation)."""
-    return learn_phone(heard_in(floor_map, walk, encoder, settings), floor_map, settings.phone)
+    heard = extract_features(hear(walk, settings), encoder)
+    return learn_phone(heard, floor_map, settings.phone)
 
 
 def encoder_of(path: Path, floor_map: FloorMap) -> Encoder:

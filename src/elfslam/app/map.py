@@ -24,7 +24,7 @@ from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
-from elfslam.line.feature import Encoder, OnnxEncoder, calibrated, load_encoder
+from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.scoring.figures import FloorPlan
 from elfslam.scoring.report import write_report
 from elfslam.slam import pipeline as slam
@@ -49,7 +49,6 @@ class MapJob:
     parameters: Settings
     overwrite: bool
     finetune: bool = False
-    calibrate: bool = False
 
 
 def map_into(
@@ -113,21 +112,19 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
         recording = replace(recording, start_pose=job.start_pose)
     heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
     by = job.by or heard
-    learns = [f"--{what}" for what in ("finetune", "calibrate") if getattr(job, what)]
-    if learns and Modality.ELF not in by:
+    if job.finetune and Modality.ELF not in by:
         raise InputError(
-            f"{recording.name}: {learns[0]} learns echoes; leave it out with --by {','.join(by)}"
+            f"{recording.name}: --finetune learns echoes; leave it out with --by {','.join(by)}"
         )
     encoder = load_encoder(job.encoder) if Modality.ELF in by else None
     tuned: list[Finetuned] = []
 
     def adapt(shipped: Encoder, echoes: Echoes) -> Encoder:
-        used = shipped
-        if job.finetune:
-            known = job.parameters.finetune
-            tuned.append(finetuned(shipped, echoes, known, FINETUNE_SEED, announce))
-            used = tuned[-1].encoder
-        return calibrated(used, echoes) if job.calibrate else used
+        if not job.finetune:
+            return shipped
+        known = job.parameters.finetune
+        tuned.append(finetuned(shipped, echoes, known, FINETUNE_SEED, announce))
+        return tuned[-1].encoder
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
     if tuned:
@@ -151,7 +148,6 @@ def mapped_run(
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
         **({"finetuning": made.finetuning} if made.finetuning else {}),
-        **({"calibrated": True} if job.calibrate else {}),
         **_verdict(made.run),
     }
     return made.run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None

@@ -43,7 +43,6 @@ def map_command(
     start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
-    calibrate: Annotated[bool, typer.Option(help="For other phones to be located.")] = False,
     plan: Plan = None,
     force: Force = False,
     on: On = None,
@@ -54,7 +53,7 @@ def map_command(
     known = load(Settings(), parameter_file, setting or [])
     drawn = drawn_plan(plan)
     job = MapJob(
-        parse_modalities(by), parse_start(start), encoder, known, force, finetune, calibrate
+        parse_modalities(by), parse_start(start), encoder, known, force, finetune
     )
     paths = recordings_in(recording)
     with progress_bar() as announce:

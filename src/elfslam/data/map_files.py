@@ -20,6 +20,9 @@ AGEING = ("weight", "changed")
 """What maps of one walk may lack."""
 FARTHEST_M = 1e8
 """Maps may lie in the frame of a country."""
+OF_PHONE, AS_PHONE = "phone", "+as-"
+"""Earlier versions wrote as whom other phones were to be heard: a payload, and a name behind that
+of the encoder. The features of such maps are those of the encoder."""
 LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
 
 
@@ -47,8 +50,9 @@ def read_map(path: Path) -> FloorMap:
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
             payloads=tuple(
-                Payload(kind, encoder, arrays[f"payload_{k}"])
+                Payload(kind, encoder.partition(AS_PHONE)[0], arrays[f"payload_{k}"])
                 for k, (kind, encoder) in enumerate(zip(kinds, encoders, strict=True))
+                if kind != OF_PHONE
             ),
             parameters_digest=str(arrays["parameters_digest"]),
             sources=_texts(arrays, "sources"),

@@ -26,7 +26,7 @@ from elfslam.base.values import (
 )
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
-from elfslam.data.map_files import MAP, read_map, write_map
+from elfslam.data.map_files import AS_PHONE, MAP, read_map, write_map
 from elfslam.data.npz import check_covariances, read_npz, write_npz
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
@@ -212,4 +212,4 @@ def _read_features(file: Path) -> Features | None:
     if not file.is_file():
         return None
     arrays = read_npz(file, ["t_s", "vectors", "encoder"])
-    return Features(arrays["t_s"], arrays["vectors"], str(arrays["encoder"]))
+    return Features(arrays["t_s"], arrays["vectors"], str(arrays["encoder"]).partition(AS_PHONE)[0])

@@ -17,7 +17,6 @@ import numpy as np
 from elfslam.base.arrays import F32, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ELF_SIZE, FloorMap, Payload
-from elfslam.line.feature import BINS, MEAN_LOG_SPECTRUM, PHONE
 
 TILE_M, STRETCH_SPOTS = 8.0, 256
 WHOLE, NUMBERS, VECTORS = np.dtype("<u4"), np.dtype("<f4"), np.dtype("<f2")
@@ -82,13 +81,12 @@ def map_of_parts(
     stretches: Sequence[tuple[int, bytes]],
     *,
     encoder: str,
-    phone: Sequence[float] | F32 | None,
     sources: tuple[str, ...],
 ) -> FloorMap:
     """The map that a phone holds: its spots tile after tile; `stretches` with their walks.
 
-    `encoder` is the identity of what made the features, `phone` (12) as whom others are to be
-    heard. Raises InputError for a part that is cut off, and where features are missing.
+    `encoder` is the identity of what made the features. Raises InputError for a part that is cut
+    off, and where features are missing.
     """
     parts = [_tile(content) for content in tiles]
     walk, order = (np.concatenate([part[k] for part in parts]) for k in (0, 1))
@@ -97,16 +95,14 @@ def map_of_parts(
         np.cumsum(COLUMNS)[:-1],
         axis=1,
     )
-    payloads = [Payload("elf", encoder, _features(stretches, _keys(walk, order)))]
-    if phone is not None:
-        payloads.append(Payload(PHONE, MEAN_LOG_SPECTRUM, np.tile(phone, (len(walk), 1))))
+    elfs = Payload("elf", encoder, _features(stretches, _keys(walk, order)))
     return FloorMap(
         xy_m=place,
         heading_rad=heading[:, 0],
         walk=walk.astype(np.int64),
         order=order.astype(np.int64),
         covariance_m2=flat[:, [0, 1, 1, 2]].reshape(-1, 2, 2),
-        payloads=tuple(payloads),
+        payloads=(elfs,),
         parameters_digest="",
         sources=sources,
         weight=weight[:, 0],
@@ -123,14 +119,6 @@ def features_of(stretch: bytes) -> F32:
 def encoder_identity(floor_map: FloorMap) -> str:
     """What made the features of a map. Raises InputError where it has no ELFs."""
     return _elfs(floor_map).encoder
-
-
-def phone_of(floor_map: FloorMap) -> F32 | None:
-    """As whom other phones are to be heard in a map (12); None where it does not matter."""
-    for item in floor_map.payloads:
-        if item.kind == PHONE and len(item.vectors) > 0 and item.vectors.shape[1] == BINS:
-            return np.asarray(item.vectors[0], dtype=np.float32)
-    return None
 
 
 def _elfs(floor_map: FloorMap) -> Payload:

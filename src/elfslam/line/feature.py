@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -13,12 +11,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from elfslam.base.arrays import F32, Value, array
+from elfslam.base.arrays import F32
 from elfslam.base.bounds import MEBIBYTE
 from elfslam.base.card import Card, card_in
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features, FloorMap, Payload
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features
 
 WINDOW_SAMPLES = 96
 HOP_SAMPLES = 48
@@ -27,11 +25,6 @@ BINS = 12
 """Bins 33 to 44 of a 96-point window at 44.1 kHz: 15.2 to 20.2 kHz."""
 QUIET = 1e-7
 """Added to magnitudes before the logarithm, so that silence has one."""
-PHONE = "phone"
-"""The payload of a map that says what its phone made of the chirp, at each spot."""
-MEAN_LOG_SPECTRUM = "mean-log-spectrum-1"
-
-
 BATCH = 256
 BATCH_S = 60.0
 """The slowest machine does a batch in a second."""
@@ -106,35 +99,29 @@ class OnnxEncoder:
                 f"encoder {name}: not a readable ONNX graph; pass the .onnx file of an encoder"
             ) from cause
         inputs = {item.name: item.shape for item in self._session.get_inputs()}
-        optional = {item.name: item.shape for item in self._session.get_overridable_initializers()}
         outputs = [item.name for item in self._session.get_outputs()]
         if inputs.get("samples", [0, 0])[1:] != [ECHO_SAMPLES] or "elf" not in outputs:
             raise InputError(
                 f"encoder {name}: wanted input samples (n, {ECHO_SAMPLES}) and output elf, "
                 f"got {inputs}; export it with `elfslam pretrain`"
             )
-        self.takes_calibration = {**inputs, **optional}.get("device_log_spectrum") == [BINS]
 
     @property
     def card(self) -> Card | None:
         """How it was made, None where its file does not say. Raises InputError if damaged."""
         return card_in(self._session.get_modelmeta().custom_metadata_map)
 
-    def embed(self, samples: F32, device_log_spectrum: F32 | None = None) -> F32:
-        """Unit vectors (n, 128), the phone's log response (12) taken out where it is given.
+    def embed(self, samples: F32) -> F32:
+        """Unit vectors (n, 128) of traces (n, 2352).
 
         Raises InputError where the graph fails, takes too long, or gives anything else.
         """
         if len(samples) == 0:
             return np.zeros((0, ELF_SIZE), dtype=np.float32)
-        given = {} if device_log_spectrum is None else {"device_log_spectrum": device_log_spectrum}
-        parts = [
-            self._run({"samples": np.ascontiguousarray(samples[k : k + BATCH]), **given})
-            for k in range(0, len(samples), BATCH)
-        ]
-        return np.concatenate(parts)
+        rows = np.ascontiguousarray(samples)
+        return np.concatenate([self._run(rows[k : k + BATCH]) for k in range(0, len(rows), BATCH)])
 
-    def _run(self, given: Mapping[str, F32]) -> F32:
+    def _run(self, samples: F32) -> F32:
         """The unit vectors of one batch. Raises InputError."""
         import onnxruntime
 
@@ -144,14 +131,14 @@ class OnnxEncoder:
         timer.daemon = True
         timer.start()
         try:
-            made = self._session.run(["elf"], dict(given), options)[0]
+            made = self._session.run(["elf"], {"samples": samples}, options)[0]
         except Exception as cause:  # onnxruntime raises its own exception types
-            late = f"takes more than {self._batch_s:g} s for {len(given['samples'])} echoes"
+            late = f"takes more than {self._batch_s:g} s for {len(samples)} echoes"
             why = late if options.terminate else f"fails ({' '.join(str(cause).split()):.120})"
             raise InputError(f"encoder {self.name}: {why}; choose another") from cause
         finally:
             timer.cancel()
-        if not _are_unit_rows(made, len(given["samples"])):
+        if not _are_unit_rows(made, len(samples)):
             raise InputError(
                 f"encoder {self.name}: gives something else than a vector of {ELF_SIZE} numbers "
                 "and of length 1 for each echo; choose another"
@@ -177,77 +164,6 @@ def _bound_memory() -> None:
     memory = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, onnxruntime.OrtMemType.DEFAULT)
     limit = onnxruntime.OrtArenaCfg({"max_mem": MOST_RUN_BYTES})
     onnxruntime.create_and_register_allocator(memory, limit)
-
-
-@dataclass(frozen=True, eq=False)
-class CalibratedEncoder(Value):
-    """An encoder that hears one phone as if it were another: the one that made a map.
-
-    `heard` (12) and `reference` (12) are the `mean_log_spectrum` of each; their difference is what
-    is taken out. The identity names the reference, for whose echoes all of them stand.
-    """
-
-    plain: OnnxEncoder
-    heard: F32 = array(BINS, dtype=np.float32)
-    reference: F32 = array(BINS, dtype=np.float32)
-
-    @property
-    def identity(self) -> str:
-        """That of the plain encoder, and a digest of the reference."""
-        return (
-            f"{self.plain.identity}+as-{hashlib.sha256(self.reference.tobytes()).hexdigest()[:8]}"
-        )
-
-    def embed(self, samples: F32) -> F32:
-        """Unit vectors (n, 128)."""
-        return self.plain.embed(samples, self.heard - self.reference)
-
-
-def mean_log_spectrum(samples: F32) -> F32:
-    """The level of each band (12) in aligned traces (n, 2352), less the mean over the bands.
-
-    The median over the traces of each one's mean log magnitude: neither loudness nor a few
-    disturbed echoes change it.
-    """
-    level = np.log(spectrogram(samples) + QUIET).mean(axis=2)
-    level -= level.mean(axis=1, keepdims=True)
-    found = np.median(level, axis=0)
-    return np.asarray(found - found.mean(), dtype=np.float32)
-
-
-def calibrated(encoder: Encoder, echoes: Echoes, reference: F32 | None = None) -> CalibratedEncoder:
-    """`encoder` for the phone that heard `echoes`, without any label.
-
-    `reference` (12) is the `mean_log_spectrum` of the phone it is to be heard as; by default it is
-    its own, as for a first map. Raises InputError for an encoder that takes no calibration, and
-    where there is no echo.
-    """
-    if not (isinstance(encoder, OnnxEncoder) and encoder.takes_calibration):
-        raise InputError(
-            f"calibration: encoder {encoder.identity} has no input device_log_spectrum ({BINS}); "
-            "leave the calibration out or name another encoder"
-        )
-    if len(echoes.samples) == 0:
-        raise InputError("calibration: wanted some echoes, got none; record longer")
-    heard = mean_log_spectrum(echoes.samples)
-    return CalibratedEncoder(encoder, heard, heard if reference is None else reference)
-
-
-def with_phone(floor_map: FloorMap, encoder: Encoder) -> FloorMap:
-    """The map, with the phone that others are to be heard as where its encoder is calibrated."""
-    if not isinstance(encoder, CalibratedEncoder):
-        return floor_map
-    spots = np.tile(encoder.reference, (len(floor_map.xy_m), 1))
-    phone = Payload(PHONE, MEAN_LOG_SPECTRUM, spots)
-    return replace(floor_map, payloads=(*floor_map.payloads, phone))
-
-
-def encoder_for(floor_map: FloorMap, encoder: Encoder, echoes: Echoes) -> Encoder:
-    """`encoder`, calibrated to the phone of `echoes` where the map says as whom to hear it."""
-    phones = [item.vectors for item in floor_map.payloads if item.kind == PHONE]
-    if not phones or len(phones[0]) == 0:
-        return encoder
-    return calibrated(encoder, echoes, phones[0][0])
 
 
 def load_encoder(name: str) -> Encoder:

@@ -8,11 +8,10 @@ import numpy as np
 
 from elfslam.base.arrays import Bool
 from elfslam.base.errors import InputError
-from elfslam.base.values import ECHO_RATE_HZ, Echoes, Features, FloorMap, Odometry, Recording
+from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
 from elfslam.line.acoustic_odometry import measure_scale, rescaled, with_prior
 from elfslam.line.chirp import make_chirp
 from elfslam.line.echo import Frames, echoes_of, find_frames, frame_facts
-from elfslam.line.feature import Encoder, encoder_for, extract_features
 from elfslam.line.medium_access import spoiled_frames
 from elfslam.line.motion import dead_reckon, nodes_by_distance
 from elfslam.line.spoofing import Suspicion, nothing_suspect, suspicion
@@ -57,17 +56,6 @@ def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes
         ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
         clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
     return clean, suspicion(facts, every, parameters.trust, clean)
-
-
-def heard_in(
-    floor_map: FloorMap, recording: Recording, encoder: Encoder, parameters: Parameters
-) -> Features:
-    """The features of a recording that is to be compared with a map.
-
-    Where the map says what its own phone made of the chirp, this one is heard as if it were that.
-    """
-    echoes = hear(recording, parameters)
-    return extract_features(echoes, encoder_for(floor_map, encoder, echoes))
 
 
 def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:

@@ -30,7 +30,7 @@ from elfslam.base.values import (
 )
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.device_adaptation import heard_as_map
-from elfslam.line.feature import Encoder, encoder_for, extract_features, with_phone
+from elfslam.line.feature import Encoder, extract_features
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.graph import agreeing, build_graph, optimise
 from elfslam.line.locate import (
@@ -103,7 +103,6 @@ def map_by_echoes(
             parameters_digest=digest(parameters),
             source=recording.name,
         )
-        floor_map = with_phone(floor_map, used)
     evidence = similarity, closures, trajectory, floor_map, echoes, features
     return Run(recording.name, nodes, *evidence, seconds)
 
@@ -197,7 +196,7 @@ def locate(
     The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
     """
     echoes, suspect = hear_for_fixes(recording, parameters)
-    features = extract_features(echoes, encoder_for(floor_map, encoder, echoes))
+    features = extract_features(echoes, encoder)
     if translation is not None:
         features = heard_as_map(features, translation)
     if mode is Mode.ONE_SHOT:

@@ -2,8 +2,7 @@
 
 import { makeChirp } from "/line/chirp.js";
 import { makeEchoCutter } from "/line/echo.js";
-import { openEncoder } from "/line/encoder.js";
-import { encoderFor } from "/line/feature.js";
+import { encoderFor, openEncoder } from "/line/encoder.js";
 import { checkedMap } from "/line/floor_map.js";
 import { locateOneShot } from "/line/locate.js";
 import { answer, bytes, floats, floorMapIn, json } from "./given.js";
@@ -13,16 +12,16 @@ const WORKLET_BLOCK = 1024;
 answer(async () => {
   const encoder = await openEncoder(await bytes("encoder.onnx"));
   const found = {};
-  for (const { key, name, map, rateHz, atOnce } of await json("walks.json")) {
+  for (const { name, map, rateHz } of await json("walks.json")) {
     const floorMap = checkedMap(await floorMapIn(map));
-    found[key] = await located(floorMap, encoder, await floats(name), rateHz, atOnce ? Infinity : 1);
+    found[name] = await located(floorMap, encoder, await floats(name), rateHz);
   }
   return found;
 });
 
-/** Fixes of a recording that comes in blocks; so many echoes are embedded together at the most. */
-async function located(floorMap, encoder, sound, rateHz, together) {
-  const listener = await encoderFor(floorMap, encoder);
+/** Fixes of a recording that comes in blocks. */
+async function located(floorMap, encoder, sound, rateHz) {
+  const listener = encoderFor(floorMap, encoder);
   const { parameters } = floorMap;
   const cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
   const echoes = [];
@@ -31,15 +30,6 @@ async function located(floorMap, encoder, sound, rateHz, together) {
   }
   echoes.push(...cutter.end());
   const vectors = [];
-  for (let at = 0; at < echoes.length; at += together) {
-    const some = echoes.slice(at, at + together);
-    vectors.push(...(await listener.embed(tracesOf(some), some.length)));
-  }
+  for (const { samples } of echoes) vectors.push(...(await listener.embed(samples, 1)));
   return locateOneShot(echoes.map(({ tS }) => tS), Float32Array.from(vectors), floorMap);
-}
-
-function tracesOf(echoes) {
-  const traces = new Float32Array(echoes.length * echoes[0].samples.length);
-  echoes.forEach(({ samples }, k) => traces.set(samples, k * samples.length));
-  return traces;
 }

@@ -3,8 +3,7 @@
 import { makeChirp } from "/line/chirp.js";
 import { makeEchoCutter } from "/line/echo.js";
 import { atEchoRate, makeEnvelope } from "/line/echo_envelope.js";
-import { openEncoder } from "/line/encoder.js";
-import { encoderFor } from "/line/feature.js";
+import { encoderFor, openEncoder } from "/line/encoder.js";
 import { checkedMap } from "/line/floor_map.js";
 import { fixOf, likeness, meanOf } from "/line/locate.js";
 import { makeResampler } from "/line/resample.js";
@@ -18,7 +17,7 @@ answer(async () => {
   const sound = await floats("sound");
   const encoderBytes = await bytes("encoder.onnx");
   const opened = await timed(() => openEncoder(encoderBytes));
-  const listener = await encoderFor(floorMap, opened.value);
+  const listener = encoderFor(floorMap, opened.value);
   const place = { floorMap, listener, rateHz };
   const first = (await oneWindow(place, sound, windowS, 1))[0];
   const [windows, live] = [[], []];

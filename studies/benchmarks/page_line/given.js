@@ -18,7 +18,7 @@ export async function floorMapIn(folder) {
   const [xyM, headingRad, covarianceM2, vectors] = await Promise.all(
     ["xy", "heading", "covariance", "vectors"].map((name) => floats(`${folder}/${name}`)),
   );
-  return { ...map, phone: map.phone && Float32Array.from(map.phone), xyM, headingRad, covarianceM2, vectors };
+  return { ...map, xyM, headingRad, covarianceM2, vectors };
 }
 
 /** Hands over what a worker has found, or why it did not. */

@@ -79,7 +79,6 @@ def test_a_phone_fetches_a_published_floor_as_a_map_of_its_own(
         [part(tile) for tile in manifest["tiles"]],
         [(each["walk"], part(each)) for each in manifest["features"]],
         encoder=manifest["encoder"]["identity"],
-        phone=manifest["phone"],
         sources=("walk",),
     )
     npt.assert_allclose(sorted(read.xy_m[:, 0]), sorted(maps[0].xy_m[:, 0]), atol=1e-5)

@@ -71,9 +71,7 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
     assert stretches == [(each.walk, each.content) for each in stretches_of(floor_map)]
     identity = told["encoder"]["identity"]
     assert identity == floor_map.payloads[0].encoder
-    read = map_of_parts(
-        tiles, stretches, encoder=identity, phone=told["phone"], sources=floor_map.sources
-    )
+    read = map_of_parts(tiles, stretches, encoder=identity, sources=floor_map.sources)
     assert sum(tile["spots"] for tile in told["tiles"]) == len(read.xy_m) == len(floor_map.xy_m)
     npt.assert_allclose(sorted(read.xy_m[:, 0]), sorted(floor_map.xy_m[:, 0]), atol=1e-5)
     assert part(owner, map_id, told["encoder"]) == (runs / name / "encoder.onnx").read_bytes()
@@ -85,13 +83,12 @@ def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, nam
 def test_a_map_brings_its_own_encoder(
     owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
 ) -> None:
-    """As one of superimposed spots does, which hears no phone as another."""
+    """As one of superimposed spots does."""
     content = b"an encoder that learnt this floor"
     elf = replace(maps[0].payloads[0], encoder=hashlib.sha256(content).hexdigest()[:16])
     floor_map = replace(maps[0], payloads=(elf,))
     map_id = plant(tmp_path / "data").put(floor_map, encoder=content)
     told = manifest(owner, map_id)
-    assert told["phone"] is None
     assert told["encoder"]["identity"] == elf.encoder
     assert part(owner, map_id, told["encoder"]) == content
 

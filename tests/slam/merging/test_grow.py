@@ -11,7 +11,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, inverse
-from elfslam.base.values import Features, Payload
+from elfslam.base.values import Features
 from elfslam.slam.merging import MergeParameters, add_walk, grow, merge
 from elfslam.slam.merging.members import Side, likeness_to, side_of
 
@@ -79,14 +79,6 @@ def test_other_encoders_are_refused_by_name(walker: Callable, here: Callable) ->
     floor_map = merge([one, other], KNOWN).maps[0].floor_map
     with pytest.raises(InputError, match="the map was made with encoder planted, b with another"):
         add_walk(floor_map, changed, KNOWN)
-
-
-def test_a_phone_that_is_known_stays_known(walker: Callable, here: Callable) -> None:
-    phone = Payload("phone", "mean", np.tile(np.arange(12.0), (3, 1)))
-    walks = [replace(walker(here, str(k), seed=k), phone=phone) for k in range(2)]
-    floor_map = merge(walks, KNOWN).maps[0].floor_map
-    (kept,) = [item for item in floor_map.payloads if item.kind == "phone"]
-    npt.assert_array_equal(kept.vectors, np.tile(np.arange(12.0), (len(floor_map.xy_m), 1)))
 
 
 def test_a_walk_that_the_graph_does_not_bear_out_leaves(

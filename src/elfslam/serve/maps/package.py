@@ -19,7 +19,7 @@ from elfslam.base.parameters import as_dict
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
-from elfslam.data.tiles import encoder_identity, phone_of, stretches_of, tiles_of
+from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.routes import my_map
 from elfslam.serve.receiving.completing import scratch
@@ -114,7 +114,7 @@ def manifest_of(
 def check_encoder(floor_map: FloorMap, encoder: Blob) -> None:
     """Raise InputError where the features of a map were made by another encoder."""
     identity = encoder_identity(floor_map)
-    if identity.partition("+")[0] != encoder.sha256[: len(identity.partition("+")[0])]:
+    if identity != encoder.sha256[: len(identity)]:
         raise InputError(
             f"{NOT_FOR_PHONES}: made with encoder {identity}, {encoder.sha256[:16]} lies beside it"
         )
@@ -122,10 +122,8 @@ def check_encoder(floor_map: FloorMap, encoder: Blob) -> None:
 
 def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]) -> Json:
     """What a manifest says of a map's parts, each of which was `kept`. Raises InputError."""
-    phone = phone_of(floor_map)
     return {
         "encoder": {**_told(encoder), "identity": encoder_identity(floor_map)},
-        "phone": None if phone is None else phone.tolist(),
         "tiles": [
             {**_told(kept(tile.content)), "spots": tile.spots, "square": list(tile.square)}
             for tile in tiles_of(floor_map)

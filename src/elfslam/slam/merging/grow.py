@@ -11,7 +11,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.progress import Announce
-from elfslam.base.values import FloorMap, Payload, Trajectory
+from elfslam.base.values import FloorMap, Trajectory
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.map_alignment import Alignment, align
 from elfslam.slam.merging.forgetting import renewed
@@ -129,18 +129,12 @@ def check_encoders(named: Sequence[tuple[str, str]]) -> None:
 
 def map_of(walk: Walk, trajectory: Trajectory, parameters: MergeParameters) -> FloorMap:
     """The map of one walk in the frame of its trajectory."""
-    made = trajectory_map(
+    return trajectory_map(
         trajectory,
         walk.features,
         parameters.floormap,
         parameters_digest=digest(parameters),
         source=walk.name,
-    )
-    if walk.phone is None:
-        return made
-    phone = np.tile(walk.phone.vectors[:1], (len(made.xy_m), 1))
-    return replace(
-        made, payloads=(*made.payloads, Payload(walk.phone.kind, walk.phone.encoder, phone))
     )
 
 

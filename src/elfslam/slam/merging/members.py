@@ -18,7 +18,6 @@ from elfslam.base.values import (
     Features,
     FloorMap,
     Odometry,
-    Payload,
     Run,
     Trajectory,
 )
@@ -31,14 +30,13 @@ from elfslam.slam.pipeline import joined
 
 @dataclass(frozen=True, eq=False)
 class Walk:
-    """A mapped walk: what is needed to merge it, `phone` only where its map has it."""
+    """A mapped walk: what is needed to merge it."""
 
     name: str
     odometry: Odometry
     trajectory: Trajectory
     closures: Closures
     features: Features
-    phone: Payload | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +58,7 @@ def walk_of(run: Run) -> Walk:
         raise InputError(
             f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
         )
-    payloads = () if run.floor_map is None else run.floor_map.payloads
-    phone = next((item for item in payloads if item.kind == "phone"), None)
-    known = run.odometry, run.trajectory, run.closures, run.features
-    return Walk(run.name, *known, phone)
+    return Walk(run.name, run.odometry, run.trajectory, run.closures, run.features)
 
 
 def side_of(walk: Walk, parameters: MergeParameters) -> Side:

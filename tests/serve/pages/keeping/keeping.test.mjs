@@ -47,9 +47,9 @@ async function holding(state) {
   return store;
 }
 
-function block({ walk, order, xyM, headingRad, covarianceM2, weight, vectors, phone }) {
+function block({ walk, order, xyM, headingRad, covarianceM2, weight, vectors }) {
   const whole = [walk, order].map((column) => Float32Array.from(column));
-  const parts = [...whole, xyM, headingRad, covarianceM2, weight, vectors, phone];
+  const parts = [...whole, xyM, headingRad, covarianceM2, weight, vectors];
   return Buffer.concat(parts.map((part) => Buffer.from(part.buffer, part.byteOffset, part.byteLength)));
 }
 

@@ -35,8 +35,7 @@ def wanted(floor_map: FloorMap, file: Path) -> None:
     """What a phone should hold of a map, as one block of float32."""
     tiles = [tile.content for tile in tiles_of(floor_map)]
     stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
-    phone = floor_map.payloads[1].vectors[0]
-    read = map_of_parts(tiles, stretches, encoder="", phone=phone, sources=("",))
+    read = map_of_parts(tiles, stretches, encoder="", sources=("",))
     flat = read.covariance_m2.reshape(-1, 4)[:, [0, 1, 3]]
     columns = (
         read.walk,
@@ -46,7 +45,6 @@ def wanted(floor_map: FloorMap, file: Path) -> None:
         flat,
         read.weight,
         read.payloads[0].vectors,
-        phone,
     )
     file.write_bytes(np.concatenate([c.ravel() for c in columns]).astype("<f4").tobytes())
 

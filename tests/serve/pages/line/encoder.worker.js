@@ -8,13 +8,9 @@ async function embedded() {
   const encoder = await openEncoder(new Uint8Array(await given("encoder.onnx")));
   const traces = new Float32Array(await given("traces.f32"));
   const count = traces.length / 2352;
-  const heard = new Float32Array(await given("spectrum.f32"));
-  const [together, alone, calibrated] = [
-    await encoder.embed(traces, count),
-    await encoder.embed(traces.subarray(0, 2352), 1),
-    await encoder.embed(traces, count, heard),
-  ];
-  return { identity: encoder.identity, together: [...together], alone: [...alone], calibrated: [...calibrated] };
+  const together = await encoder.embed(traces, count);
+  const alone = await encoder.embed(traces.subarray(0, 2352), 1);
+  return { identity: encoder.identity, together: [...together], alone: [...alone] };
 }
 
 embedded().then(

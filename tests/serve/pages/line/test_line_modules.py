@@ -33,16 +33,7 @@ from elfslam.line.echo import (
     to_echo_rate,
 )
 from elfslam.line.echo.frames import Frames
-from elfslam.line.feature import (
-    Encoder,
-    OnnxEncoder,
-    calibrated,
-    encoder_for,
-    extract_features,
-    load_encoder,
-    mean_log_spectrum,
-    with_phone,
-)
+from elfslam.line.feature import OnnxEncoder, extract_features, load_encoder
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.locate import LocateParameters, likeness, locate_one_shot, means_between
 from elfslam.slam.front_end import hear, walk_nodes
@@ -68,36 +59,33 @@ class Scene:
     recording: Recording
 
 
-def scene_at(rate_hz: int, *, calibrate: bool) -> Scene:
+def scene_at(rate_hz: int) -> Scene:
     """A walk mapped as dead reckoning has it, and another one beside it."""
     parameters, encoder = Parameters(), load_encoder("compact")
     assert isinstance(encoder, OnnxEncoder)
     walked, _ = simulate(load_world(WORLD), MAPPED_SEED, rounds=1)
     echoes, nodes = hear(walked, parameters), walk_nodes(walked, parameters)
-    used: Encoder = calibrated(encoder, echoes) if calibrate else encoder
     covariance = np.tile(np.diag([0.01, 0.02, 0.001]), (len(nodes.t_s), 1, 1))
     covariance[:, 0, 1] = covariance[:, 1, 0] = 0.003
     covariance *= np.linspace(1.0, 3.0, len(nodes.t_s))[:, None, None]
     floor_map = trajectory_map(
         Trajectory(nodes.t_s, nodes.world_from_body, covariance, np.empty(0), "OK"),
-        extract_features(echoes, used),
+        extract_features(echoes, encoder),
         parameters.floormap,
         parameters_digest="",
         source=walked.name,
     )
     recording, _ = simulate(load_world(WORLD), LOCATED_SEED, rounds=1, rate_hz=rate_hz)
-    return Scene(with_phone(floor_map, used), encoder, recording)
+    return Scene(floor_map, encoder, recording)
 
 
 def write_floor_map(folder: Path, floor_map: FloorMap, parameters: Parameters) -> None:
     """`map.json` and arrays beside it, as the page holds them in memory."""
     folder.mkdir(parents=True, exist_ok=True)
     elf = next(item for item in floor_map.payloads if item.kind == "elf")
-    phones = [item.vectors[0].tolist() for item in floor_map.payloads if item.kind == "phone"]
     groups = as_dict(parameters)
     told = {
         "encoder": elf.encoder,
-        "phone": phones[0] if phones else None,
         "parameters": {name: groups[name] for name in ("chirp", "echo", "locate")},
     }
     (folder / "map.json").write_text(json.dumps(told))
@@ -151,13 +139,12 @@ def write_stages(folder: Path, scene: Scene) -> None:
         "resampled": resampled,
         "envelope": envelope,
         "traces": echoes.samples,
-        "spectrum": mean_log_spectrum(echoes.samples),
         "elf": scene.encoder.embed(echoes.samples),
     }
     for name, values in stages.items():
         write_f32(folder, name, values)
     (folder / "encoder.onnx").write_bytes(scene.encoder.content)
-    heard = extract_features(echoes, encoder_for(scene.floor_map, scene.encoder, echoes))
+    heard = extract_features(echoes, scene.encoder)
     told = {
         "rate_hz": audio.rate_hz,
         "identity": scene.encoder.identity,
@@ -225,12 +212,11 @@ def located(
 
 @pytest.fixture(scope="session")
 def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for each rate; the map of one of them says as whom to hear a phone."""
+    """A folder for each rate."""
     folder = tmp_path_factory.mktemp("line")
     for rate_hz in RATES_HZ:
-        scene = scene_at(rate_hz, calibrate=rate_hz == RATES_HZ[1])
         (folder / str(rate_hz)).mkdir()
-        write_stages(folder / str(rate_hz), scene)
+        write_stages(folder / str(rate_hz), scene_at(rate_hz))
     return folder
 
 

@@ -19,7 +19,6 @@ export function floorMapIn(folder) {
   const map = told(folder, "map.json");
   return {
     ...map,
-    phone: map.phone && Float32Array.from(map.phone),
     xyM: floats(folder, "xy"),
     headingRad: floats(folder, "heading"),
     covarianceM2: floats(folder, "covariance"),

@@ -13,7 +13,7 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  * @typedef {{
  *   format: number, map: string, name: string, revision: number, made_utc: string,
  *   encoder: Part & {identity: string}, parameters: Record<string, Record<string, any>>,
- *   phone: number[] | null, tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
+ *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
  *   floor_plan?: Part & {type: string, width_px: number, height_px: number, placement: any},
  * }} Manifest
  * @typedef {{manifest: string, signature: string}} Signed the exact text, and base64 of r and s

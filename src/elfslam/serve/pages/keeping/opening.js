@@ -8,7 +8,7 @@ import { spotsOf } from "./tiles.js";
 
 /**
  * @typedef {import("./tiles.js").Spots & {
- *   phone: Float32Array | null, encoder: string, parameters: Record<string, Record<string, any>>,
+ *   encoder: string, parameters: Record<string, Record<string, any>>,
  * }} FloorMap
  * @typedef {{
  *   map: string, name: string, revision: number, madeUtc: string, spots: number,
@@ -35,6 +35,9 @@ export async function opened(store, name, prefix, mapId) {
   }
 }
 
+/** What earlier versions of the server wrote behind an encoder's name. */
+const AS_PHONE = "+as-";
+
 async function readAll(store, prefix, manifest) {
   const bytesOf = (part) => wholePart(store, prefix + part.sha256, part.sha256);
   const tiles = [];
@@ -44,8 +47,7 @@ async function readAll(store, prefix, manifest) {
   const spots = spotsOf(tiles, stretches);
   const floorMap = {
     ...spots,
-    phone: manifest.phone && Float32Array.from(manifest.phone),
-    encoder: manifest.encoder.identity,
+    encoder: manifest.encoder.identity.split(AS_PHONE)[0],
     parameters: manifest.parameters,
   };
   const facts = {

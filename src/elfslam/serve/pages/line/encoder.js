@@ -1,21 +1,15 @@
 /** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
 
 import { ELF_SIZE } from "./floor_map.js";
-import { withoutDefault } from "./onnx_file.js";
 
 export const ECHO_SAMPLES = 2352;
-export const BINS = 12;
-const CALIBRATION = "device_log_spectrum";
 const AT_ONCE = 256;
 const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
 
 /**
  * `identity` is Python's: what must be equal for two features to be comparable. `embed` gives unit
- * vectors (n, 128) of traces (n, 2352), the phone's log response (12) taken out where it is given; one
- * call at a time.
- * @typedef {{identity: string, takesCalibration: boolean,
- *   embed: (samples: Float32Array, n: number, deviceLogSpectrum?: Float32Array | null) =>
- *     Promise<Float32Array>}} Encoder
+ * vectors (n, 128) of traces (n, 2352); one call at a time.
+ * @typedef {{identity: string, embed: (samples: Float32Array, n: number) => Promise<Float32Array>}} Encoder
  */
 
 /**
@@ -27,23 +21,18 @@ const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
 export async function openEncoder(bytes, { wasmFolder = VENDORED } = {}) {
   const runtime = await openRuntime(wasmFolder);
   const session = await openSession(runtime, bytes);
-  const takesCalibration = session.inputNames.includes(CALIBRATION);
-  const silent = new Float32Array(BINS);
 
-  const embedSome = async (samples, n, spectrum) => {
-    const given = { samples: new runtime.Tensor("float32", samples, [n, ECHO_SAMPLES]) };
-    if (takesCalibration) given[CALIBRATION] = new runtime.Tensor("float32", spectrum ?? silent, [BINS]);
-    const { elf } = await session.run(given);
+  const embedSome = async (samples, n) => {
+    const { elf } = await session.run({ samples: new runtime.Tensor("float32", samples, [n, ECHO_SAMPLES]) });
     return elf.data;
   };
 
-  const embed = async (samples, n, deviceLogSpectrum = null) => {
+  const embed = async (samples, n) => {
     checkTraces(samples, n);
-    if (deviceLogSpectrum && !takesCalibration) throw new RangeError(noCalibration(identity));
     const parts = [];
     for (let k = 0; k < n; k += AT_ONCE) {
       const rows = samples.subarray(k * ECHO_SAMPLES, Math.min(k + AT_ONCE, n) * ECHO_SAMPLES);
-      parts.push(await embedSome(rows, rows.length / ECHO_SAMPLES, deviceLogSpectrum));
+      parts.push(await embedSome(rows, rows.length / ECHO_SAMPLES));
     }
     return parts.length === 1 ? parts[0] : Float32Array.from(parts.flatMap((part) => [...part]));
   };
@@ -51,7 +40,22 @@ export async function openEncoder(bytes, { wasmFolder = VENDORED } = {}) {
   const identity = (await sha256(bytes)).slice(0, 16);
   // The first echo takes the runtime much longer than those behind it.
   checkElf(await embed(new Float32Array(ECHO_SAMPLES), 1));
-  return { identity, takesCalibration, embed };
+  return { identity, embed };
+}
+
+/**
+ * The encoder, if it made the map. Throws RangeError where another did.
+ * @param {import("./floor_map.js").FloorMap} floorMap
+ * @param {Encoder} encoder
+ * @returns {Encoder}
+ */
+export function encoderFor(floorMap, encoder) {
+  if (floorMap.encoder !== encoder.identity) {
+    throw new RangeError(
+      `map: made with encoder ${floorMap.encoder}, got ${encoder.identity}; fetch the map again with its encoder`,
+    );
+  }
+  return encoder;
 }
 
 /** @param {Uint8Array} bytes @returns {Promise<string>} hexadecimal */
@@ -73,7 +77,7 @@ async function openSession(runtime, bytes) {
   const options = { executionProviders: ["wasm"], logSeverityLevel: 3 };
   let session;
   try {
-    session = await runtime.InferenceSession.create(withoutDefault(bytes, CALIBRATION), options);
+    session = await runtime.InferenceSession.create(bytes, options);
   } catch (cause) {
     throw new RangeError("encoder: not a readable ONNX graph; fetch the map again", { cause });
   }
@@ -99,8 +103,4 @@ function checkTraces(samples, n) {
       `echoes: wanted ${n} of ${ECHO_SAMPLES} samples, got ${samples.length} samples; cut them again`,
     );
   }
-}
-
-function noCalibration(identity) {
-  return `calibration: encoder ${identity} has no input ${CALIBRATION} (${BINS}); make the map again`;
 }

@@ -5,9 +5,9 @@ export const ELF_SIZE = 128;
 /**
  * @typedef {{
  *   xyM: Float32Array, headingRad: Float32Array, covarianceM2: Float32Array, weight?: Float32Array,
- *   vectors: Float32Array, phone: Float32Array | null, encoder: string, parameters: Object,
+ *   vectors: Float32Array, encoder: string, parameters: Object,
  * }} FloorMap xyM (m, 2); covarianceM2 (m, 3): xx, xy, yy; vectors (m, 128): the stored means, as they
- *   are; phone (12): as whom other phones are to be heard; parameters: groups as elfslam names them
+ *   are; parameters: groups as elfslam names them
  */
 
 /** @param {FloorMap} floorMap @returns {number} how many spots it has */

@@ -5,8 +5,7 @@
 
 import { makeChirp } from "../../line/chirp.js";
 import { makeEchoCutter } from "../../line/echo.js";
-import { openEncoder } from "../../line/encoder.js";
-import { encoderFor } from "../../line/feature.js";
+import { encoderFor, openEncoder } from "../../line/encoder.js";
 import { checkedMap } from "../../line/floor_map.js";
 import { makeFootsteps } from "../../line/motion/live.js";
 import { makeTracker } from "../../line/track.js";
@@ -53,7 +52,7 @@ async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
 
 async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
-  const listener = await encoderFor(floorMap, await openEncoder(encoderBytes, {}));
+  const listener = encoderFor(floorMap, await openEncoder(encoderBytes, {}));
   cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
   others = hearOthers(cutter, parameters.chirp.period_s, parameters.turns ?? TURNS);
   const memory = makeMemory(parameters.locate.fewest_echoes);
