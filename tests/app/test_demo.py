@@ -28,10 +28,11 @@ def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
         seeds=(500,),
     )
     median = {(row["method"], row["alignment"]): row["median_m"] for row in walks}
-    assert median["SLAM", "aligned"] < median["dead reckoning", "aligned"]
-    assert 0 < fixes[0]["answered"] <= 1  # type: ignore[operator]
+    assert median["SLAM", "aligned"] < 0.4 * median["dead reckoning", "aligned"]  # type: ignore[operator]
+    assert fixes[0]["answered"] > 0.9  # type: ignore[operator]
+    assert fixes[0]["median_m"] < 0.25  # type: ignore[operator]
     assert heard == [0.0, 1.0]
-    names = {item.name for item in tmp_path.iterdir()}
+    names = {item.name for item in tmp_path.iterdir() if not item.name.startswith("plotly-")}
     assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}
     declared = read_recording(tmp_path / "walk").start_pose
     truth = read_truth(tmp_path / "walk")

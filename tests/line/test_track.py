@@ -42,10 +42,10 @@ def walked(poses: F64, scale: float = 1.0) -> Odometry:
     return Odometry(0.5 * np.arange(len(poses)), reckoned, sigma)
 
 
-def heard(poses: F64, floor_map: FloorMap) -> F32:
+def heard(poses: F64, floor_map: FloorMap, reach_m: float = 1.0) -> F32:
     middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
     away_m = np.linalg.norm(middle_m[:, None] - floor_map.xy_m[None], axis=2)
-    return np.asarray(0.95 * np.exp(-(away_m**2) / 2), np.float32)
+    return np.asarray(0.95 * np.exp(-((away_m / reach_m) ** 2) / 2), np.float32)
 
 
 def tracker(floor_map: FloorMap, seed: int = 0) -> Tracker:
@@ -71,15 +71,24 @@ def test_it_starts_anywhere_whatever_the_heading_and_the_length_of_steps(scale: 
     npt.assert_allclose(fixes.t_s, 0.5 * np.arange(1, len(POSES)))
 
 
-def test_sigma_is_about_the_error() -> None:
-    generator, squares = np.random.default_rng(5), []
-    for seed in range(4):
-        scores = heard(POSES + 0.1 * generator.normal(size=POSES.shape), FLOOR)
-        fixes = tracker(FLOOR, seed).follow(walked(POSES), scores)
-        error_m = fixes.xy_m - POSES[1:, :2]
-        solved = np.linalg.solve(fixes.covariance_m2, error_m[:, :, None])[:, :, 0]
-        squares.append((error_m * solved).sum(axis=1))
-    assert 0.03 < np.mean(squares) < 3.0
+def test_the_covariance_is_that_of_the_particles_and_the_map_and_a_floor() -> None:
+    def covariance_m2(floor_map: FloorMap, floor_m: float, reach_m: float = 1.0) -> F64:
+        known = replace(PARAMETERS, sigma_floor_m=floor_m)
+        follower = Tracker(floor_map, known, np.random.default_rng(0))
+        return follower.follow(walked(POSES), heard(POSES, FLOOR, reach_m)).covariance_m2
+
+    sharp_m2, rough = covariance_m2(FLOOR, 0.1), 6 * FLOOR.covariance_m2
+    rougher_m2 = covariance_m2(replace(FLOOR, covariance_m2=rough), 0.1)
+    npt.assert_allclose(rougher_m2 - sharp_m2, np.tile(0.05 * np.eye(2), (len(sharp_m2), 1, 1)))
+    floored_m2 = covariance_m2(FLOOR, 0.5)
+    npt.assert_allclose(floored_m2 - sharp_m2, np.tile(0.24 * np.eye(2), (len(sharp_m2), 1, 1)))
+    particles_m2 = [spread_m2(covariance_m2(FLOOR, 0.1, reach_m)) for reach_m in (0.5, 1.0, 2.0)]
+    assert 0.001 < particles_m2[0] < particles_m2[1] < particles_m2[2] < 0.25
+
+
+def spread_m2(covariance_m2: F64) -> float:
+    """Of the particles, without the map's share and the floor of 0.1 m."""
+    return float(np.mean(np.trace(covariance_m2[5:] - 0.02 * np.eye(2), axis1=1, axis2=2)))
 
 
 def test_the_same_generator_gives_the_same_fixes_and_chunks_give_the_whole() -> None:
