@@ -69,14 +69,14 @@ TASKS = (
     *(Task("mall", seed) for seed in range(4)),
 )
 FIGURES = (
-    Figure("living_room", RECKONED, 0.32),
+    Figure("living_room", RECKONED, 0.30),
     Figure("living_room", MAPPED, 0.10),
     Figure("living_room", Mode.ONE_SHOT.value, 0.12),
-    Figure("living_room", Mode.TRACK.value, 0.11),
-    Figure("office", RECKONED, 1.15),
-    Figure("office", MAPPED, 0.18),
-    Figure("mall", RECKONED, 5.92),
-    Figure("mall", MAPPED, 0.43),
+    Figure("living_room", Mode.TRACK.value, 0.10),
+    Figure("office", RECKONED, 1.30),
+    Figure("office", MAPPED, 0.20),
+    Figure("mall", RECKONED, 7.32),
+    Figure("mall", MAPPED, 0.31),
 )
 
 
