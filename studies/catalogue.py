@@ -1,4 +1,4 @@
-"""The studies that `elfslam study` knows, and how their tables are written."""
+"""The studies by name, and how their tables are written."""
 
 from __future__ import annotations
 

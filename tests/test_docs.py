@@ -9,17 +9,27 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.cli.app import VERBS
+from elfslam.app.settings import Settings
+from elfslam.base.parameters import rows
+from elfslam.cli.app import VERBS, command_of
 from studies.catalogue import STUDIES
 from studies.tree import PAGE, ROOT, tree_page
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted((ROOT / "docs").rglob("*.md"))]
-HISTORY = {ROOT / "CHANGELOG.md"}
-"""Names commands that are gone."""
+HISTORY = {ROOT / "CHANGELOG.md", *(ROOT / "docs" / "log").glob("*.md")}
+"""Name what is gone."""
+PRESENT = sorted({*PAGES} - HISTORY - {PAGE})
+INSIDE = ("", "line", "serve", "serve/pages", "serve/pages/line")
+PLACES = [ROOT, *(ROOT / "src" / "elfslam" / folder for folder in INSIDE)]
+"""What the paths of files in the pages are relative to."""
 MOST_README_LINES = 130
 FENCE = re.compile(r"^(```|~~~).*?^\1", re.S | re.M)
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
 COMMAND = re.compile(r"(?<![\w./-])elfslam ([a-z][a-z-]*)(?![\w.])")
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
+FILE = re.compile(r"(?:\w+/)+\w+(?:\.\w+)*\.(?:py|js|mjs|toml|ipynb)")
+PARAMETER = re.compile(r"[a-z_]+\.[a-z][a-z0-9_]*")
+SUFFIXES = ("csv", "js", "json", "py")
 STUDY = re.compile(r"python -m studies ([a-z][a-z-]*)")
 MODULE = re.compile(r"python -m ((?:studies|elfslam)(?:\.[a-z_]+)+)\b(?!\.)")
 
@@ -53,11 +63,46 @@ def dead_links(page: Path) -> Iterator[str]:
             yield link
 
 
+def code_lines(text: str) -> list[str]:
+    """Lines of code: each of a block, without its comment, and each stretch in a sentence."""
+    blocks = "\n".join(match[0] for match in FENCE.finditer(text)).splitlines()
+    indented = re.findall(r"^    (\S.*)$", text, re.M)
+    stretches = re.findall(r"`([^`\n]+)`", FENCE.sub("", text))
+    return [line.partition(" #")[0] for line in [*blocks, *indented]] + stretches
+
+
 def unknown_commands(text: str) -> Iterator[str]:
-    code = "\n".join(re.findall(r"`([^`\n]+)`", text) + [m[0] for m in FENCE.finditer(text)])
-    yield from (f"elfslam {verb}" for verb in COMMAND.findall(code) if verb not in VERBS)
+    for line in code_lines(text):
+        for verb in COMMAND.findall(line):
+            yield from [f"elfslam {verb}"] if verb not in VERBS else unknown_options(verb, line)
     yield from (f"studies {name}" for name in STUDY.findall(text) if name not in STUDIES)
     yield from (module for module in MODULE.findall(text) if not is_module(module))
+
+
+def unknown_options(verb: str, line: str) -> Iterator[str]:
+    named = {
+        name for each in command_of(verb).params for name in (*each.opts, *each.secondary_opts)
+    }
+    words = line[line.index(f"elfslam {verb}") :]
+    yield from (
+        f"{verb} {name}" for name in OPTION.findall(words) if name not in {*named, "--help"}
+    )
+
+
+def unknown_parameters(text: str) -> Iterator[str]:
+    names = {row.name for row in rows(Settings())}
+    groups = {name.partition(".")[0] for name in names}
+    for line in code_lines(text):
+        for name in {line.partition("=")[0], *re.findall(r"--set ([^= ]+)=", line)}:
+            group, _, last = name.partition(".")
+            if PARAMETER.fullmatch(name) and group in groups and last not in SUFFIXES:
+                yield from [name] if name not in names else []
+
+
+def missing_files(text: str) -> Iterator[str]:
+    for line in code_lines(text):
+        if FILE.fullmatch(line) and not any((place / line).exists() for place in PLACES):
+            yield line
 
 
 def is_module(name: str) -> bool:
@@ -72,9 +117,10 @@ def test_links_lead_somewhere(page: Path) -> None:
     assert list(dead_links(page)) == []
 
 
-@pytest.mark.parametrize("page", sorted({*PAGES} - HISTORY), ids=page_name)
-def test_commands_exist(page: Path) -> None:
-    assert list(unknown_commands(page.read_text(encoding="utf-8"))) == []
+@pytest.mark.parametrize("page", PRESENT, ids=page_name)
+def test_commands_parameters_and_files_exist(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert [*unknown_commands(text), *unknown_parameters(text), *missing_files(text)] == []
 
 
 def test_every_verb_is_told_of() -> None:
@@ -83,14 +129,16 @@ def test_every_verb_is_told_of() -> None:
 
 
 def test_every_study_is_told_of() -> None:
-    text = "\n".join(page.read_text(encoding="utf-8") for page in {*PAGES} - HISTORY)
+    text = "\n".join(page.read_text(encoding="utf-8") for page in PRESENT)
     told = {*STUDY.findall(text)}
     assert sorted(set(STUDIES) - told) == []
 
 
 def test_the_tree_of_files_is_the_tree() -> None:
     again = "made again by: python -m studies.tree"
-    assert PAGE.read_text(encoding="utf-8") == tree_page(ROOT), again
+    text = tree_page(ROOT)
+    assert PAGE.read_text(encoding="utf-8") == text, again
+    assert list(unknown_commands(text)) == []
 
 
 def test_every_page_is_in_the_navigation() -> None:
@@ -108,6 +156,7 @@ def test_the_readme_is_short() -> None:
     [
         ("`elfslam fly`", ["elfslam fly"]),
         ("```\nelfslam map WALK RUN\nelfslam study x OUT\n```", ["elfslam study"]),
+        ("    elfslam map WALK RUN --colour red  # --size", ["map --colour"]),
         ("`python -m studies no-such OUT`", ["studies no-such"]),
         ("`python -m studies.benchmarks.nothing`", ["studies.benchmarks.nothing"]),
         ("`python -m studies mapping OUT`, `elfslam map A B`, the folder elfslam lies in", []),
@@ -115,6 +164,14 @@ def test_the_readme_is_short() -> None:
 )
 def test_the_gate_notices_commands(text: str, found: list[str]) -> None:
     assert list(unknown_commands(text)) == found
+
+
+def test_the_gate_notices_parameters_and_files() -> None:
+    text = (
+        "`closure.treshold`, `--set locate.cold=1`, `track.jump`, `line/no.py`, `line/closure.py`"
+    )
+    assert {*unknown_parameters(text)} == {"closure.treshold", "locate.cold"}
+    assert [*missing_files(text)] == ["line/no.py"]
 
 
 def test_the_gate_notices_links(tmp_path: Path) -> None:
