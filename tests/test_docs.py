@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import re
 from collections.abc import Iterator
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -105,6 +107,15 @@ def missing_files(text: str) -> Iterator[str]:
             yield line
 
 
+def unknown_imports(text: str) -> Iterator[str]:
+    for block in re.findall(r"^```python\n(.*?)^```", text, re.S | re.M):
+        for node in ast.walk(ast.parse(block)):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                module = import_module(node.module)
+                names = (alias.name for alias in node.names)
+                yield from (f"{node.module}.{name}" for name in names if not hasattr(module, name))
+
+
 def is_module(name: str) -> bool:
     try:
         return find_spec(name) is not None
@@ -115,6 +126,11 @@ def is_module(name: str) -> bool:
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_links_lead_somewhere(page: Path) -> None:
     assert list(dead_links(page)) == []
+
+
+@pytest.mark.parametrize("page", PRESENT, ids=page_name)
+def test_examples_in_python_import_what_is_there(page: Path) -> None:
+    assert list(unknown_imports(page.read_text(encoding="utf-8"))) == []
 
 
 @pytest.mark.parametrize("page", PRESENT, ids=page_name)
@@ -164,6 +180,11 @@ def test_the_readme_is_short() -> None:
 )
 def test_the_gate_notices_commands(text: str, found: list[str]) -> None:
     assert list(unknown_commands(text)) == found
+
+
+def test_the_gate_notices_imports() -> None:
+    text = "```python\nfrom elfslam.slam.pipeline import locate, no_such\n```\n"
+    assert list(unknown_imports(text)) == ["elfslam.slam.pipeline.no_such"]
 
 
 def test_the_gate_notices_parameters_and_files() -> None:
