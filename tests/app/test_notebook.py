@@ -51,7 +51,7 @@ def test_a_walk_is_located_in_its_own_map(walk: Walk, run: Run) -> None:
     fixes = elfslam.locate(recording, run)
     [ok, _] = elfslam.score(fixes, truth, mapped=run, map_truth=truth)
     assert isinstance(ok["median_m"], float)
-    assert ok["median_m"] < 0.3
+    assert ok["median_m"] < 0.5
 
 
 def test_scores_are_those_of_the_command(walk: Walk, run: Run) -> None:

@@ -25,14 +25,13 @@ from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.scoring.figures import FloorPlan
-from elfslam.scoring.report import write_report
 from elfslam.slam import pipeline as slam
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
+    from elfslam.scoring.figures import FloorPlan
 
 FARTHEST_M = 1e6
 FINETUNE_SEED = 0
@@ -87,6 +86,8 @@ def write_reported_run(
     replace: bool = False,
 ) -> None:
     """The run as a folder that holds its report.html, whole or not at all. See `fill_run`."""
+    from elfslam.scoring.report import write_report
+
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
         fill_run(run, partial, facts=facts, encoder=encoder)
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
