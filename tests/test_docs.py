@@ -163,6 +163,16 @@ def test_every_page_is_in_the_navigation() -> None:
     assert named == pages
 
 
+def test_the_code_names_pages_that_are_there() -> None:
+    files = [file for room in ("src/elfslam", "studies") for file in (ROOT / room).rglob("*.py")]
+    named = {
+        page
+        for file in files
+        for page in re.findall(r"docs/[\w/-]+\.md", file.read_text(encoding="utf-8"))
+    }
+    assert [page for page in sorted(named) if not (ROOT / page).exists()] == []
+
+
 def test_the_readme_is_short() -> None:
     assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= MOST_README_LINES
 

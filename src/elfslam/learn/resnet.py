@@ -17,7 +17,7 @@ Stem = Literal["imagenet", "small"]
 """How the image enters: 7x7 with stride 2 and a pool, as for photographs, or 3x3 with stride 1.
 
 The pooled stem leaves 3x12 of the 12x48 cells to the first stage, the small one all of them, at
-six to ten times the cost per echo (docs/elf.md).
+six to ten times the cost per echo (docs/explanation/encoder.md).
 """
 
 

@@ -35,7 +35,7 @@ class AccessPoint(Value):
 class WifiParameters:
     """How radio spreads, and how a phone scans for it.
 
-    Chosen beside real mall walks: `elfslam study sensors` shows how well they agree.
+    Chosen beside real mall walks: `python -m studies sensors` shows how well they agree.
     """
 
     scan_rate_hz: float = parameter(0.8, "Hz", "scans per second", low=0.01, high=10.0)
