@@ -1,7 +1,7 @@
 """What many buildings and their phones cost: on paper, and by a simulation of a day's load.
 
-The costs of one request, one walk and one building are measured elsewhere; docs/explanation/cost.md names
-the command of each. What people do is assumed, and stands here.
+The costs of one request, one walk and one building are measured elsewhere;
+docs/explanation/cost.md names the command of each. What people do is assumed, and stands here.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Demand:
 
 @dataclass(frozen=True)
 class Costs:
-    """What one of each costs, measured on one machine of two cores: see docs/explanation/cost.md."""
+    """What one of each costs, measured on two cores: see docs/explanation/cost.md."""
 
     lookup_s: float = 0.004
     """Of a core, server and database together."""
