@@ -29,7 +29,7 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from studies.figures.scale_figures import Estimates, estimates_figure
 from studies.finding import Finding, Row
-from studies.heard_walk import Heard, Walk, hear_walk, true_scale
+from studies.heard_walk import Heard, HeardWalk, hear_walk, true_scale
 from studies.repeats import Numbers, finished
 from studies.walls_in_focus import focus_panel, walks_panels
 
@@ -74,7 +74,7 @@ MAP_COLUMNS = (
 )
 
 WALKS = tuple(
-    Walk(world, seed, mapped=seed - seeds[0] < MAPPED.get(world, len(seeds)))
+    HeardWalk(world, seed, mapped=seed - seeds[0] < MAPPED.get(world, len(seeds)))
     for world, seeds in SEEDS.items()
     for seed in seeds
 )
@@ -86,7 +86,7 @@ def measure_acoustic_odometry(
     kept: Path | None = None,
     *,
     workers: Workers | None = None,
-    walks: Sequence[Walk] = WALKS,
+    walks: Sequence[HeardWalk] = WALKS,
 ) -> Finding:
     """A row per world: error of scale and of the map, with steps as claimed and as measured.
 
@@ -104,7 +104,7 @@ def measure_acoustic_odometry(
     return Finding(rows, _page(rows, by_world, walks))
 
 
-def measure_walk(walk: Walk) -> Numbers:
+def measure_walk(walk: HeardWalk) -> Numbers:
     """True and measured scale, and the map error with steps as claimed, as measured and as true."""
     heard = hear_walk(walk)
     true = true_scale(heard.nodes, heard.truth)
@@ -173,7 +173,7 @@ def _interval(values: F64, statistic: Callable[[F64], Any]) -> tuple[float, floa
     return interval(each, lambda some: float(statistic(some)), np.random.default_rng(0))
 
 
-def _page(rows: list[Row], by_world: dict[str, list[Numbers]], walks: Sequence[Walk]) -> Page:
+def _page(rows: list[Row], by_world: dict[str, list[Numbers]], walks: Sequence[HeardWalk]) -> Page:
     sharpness, changes = walks_panels(walks)
     estimates = estimates_figure(_estimates(by_world))
     panels = [

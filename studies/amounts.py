@@ -43,7 +43,7 @@ PRETRAINED, FINETUNED = "echoes of pre-training", "minutes of fine-tuning"
 
 
 @dataclass(frozen=True)
-class Walk:
+class TrainedWalk:
     """A simulated walk and how much the encoder that maps it has heard."""
 
     varied: str
@@ -70,8 +70,10 @@ def measure_amounts(
     Encoders of so many echoes are trained by the recipe of the shipped one and kept beside `kept`.
     `data` is not needed.
     """
-    tasks = [Walk(PRETRAINED, n, w, s, ROUNDS) for n in echoes for w in worlds for s in seeds]
-    tasks += [Walk(FINETUNED, m, w, seeds[0], long_rounds) for m in minutes for w in worlds]
+    tasks = [
+        TrainedWalk(PRETRAINED, n, w, s, ROUNDS) for n in echoes for w in worlds for s in seeds
+    ]
+    tasks += [TrainedWalk(FINETUNED, m, w, seeds[0], long_rounds) for m in minutes for w in worlds]
     folder = None if kept is None else kept.parent / "encoders"
     measure = partial(_measured, folder=folder, announce=silent_elsewhere(announce))
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
@@ -80,7 +82,7 @@ def measure_amounts(
     return Finding(rows, _page(rows, _losses(worlds[0], seeds[0])))
 
 
-def _measured(walk: Walk, folder: Path | None, announce: Announce) -> Numbers:
+def _measured(walk: TrainedWalk, folder: Path | None, announce: Announce) -> Numbers:
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     if walk.varied == PRETRAINED:
         encoder: Encoder = _trained(int(walk.amount), folder, announce)
@@ -94,11 +96,13 @@ def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncode
     """The encoder of so many echoes, made once where there is a folder to keep it."""
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
-    known = PretrainParameters()
-    steps = max(echoes // (2 * known.pairs), 1)
+    parameters = PretrainParameters()
+    steps = max(echoes // (2 * parameters.pairs), 1)
     file = (folder or Path("encoders")) / f"{echoes}.onnx"
     if not file.exists():
-        pretrain_on_simulated_echoes(file, replace(known, steps=steps), seed=0, announce=announce)
+        pretrain_on_simulated_echoes(
+            file, replace(parameters, steps=steps), seed=0, announce=announce
+        )
     return OnnxEncoder(file.read_bytes(), str(echoes))
 
 
@@ -121,7 +125,7 @@ def _recall(run: Run, truth: Truth, rounds: int) -> float:
     return recall_at(histograms(scores[same], scores[elsewhere]), 0.01)
 
 
-def _rows(tasks: Sequence[Walk], numbers: Sequence[Numbers]) -> list[Row]:
+def _rows(tasks: Sequence[TrainedWalk], numbers: Sequence[Numbers]) -> list[Row]:
     points = dict.fromkeys((task.varied, task.amount) for task in tasks)
     return [
         mean_row(varied, amount, measure, values, "walks")

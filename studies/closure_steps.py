@@ -39,7 +39,7 @@ PAIR_SIGMA = np.array([0.2, 0.28, 0.28])
 
 
 @dataclass(frozen=True)
-class Walk:
+class ClosedWalk:
     """A simulated walk."""
 
     world: str
@@ -62,7 +62,7 @@ def measure_closure_steps(
     Maps are made of what a strategy ends with, and of single pairs without any; once by the graph
     that may doubt closures and once by plain least squares, which believes all.
     """
-    tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [ClosedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = [
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
@@ -73,56 +73,58 @@ def measure_closure_steps(
     return Finding(rows, _page(rows))
 
 
-def _measured(walk: Walk) -> Numbers:
+def _measured(walk: ClosedWalk) -> Numbers:
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
-    known = Parameters()
-    echoes = hear(recording, known)
-    nodes = with_heard_steps(walk_nodes(recording, known), echoes, known)
+    parameters = Parameters()
+    echoes = hear(recording, parameters)
+    nodes = with_heard_steps(walk_nodes(recording, parameters), echoes, parameters)
     features = extract_features(echoes, load_encoder("compact"))
     similarity = echo_sequence_similarity(features, nodes)
     numbers: Numbers = {}
-    for (strategy, step), closures in _steps(similarity, nodes, known).items():
+    for (strategy, step), closures in _steps(similarity, nodes, parameters).items():
         score = score_closures(closures, nodes.t_s, truth)
         found = {"pairs": float(score.count), "precision": score.precision, "recall": score.recall}
         numbers |= {f"{strategy}|{step}|{name}": value for name, value in found.items()}
-    for strategy, closures in _ends(similarity, nodes, known).items():
-        numbers |= _maps(strategy, closures, nodes, truth, known)
+    for strategy, closures in _ends(similarity, nodes, parameters).items():
+        numbers |= _maps(strategy, closures, nodes, truth, parameters)
     return numbers
 
 
 def _steps(
-    similarity: AnySimilarity, nodes: Odometry, known: Parameters
+    similarity: AnySimilarity, nodes: Odometry, parameters: Parameters
 ) -> Mapping[tuple[str, str], Closures]:
     """What is left after each step, by strategy and step."""
     on_lines = pairs_on_lines(similarity.scores, CurationParameters())
     curated = curated_closures(similarity, nodes, CurationParameters())
-    ridges = candidates(similarity, known.closure)
-    allowed = ridges.chosen(possible(ridges, Drift(nodes), known.closure))
-    best = _best_pairs(similarity, known)
+    ridges = candidates(similarity, parameters.closure)
+    allowed = ridges.chosen(possible(ridges, Drift(nodes), parameters.closure))
+    best = _best_pairs(similarity, parameters)
     return {
         (SINGLE, "best of each footstep"): best,
         (PAPER, "on a line in its slice"): _pairs(*np.sort(on_lines[:, :2].astype(int)).T),
         (PAPER, "mirrored, one per line"): curated,
         (SEQUENCE, "ridges"): _pairs(ridges.i, ridges.j),
         (SEQUENCE, "allowed by dead reckoning"): _pairs(allowed.i, allowed.j),
-        (SEQUENCE, "without rivals"): find_closures(similarity, nodes, known.closure),
+        (SEQUENCE, "without rivals"): find_closures(similarity, nodes, parameters.closure),
     }
 
 
-def _ends(similarity: AnySimilarity, nodes: Odometry, known: Parameters) -> Mapping[str, Closures]:
+def _ends(
+    similarity: AnySimilarity, nodes: Odometry, parameters: Parameters
+) -> Mapping[str, Closures]:
     return {
-        SINGLE: _best_pairs(similarity, known),
+        SINGLE: _best_pairs(similarity, parameters),
         PAPER: curated_closures(similarity, nodes, CurationParameters()),
-        SEQUENCE: find_closures(similarity, nodes, known.closure),
+        SEQUENCE: find_closures(similarity, nodes, parameters.closure),
     }
 
 
 def _maps(
-    strategy: str, closures: Closures, nodes: Odometry, truth: Truth, known: Parameters
+    strategy: str, closures: Closures, nodes: Odometry, truth: Truth, parameters: Parameters
 ) -> Numbers:
     """The last step, by the graph, and the map errors of both graphs."""
-    doubting = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
-    plain = replace(known.graph, robust=False)
+    doubting = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    plain = replace(parameters.graph, robust=False)
     believing = optimise(build_graph(nodes, closures), nodes.t_s, plain)
     believed = closures.chosen(doubting.closure_weights > 0.5)
     score = score_closures(believed, nodes.t_s, truth)
@@ -133,13 +135,13 @@ def _maps(
     return {f"{strategy}|believed by the graph|{name}": value for name, value in found.items()}
 
 
-def _best_pairs(similarity: AnySimilarity, known: Parameters) -> Closures:
+def _best_pairs(similarity: AnySimilarity, parameters: Parameters) -> Closures:
     """Each footstep with the one most like it, where that is like enough and not near in time."""
     scores = similarity.scores.copy()
     index = np.arange(len(scores))
-    scores[np.abs(index[:, None] - index) < known.closure.near_footsteps] = -1.0
+    scores[np.abs(index[:, None] - index) < parameters.closure.near_footsteps] = -1.0
     partner = scores.argmax(axis=1)
-    alike = scores[index, partner] >= known.closure.threshold
+    alike = scores[index, partner] >= parameters.closure.threshold
     pairs = np.unique(np.sort(np.column_stack([index, partner])[alike]), axis=0)
     return _pairs(*pairs.T)
 

@@ -29,7 +29,14 @@ from studies.error_sources import end_errors
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.walk_figures import DrawnWalk, walks_figure
 from studies.finding import Finding, Row
-from studies.reckoned_walks import WORLDS, Walk, mall_floors, resampled, simulated_walks, tilted
+from studies.reckoned_walks import (
+    WORLDS,
+    ReckonedWalk,
+    mall_floors,
+    resampled,
+    simulated_walks,
+    tilted,
+)
 
 DISTANCES_M = (5.0, 20.0, 60.0)
 WAYPOINT_SIGMA_M = 0.4
@@ -43,7 +50,7 @@ TRUE_LEG, COMPASS, COMPASS_KNOWN, ROTATION = (
     "rotation vector of the phone",
 )
 AS_HELD = "50 Hz, as held"
-CHANGES: Mapping[str, Callable[[Walk], Walk]] = {
+CHANGES: Mapping[str, Callable[[ReckonedWalk], ReckonedWalk]] = {
     "60 Hz": partial(resampled, rate_hz=60.0),
     "100 Hz": partial(resampled, rate_hz=100.0),
     "pitched by 30 degrees": partial(tilted, pitch_deg=30.0, roll_deg=0.0),
@@ -96,7 +103,7 @@ def measure_dead_reckoning(
     return Finding([*_joined(rows, sources, consistency)], page)
 
 
-def _real_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
+def _real_rows(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Row]:
     """A row for each way to know the heading, and for each way to hold or sample the phone."""
     for heading in (COMPASS, COMPASS_KNOWN, ROTATION, TRUE_LEG):
         yield from _floor_rows(AS_HELD, heading, floors, partial(_scored, heading=heading))
@@ -110,8 +117,8 @@ def _real_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
 def _floor_rows(
     sensors: str,
     heading: str,
-    floors: Mapping[str, Sequence[Walk]],
-    score: Callable[[Sequence[Walk]], list[Scored]],
+    floors: Mapping[str, Sequence[ReckonedWalk]],
+    score: Callable[[Sequence[ReckonedWalk]], list[Scored]],
 ) -> Iterator[Row]:
     """A row for every floor, and one for all walks together."""
     together: list[Scored] = []
@@ -122,7 +129,7 @@ def _floor_rows(
     yield _row("mall, all", sensors, heading, together)
 
 
-def _simulated_rows(name: str, walks: Sequence[Walk]) -> list[Row]:
+def _simulated_rows(name: str, walks: Sequence[ReckonedWalk]) -> list[Row]:
     return [
         _row(name, "as simulated", "true start", _scored(walks, TRUE_LEG)),
         _row(name, "as simulated", "true start, length known", _calibrated(walks)),
@@ -146,7 +153,7 @@ def _row(walks_of: str, sensors: str, heading: str, scored: Sequence[Scored]) ->
     }
 
 
-def _scored(walks: Sequence[Walk], heading: str) -> list[Scored]:
+def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
     """Every walk, with its start known and its heading from one of the sources.
 
     Where that is the phone, one angle per floor turns north into the plane of the truth: the
@@ -167,14 +174,14 @@ def _scored(walks: Sequence[Walk], heading: str) -> list[Scored]:
     ]
 
 
-def _summed(odometry: Odometry, walk: Walk, end_share: float) -> Scored:
+def _summed(odometry: Odometry, walk: ReckonedWalk, end_share: float) -> Scored:
     errors = position_errors(odometry.t_s, odometry.world_from_body, walk.truth, Alignment.ALIGNED)
     matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
     scale = placement(matched, Alignment.ALIGNED_WITH_SCALE).scale
     return Scored(end_share, float(np.sqrt(np.mean(errors**2))), scale)
 
 
-def _starts_rad(walks: Sequence[Walk], heading: str) -> F64:
+def _starts_rad(walks: Sequence[ReckonedWalk], heading: str) -> F64:
     """Heading (n) of every walk at its first footstep, against north, by the phone itself.
 
     Walks are taken in the order of their names, which is that of their recording.
@@ -192,7 +199,9 @@ def _starts_rad(walks: Sequence[Walk], heading: str) -> F64:
     return found
 
 
-def _floor_turn_rad(reckoned: Sequence[Odometry], walks: Sequence[Walk], starts_rad: F64) -> float:
+def _floor_turn_rad(
+    reckoned: Sequence[Odometry], walks: Sequence[ReckonedWalk], starts_rad: F64
+) -> float:
     """The angle between north and the plane of the truth, one for all walks of a floor."""
     fitted = [
         placement(match(o.t_s, o.world_from_body, walk.truth), Alignment.ALIGNED).world_from_map[2]
@@ -204,21 +213,21 @@ def _floor_turn_rad(reckoned: Sequence[Odometry], walks: Sequence[Walk], starts_
 
 
 def _ends(
-    reckoned: Sequence[Odometry], walks: Sequence[Walk], headings_rad: F64
+    reckoned: Sequence[Odometry], walks: Sequence[ReckonedWalk], headings_rad: F64
 ) -> Iterator[float]:
     """End error of every walk as a share of its true path, its start and heading given."""
     for odometry, walk, heading_rad in zip(reckoned, walks, headings_rad, strict=True):
         yield end_errors(*_headed(odometry, walk, heading_rad))["nothing"]
 
 
-def _headed(odometry: Odometry, walk: Walk, heading_rad: float) -> tuple[F64, F64]:
+def _headed(odometry: Odometry, walk: ReckonedWalk, heading_rad: float) -> tuple[F64, F64]:
     """A walk (n, 2) with this heading at its first footstep, and where it truly was."""
     matched = match(odometry.t_s, odometry.world_from_body, walk.truth)
     moved = compose(np.array([0.0, 0.0, heading_rad]), matched.estimate)
     return moved[:, :2], matched.truth[:, :2]
 
 
-def _source_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
+def _source_rows(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Row]:
     """Median end errors by compass, with one thing after the other replaced by the truth."""
     for floor, walks in floors.items():
         reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
@@ -238,7 +247,7 @@ def _source_rows(floors: Mapping[str, Sequence[Walk]]) -> Iterator[Row]:
             }
 
 
-def _calibrated(walks: Sequence[Walk]) -> list[Scored]:
+def _calibrated(walks: Sequence[ReckonedWalk]) -> list[Scored]:
     """Every walk by a walker whose step length is known from the length of that same walk."""
     scored = []
     for walk in walks:
@@ -253,7 +262,7 @@ def _calibrated(walks: Sequence[Walk]) -> list[Scored]:
     return scored
 
 
-def _consistency_rows(name: str, walks: Sequence[Walk], truth_sigma_m: float) -> list[Row]:
+def _consistency_rows(name: str, walks: Sequence[ReckonedWalk], truth_sigma_m: float) -> list[Row]:
     """Normalised errors of displacements over several distances, all walks together."""
     rows: list[Row] = []
     reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
@@ -311,8 +320,8 @@ def _page(
     rows: Sequence[Row],
     sources: Sequence[Row],
     consistency: Sequence[Row],
-    floors: Mapping[str, Sequence[Walk]],
-    worlds: Mapping[str, Sequence[Walk]],
+    floors: Mapping[str, Sequence[ReckonedWalk]],
+    worlds: Mapping[str, Sequence[ReckonedWalk]],
 ) -> Page:
     panels = [
         Panel(
@@ -353,7 +362,7 @@ CONSISTENCY = (
 )
 
 
-def _drawn(walks: Sequence[Walk]) -> list[DrawnWalk]:
+def _drawn(walks: Sequence[ReckonedWalk]) -> list[DrawnWalk]:
     """Some walks as their compass has them, each from its true start."""
     reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
     starts = _starts_rad(walks, COMPASS_KNOWN)

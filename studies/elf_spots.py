@@ -20,8 +20,8 @@ from studies.simulated_buildings import (
     FIRST_SEED,
     FLOORS,
     STEP_S,
+    BuildingWalk,
     OneThread,
-    Walk,
     beside,
     floor_rooms,
     floor_walks,
@@ -116,7 +116,7 @@ def _generator(number: int, purpose: int) -> np.random.Generator:
     return np.random.default_rng([FIRST_SEED, number, 7, purpose])
 
 
-def leg_means(vectors: F32, walk: Walk) -> F32:
+def leg_means(vectors: F32, walk: BuildingWalk) -> F32:
     """For each echo the mean over those within the window about it, of the same leg."""
     starts = np.flatnonzero(np.diff(walk.leg, prepend=-1))
     parts = []

@@ -67,13 +67,13 @@ def _measure_walk(
     seed: int,
     rounds: int,
     encoder: Encoder,
-    known: FinetuneParameters,
+    parameters: FinetuneParameters,
     collected: dict[str, Walks],
 ) -> None:
     recording, truth = simulate(load_world(world), seed, rounds=rounds)
     before = map_by_echoes(recording, encoder, Parameters())
     assert before.echoes is not None
-    learnt = finetuned(encoder, before.echoes, known, seed, lambda what, share: None).encoder
+    learnt = finetuned(encoder, before.echoes, parameters, seed, lambda what, share: None).encoder
     after = map_by_echoes(recording, encoder, Parameters(), adapt=lambda *_: learnt)
     for name, run in zip(ENCODERS, (before, after), strict=True):
         _collect(collected[name], run, truth, rounds)

@@ -57,7 +57,7 @@ NOTE = (
 
 
 @dataclass(frozen=True)
-class Walk:
+class PlacedWalk:
     """A simulated walk, mapped without its start."""
 
     world: str
@@ -86,9 +86,11 @@ def measure_floor_plan(
     """A row per world and plan: shares of walks placed right, wrong, and not; `data` is unused."""
     parameters = known or AnchoringParameters()
     tasks = [
-        Walk(world, FIRST_SEED + k, rounds) for world, count in worlds.items() for k in range(count)
+        PlacedWalk(world, FIRST_SEED + k, rounds)
+        for world, count in worlds.items()
+        for k in range(count)
     ]
-    measure = partial(_measured, known=parameters)
+    measure = partial(_measured, parameters=parameters)
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = [
         row
@@ -98,7 +100,7 @@ def measure_floor_plan(
             [found for task, found in zip(tasks, numbers, strict=True) if task.world == world],
         )
     ]
-    panels = [_panel(Walk(world, FIRST_SEED, rounds), parameters) for world in worlds]
+    panels = [_panel(PlacedWalk(world, FIRST_SEED, rounds), parameters) for world in worlds]
     table = Panel("All walks", rows_table(rows), wide=True)
     subtitle = "Shares of walks, and median errors of those that were placed."
     return Finding(rows, Page("Maps placed on floor plans", subtitle, [*panels, table]))
@@ -110,7 +112,7 @@ def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
     return drawn_grid([(room.outline_m,)], [(corners,) for corners in low], CELL_M)
 
 
-def mapped(walk: Walk) -> Mapped:
+def mapped(walk: PlacedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
@@ -121,17 +123,17 @@ def _truth_of(trajectory: Trajectory, truth: Truth) -> F64:
     return interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)[:, :2]
 
 
-def _measured(walk: Walk, known: AnchoringParameters) -> Numbers:
+def _measured(walk: PlacedWalk, parameters: AnchoringParameters) -> Numbers:
     numbers: Numbers = {}
     made = mapped(walk)
     for name, plan, tag in _plans(walk, made):
-        found = anchor([made.xy_m], plan, known, tag)
+        found = anchor([made.xy_m], plan, parameters, tag)
         told = _judged(made, found, lost=name == ELSEWHERE)
         numbers |= {f"{name}|{key}": value for key, value in told.items()}
     return numbers
 
 
-def _plans(walk: Walk, made: Mapped) -> Iterator[tuple[str, FloorGrid, Tag | None]]:
+def _plans(walk: PlacedWalk, made: Mapped) -> Iterator[tuple[str, FloorGrid, Tag | None]]:
     """Plans by name: bare and furnished, without and with a start; and that of another floor."""
     room = load_world(walk.world).room
     off_m = np.random.default_rng([walk.seed, 7]).normal(0, TAG_ERROR_M, 2)
@@ -185,10 +187,10 @@ def _rows(world: str, numbers: Sequence[Mapping[str, float]]) -> Iterator[Row]:
         }
 
 
-def _panel(walk: Walk, known: AnchoringParameters) -> Panel:
+def _panel(walk: PlacedWalk, parameters: AnchoringParameters) -> Panel:
     """The first walk of a world on its furnished plan."""
     made, room = mapped(walk), load_world(walk.world).room
-    found = anchor([made.xy_m], plan_of(room, furnished=True), known)
+    found = anchor([made.xy_m], plan_of(room, furnished=True), parameters)
     poses = np.vstack([found.plan_from_map, found.others])
     walks = [
         (float(share), placed(made.xy_m, pose, found.scale))

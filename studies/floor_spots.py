@@ -136,12 +136,12 @@ def _learnt(
         place_m = floor.spots_m[spot]
         return SpotEchoes(heard(floor, place_m, heading_rad, generator), place_m, heading_rad)
 
-    known = FloorLevelParameters(steps=max(task.echoes // BATCH, 1))
+    parameters = FloorLevelParameters(steps=max(task.echoes // BATCH, 1))
     found = learn_floor(
-        shipped, floor.spots_m, batch, known, seed=task.seed,
+        shipped, floor.spots_m, batch, parameters, seed=task.seed,
         checkpoint=file.with_suffix(".checkpoint"),
         report=lambda at: announce(
-            f"floor level: step {at.step}, loss {at.loss:.2f}", at.step / known.steps
+            f"floor level: step {at.step}, loss {at.loss:.2f}", at.step / parameters.steps
         ),
     )  # fmt: skip
     with new_file(file) as partial:

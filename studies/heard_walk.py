@@ -16,7 +16,7 @@ ROUNDS = 5
 
 
 @dataclass(frozen=True)
-class Walk:
+class HeardWalk:
     """A simulated walk, and whether it is mapped too."""
 
     world: str
@@ -35,7 +35,7 @@ class Heard:
     truth: Truth
 
 
-def hear_walk(walk: Walk) -> Heard:
+def hear_walk(walk: HeardWalk) -> Heard:
     """A walk as the line hears it."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     assert recording.audio is not None

@@ -49,11 +49,11 @@ class FloorPlaces:
 def floor_places(walks: Sequence[FloorWalk], poses: Sequence[F64]) -> FloorPlaces:
     """A place for every stretch between footsteps of walks with scans, from their solved poses."""
     heard = [(w, at) for w, at in zip(walks, poses, strict=True) if w.recording.wifi is not None]
-    known = WifiParameters()
+    parameters = WifiParameters()
     wifi = wifi_places(
-        [fingerprints(_scans(walk), walk.nodes, known) for walk, _ in heard],
+        [fingerprints(_scans(walk), walk.nodes, parameters) for walk, _ in heard],
         [(at[1:, :2] + at[:-1, :2]) / 2 for _, at in heard],
-        known,
+        parameters,
     )
     heading_rad = np.concatenate([at[:-1, 2] for _, at in heard])
     return FloorPlaces(wifi, heading_rad, np.vstack([_windows(walk) for walk, _ in heard]))
@@ -127,10 +127,10 @@ def pulled_rows(nodes: Odometry) -> I64:
 
 def _scores(wifi: WifiScans, nodes: Odometry, places: FloorPlaces, rows: I64) -> F64:
     """Scores (k, m) of all places at some stretches."""
-    known = WifiParameters()
-    heard = fingerprints(wifi, nodes, known)
+    parameters = WifiParameters()
+    heard = fingerprints(wifi, nodes, parameters)
     some = Fingerprints(heard.bssids, heard.rssi_dbm[rows])
-    return place_scores(some, places.wifi, known)
+    return place_scores(some, places.wifi, parameters)
 
 
 def _pulls(wifi: WifiScans, nodes: Odometry, places: FloorPlaces) -> F64:

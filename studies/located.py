@@ -89,14 +89,14 @@ def stranger(
     return Stranger(recording, walk_nodes(recording, Settings()), features, truth)
 
 
-def located(mapped: Mapped, other: Stranger, mode: Mode, known: Settings) -> Fixes:
+def located(mapped: Mapped, other: Stranger, mode: Mode, settings: Settings) -> Fixes:
     """Where the stranger is in the map, by echoes."""
     floor_map = mapped.run.floor_map
     assert floor_map is not None
     if mode is Mode.ONE_SHOT:
-        return locate_one_shot(other.features, floor_map, known.locate)
-    scores: F32 = footstep_likeness(other.features, other.nodes, floor_map, known.locate)
-    return locate_walk(other.nodes, scores, floor_map, known, mode=mode)
+        return locate_one_shot(other.features, floor_map, settings.locate)
+    scores: F32 = footstep_likeness(other.features, other.nodes, floor_map, settings.locate)
+    return locate_walk(other.nodes, scores, floor_map, settings, mode=mode)
 
 
 def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:

@@ -62,7 +62,7 @@ SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
 
 
 @dataclass(frozen=True)
-class Walk:
+class ErrorWalk:
     """A simulated walk."""
 
     world: str
@@ -82,14 +82,14 @@ def measure_mapping(
     scratch: ScratchParameters | None = None,
 ) -> Finding:
     """Errors of every method for walkers calibrated and not; `data` is not needed."""
-    tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [ErrorWalk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = mapping_rows(by_world(tasks, numbers))
     return Finding(rows, mapping_page(rows))
 
 
-def _measured(walk: Walk, scratch: ScratchParameters) -> Numbers:
+def _measured(walk: ErrorWalk, scratch: ScratchParameters) -> Numbers:
     recording, truth = simulate(
         load_world(walk.world), walk.seed, rounds=walk.rounds, sensors=SENSORS
     )
@@ -133,63 +133,66 @@ def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str
 
 
 def _closures(
-    recording: Recording, echoes: Echoes, features: Mapping[str, Features], known: Settings
+    recording: Recording, echoes: Echoes, features: Mapping[str, Features], settings: Settings
 ) -> Iterator[tuple[str, Odometry, Closures]]:
     """What is walked and closed by method, first nothing, at last by all senses together.
 
     Who hears echoes also knows by them how long the steps were.
     """
-    walked = walk_nodes(recording, known)
+    walked = walk_nodes(recording, settings)
     yield "dead reckoning", walked, NO_CLOSURES
-    heard = with_heard_steps(walked, echoes, known)
+    heard = with_heard_steps(walked, echoes, settings)
     yield "dead reckoning, heard steps", heard, NO_CLOSURES
     elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
-    strictness = {ELF: known.closure, ALONE: replace(known.closure, threshold=ALONE_THRESHOLD)}
+    strictness = {
+        ELF: settings.closure,
+        ALONE: replace(settings.closure, threshold=ALONE_THRESHOLD),
+    }
     for name, alike in elf.items():
-        yield name, heard, closures_by(heard, [(alike, strictness[name])], known)
+        yield name, heard, closures_by(heard, [(alike, strictness[name])], settings)
     for item in RIVALS:
         yield (
             item.value,
             walked,
-            closures_by(walked, [_sensed(item, recording, walked, known)], known),
+            closures_by(walked, [_sensed(item, recording, walked, settings)], settings),
         )
-    others = [_sensed(item, recording, heard, known) for item in RIVALS]
-    together = closures_by(heard, [(elf[ELF], known.closure), *others], known)
+    others = [_sensed(item, recording, heard, settings) for item in RIVALS]
+    together = closures_by(heard, [(elf[ELF], settings.closure), *others], settings)
     yield "all together", heard, together
 
 
 def _as_the_paper_closes(
-    recording: Recording, echoes: Echoes, features: Mapping[str, Features], known: Settings
+    recording: Recording, echoes: Echoes, features: Mapping[str, Features], settings: Settings
 ) -> Iterator[tuple[str, Odometry, Closures]]:
     """Our features and the paper's rivals through the paper's curation, which takes minutes."""
-    walked = walk_nodes(recording, known)
-    heard = with_heard_steps(walked, echoes, known)
+    walked = walk_nodes(recording, settings)
+    heard = with_heard_steps(walked, echoes, settings)
     alike = echo_sequence_similarity(features[ELF], heard)
-    curated = _curated(alike, heard, known, known.closure.threshold)
+    curated = _curated(alike, heard, settings, settings.closure.threshold)
     yield f"{ELF}, paper's curation", heard, curated
-    for item, paper in _as_in_the_paper(known).items():
+    for item, paper in _as_in_the_paper(settings).items():
         similarity, closure = _sensed(item, recording, walked, paper)
         closures = _curated(similarity, walked, paper, closure.threshold)
         yield f"{item}, paper's", walked, closures
 
 
 def _sensed(
-    item: Modality, recording: Recording, nodes: Odometry, known: Settings
+    item: Modality, recording: Recording, nodes: Odometry, settings: Settings
 ) -> tuple[AnySimilarity, ClosureParameters]:
-    sense = sense_of(item, known)
+    sense = sense_of(item, settings)
     return sense.similarity_of(recording, nodes), sense.closure
 
 
 def _curated(
-    similarity: AnySimilarity, nodes: Odometry, known: Settings, threshold: float
+    similarity: AnySimilarity, nodes: Odometry, settings: Settings, threshold: float
 ) -> Closures:
     return curated_closures(similarity, nodes, replace(CurationParameters(), threshold=threshold))
 
 
-def _as_in_the_paper(known: Settings) -> Mapping[Modality, Settings]:
+def _as_in_the_paper(settings: Settings) -> Mapping[Modality, Settings]:
     return {
-        Modality.WIFI: replace(known, wifi=replace(known.wifi, variant="paper")),
-        Modality.MAGNETIC: replace(known, magnetic=replace(known.magnetic, variant="paper")),
+        Modality.WIFI: replace(settings, wifi=replace(settings.wifi, variant="paper")),
+        Modality.MAGNETIC: replace(settings, magnetic=replace(settings.magnetic, variant="paper")),
     }
 
 

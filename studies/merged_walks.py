@@ -14,7 +14,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Trajectory, Truth
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.slam.merging import Walk, walk_of
+from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
@@ -43,7 +43,7 @@ class Stroll:
 
 
 @cache
-def strolled(stroll: Stroll) -> tuple[Walk, Truth]:
+def strolled(stroll: Stroll) -> tuple[MappedWalk, Truth]:
     """The walk as it is mapped by itself, its start unknown, and the truth."""
     today = Circumstances(state=stroll.state)
     recording, truth = simulate(

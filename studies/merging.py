@@ -134,14 +134,14 @@ def _pair(pair: Pair) -> Numbers:
 
 def _growth(growth: Growth) -> Numbers:
     """Errors of a map of some walks and of a stranger in it, its size, and the last walk's cost."""
-    known = MergeParameters()
+    parameters = MergeParameters()
     strolls = [strolled(Stroll(growth.world, seed)) for seed in growth.walks]
     walks, truths = zip(*strolls, strict=True)
     if len(walks) == 1:
         trajectories, inside = [walks[0].trajectory], list(truths)
-        floor_map = map_of(walks[0], walks[0].trajectory, known)
+        floor_map = map_of(walks[0], walks[0].trajectory, parameters)
     else:
-        made = merge(walks, known).maps
+        made = merge(walks, parameters).maps
         if not made:
             return {"merged": 1.0}
         named = {walk.name: truth for walk, truth in zip(walks, truths, strict=True)}
@@ -153,7 +153,7 @@ def _growth(growth: Growth) -> Numbers:
     found = fix_errors(fixes, truth, alignment_of(walked, true))
     errors_m = position_errors(walked.t_s, walked.world_from_body, true, Alignment.ALIGNED)
     began_s = time.perf_counter()
-    add_walk(floor_map, stranger, known)
+    add_walk(floor_map, stranger, parameters)
     return {
         "merged": float(len(trajectories)),
         "map error (m)": float(np.median(errors_m)),

@@ -45,7 +45,7 @@ NOTE = (
 
 
 @dataclass(frozen=True)
-class Walk:
+class FollowedWalk:
     """A simulated walk whose start is known roughly."""
 
     world: str
@@ -76,25 +76,25 @@ def measure_passages(
 ) -> Finding:
     """Errors from the told start before and after, by echoes and by steps; `data` is not needed."""
     passages = known or PassageParameters()
-    tasks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
-    measure = partial(_measured, known=passages)
+    tasks = [FollowedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    measure = partial(_measured, parameters=passages)
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    panels = [_panel(Walk(world, seeds[0], rounds), passages) for world in worlds]
+    panels = [_panel(FollowedWalk(world, seeds[0], rounds), passages) for world in worlds]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)
     subtitle = "The start is known to half a metre and eleven degrees, the plan has its furniture."
     return Finding(rows, Page("Walks followed through floor plans", subtitle, [*panels, table]))
 
 
-def _measured(walk: Walk, known: PassageParameters) -> Numbers:
+def _measured(walk: FollowedWalk, parameters: PassageParameters) -> Numbers:
     return {
         f"{name}|{key}": value
-        for name, pair in pairs_of(walk, known)
+        for name, pair in pairs_of(walk, parameters)
         for key, value in pair.numbers.items()
     }
 
 
-def pairs_of(walk: Walk, known: PassageParameters) -> Iterator[tuple[str, Pair]]:
+def pairs_of(walk: FollowedWalk, parameters: PassageParameters) -> Iterator[tuple[str, Pair]]:
     """The walk by its echoes and by its steps alone, before and after."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     ground = plan_of(load_world(walk.world).room, furnished=True)
@@ -109,7 +109,7 @@ def pairs_of(walk: Walk, known: PassageParameters) -> Iterator[tuple[str, Pair]]
         true = interpolate_poses(truth.t_s, truth.world_from_body, run.trajectory.t_s)
         start = Start(true[0] + off, np.diag(np.square(TOLD_SIGMA)))
         told = compose(start.pose, between(poses[0], poses))
-        found = follow(run, start, ground, AnchoringParameters().keep_off_m, known)
+        found = follow(run, start, ground, AnchoringParameters().keep_off_m, parameters)
         covered = trajectory_coverage(
             followed_trajectory(run.trajectory, found), truth, AS_DECLARED
         )
@@ -151,9 +151,9 @@ def _rows(world: str, numbers: Sequence[Numbers]) -> Iterator[Row]:
         }
 
 
-def _panel(walk: Walk, known: PassageParameters) -> Panel:
+def _panel(walk: FollowedWalk, parameters: PassageParameters) -> Panel:
     """The first walk of a world by its steps alone, on its plan."""
-    pair = dict(pairs_of(walk, known))[STEPS]
+    pair = dict(pairs_of(walk, parameters))[STEPS]
     drawn = floor_plan(load_world(walk.world).room)
     figure = followed_figure(drawn, pair.after_m, pair.before_m, pair.truth_m)
     title = f"{walk.world}: {pair.numbers['before']:.2f} m, then {pair.numbers['after']:.2f} m"

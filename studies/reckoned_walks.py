@@ -26,7 +26,7 @@ ROUNDS = 2
 
 
 @dataclass(frozen=True)
-class Walk:
+class ReckonedWalk:
     """One walk: its sensors and its truth, and the direction that the phone itself reports."""
 
     name: str
@@ -38,7 +38,7 @@ class Walk:
 
 def mall_floors(
     data: Path, count: int | None, announce: Announce
-) -> Iterator[tuple[str, list[Walk]]]:
+) -> Iterator[tuple[str, list[ReckonedWalk]]]:
     """Every floor by name with its walks, at most `count`. Raises InputError without data."""
     archives = sorted((data / "mall_walks").glob("*.tar.xz"))
     if not archives:
@@ -49,7 +49,7 @@ def mall_floors(
         yield name, [walk for path in islice(walks_in(archive), count) for walk in _read(path)]
 
 
-def _read(path: Path) -> list[Walk]:
+def _read(path: Path) -> list[ReckonedWalk]:
     """The walk of a file, if it has a truth to compare with."""
     found = read_walk(path)
     recording, truth = found.recording, found.truth
@@ -64,7 +64,7 @@ def _read(path: Path) -> list[Walk]:
     )
     turned = _heading_of(recording.imu)
     mean_rad = float(np.angle(np.exp(1j * (reported - turned)).mean()))
-    return [Walk(recording.name, recording.imu, truth, recording.magnetometer, mean_rad)]
+    return [ReckonedWalk(recording.name, recording.imu, truth, recording.magnetometer, mean_rad)]
 
 
 def _heading_of(imu: Imu) -> F64:
@@ -73,7 +73,9 @@ def _heading_of(imu: Imu) -> F64:
     return np.interp(imu.t_s, odometry.t_s, np.unwrap(odometry.world_from_body[:, 2]))
 
 
-def simulated_walks(worlds: Sequence[str], seeds: int) -> Iterator[tuple[str, int, list[Walk]]]:
+def simulated_walks(
+    worlds: Sequence[str], seeds: int
+) -> Iterator[tuple[str, int, list[ReckonedWalk]]]:
     """Walks of every world by both motion sensors: its name, the rate, the walks."""
     for name in worlds:
         world = load_world(name)
@@ -82,11 +84,11 @@ def simulated_walks(worlds: Sequence[str], seeds: int) -> Iterator[tuple[str, in
             for seed in range(FIRST_SEED, FIRST_SEED + seeds):
                 recording, truth = simulate(world, seed, rounds=ROUNDS, sound=False, grade=grade)
                 if recording.imu is not None:
-                    some.append(Walk(f"{name} {seed}", recording.imu, truth))
+                    some.append(ReckonedWalk(f"{name} {seed}", recording.imu, truth))
             yield name, round(grade.rate_hz), some
 
 
-def resampled(walk: Walk, rate_hz: float) -> Walk:
+def resampled(walk: ReckonedWalk, rate_hz: float) -> ReckonedWalk:
     """The same walk by sensors of another rate."""
     t_s = np.arange(walk.imu.t_s[0], walk.imu.t_s[-1], 1 / rate_hz)
     accel, gyro = (
@@ -96,7 +98,7 @@ def resampled(walk: Walk, rate_hz: float) -> Walk:
     return replace(walk, imu=Imu(t_s, accel, gyro))
 
 
-def tilted(walk: Walk, pitch_deg: float, roll_deg: float) -> Walk:
+def tilted(walk: ReckonedWalk, pitch_deg: float, roll_deg: float) -> ReckonedWalk:
     """The same walk with the phone's top tilted up, and the phone rolled about its long axis."""
     turn = Rotation.from_euler("XY", [pitch_deg, roll_deg], degrees=True).inv()
     imu, field = walk.imu, walk.magnetometer

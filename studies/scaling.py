@@ -47,7 +47,7 @@ TENTH_S = 0.1
 
 
 @dataclass(frozen=True)
-class Walk:
+class ScaledWalk:
     """A simulated walk that is mapped."""
 
     world: str
@@ -91,7 +91,7 @@ def measure_scaling(
     unit. `lost (s)`: by the kill. `equal`: what came out, to the last bit, to what this process
     makes. `study` is `study mapping` in the studio with `study_seeds`. `data` is not needed.
     """
-    walks = [Walk(world, seed, rounds) for world in worlds for seed in seeds]
+    walks = [ScaledWalk(world, seed, rounds) for world in worlds for seed in seeds]
     study = partial(_study_table, seeds=study_seeds, rounds=rounds, scratch=scratch)
     kinds: dict[str, Opened] = {
         "this process": _here,
@@ -172,7 +172,7 @@ def _here() -> Iterator[Workers]:
 
 
 def _timed(
-    walks: Sequence[Walk], workers: Workers, *, killer: Killer | None
+    walks: Sequence[ScaledWalk], workers: Workers, *, killer: Killer | None
 ) -> tuple[Row, list[Numbers]]:
     found: dict[int, Numbers] = {}
     busy_s, start_s = 0.0, time.perf_counter()
@@ -186,7 +186,7 @@ def _timed(
     return row, [found[index] for index in range(len(walks))]
 
 
-def measure_walk(walk: Walk) -> tuple[Numbers, int]:
+def measure_walk(walk: ScaledWalk) -> tuple[Numbers, int]:
     """What mapping a walk gives, with the seconds it took; and which process did it."""
     start_s = time.perf_counter()
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)

@@ -61,7 +61,7 @@ class OneThread:
         return np.asarray(self._session.run(["elf"], {"samples": samples})[0])
 
 
-class Walk(NamedTuple):
+class BuildingWalk(NamedTuple):
     """Where the echoes of a walk are heard (n, 2), the way it points (n), and of which leg (n)."""
 
     xy_m: F64
@@ -101,7 +101,9 @@ def random_visit(generator: np.random.Generator) -> Visit:
     )
 
 
-def floor_walks(generator: np.random.Generator, rooms: list[Room], count: int) -> list[Walk]:
+def floor_walks(
+    generator: np.random.Generator, rooms: list[Room], count: int
+) -> list[BuildingWalk]:
     """A walk in every room, `count` echoes in all, more of them in larger rooms."""
     area = np.array([np.prod(room.size_m[:2]) for room in rooms])
     ends = np.round(np.cumsum(area) / area.sum() * count).astype(int)
@@ -111,7 +113,7 @@ def floor_walks(generator: np.random.Generator, rooms: list[Room], count: int) -
     ]
 
 
-def walk_in(generator: np.random.Generator, room: Room, count: int) -> Walk:
+def walk_in(generator: np.random.Generator, room: Room, count: int) -> BuildingWalk:
     """Straight legs from one random place to the next, wherever nothing stands in the way."""
     legs: list[F64] = []
     at = free_place(generator, room)
@@ -125,7 +127,7 @@ def walk_in(generator: np.random.Generator, room: Room, count: int) -> Walk:
     yaw = [np.full(len(leg), np.arctan2(*(leg[-1] - leg[0])[::-1])) for leg in legs]
     number = [np.full(len(leg), k) for k, leg in enumerate(legs)]
     xy_m, yaw_rad, leg_number = map(np.concatenate, (legs, yaw, number))
-    return Walk(xy_m[:count], yaw_rad[:count], leg_number[:count])
+    return BuildingWalk(xy_m[:count], yaw_rad[:count], leg_number[:count])
 
 
 def _ahead(yaw_rad: float) -> F64:
@@ -156,7 +158,9 @@ def free_place(generator: np.random.Generator, room: Room) -> F64:
         margin_m *= 0.9
 
 
-def beside(generator: np.random.Generator, walk: Walk, first: int, count: int) -> Walk:
+def beside(
+    generator: np.random.Generator, walk: BuildingWalk, first: int, count: int
+) -> BuildingWalk:
     """A stretch of a walk gone again: some way aside, at another pace, from another start."""
     pace = generator.uniform(0.9, 1.1)
     at = np.clip(first + generator.uniform() + pace * np.arange(count), 0, len(walk.leg) - 1)
@@ -166,11 +170,11 @@ def beside(generator: np.random.Generator, walk: Walk, first: int, count: int) -
     xy = walk.xy_m[low] + (at - low)[:, None] * (walk.xy_m[high] - walk.xy_m[low])
     yaw = walk.yaw_rad[low]
     aside = generator.normal(0, ASIDE_M) * np.column_stack([-np.sin(yaw), np.cos(yaw)])
-    return Walk(xy + aside, yaw, walk.leg[low])
+    return BuildingWalk(xy + aside, yaw, walk.leg[low])
 
 
 def heard(
-    generator: np.random.Generator, room: Room, visit: Visit, walk: Walk, encoder: Encoder
+    generator: np.random.Generator, room: Room, visit: Visit, walk: BuildingWalk, encoder: Encoder
 ) -> F32:
     """The ELF (n, 128) of every echo of a walk."""
     poses, scene = _poses(generator, visit, walk), scene_of(room)
@@ -197,7 +201,7 @@ def _batches(count: int, size: int) -> Iterator[slice]:
     return (slice(k, k + size) for k in range(0, count, size))
 
 
-def _poses(generator: np.random.Generator, visit: Visit, walk: Walk) -> Poses:
+def _poses(generator: np.random.Generator, visit: Visit, walk: BuildingWalk) -> Poses:
     """Phones of one holder on the way: some way about the yaw, tilted and moving forward."""
     height_m, pitch_rad, body_m = visit.holder
     count = len(walk.leg)

@@ -185,14 +185,14 @@ def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
     return fixes_of(t_s, likeness(means.astype(np.float32), payload), floor_map, known)
 
 
-def together(t_s: F64, known: LocateParameters) -> list[list[int]]:
+def together(t_s: F64, parameters: LocateParameters) -> list[list[int]]:
     """Rows of echoes that make a fix each: as soon as they are enough and last long enough."""
     groups: list[list[int]] = []
     rows: list[int] = []
     for row, now_s in enumerate(t_s):
         rows = [each for each in rows if now_s - t_s[each] <= LONGEST_S]
         rows.append(row)
-        if len(rows) >= FEWEST and now_s - t_s[rows[0]] >= known.window_s - 0.11:
+        if len(rows) >= FEWEST and now_s - t_s[rows[0]] >= parameters.window_s - 0.11:
             groups.append(rows)
             rows = []
     return groups

@@ -51,7 +51,7 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class PhoneWalk:
     """Echoes (n, 2352) of a walk, when (n) they were heard and at which poses (n, 3)."""
 
     t_s: F64
@@ -101,7 +101,7 @@ def measure_place(task: Place, folder: Path) -> Numbers:
 
 
 def _heard(
-    encoder: OnnxEncoder, floor_map: FloorMap, asked: Walk, own: Walk
+    encoder: OnnxEncoder, floor_map: FloorMap, asked: PhoneWalk, own: PhoneWalk
 ) -> Iterator[tuple[str, Features]]:
     """The features of who is located: as they are, and translated."""
     plain = _features(encoder, asked)
@@ -111,7 +111,7 @@ def _heard(
 
 
 def _maps(
-    task: Place, walks: Sequence[Walk], folder: Path
+    task: Place, walks: Sequence[PhoneWalk], folder: Path
 ) -> Iterator[tuple[str, OnnxEncoder, FloorMap]]:
     """One walk with the shipped encoder, and both superimposed; all placed truly."""
     from elfslam.learn.floor_level import SpotEchoes, floor_elfs, floor_spots, learn_floor
@@ -147,7 +147,7 @@ def _maps(
     yield "superimposed", learnt, mapped(learnt, every)
 
 
-def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = False) -> Walk:
+def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = False) -> PhoneWalk:
     today = Circumstances(device=phone)
     recording, truth = simulate(
         load_world(world), seed, rounds=rounds, reverse=reverse, circumstances=today
@@ -155,10 +155,10 @@ def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = Fal
     echoes = hear(recording, Parameters())
     rows = walking(truth, echoes.t_s)
     poses = interpolate_poses(truth.t_s, truth.world_from_body, echoes.t_s[rows])
-    return Walk(echoes.t_s[rows], echoes.samples[rows], poses)
+    return PhoneWalk(echoes.t_s[rows], echoes.samples[rows], poses)
 
 
-def _features(encoder: OnnxEncoder, walk: Walk) -> Features:
+def _features(encoder: OnnxEncoder, walk: PhoneWalk) -> Features:
     return Features(walk.t_s, encoder.embed(walk.samples), encoder.identity)
 
 
@@ -168,7 +168,7 @@ def _fixes(features: Features, floor_map: FloorMap) -> F64:
     return fixes_m(features.vectors[:whole], TOGETHER, spots, floor_map.xy_m)
 
 
-def _middles(walk: Walk) -> F64:
+def _middles(walk: PhoneWalk) -> F64:
     whole = len(walk.poses) // TOGETHER * TOGETHER
     middles: F64 = walk.poses[:whole, :2].reshape(-1, TOGETHER, 2).mean(axis=1)
     return middles

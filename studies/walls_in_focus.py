@@ -18,7 +18,7 @@ from elfslam.line.acoustic_odometry import (
 )
 from elfslam.scoring.page import Panel
 from studies.figures.scale_figures import Picture, bundles_figure, pictures_figure
-from studies.heard_walk import Heard, Walk, hear_walk, true_scale
+from studies.heard_walk import Heard, HeardWalk, hear_walk, true_scale
 
 DIRECTIONS = 120
 FIRST_S = DISCARDED_SAMPLES / ECHO_RATE_HZ
@@ -46,7 +46,7 @@ CHANGES_NOTE = (
 )
 
 
-def focus_panel(walk: Walk) -> Panel:
+def focus_panel(walk: HeardWalk) -> Panel:
     """Walls in the sharpest window of a walk, with steps too short, true and too long."""
     heard = hear_walk(walk)
     true = true_scale(heard.nodes, heard.truth)
@@ -59,7 +59,7 @@ def focus_panel(walk: Walk) -> Panel:
     return Panel("Walls in and out of focus", pictures_figure(pictures), FOCUS_NOTE, wide=True)
 
 
-def walks_panels(walks: Sequence[Walk]) -> tuple[Panel, Panel]:
+def walks_panels(walks: Sequence[HeardWalk]) -> tuple[Panel, Panel]:
     """Sharpness against scale, and what pairs of frames tell: a line for each of a few walks."""
     sharpness: dict[str, list[tuple[F64, F64]]] = {}
     changes: dict[str, list[tuple[F64, F64]]] = {}
@@ -77,12 +77,12 @@ def walks_panels(walks: Sequence[Walk]) -> tuple[Panel, Panel]:
     )
 
 
-def _first_of_each(walks: Sequence[Walk]) -> list[Walk]:
+def _first_of_each(walks: Sequence[HeardWalk]) -> list[HeardWalk]:
     seeds: dict[str, list[int]] = {}
     for walk in walks:
         seeds.setdefault(walk.world, []).append(walk.seed)
     return [
-        Walk(world, seed, SHOWN_ROUNDS)
+        HeardWalk(world, seed, SHOWN_ROUNDS)
         for world, some in seeds.items()
         for seed in some[:SHOWN_SEEDS]
     ]

@@ -147,7 +147,7 @@ def free_port() -> int:
 
 
 @dataclass(frozen=True)
-class Walk:
+class SentWalk:
     """A recording as it is uploaded, and the files of its map."""
 
     packed: bytes
@@ -155,7 +155,7 @@ class Walk:
     mapped: dict[str, bytes]
 
 
-def made_walk(folder: Path, number: int) -> Walk:
+def made_walk(folder: Path, number: int) -> SentWalk:
     """Simulate a walk and map it undisturbed."""
     recording, _ = simulate(load_world(WORLD), SEED + number, rounds=2, sound=number == 0)
     write_recording(recording, folder)
@@ -168,10 +168,12 @@ def made_walk(folder: Path, number: int) -> Walk:
     with zipfile.ZipFile(made, "w") as archive:
         for name, content in files.items():
             archive.writestr(name, content)
-    return Walk(made.getvalue(), files, mapped)
+    return SentWalk(made.getvalue(), files, mapped)
 
 
-def disturbed(server: Server, walks: list[Walk], asked: argparse.Namespace) -> dict[str, object]:
+def disturbed(
+    server: Server, walks: list[SentWalk], asked: argparse.Namespace
+) -> dict[str, object]:
     """Kill a server so many times while phones use it, and then look at everything."""
     generator, ledger, stop = random.Random(asked.seed), Ledger(), threading.Event()
     phones = [
@@ -233,7 +235,7 @@ def patiently(act: Callable[[], httpx.Response]) -> httpx.Response:
 
 
 def phone(
-    server: Server, walks: list[Walk], ledger: Ledger, stop: threading.Event, seed: int
+    server: Server, walks: list[SentWalk], ledger: Ledger, stop: threading.Event, seed: int
 ) -> None:
     """Upload one walk after the other, and delete some."""
     generator = random.Random(1000 + seed)
@@ -290,7 +292,7 @@ def sent(client: httpx.Client, place: str, content: bytes, offset: int, ledger: 
     return offset
 
 
-def judged(server: Server, walks: list[Walk], ledger: Ledger) -> dict[str, object]:
+def judged(server: Server, walks: list[SentWalk], ledger: Ledger) -> dict[str, object]:
     """What is there at the end, when all jobs have ended."""
     with server.client() as client:
         until(lambda: not any(job["state"] in ("queued", "running") for job in jobs_of(client)))

@@ -55,12 +55,12 @@ def simulated(world: str, seed: int, rounds: int) -> Imu:
     return recording.imu
 
 
-def apart(imu: Imu, whole: Odometry, known: MotionParameters) -> Apart:
+def apart(imu: Imu, whole: Odometry, parameters: MotionParameters) -> Apart:
     """The walk by the page, step for step beside the whole one."""
-    told = in_node("timed", {"imu": readings(imu), "parameters": asdict(known)})
+    told = in_node("timed", {"imu": readings(imu), "parameters": asdict(parameters)})
     steps = told["steps"]
     t_s = np.array([steps[0]["fromS"], *(step["tS"] for step in steps)])
-    wanted_s = whole.t_s[whole.t_s <= imu.t_s[-1] - known.live_delay_s - 0.1]
+    wanted_s = whole.t_s[whole.t_s <= imu.t_s[-1] - parameters.live_delay_s - 0.1]
     row = np.argmin(abs(whole.t_s[None] - t_s[:, None]), axis=1)
     off_s = t_s - whole.t_s[row]
     same = (abs(off_s) < SAME_S)[1:] & (abs(off_s) < SAME_S)[:-1] & (np.diff(row) == 1)
@@ -108,18 +108,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    known = MotionParameters()
-    parser.add_argument("--delays", nargs="+", type=float, default=[known.live_delay_s])
-    parser.add_argument("--windows", nargs="+", type=float, default=[known.live_window_s])
+    parameters = MotionParameters()
+    parser.add_argument("--delays", nargs="+", type=float, default=[parameters.live_delay_s])
+    parser.add_argument("--windows", nargs="+", type=float, default=[parameters.live_window_s])
     parser.add_argument("--worlds", nargs="+", default=WORLDS)
     parser.add_argument("--seeds", nargs="+", type=int, default=list(range(100, 106)))
     parser.add_argument("--rounds", type=int, default=2)
     given = parser.parse_args()
     imus = [simulated(world, seed, given.rounds) for world in given.worlds for seed in given.seeds]
-    wholes = [dead_reckon(imu, known) for imu in imus]
+    wholes = [dead_reckon(imu, parameters) for imu in imus]
     for window_s in given.windows:
         for delay_s in given.delays:
-            tried = replace(known, live_window_s=window_s, live_delay_s=delay_s)
+            tried = replace(parameters, live_window_s=window_s, live_delay_s=delay_s)
             walks = [apart(imu, whole, tried) for imu, whole in zip(imus, wholes, strict=True)]
             print(f"window {window_s:g} s, delay {delay_s:g} s: {line_of(walks)}", flush=True)
 

@@ -26,7 +26,7 @@ from elfslam.data.tiles import (
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.slam.front_end import hear, walk_nodes
-from elfslam.slam.merging import MergeParameters, Walk, add_walk, merge
+from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.simulate import load_world, simulate
@@ -108,7 +108,7 @@ def updates() -> Iterator[Row]:
             yield {"world": world, "walked": part, **grown(walks, third, parameters)}
 
 
-def grown(walks: list[Walk], third: Walk, parameters: MergeParameters) -> Row:
+def grown(walks: list[MappedWalk], third: MappedWalk, parameters: MergeParameters) -> Row:
     """A map of two walks, and what a phone fetches once there are three."""
     before = merge(walks, parameters).maps
     if not before:

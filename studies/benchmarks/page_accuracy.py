@@ -45,7 +45,7 @@ WALKS = ((OWN_PHONE, 44_100), (OWN_PHONE, 48_000), (OTHER_PHONE, 48_000))
 
 
 @dataclass(frozen=True)
-class Walk:
+class ComparedWalk:
     """A located walk: the map, what Python says, and the truth."""
 
     name: str
@@ -55,7 +55,7 @@ class Walk:
     truth: Truth
 
 
-def prepared(folder: Path, given: argparse.Namespace) -> list[Walk]:
+def prepared(folder: Path, given: argparse.Namespace) -> list[ComparedWalk]:
     """Maps, walks and the encoder as files, and where Python finds the walks."""
     encoder, parameters = load_encoder("compact"), Parameters()
     assert isinstance(encoder, OnnxEncoder)
@@ -76,7 +76,7 @@ def prepared(folder: Path, given: argparse.Namespace) -> list[Walk]:
             walk = f"{map_name}_{rate_hz}_{device.replace(' ', '_')}"
             assert recording.audio is not None
             write_f32(folder / f"{walk}.f32", recording.audio.samples[0])
-            walks.append(Walk(walk, f"{device}, {rate_hz} Hz", mapped, fixes, truth))
+            walks.append(ComparedWalk(walk, f"{device}, {rate_hz} Hz", mapped, fixes, truth))
             told.append({"name": walk, "map": map_name, "rateHz": rate_hz})
     (folder / "walks.json").write_text(json.dumps(told))
     return walks
@@ -118,7 +118,7 @@ def agreement(page: Fixes, python: Fixes) -> tuple[float, float, float]:
     )
 
 
-def print_agreement(walks: list[Walk], said: dict[str, Any]) -> None:
+def print_agreement(walks: list[ComparedWalk], said: dict[str, Any]) -> None:
     """A row for each kind of walk; medians are those of the walks' medians."""
     print(f"{'phone, rate':52}windows  status  within  95 % are  median  median")
     print(f"{'':52}         equal    1 mm   within  Python    page")

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.app import map as mapping
 from elfslam.app.map import MapJob, map_into, unit_of
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality
@@ -15,6 +14,7 @@ from elfslam.base.errors import StoreError
 from elfslam.base.parameters import load
 from elfslam.base.progress import silent
 from elfslam.data.recordings import write_recording
+from elfslam.scoring import report
 from elfslam.world.simulate import load_world, simulate
 
 JOB = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=False)
@@ -36,7 +36,7 @@ def test_a_run_never_lies_there_without_its_report(
     walk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr(mapping, "write_report", fail)
+        patch.setattr(report, "write_report", fail)
         with pytest.raises(RuntimeError, match="planted"):
             map_into(tmp_path / "run", walk, JOB, silent)
     assert list(tmp_path.iterdir()) == []
@@ -51,7 +51,7 @@ def test_a_replacement_that_fails_keeps_the_older_run(
 ) -> None:
     map_into(tmp_path / "run", walk, JOB, silent)
     (tmp_path / "run" / "score.html").write_text("of the older run")
-    monkeypatch.setattr(mapping, "write_report", fail)
+    monkeypatch.setattr(report, "write_report", fail)
     with pytest.raises(RuntimeError, match="planted"):
         map_into(tmp_path / "run", walk, AGAIN, silent)
     assert (tmp_path / "run" / "score.html").exists()

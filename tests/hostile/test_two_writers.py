@@ -62,7 +62,7 @@ def test_a_folder_that_somebody_makes_meanwhile_is_kept(walk: Path, tmp_path: Pa
     """While the report is written, in a place that was free when the command began."""
     out = tmp_path / "out"
     plant = (
-        "import elfslam.app.map as m, pathlib; write = m.write_report\n"
+        "import elfslam.scoring.report as m, pathlib; write = m.write_report\n"
         f"def meanwhile(*given, **named):\n"
         f"    pathlib.Path({str(out)!r}).mkdir()\n"
         f"    pathlib.Path({str(out)!r}, 'thesis.txt').write_text('years of work')\n"

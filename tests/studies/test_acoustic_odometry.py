@@ -15,14 +15,14 @@ from studies.acoustic_odometry import (
     measure_acoustic_odometry,
 )
 from studies.finding import Finding
-from studies.heard_walk import Walk
+from studies.heard_walk import HeardWalk
 from studies.repeats import Numbers
 
 
 @pytest.fixture(scope="module")
 def found(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     kept: Path = tmp_path_factory.mktemp("acoustic") / "kept.partial"
-    walks = [Walk("studio", 100, 2), Walk("lounge", 105, 2, mapped=False)]
+    walks = [HeardWalk("studio", 100, 2), HeardWalk("lounge", 105, 2, mapped=False)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(walls_in_focus, "SHOWN_ROUNDS", 2)
         finding = measure_acoustic_odometry(None, lambda what, share: None, kept, walks=walks)

@@ -14,7 +14,7 @@ from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies import dead_reckoning as study
 from studies.dead_reckoning import measure_dead_reckoning
-from studies.reckoned_walks import Walk, mall_floors, resampled, tilted
+from studies.reckoned_walks import ReckonedWalk, mall_floors, resampled, tilted
 
 
 def quiet(what: str, share: float | None) -> None:
@@ -22,7 +22,7 @@ def quiet(what: str, share: float | None) -> None:
 
 
 @pytest.fixture(scope="module")
-def walks() -> list[Walk]:
+def walks() -> list[ReckonedWalk]:
     """Two rounds of the studio, with waypoints in a plane that is turned against north."""
     made = []
     for seed in (100, 101, 102):
@@ -34,12 +34,12 @@ def walks() -> list[Walk]:
         poses[:, :2] = poses[:, :2] @ Rotation.from_euler("z", -0.4).as_matrix()[:2, :2]
         poses[:, 2] = np.nan
         waypoints = Truth(truth.t_s[::200], poses)
-        made.append(Walk(str(seed), recording.imu, waypoints, recording.magnetometer, 0.0))
+        made.append(ReckonedWalk(str(seed), recording.imu, waypoints, recording.magnetometer, 0.0))
     return made
 
 
 def test_rows_cover_headings_and_changes(
-    walks: list[Walk], monkeypatch: pytest.MonkeyPatch
+    walks: list[ReckonedWalk], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(study, "CHANGES", {"60 Hz": study.CHANGES["60 Hz"]})
     monkeypatch.setattr("elfslam.scoring.bootstrap.RESAMPLES", 50)
@@ -52,7 +52,7 @@ def test_rows_cover_headings_and_changes(
     assert taught[-1]["scale spread"] <= rows[2]["scale spread"]  # type: ignore[operator]
 
 
-def test_one_angle_turns_north_into_the_plane_of_the_truth(walks: list[Walk]) -> None:
+def test_one_angle_turns_north_into_the_plane_of_the_truth(walks: list[ReckonedWalk]) -> None:
     ends = [one.end_share for one in study._scored(walks, study.COMPASS)]
     assert np.median(ends) < 0.1
     apart = [replace(walk, truth=turned(walk.truth, 0.8 * k)) for k, walk in enumerate(walks)]
@@ -65,7 +65,7 @@ def turned(truth: Truth, angle_rad: float) -> Truth:
     return Truth(truth.t_s, poses)
 
 
-def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[Walk]) -> None:
+def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[ReckonedWalk]) -> None:
     base = study._scored(walks, study.COMPASS)
     for change in (lambda walk: tilted(walk, 60.0, 20.0), lambda walk: resampled(walk, 60.0)):
         other = study._scored([change(walk) for walk in walks], study.COMPASS)
@@ -83,7 +83,7 @@ def test_the_study_needs_no_real_walks() -> None:
     assert "NEES" in str(finding.page.panels[-1].body)
 
 
-def test_true_directions_and_length_leave_less_than_either(walks: list[Walk]) -> None:
+def test_true_directions_and_length_leave_less_than_either(walks: list[ReckonedWalk]) -> None:
     rows = list(study._source_rows({"A": walks}))
     left = {str(row["truth in place of"]): float(str(row["end error (%)"])) for row in rows}
     scored = study._scored(walks, study.COMPASS_KNOWN)
@@ -91,7 +91,7 @@ def test_true_directions_and_length_leave_less_than_either(walks: list[Walk]) ->
     assert left["directions of legs, whole length"] < left["the direction of every leg"]
 
 
-def test_walks_are_drawn_from_their_true_start(walks: list[Walk]) -> None:
+def test_walks_are_drawn_from_their_true_start(walks: list[ReckonedWalk]) -> None:
     for drawn in study._drawn(walks):
         np.testing.assert_allclose(drawn.true_m[0], drawn.reckoned_m[0], atol=1e-9)
 

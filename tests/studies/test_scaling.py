@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from elfslam.learn.parameters import ScratchParameters
-from studies.scaling import STUDY, WALKS, Walk, measure_scaling, measure_walk, scaling_page
+from studies.scaling import STUDY, WALKS, ScaledWalk, measure_scaling, measure_walk, scaling_page
 
 
 @pytest.mark.real
@@ -35,5 +35,5 @@ def test_a_table_fits_a_terminal_and_a_difference_is_seen() -> None:
 
 
 def test_a_unit_says_what_it_found() -> None:
-    one, two = (measure_walk(Walk("studio", seed, 1))[0] for seed in (100, 100))
+    one, two = (measure_walk(ScaledWalk("studio", seed, 1))[0] for seed in (100, 100))
     assert one["median error (m)"] == two["median error (m)"] > 0

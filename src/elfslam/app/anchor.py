@@ -86,16 +86,16 @@ def moved_map(floor_map: FloorMap, placement: Placement) -> FloorMap:
 
 
 def place_on(
-    floor_map: FloorMap, plan: Plan, known: AnchoringParameters, start_m: F64 | None
+    floor_map: FloorMap, plan: Plan, parameters: AnchoringParameters, start_m: F64 | None
 ) -> Placement:
     """Where the map lies on the plan; `start_m` (2) is where on it the first walk began."""
     lines = walk_lines(floor_map)
     tag = None if start_m is None else Tag(lines[0][1][0], start_m)
-    return anchor([line for _, line in lines], plan.ground, known, tag)
+    return anchor([line for _, line in lines], plan.ground, parameters, tag)
 
 
 def anchor_into(
-    out: Path, source: Path, plan: Plan, known: AnchoringParameters, start_m: F64 | None
+    out: Path, source: Path, plan: Plan, parameters: AnchoringParameters, start_m: F64 | None
 ) -> Placement:
     """Place a run or a map on a plan, and write it as a map folder where that is certain.
 
@@ -103,7 +103,7 @@ def anchor_into(
     the placement. Raises StoreError where the folder is taken.
     """
     floor_map = map_of(settled(source))
-    placement = place_on(floor_map, plan, known, start_m)
+    placement = place_on(floor_map, plan, parameters, start_m)
     if placement.status == OK:
         with new_folder(out) as partial:
             write_map(moved_map(floor_map, placement), partial / MAP)

@@ -57,7 +57,7 @@ def start_on(placement: Placement, lines_m: list[F64], run: Run) -> Start:
 
 
 def follow(
-    run: Run, start: Start, ground: FloorGrid, keep_off_m: float, known: PassageParameters
+    run: Run, start: Start, ground: FloorGrid, keep_off_m: float, parameters: PassageParameters
 ) -> Followed:
     """The walk of a run through the passages of a plan; its covariance is of the plan's frame.
 
@@ -71,7 +71,9 @@ def follow(
     poses = run.trajectory.world_from_body * [start.scale, start.scale, 1.0]
     straightened = replace(run.odometry, world_from_body=poses)
     generator = np.random.default_rng(SEED)
-    return follow_ground(straightened, start.pose, start.covariance, open_ground, known, generator)
+    return follow_ground(
+        straightened, start.pose, start.covariance, open_ground, parameters, generator
+    )
 
 
 def follow_into(

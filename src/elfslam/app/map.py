@@ -173,7 +173,7 @@ def _verdict(run: Run) -> dict[str, str]:
 
 
 def finetune_into(
-    out: Path, path: Path, encoder: str, known: Settings, *, seed: int, announce: Announce
+    out: Path, path: Path, encoder: str, settings: Settings, *, seed: int, announce: Announce
 ) -> str:
     """Fine-tune the encoder called `encoder` on one recording into the file `out`; what came of it.
 
@@ -185,15 +185,15 @@ def finetune_into(
     if not nearest.is_dir():
         raise StoreError(f"{out}: {nearest} is no folder; choose another place")
     announce("echoes", None)
-    echoes = hear(read_recording(path, known.chirp), known)
-    tuned = finetuned(load_encoder(encoder), echoes, known.finetune, seed, announce)
+    echoes = hear(read_recording(path, settings.chirp), settings)
+    tuned = finetuned(load_encoder(encoder), echoes, settings.finetune, seed, announce)
     with new_file(out) as partial:
         partial.write_bytes(tuned.encoder.content)
     return tuned.reason
 
 
 def finetuned(
-    encoder: Encoder, echoes: Echoes, known: FinetuneParameters, seed: int, announce: Announce
+    encoder: Encoder, echoes: Echoes, parameters: FinetuneParameters, seed: int, announce: Announce
 ) -> Finetuned:
     """What fine-tuning makes of an encoder. Raises InputError."""
     if not isinstance(encoder, OnnxEncoder):
@@ -201,8 +201,8 @@ def finetuned(
     from elfslam.learn.finetune import finetune
 
     return finetune(
-        encoder, echoes, known, seed=seed,
-        report=lambda check: announce("fine-tuning", check.step / known.steps),
+        encoder, echoes, parameters, seed=seed,
+        report=lambda check: announce("fine-tuning", check.step / parameters.steps),
     )  # fmt: skip
 
 
@@ -210,17 +210,19 @@ def _map_one(
     recording: Recording,
     by: tuple[Modality, ...],
     encoder: Encoder | None,
-    known: Settings,
+    settings: Settings,
     adapt: slam.Adapt,
     announce: Announce,
 ) -> Run:
     def stage(name: str, share: float | None) -> None:
         announce(f"{recording.name}: {name}", share)
 
-    senses = [sense_of(item, known) for item in by if item is not Modality.ELF]
+    senses = [sense_of(item, settings) for item in by if item is not Modality.ELF]
     if encoder is None:
-        return slam.map_by(recording, senses, known, announce=stage)
-    return slam.map_by_echoes(recording, encoder, known, adapt=adapt, beside=senses, announce=stage)
+        return slam.map_by(recording, senses, settings, announce=stage)
+    return slam.map_by_echoes(
+        recording, encoder, settings, adapt=adapt, beside=senses, announce=stage
+    )
 
 
 def parse_start(text: str | None) -> Pose | None:
@@ -247,9 +249,9 @@ def breaks(echoes: Echoes) -> Iterator[str]:
             yield f"the sound lacks {lost_s:.2f} s and jumps at {at_s:.1f} s: taken for lost there"
 
 
-def line_only(known: Settings) -> Parameters:
+def line_only(settings: Settings) -> Parameters:
     """The groups that decide what a map looks like."""
-    return Parameters(**{name: getattr(known, name) for name in Parameters.__dataclass_fields__})
+    return Parameters(**{name: getattr(settings, name) for name in Parameters.__dataclass_fields__})
 
 
 def versions() -> dict[str, object]:

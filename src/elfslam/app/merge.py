@@ -20,7 +20,7 @@ from elfslam.data.runs import read_run
 from elfslam.line.map_alignment import Alignment
 from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
-from elfslam.slam.merging import MergeParameters, Walk, add_walk, merge, walk_of
+from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +73,11 @@ def merge_into(
 
 
 def _merged(
-    walks: Sequence[Walk], parameters: MergeParameters, announce: Announce, *, known_starts: bool
+    walks: Sequence[MappedWalk],
+    parameters: MergeParameters,
+    announce: Announce,
+    *,
+    known_starts: bool,
 ) -> Outcome:
     if len(walks) < 2:
         raise InputError(
@@ -95,7 +99,10 @@ def _merged(
 
 
 def _grown(
-    floor_map: FloorMap, walks: Sequence[Walk], parameters: MergeParameters, announce: Announce
+    floor_map: FloorMap,
+    walks: Sequence[MappedWalk],
+    parameters: MergeParameters,
+    announce: Announce,
 ) -> Outcome:
     twice = [walk.name for walk in walks if walk.name in floor_map.sources]
     if twice or not walks:
@@ -121,7 +128,7 @@ def _grown(
     return Outcome(floor_map, trajectories, pairs, refused)
 
 
-def _walks(paths: Sequence[Path], announce: Announce) -> list[Walk]:
+def _walks(paths: Sequence[Path], announce: Announce) -> list[MappedWalk]:
     """The runs, each by the name of its folder, with the one above where several have the same."""
     known = [path.absolute() for path in paths]
     same = Counter(path.name for path in known)

@@ -31,7 +31,7 @@ from elfslam.base.values import Fixes, FloorMap, Recording, Run, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam import pipeline
 from elfslam.slam.front_end import hear
-from elfslam.slam.merging import Walk, add_walk, walk_of
+from elfslam.slam.merging import MappedWalk, add_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
 
@@ -224,7 +224,7 @@ def _started(recording: Recording, start: tuple[float, float, float] | None) -> 
     return recording if start is None else replace(recording, start_pose=start)
 
 
-def _named_walks(runs: Sequence[Run]) -> list[Walk]:
+def _named_walks(runs: Sequence[Run]) -> list[MappedWalk]:
     """Walks under names of their own: what is called alike is numbered."""
     same, seen, walks = Counter(run.name for run in runs), Counter[str](), []
     for run in runs:
@@ -234,7 +234,7 @@ def _named_walks(runs: Sequence[Run]) -> list[Walk]:
     return walks
 
 
-def _grown(floor_map: FloorMap, walks: Sequence[Walk], settings: Settings) -> FloorMap:
+def _grown(floor_map: FloorMap, walks: Sequence[MappedWalk], settings: Settings) -> FloorMap:
     for walk in walks:
         if walk.name in floor_map.sources:
             raise InputError(f"merge: {walk.name} is in the map already; leave it out")

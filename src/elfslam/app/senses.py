@@ -17,43 +17,43 @@ from elfslam.baselines.wifi import wifi_similarity
 from elfslam.slam.pipeline import Sense, no_similarity
 
 
-def sense_of(modality: Modality, known: Settings) -> Sense:
+def sense_of(modality: Modality, settings: Settings) -> Sense:
     """What a modality other than the echoes makes of a walk."""
-    return SENSES[modality](known)
+    return SENSES[modality](settings)
 
 
-def _wifi(known: Settings) -> Sense:
+def _wifi(settings: Settings) -> Sense:
     def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
         if recording.wifi is None:
             raise InputError(f"{recording.name}: no Wi-Fi scans; map it by something else")
-        return wifi_similarity(recording.wifi, nodes, known.wifi)
+        return wifi_similarity(recording.wifi, nodes, settings.wifi)
 
-    return Sense(similarity, known.wifi_closure)
+    return Sense(similarity, settings.wifi_closure)
 
 
-def _magnetic(known: Settings) -> Sense:
+def _magnetic(settings: Settings) -> Sense:
     def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
         if recording.magnetometer is None:
             raise InputError(f"{recording.name}: no magnetometer; map it by something else")
         level = recording.orientation
         if level is None and recording.imu is not None:
             level = level_by_gravity(recording.imu)
-        return magnetic_similarity(recording.magnetometer, level, nodes, known.magnetic)
+        return magnetic_similarity(recording.magnetometer, level, nodes, settings.magnetic)
 
-    return Sense(similarity, known.magnetic_closure)
+    return Sense(similarity, settings.magnetic_closure)
 
 
-def _emr(known: Settings) -> Sense:
+def _emr(settings: Settings) -> Sense:
     def similarity(recording: Recording, nodes: Odometry) -> AnySimilarity:
         if recording.emr is None:
             raise InputError(f"{recording.name}: no mains hum; map it by something else")
-        return emr_similarity(recording.emr, nodes, known.emr)
+        return emr_similarity(recording.emr, nodes, settings.emr)
 
-    return Sense(similarity, known.emr_closure)
+    return Sense(similarity, settings.emr_closure)
 
 
-def _motion(known: Settings) -> Sense:
-    return Sense(no_similarity, known.closure)
+def _motion(settings: Settings) -> Sense:
+    return Sense(no_similarity, settings.closure)
 
 
 SENSES: Mapping[Modality, Callable[[Settings], Sense]] = {

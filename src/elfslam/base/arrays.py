@@ -51,7 +51,7 @@ class Value:
     """
 
     def __init_subclass__(cls) -> None:
-        cls.__repr__ = summary  # type: ignore[assignment]
+        cls.__repr__ = summary  # type: ignore[method-assign]
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}

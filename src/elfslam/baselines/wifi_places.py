@@ -35,7 +35,7 @@ class WifiPlaces(Value):
 
 
 def wifi_places(
-    heard: Sequence[Fingerprints], xy_m: Sequence[F64], known: WifiParameters
+    heard: Sequence[Fingerprints], xy_m: Sequence[F64], parameters: WifiParameters
 ) -> WifiPlaces:
     """The places of all walks of a map, from what each heard and where each has been.
 
@@ -44,17 +44,17 @@ def wifi_places(
     if not heard:
         raise InputError("Wi-Fi map: got no walk with scans, wanted one or more; add walks")
     names = tuple(sorted({name for each in heard for name in each.bssids}))
-    power = np.vstack([powers(each, names, known) for each in heard])
+    power = np.vstack([powers(each, names, parameters) for each in heard])
     return WifiPlaces(names, np.vstack(xy_m), np.ascontiguousarray(power.T))
 
 
-def place_scores(heard: Fingerprints, places: WifiPlaces, known: WifiParameters) -> F64:
+def place_scores(heard: Fingerprints, places: WifiPlaces, parameters: WifiParameters) -> F64:
     """Scores (n, m) in [0, 1] of all places: the share of power in common, as `wifi_scores` has it.
 
     What the map has never heard counts as different.
     """
-    here = powers(heard, places.bssids, known)
-    everything = powers(heard, heard.bssids, known).sum(axis=1)
+    here = powers(heard, places.bssids, parameters)
+    everything = powers(heard, heard.bssids, parameters).sum(axis=1)
     common = _in_common(here, places.power)
     total = everything[:, None] + places.power.sum(axis=0) - common
     return np.asarray(common / np.maximum(total, 1e-300))
@@ -73,13 +73,13 @@ def placed_by(scores: F64, xy_m: F64, parameters: PlaceParameters) -> F64:
     return np.asarray(np.einsum("nk,nkd->nd", share, xy_m[best]))
 
 
-def powers(heard: Fingerprints, names: Sequence[str], known: WifiParameters) -> F64:
+def powers(heard: Fingerprints, names: Sequence[str], parameters: WifiParameters) -> F64:
     """Powers (n, c) of those access points, 0 where unheard."""
     column = {name: k for k, name in enumerate(names)}
     both = [k for k, name in enumerate(heard.bssids) if name in column]
-    above = np.maximum(heard.rssi_dbm[:, both] - known.floor_dbm, 0.0) / -known.floor_dbm
+    above = np.maximum(heard.rssi_dbm[:, both] - parameters.floor_dbm, 0.0) / -parameters.floor_dbm
     powers = np.zeros((len(heard.rssi_dbm), len(names)))
-    powers[:, [column[heard.bssids[k]] for k in both]] = above**known.power
+    powers[:, [column[heard.bssids[k]] for k in both]] = above**parameters.power
     return powers
 
 

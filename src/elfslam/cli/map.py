@@ -50,11 +50,9 @@ def map_command(
     setting: Setting = None,
 ) -> None:
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
-    known = load(Settings(), parameter_file, setting or [])
+    settings = load(Settings(), parameter_file, setting or [])
     drawn = drawn_plan(plan)
-    job = MapJob(
-        parse_modalities(by), parse_start(start), encoder, known, force, finetune
-    )
+    job = MapJob(parse_modalities(by), parse_start(start), encoder, settings, force, finetune)
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:

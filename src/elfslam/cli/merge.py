@@ -33,9 +33,9 @@ def merge_command(
     as_json: AsJson = False,
 ) -> None:
     """Merge runs into one floor map, or add runs to a map that was merged before."""
-    known = load(Settings(), parameter_file, setting or [])
+    settings = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce:
-        made = merge_into(out, runs, known, announce, known_starts=known_starts, overwrite=force)
+        made = merge_into(out, runs, settings, announce, known_starts=known_starts, overwrite=force)
     if made.pairs:
         print_rows(made.pairs, title="How they met", as_json=as_json)
     for name, why in made.refused.items():

@@ -14,8 +14,8 @@ def parameters(
     parameter_file: ParameterFile = None, setting: Setting = None, as_json: AsJson = False
 ) -> None:
     """Every parameter, its value, unit and meaning."""
-    known = load(Settings(), parameter_file, setting or [])
-    table = [asdict(row) for row in rows(known)]
+    settings = load(Settings(), parameter_file, setting or [])
+    table = [asdict(row) for row in rows(settings)]
     if not as_json:
         table = [{**row, "value": str(row["value"])} for row in table]
     print_rows(table, title="Parameters", as_json=as_json)

@@ -43,7 +43,7 @@ def finetune_command(
     setting: Setting = None,
 ) -> None:
     """Fine-tune an encoder on one recording, without labels; kept as it is where that is better."""
-    known = load(Settings(), parameter_file, setting or [])
+    settings = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce:
-        found = finetune_into(out, recording, encoder, known, seed=seed, announce=announce)
+        found = finetune_into(out, recording, encoder, settings, seed=seed, announce=announce)
     say(f"wrote {out}; {found}")

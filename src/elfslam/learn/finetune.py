@@ -47,7 +47,7 @@ class Finetuned:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class TrainingWalk:
     """What is learnt from: echoes (n), and what the pre-trained encoder makes of them.
 
     `window` (n) is each echo's, `spared` (k, k) are pairs of windows that are no negatives,
@@ -100,7 +100,7 @@ def finetune(
     return _judged(encoder, network, best, tuple(checks), card)
 
 
-def walk_of(vectors: F32, echoes: Echoes, parameters: FinetuneParameters) -> Walk:
+def walk_of(vectors: F32, echoes: Echoes, parameters: FinetuneParameters) -> TrainingWalk:
     """What to learn from a walk whose echoes the pre-trained encoder embeds as `vectors`."""
     length_s = float(np.ptp(echoes.t_s)) if len(echoes.t_s) else 0.0
     if length_s < parameters.shortest_s:
@@ -121,13 +121,13 @@ def walk_of(vectors: F32, echoes: Echoes, parameters: FinetuneParameters) -> Wal
             f"finetune: wanted {parameters.pairs} consecutive echoes, got {len(first)}; "
             "walk longer, or set finetune.pairs"
         )
-    return Walk(
+    return TrainingWalk(
         torch.from_numpy(np.array(echoes.samples)), torch.from_numpy(np.array(vectors)),
         window, spared, line & far, ~spared, held_out, first,
     )  # fmt: skip
 
 
-def revisit_recall(vectors: F32, walk: Walk) -> float:
+def revisit_recall(vectors: F32, walk: TrainingWalk) -> float:
     """How well the likely revisits stand out, on the part of the walk that is not learnt from.
 
     The share of them that is more similar than all but 1 % of the other pairs far apart in time.
@@ -142,7 +142,7 @@ def revisit_recall(vectors: F32, walk: Walk) -> float:
 
 def walk_loss(
     network: CompactEncoder,
-    walk: Walk,
+    walk: TrainingWalk,
     first: I64,
     parameters: FinetuneParameters,
     draw: torch.Generator,
@@ -182,7 +182,7 @@ def _ripple(size: float, draw: torch.Generator) -> Tensor:
 
 
 def _steps(
-    network: CompactEncoder, walk: Walk, parameters: FinetuneParameters, seed: int
+    network: CompactEncoder, walk: TrainingWalk, parameters: FinetuneParameters, seed: int
 ) -> Iterator[int]:
     """Train and count the steps. The statistics of the batch norms stay: rows keep apart."""
     draw = torch.Generator().manual_seed(seed)

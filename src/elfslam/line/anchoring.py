@@ -113,7 +113,7 @@ class Tag(Value):
 
 
 def anchor(
-    lines_m: Sequence[F64], plan: FloorGrid, known: AnchoringParameters, tag: Tag | None = None
+    lines_m: Sequence[F64], plan: FloorGrid, parameters: AnchoringParameters, tag: Tag | None = None
 ) -> Placement:
     """The placement of a map's walks (lines, each n, 2) on the accessible ground of a plan.
 
@@ -128,23 +128,31 @@ def anchor(
             f"the walk is {across_m:.4g} m across and the plan {plan_m:.4g} m; is it that floor, "
             "and is the width right?"
         )
-    cell_m = max(known.cell_m, plan_m / known.widest)
+    cell_m = max(parameters.cell_m, plan_m / parameters.widest)
     points = np.concatenate([resampled(line, cell_m) for line in lines_m])
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
-    walk, weights = points - middle, _weights(points, known.patch_m)
-    ground = standing(plan, known.keep_off_m)
-    gaps, corner_m = _gaps(ground, cell_m, known.reach_m)
+    walk, weights = points - middle, _weights(points, parameters.patch_m)
+    ground = standing(plan, parameters.keep_off_m)
+    gaps, corner_m = _gaps(ground, cell_m, parameters.reach_m)
     # A square of the search blurs by its own width.
-    variance_m2 = known.error_m**2 + cell_m**2 / 12
-    candidates = _candidates(walk, weights / (2 * variance_m2), gaps, corner_m, cell_m, known)
+    variance_m2 = parameters.error_m**2 + cell_m**2 / 12
+    candidates = _candidates(walk, weights / (2 * variance_m2), gaps, corner_m, cell_m, parameters)
     if tag is not None:
-        candidates = _tagged(candidates, tag.on_map_m - middle, tag.on_plan_m, known.tag_sigma_m)
-    found = list(_modes(candidates, known))
+        candidates = _tagged(
+            candidates, tag.on_map_m - middle, tag.on_plan_m, parameters.tag_sigma_m
+        )
+    found = list(_modes(candidates, parameters))
     shares = np.array([share for share, _, _, _ in found])
     poses = np.array([_of_origin(pose, scale, middle) for _, pose, scale, _ in found])
     _, best, scale, covariance = found[0]
-    off = _off_share(placed(walk, best, scale), weights, ground, 2 * known.error_m)
-    status = NOWHERE if off > known.most_off else OK if shares[0] >= known.certainty else AMBIGUOUS
+    off = _off_share(placed(walk, best, scale), weights, ground, 2 * parameters.error_m)
+    status = (
+        NOWHERE
+        if off > parameters.most_off
+        else OK
+        if shares[0] >= parameters.certainty
+        else AMBIGUOUS
+    )
     return Placement(poses[0], covariance, shares, poses[1:], scale, off, status)
 
 
@@ -190,16 +198,21 @@ def _gaps(ground: FloorGrid, cell_m: float, reach_m: float) -> tuple[F32, F64]:
 
 
 def _candidates(
-    walk: F64, weights: F64, gaps: F32, corner_m: F64, cell_m: float, known: AnchoringParameters
+    walk: F64,
+    weights: F64,
+    gaps: F32,
+    corner_m: F64,
+    cell_m: float,
+    parameters: AnchoringParameters,
 ) -> Candidates:
     """All placements that are not negligible, with their probability."""
     radius = int(np.ceil(np.linalg.norm(walk, axis=1).max() * 1.2 / cell_m)) + 2
     shape = [next_fast_len(size + 2 * radius, real=True) for size in gaps.shape]
     spectrum = rfft2(gaps, shape)
-    most = float(weights.sum()) * known.reach_m**2
+    most = float(weights.sum()) * parameters.reach_m**2
     kept: list[F64] = []
     best = -np.inf
-    for heading, scale, prior in _turns(walk, cell_m, known):
+    for heading, scale, prior in _turns(walk, cell_m, parameters):
         turned = placed(walk, np.array([0, 0, heading]), scale)
         stamp = _stamp(turned / cell_m + radius, weights, 2 * radius + 1)
         # Correlation: the walk's middle at (row, column) is entry (row - radius, column - radius).
@@ -220,16 +233,16 @@ def _candidates(
 
 
 def _turns(
-    walk: F64, cell_m: float, known: AnchoringParameters
+    walk: F64, cell_m: float, parameters: AnchoringParameters
 ) -> Iterator[tuple[float, float, float]]:
     """Headings a square apart at the walk's typical distance from its middle; scales; priors."""
     radius_m = max(float(np.sqrt(np.mean(np.sum(walk**2, axis=1)))), cell_m)
     count = int(np.ceil(2 * np.pi * radius_m / cell_m))
-    exact = known.scale_sigma == 0
+    exact = parameters.scale_sigma == 0
     spread = [(0.0, 1.0)] if exact else list(zip(SPREAD, SPREAD_WEIGHTS, strict=True))
     for k in range(count):
         for sigmas, prior in spread:
-            yield 2 * np.pi * k / count, 1 + float(sigmas) * known.scale_sigma, float(prior)
+            yield 2 * np.pi * k / count, 1 + float(sigmas) * parameters.scale_sigma, float(prior)
 
 
 def _stamp(places: F64, weights: F64, size: int) -> F32:
@@ -257,13 +270,13 @@ def _tagged(candidates: Candidates, seen_m: F64, plan_m: F64, sigma_m: float) ->
 
 
 def _modes(
-    candidates: Candidates, known: AnchoringParameters
+    candidates: Candidates, parameters: AnchoringParameters
 ) -> Iterator[tuple[float, F64, float, F64]]:
     """Probability, mean pose, mean scale and covariance of each cluster, likeliest first."""
     found: list[tuple[float, F64, float, F64]] = []
     left = candidates.probability.copy()
-    while left.sum() > 1 - known.certainty and len(found) < 8:
-        near = _about(candidates.poses, left, known)
+    while left.sum() > 1 - parameters.certainty and len(found) < 8:
+        near = _about(candidates.poses, left, parameters)
         share = float(left[near].sum())
         weights = left[near] / share
         pose, spread = _mean(candidates.poses[near], weights)
@@ -273,14 +286,16 @@ def _modes(
     yield from sorted(found, key=lambda each: -each[0])
 
 
-def _about(poses: F64, left: F64, known: AnchoringParameters) -> I64:
+def _about(poses: F64, left: F64, parameters: AnchoringParameters) -> I64:
     """Rows of the cluster about the likeliest candidate, recentred where it is lopsided."""
     centre = poses[int(np.argmax(left))]
     near = np.empty(0, dtype=np.int64)
     for _ in range(RECENTRINGS):
         gap_m = np.linalg.norm(poses[:, :2] - centre[:2], axis=1)
         turn = np.abs(wrap_angle(poses[:, 2] - centre[2]))
-        near = np.flatnonzero((gap_m <= known.near_m) & (turn <= known.near_rad) & (left > 0))
+        near = np.flatnonzero(
+            (gap_m <= parameters.near_m) & (turn <= parameters.near_rad) & (left > 0)
+        )
         centre, _ = _mean(poses[near], left[near] / left[near].sum())
     return near
 

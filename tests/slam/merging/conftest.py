@@ -10,14 +10,14 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Closures, Features, Odometry, Trajectory
-from elfslam.slam.merging import Walk
+from elfslam.slam.merging import MappedWalk
 
 STEP_M = 0.7
 STEP_S = 0.5
 SIZE = 48
 FORGETS_M, FORGETS_RAD = 0.7, 0.5
 Place = Callable[[F64], F32]
-Walker = Callable[..., Walk]
+Walker = Callable[..., MappedWalk]
 
 
 def place(seed: int) -> Place:
@@ -48,7 +48,7 @@ def lap(width_m: float = 9.0, depth_m: float = 6.0, turns: float = 2.2, first: f
 
 def made_walk(
     heard: Place, true: F64, name: str, *, start: F64 | None = None, seed: int = 0
-) -> Walk:
+) -> MappedWalk:
     """A walk over true footsteps (n, 3) whose own frame has its origin at `start` (3)."""
     generator = np.random.default_rng(seed)
     frame = np.zeros(3) if start is None else np.asarray(start)
@@ -65,7 +65,7 @@ def made_walk(
     vectors /= np.linalg.norm(vectors, axis=1, keepdims=True)
     features = Features(echo_t_s, vectors, "planted")
     trajectory = Trajectory(t_s, poses, covariance, np.empty(0), "NO_CLOSURES")
-    return Walk(name, odometry, trajectory, closures, features)
+    return MappedWalk(name, odometry, trajectory, closures, features)
 
 
 @pytest.fixture
@@ -82,7 +82,9 @@ def elsewhere() -> Place:
 def walker() -> Walker:
     """`walker(place, name, way={...}, start=..., seed=...)`: two rounds of a rectangle or more."""
 
-    def walk(heard: Place, name: str, *, way: dict[str, float] | None = None, **known) -> Walk:
+    def walk(
+        heard: Place, name: str, *, way: dict[str, float] | None = None, **known
+    ) -> MappedWalk:
         return made_walk(heard, lap(**(way or {})), name, **known)
 
     return walk

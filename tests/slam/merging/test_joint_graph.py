@@ -10,14 +10,14 @@ import numpy.testing as npt
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, chain, compose
-from elfslam.slam.merging import MergeParameters, Walk
+from elfslam.slam.merging import MappedWalk, MergeParameters
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
 from elfslam.slam.merging.members import links_between, middles, side_of
 
 KNOWN = MergeParameters()
 
 
-def bent(walk: Walk, drift_rad: float) -> Walk:
+def bent(walk: MappedWalk, drift_rad: float) -> MappedWalk:
     """The walk as dead reckoning with a steady turn has it."""
     poses = walk.trajectory.world_from_body
     moves = between(poses[:-1], poses[1:])

@@ -67,7 +67,7 @@ class MapBody(BaseModel):
     created_utc: datetime
 
 
-class Walk(BaseModel):
+class WalkView(BaseModel):
     """A line with its times, which may be unknown and then are none, and sigmas per axis."""
 
     name: str
@@ -98,7 +98,7 @@ class View(BaseModel):
 
     kind: str
     bounds_m: tuple[float, float, float, float]
-    walks: list[Walk]
+    walks: list[WalkView]
     dead_reckoning: list[Line]
     closures: list[tuple[float, float, float, float]]
     coverage: Coverage | None

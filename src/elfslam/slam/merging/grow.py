@@ -18,8 +18,8 @@ from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.groups import Group, Grouped, grouped
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
 from elfslam.slam.merging.members import (
+    MappedWalk,
     Side,
-    Walk,
     likeness_to,
     links_between,
     meeting_of,
@@ -57,7 +57,7 @@ class Merged:
 
 
 def merge(
-    walks: Sequence[Walk],
+    walks: Sequence[MappedWalk],
     parameters: MergeParameters,
     *,
     known_starts: bool = False,
@@ -93,7 +93,7 @@ def merge(
 
 
 def add_walk(
-    floor_map: FloorMap, walk: Walk, parameters: MergeParameters
+    floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
 ) -> tuple[FloorMap, Alignment, Trajectory]:
     """The map with one more walk, if it certainly belongs there; its spots stay where they are.
 
@@ -127,7 +127,7 @@ def check_encoders(named: Sequence[tuple[str, str]]) -> None:
             )
 
 
-def map_of(walk: Walk, trajectory: Trajectory, parameters: MergeParameters) -> FloorMap:
+def map_of(walk: MappedWalk, trajectory: Trajectory, parameters: MergeParameters) -> FloorMap:
     """The map of one walk in the frame of its trajectory."""
     return trajectory_map(
         trajectory,
@@ -140,7 +140,7 @@ def map_of(walk: Walk, trajectory: Trajectory, parameters: MergeParameters) -> F
 
 def _borne_out(
     group: Group,
-    walks: Sequence[Walk],
+    walks: Sequence[MappedWalk],
     sides: Sequence[Side],
     found: Grouped,
     parameters: MergeParameters,
@@ -182,7 +182,7 @@ def _too_little(resemblance: float) -> str:
 
 def _bent(
     group: Group,
-    walks: Sequence[Walk],
+    walks: Sequence[MappedWalk],
     found: Grouped,
     parameters: MergeParameters,
     *,
@@ -202,7 +202,7 @@ def _bent(
 
 
 def _map(
-    walks: Sequence[Walk], trajectories: Sequence[Trajectory], parameters: MergeParameters
+    walks: Sequence[MappedWalk], trajectories: Sequence[Trajectory], parameters: MergeParameters
 ) -> FloorMap:
     """The map of some walks, one after the other."""
     made = [map_of(*pair, parameters) for pair in zip(walks, trajectories, strict=True)]
@@ -219,7 +219,7 @@ def _in_one_frame(sides: Sequence[Side], parameters: MergeParameters) -> Grouped
     return Grouped([Group({k: np.zeros(3) for k in range(len(sides))})], links, {})
 
 
-def _why_not(k: int, walks: Sequence[Walk], found: Grouped) -> str:
+def _why_not(k: int, walks: Sequence[MappedWalk], found: Grouped) -> str:
     """What spoke against the most promising partner of walk k."""
     mine = {pair: each for pair, each in found.pairs.items() if k in pair}
     if not mine:
@@ -233,5 +233,5 @@ def _encoders(floor_map: FloorMap) -> list[str]:
     return [item.encoder for item in floor_map.payloads if item.kind == "elf"]
 
 
-def _encoder_of(walk: Walk) -> tuple[str, str]:
+def _encoder_of(walk: MappedWalk) -> tuple[str, str]:
     return walk.name, walk.features.encoder

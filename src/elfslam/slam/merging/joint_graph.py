@@ -11,7 +11,7 @@ from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph, Trajectory
 from elfslam.line.graph import GraphParameters, build_graph, optimise
-from elfslam.slam.merging.members import Walk, middles
+from elfslam.slam.merging.members import MappedWalk, middles
 from elfslam.slam.merging.parameters import MergeParameters
 
 
@@ -25,7 +25,7 @@ class Edges:
 
 
 def joined_walks(
-    walks: Sequence[Walk],
+    walks: Sequence[MappedWalk],
     frames: Sequence[F64],
     links: Mapping[tuple[int, int], Closures],
     parameters: MergeParameters,
@@ -61,7 +61,7 @@ def joined_walks(
 
 
 def against_map(
-    walk: Walk, frame: F64, spots: F64, links: Closures, parameters: MergeParameters
+    walk: MappedWalk, frame: F64, spots: F64, links: Closures, parameters: MergeParameters
 ) -> Trajectory:
     """A walk bent onto a map that stays as it is, from the frame (3) that it begins in.
 
@@ -96,14 +96,14 @@ def _solved(initial: F64, parts: Sequence[Edges], scale_sigma: float) -> Traject
     return optimise(graph, count, GraphParameters(robust=False, noise_rounds=0))
 
 
-def _own_edges(walk: Walk, first: int) -> Edges:
+def _own_edges(walk: MappedWalk, first: int) -> Edges:
     """The steps of a walk and the closures that it believed by itself."""
     kept = _chosen(walk.closures, walk.trajectory.closure_weights > 0.5)
     graph = build_graph(walk.odometry, kept)
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
 
-def _start_edges(walks: Sequence[Walk], ends: I64, parameters: MergeParameters) -> Edges:
+def _start_edges(walks: Sequence[MappedWalk], ends: I64, parameters: MergeParameters) -> Edges:
     """Where each walk said that it began, seen from the first's start."""
     starts = np.array([walk.odometry.world_from_body[0] for walk in walks])
     known = parameters.merging

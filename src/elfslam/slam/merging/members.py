@@ -29,7 +29,7 @@ from elfslam.slam.pipeline import joined
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class MappedWalk:
     """A mapped walk: what is needed to merge it."""
 
     name: str
@@ -52,16 +52,16 @@ class Side(Value):
     usual: float
 
 
-def walk_of(run: Run) -> Walk:
+def walk_of(run: Run) -> MappedWalk:
     """What merging needs of a run. Raises InputError where the run has no sound."""
     if run.features is None or len(run.odometry.t_s) < 2:
         raise InputError(
             f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
         )
-    return Walk(run.name, run.odometry, run.trajectory, run.closures, run.features)
+    return MappedWalk(run.name, run.odometry, run.trajectory, run.closures, run.features)
 
 
-def side_of(walk: Walk, parameters: MergeParameters) -> Side:
+def side_of(walk: MappedWalk, parameters: MergeParameters) -> Side:
     """A walk as merging sees it, in its own frame."""
     similarity = echo_sequence_similarity(walk.features, walk.odometry)
     poses = middles(walk.trajectory.world_from_body)
