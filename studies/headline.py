@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.app.console import print_rows, progress_bar
-from elfslam.app.senses import sense_of
+from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.choices import Modality, Mode

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.senses import sense_of
+from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import Workers
 from elfslam.base.choices import Modality

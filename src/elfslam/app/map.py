@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from elfslam import __version__
-from elfslam.app.senses import sense_of
+from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import unit_key
 from elfslam.base.choices import Modality

@@ -1,4 +1,4 @@
-"""How far dead reckoning may have drifted between two of its nodes."""
+"""Covariance propagation of dead reckoning: the drift between two of its nodes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ground in square cells: where somebody walked or can walk, and the outlines of that."""
+"""Occupancy grid: where somebody walked or can walk, and its outlines."""
 
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"

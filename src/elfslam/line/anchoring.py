@@ -1,4 +1,4 @@
-"""Where on a floor plan a walk was: the placements under which it keeps to accessible ground.
+"""Registration of a walk on a floor plan: placements that keep to accessible ground.
 
 All headings and all shifts of a grid are tried; a shift of the whole walk is one correlation,
 made by FFT. A placement is as likely as the walk's distance from accessible ground allows, so

@@ -1,4 +1,4 @@
-"""Loop closures from sequences: what sounds alike for several footsteps in a row.
+"""Loop closure detection by sequence matching and a ratio test against rival places.
 
 A single pair of footsteps says little. Similarity is averaged along the diagonal, for a stretch
 walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
@@ -179,7 +179,7 @@ def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> 
 
 
 def unrivalled(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
-    """Which candidates (k) have no rival: one of the same footstep that contradicts it.
+    """Ratio test: which candidates (k) have no rival of their footstep that contradicts them.
 
     Two contradict each other where dead reckoning excludes that their other ends are one place.
     The better one stays if it leads by the margin, else neither.

@@ -1,4 +1,4 @@
-"""An unknown phone: what it hears is translated into what the map's phone would have heard.
+"""Cross-device feature adaptation: what an unknown phone hears, as the map's phone would.
 
 Phones differ by more than their response: one whose loudspeaker fires backward hears every room
 from another side. The translation is linear on ELFs and learnt without any label from a walk of
@@ -28,7 +28,7 @@ class PhoneParameters:
         20.0, "echoes", "how many would have to contradict that phones are alike", low=1e-3
     )
     candidates: int = parameter(300, "", "spots that a window may be at", low=2)
-    temperature: float = parameter(0.05, "", "how fast belief falls with ESS", low=1e-3, high=10.0)
+    temperature: float = parameter(0.05, "", "softmax temperature of the ESS", low=1e-3, high=10.0)
     speed_mps: float = parameter(1.25, "m/s", "people walk up to this", low=0.1, high=5.0)
     speed_sigma_mps: float = parameter(0.33, "m/s", "and this much faster, one sigma", low=0.01)
     jump: float = parameter(

@@ -1,4 +1,4 @@
-"""One-shot localization: a few echoes against a map, with an honest status.
+"""One-shot localization (place recognition): a few echoes against a map, with a status.
 
 A place is known again by the direction of the mean of its features, not by its length: the ESS,
 which has the length in it, prefers spots whose own echoes agree with each other.
@@ -30,7 +30,11 @@ class LocateParameters:
         0.78, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     temperature: float = parameter(
-        0.01, "", "how fast belief falls with likeness", low=1e-4, high=10.0
+        0.01,
+        "",
+        "softmax temperature: a spot's weight is exp(likeness / this)",
+        low=1e-4,
+        high=10.0,
     )
     near_m: float = parameter(
         1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0

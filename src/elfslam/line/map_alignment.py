@@ -1,4 +1,4 @@
-"""How one walk lies to others, from what both sound like: found by vote, believed on evidence.
+"""Relative pose of two maps by voting over matched places, accepted by a ratio test.
 
 Each pair of places that sound alike votes for a placement. The placements that the votes gather
 around are judged as a whole: wherever the walks then cover the same ground they must resemble each

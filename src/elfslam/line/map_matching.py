@@ -1,4 +1,4 @@
-"""A walk followed through a floor plan: of all that its footsteps allow, what keeps to the ground.
+"""Map matching by a particle filter: a walk followed through the passages of a floor plan.
 
 A particle filter whose particles remember where they came from (Widyawan, Klepal and Beauregard
 2008, "A backtracking particle filter for fusing building plans with PDR displacement estimates").

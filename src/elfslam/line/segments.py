@@ -1,4 +1,4 @@
-"""Trajectory localization: the shape of the last footsteps picks out stretches of a map.
+"""Trajectory localization by curve matching: the last footsteps pick stretches of a map.
 
 Dead reckoning knows the shape of a short walk, not where it lies. Every stretch of a mapped walk
 that has this shape, walked either way and with steps somewhat longer or shorter, is a candidate;
@@ -40,7 +40,7 @@ class SegmentParameters:
         high=1.0,
     )  # fmt: skip
     temperature: float = parameter(
-        0.015, "", "how fast belief falls with mean likeness", low=1e-4, high=10.0
+        0.015, "", "softmax temperature of the mean likeness", low=1e-4, high=10.0
     )
     near_m: float = parameter(
         1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100

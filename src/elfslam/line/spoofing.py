@@ -1,4 +1,4 @@
-"""Whether what is heard can be the room's answer to the phone's own chirps.
+"""Replay and spoofing detection: can this be the room's answer to the phone's own chirps?
 
 Each frame is looked at for what no room does: sound before the direct arrival, echoes louder than
 any room returns them, noise in the chirp's band, the own chirp missing or off its time. A stretch

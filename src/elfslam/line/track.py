@@ -1,4 +1,4 @@
-"""A live tracker: many guesses of where the walker is, moved by footsteps and weighed by echoes.
+"""Tracking by a particle filter: guesses moved by footsteps and weighed by echoes.
 
 A particle filter (Thrun, Burgard and Fox, Probabilistic Robotics, chapter 8.3, with particles
 drawn from the measurement as in Mixture-MCL). Each guess has its own heading and its own length of
@@ -25,7 +25,7 @@ class TrackParameters:
 
     particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
     temperature: float = parameter(
-        0.06, "", "how fast belief falls with likeness, footstep by footstep", low=1e-4, high=10.0
+        0.06, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
     )
     reach_m: float = parameter(
         0.3, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
@@ -213,7 +213,7 @@ class Tracker:
         return Cloud(poses, scale, np.full(count, 1 / count))
 
     def _renewed(self, cloud: Cloud, scores: F32, move: F64) -> Cloud:
-        """As many guesses, where they weigh, and some drawn from the echoes alone.
+        """Resampling: as many guesses, where they weigh, and some drawn from the echoes alone.
 
         Neighbours lie side by side in the draw, so that each of several places keeps its share.
         """

@@ -1,4 +1,4 @@
-"""The matched filter.
+"""Matched filter, and its envelope by the analytic signal.
 
 At 17.5 kHz one cycle is 2.5 samples, so a raw correlation peak picks the wrong cycle: the search
 runs on the envelope of the analytic matched filter.

@@ -1,4 +1,4 @@
-"""Taking turns: who chirps when, and how one hears that others chirp."""
+"""Slotted medium access: which phone chirps when, and how others are heard."""
 
 from elfslam.line.medium_access.foreign import spoiled_frames
 from elfslam.line.medium_access.listening import Listening, Slot, hear_slot

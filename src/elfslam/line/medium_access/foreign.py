@@ -1,4 +1,4 @@
-"""Other phones' chirps: sound like a direct arrival where none of ours is due.
+"""Interference detection: sound like a direct arrival where no chirp of ours is due.
 
 Before a direct arrival and once its echoes are over nothing of ours is heard: what is loud there is
 somebody else's. As all play at random moments of their slots, the second of two that chirp in one

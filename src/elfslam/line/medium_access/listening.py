@@ -1,4 +1,4 @@
-"""Slot by slot: when other phones chirped, from what has been heard up to then."""
+"""Carrier sensing slot by slot: when other phones chirped, from what was heard so far."""
 
 from __future__ import annotations
 

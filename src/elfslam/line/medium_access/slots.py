@@ -1,4 +1,4 @@
-"""Who chirps when: slots in rounds, kept where nobody else is heard and given up where one is.
+"""Slotted medium access: slots in rounds, kept while free, given up on a collision.
 
 Listening right before a chirp tells little, as a phone hears 12 to 500 ms late. But turns repeat
 from round to round, so what was heard in a slot some rounds ago tells who will chirp in it. A phone

@@ -1,4 +1,4 @@
-"""Where a walk heads against magnetic north: the field's mean over the walk, carried by the gyro.
+"""Magnetic heading of a whole walk: the mean field, carried by the gyroscope.
 
 Buildings bend the field, so its direction at one place says little; the gyroscope turns the
 readings of a whole walk into one frame, where they are averaged. The phone's own field (hard iron)

@@ -1,4 +1,4 @@
-"""Footsteps: peaks of the vertical acceleration in the band of walking."""
+"""Step detection: peaks of the vertical acceleration in the band of walking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the walker heads: the rate of turn about the vertical, summed."""
+"""Heading: the yaw rate about the vertical, integrated."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ SETTING_OFF_S, REST_S = 0.6, 1.0
 
 
 def walking_heading(imu: Imu, parameters: MotionParameters) -> F64:
-    """Heading (n), rad, at `imu.t_s`: the rate of turn about the vertical, summed from 0.
+    """Heading (n), rad, at `imu.t_s`: the yaw rate about the vertical, integrated from 0.
 
     It is continuous (not wrapped) and averaged over a stride.
     """

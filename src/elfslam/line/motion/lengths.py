@@ -1,4 +1,4 @@
-"""How long each step is, from how far and how often the walker bounces."""
+"""Step length estimation, from how far and how often the walker bounces."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The inertial sensors on an even clock, with the direction that points up."""
+"""Levelling: inertial readings on an even clock, with the direction that points up."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Dead reckoning: steps and heading put together, a pose per footstep."""
+"""Pedestrian dead reckoning: steps and heading put together, a pose per footstep."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A process that has everything loaded and becomes two for each job: a start costs no seconds.
+"""Preforked worker: a process with everything loaded that forks for each job.
 
     python -m elfslam.serve.jobs.preforked SOCKET
 

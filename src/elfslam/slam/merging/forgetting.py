@@ -1,4 +1,4 @@
-"""A map is kept alive: what newer walks pass fades, and what they find changed fades faster."""
+"""Exponential forgetting and change detection: older spots fade, changed ones faster."""
 
 from __future__ import annotations
 

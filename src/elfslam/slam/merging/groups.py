@@ -1,4 +1,4 @@
-"""Which walks share a place, and how they lie to each other there."""
+"""Clusters of walks by pairwise alignment: which share a place, and how they lie there."""
 
 from __future__ import annotations
 

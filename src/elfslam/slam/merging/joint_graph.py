@@ -1,4 +1,4 @@
-"""One pose graph over all walks of a group."""
+"""Joint pose graph optimisation over all walks of a group."""
 
 from __future__ import annotations
 

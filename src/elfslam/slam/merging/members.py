@@ -1,4 +1,4 @@
-"""Walks and maps as merging sees them: footsteps with what is heard at each."""
+"""Members of a merge, walks and maps: footsteps with the features heard at each."""
 
 # mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
