@@ -47,7 +47,8 @@ def meaning(parameter: Any) -> str:
     """What an argument or option is, with its default where that says something."""
     text = str(parameter.help or "")
     default = parameter.default
-    if parameter.required or default in (None, False, "", ()) or isinstance(default, list):
+    silent = default is None or default is False or default in ("", ())
+    if parameter.required or silent or isinstance(default, list):
         return text
     return f"{text.rstrip('.')}. Default: `{default}`."
 
