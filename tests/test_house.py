@@ -40,8 +40,8 @@ ONLY_IN = {
     "faiss": {"serve"},
     "matplotlib": set[str](),
 }
-DOOR = "app"
-"""What `import elfslam` gives stands in this room: the package's own file hands it on."""
+DOOR = {"base", "line", "slam", "data", "app"}
+"""What `import elfslam` gives stands in these rooms: the package's own file hands it on."""
 BASE_MAY_IMPORT = {"numpy", "elfslam"}
 MOST_FILE_LINES = 400
 MOST_FUNCTION_LINES = 60
@@ -111,7 +111,7 @@ def arrows() -> dict[str, set[str]]:
 def test_imports_go_down_and_rooms_keep_to_themselves(path: Path) -> None:
     tree = ast.parse(path.read_text())
     if path == PACKAGE / "__init__.py":
-        assert imported_rooms(tree) <= {"base", DOOR}
+        assert imported_rooms(tree) <= DOOR
         return
     assert room_of(path) in FLOORS, "a module stands in a room, never at the package root"
     assert import_offences(path, tree) == []

@@ -36,8 +36,6 @@ from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
     from elfslam.scoring.tables import ScoreRow
 
 Given = Settings | Mapping[str, Any] | Path | str | None
@@ -203,8 +201,8 @@ def score(
 
 def plot(
     value: Run | FloorMap | Fixes, truth: Truth | None = None, floor_map: FloorMap | None = None
-) -> go.Figure:
-    """A Plotly figure of a run, a map, or fixes (over the map they were found in).
+) -> Any:
+    """A Plotly figure (graph_objects.Figure) of a run, a map, or fixes (over the map they were found in).
 
     A run with its truth is aligned onto it. Raises InputError.
     """
