@@ -202,7 +202,7 @@ def score(
 def plot(
     value: Run | FloorMap | Fixes, truth: Truth | None = None, floor_map: FloorMap | None = None
 ) -> Any:
-    """A Plotly figure (graph_objects.Figure) of a run, a map, or fixes (over the map they were found in).
+    """A drawing (plotly.graph_objects.Figure) of a run, a map, or fixes over the map they lie in.
 
     A run with its truth is aligned onto it. Raises InputError.
     """
