@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -67,8 +65,10 @@ def test_the_built_in_phones_are_fixed_for_all_time(name: str) -> None:
 
 def test_the_first_phone_has_kept_all_its_numbers() -> None:
     phone = built_in_device("simulated phone")
-    digest = hashlib.sha256(phone.response.tobytes()).hexdigest()
-    assert digest == "03b44af497850ed3a4fd53b5f759623632a52bb3481a2f904b1956f340d308a9"
+    # Processors differ in the last bits of a Fourier transform, so no digest of the bytes.
+    moments = [(phone.response * np.arange(630.0) ** power).sum() for power in (0, 1)]
+    assert moments == pytest.approx([666.4515084347953, 186116.65441118908], rel=1e-12)
+    assert np.linalg.norm(phone.response) == pytest.approx(28.052921501615117, rel=1e-12)
     assert phone.separation_m == 0.15
     assert (phone.speaker_directivity, phone.microphone_directivity) == (0.35, 0.2)
     assert (phone.direct_gain, phone.level, phone.noise_rms) == (0.6, 0.035, 2e-5)
