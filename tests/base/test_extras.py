@@ -15,7 +15,7 @@ from elfslam.base.extras import extra_with
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 ALWAYS_THERE = {
-    "elfslam", "numpy", "scipy", "numba", "onnxruntime", "gtsam", "sklearn", "threadpoolctl",
+    "elfslam", "numpy", "scipy", "numba", "onnxruntime", "gtsam", "threadpoolctl",
     "soundfile", "typer", "rich", "plotly",
 }  # fmt: skip
 

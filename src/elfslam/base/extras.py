@@ -12,6 +12,7 @@ DISTRIBUTIONS = {
     "faiss": "faiss-cpu",
     "h11": "uvicorn",
     "pydantic": "fastapi",
+    "sklearn": "scikit-learn",
     "starlette": "fastapi",
 }
 """What an extra names to bring a module that is called otherwise."""
