@@ -31,7 +31,7 @@ export async function trustedKey(spki, key) {
 
 /**
  * A manifest whose signature holds and that is of this map. Raises Problem.
- * @param {Signed} signed @param {Uint8Array} spki @param {string} mapId @returns {Promise<Manifest>}
+ * @param {Signed} signed @param {Uint8Array<ArrayBuffer>} spki @param {string} mapId @returns {Promise<Manifest>}
  */
 export async function verified({ manifest, signature }, spki, mapId) {
   if (!(await isSigned(manifest, signature, spki))) throw new Problem(WRONG_SIGNATURE, 0);
@@ -41,6 +41,7 @@ export async function verified({ manifest, signature }, spki, mapId) {
   return told;
 }
 
+/** @param {string} text @param {string} signature base64 @param {Uint8Array<ArrayBuffer>} spki */
 async function isSigned(text, signature, spki) {
   try {
     const key = await crypto.subtle.importKey("spki", spki, CURVE, false, ["verify"]);

@@ -23,12 +23,18 @@ export function spotCount(floorMap) {
 export function checkedMap(floorMap) {
   const count = spotCount(floorMap);
   if (count === 0) throw new RangeError("map: it has no spots; map the place with sound first");
-  const wanted = { xyM: 2, headingRad: 1, covarianceM2: 3, vectors: ELF_SIZE };
-  for (const [name, width] of Object.entries(wanted)) {
-    if (floorMap[name].length !== count * width) {
+  /** @type {[string, Float32Array, number][]} */
+  const wanted = [
+    ["xyM", floorMap.xyM, 2],
+    ["headingRad", floorMap.headingRad, 1],
+    ["covarianceM2", floorMap.covarianceM2, 3],
+    ["vectors", floorMap.vectors, ELF_SIZE],
+  ];
+  for (const [name, values, width] of wanted) {
+    if (values.length !== count * width) {
       throw new RangeError(
         `map: wanted ${width} numbers of ${name} for each of ${count} spots, ` +
-          `got ${floorMap[name].length}; fetch the map again`,
+          `got ${values.length}; fetch the map again`,
       );
     }
   }

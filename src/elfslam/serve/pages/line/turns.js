@@ -67,7 +67,10 @@ export function afterSlot(turns, slot, othersS, isPlayedIn, draw, parameters) {
   return { ...now, mine: turns.mine.with(k, kept), sure: turns.sure.with(k, sure) };
 }
 
-/** Whether a slot that was just heard is ours from now on. */
+/**
+ * Whether a slot that was just heard is ours from now on.
+ * @param {Turns} turns @param {number} k @param {number} draw @param {TurnsParameters} parameters
+ */
 function isKept(turns, k, draw, parameters) {
   const own = turns.mine.filter(Boolean).length;
   if (turns.mine[k]) {

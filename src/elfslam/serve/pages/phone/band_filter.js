@@ -23,6 +23,7 @@ export function makeBandFilter(rateHz) {
   return { reach, apply: (samples) => filtered(samples, taps, reach) };
 }
 
+/** @param {Float32Array} samples @param {Float64Array} taps @param {number} reach */
 function filtered(samples, taps, reach) {
   const out = new Float32Array(Math.max(samples.length - 2 * reach, 0));
   for (let n = 0; n < out.length; n += 1) {

@@ -25,7 +25,7 @@ export function makeChirp({ band_hz: [lowHz, highHz], ...told }, rateHz) {
   return chirpOf({ fade_s: FADE_S, ...told, band_low_hz: lowHz, band_high_hz: highHz }, rateHz);
 }
 
-/** @param {number} rateHz @returns {number} samples from one chirp to the next */
+/** @param {Chirp} chirp @param {number} rateHz @returns {number} samples from one chirp to the next */
 export function periodSamples(chirp, rateHz) {
   return Math.round(chirp.period_s * rateHz);
 }

@@ -32,7 +32,9 @@ export async function openDevices(keeper, chirp, turns) {
   const rateHz = microphone.context.sampleRate;
   const samples = makeChirp(chirp, rateHz);
   const period = periodSamples(chirp, rateHz);
+  /** @type {Devices["play"]} */
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
+  /** @type {Devices["playTurns"]} */
   const playTurns = (delayS, tell, parameters = turns) =>
     startTurns(microphone.context, samples, period, delayS, parameters, tell);
   return { microphone, sound, play, playTurns, clocks: watchClocks(microphone.context), isMotionAllowed };

@@ -47,7 +47,10 @@ export function manifestOf(walk, software) {
   return `${JSON.stringify(manifest, null, 2)}\n`;
 }
 
-/** The scale is that of frames whose row names none: those of walks begun on an earlier page. */
+/**
+ * The scale is that of frames whose row names none: those of walks begun on an earlier page.
+ * @param {{scale?: number, rateHz: number}} facts
+ */
 function basebandOf({ scale = 1 / 32767, rateHz }) {
   return {
     rate_hz: BASEBAND.rateHz,

@@ -22,6 +22,7 @@ export function cutsFor(sound, tables) {
   const count = Math.min(rows.length - 1, frames);
   const tableBytes = rows.slice(0, count + 1).join("").length;
   const fileBytes = sound.headerBytes + count * sound.frameBytes;
+  /** @type {ReturnType<typeof cutsFor>} */
   const cuts = { sound: {}, tables: {} };
   if (tableBytes < sound.table.length) cuts.sound.table = tableBytes;
   if (fileBytes < sound.fileBytes) cuts.sound.file = fileBytes;
@@ -32,7 +33,7 @@ export function cutsFor(sound, tables) {
   return cuts;
 }
 
-/** Lines that end, with their ends. */
+/** Lines that end, with their ends. @param {string} text @returns {string[]} */
 function wholeRows(text) {
   return text.match(/[^\n]*\n/g) ?? [];
 }
@@ -40,5 +41,5 @@ function wholeRows(text) {
 /** @param {string} table @returns {number} time of the last row, 0 where there is none */
 export function lastTime(table) {
   const rows = wholeRows(table);
-  return rows.length > 1 ? Number.parseFloat(rows.at(-1)) : 0;
+  return rows.length > 1 ? Number.parseFloat(rows[rows.length - 1]) : 0;
 }

@@ -22,7 +22,10 @@ export function accelerationOf({ accelerationIncludingGravity: a }, sign) {
   return [sign * a.x, sign * a.y, sign * a.z];
 }
 
-/** About x, y and z the browsers say alpha, beta and gamma, in degrees per second. */
+/**
+ * About x, y and z the browsers say alpha, beta and gamma, in degrees per second.
+ * @param {MotionReading} event @returns {number[] | null} rad/s
+ */
 export function turningOf({ rotationRate: r }) {
   if (!r || r.alpha === null || r.beta === null || r.gamma === null) return null;
   return [r.alpha, r.beta, r.gamma].map((value) => (value * Math.PI) / 180);

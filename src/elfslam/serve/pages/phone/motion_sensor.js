@@ -8,7 +8,8 @@ import { eventTime } from "./clocks.js";
  * @returns {Promise<boolean>} whether motion may be read
  */
 export async function allowMotion() {
-  const ask = window.DeviceMotionEvent?.requestPermission;
+  /** @type {(() => Promise<string>) | undefined} of Apple alone */
+  const ask = /** @type {any} */ (window.DeviceMotionEvent)?.requestPermission;
   if (!window.DeviceMotionEvent) return false;
   if (!ask) return true;
   try {
@@ -24,7 +25,7 @@ export async function allowMotion() {
  */
 export function listenToMotion(heard) {
   const sign = accelerationSign(navigator);
-  const onMotion = (event) => {
+  const onMotion = (/** @type {DeviceMotionEvent} */ event) => {
     const pageMs = eventTime(event.timeStamp, performance.now());
     heard(pageMs, accelerationOf(event, sign), turningOf(event));
   };

@@ -17,8 +17,11 @@
 export function startSound(microphone, keeper, chirp) {
   const worker = new Worker(new URL("./sound.worker.js", import.meta.url), { type: "module" });
   const listeners = new Map();
+  /** @type {Sound["on"]} */
   const on = (kind, heard) => listeners.set(kind, heard);
+  /** @type {Sound["answer"]} */
   const answer = (kind) => new Promise((resolve) => on(kind, resolve));
+  /** @type {Sound["order"]} */
   const order = (message, transfer = []) => worker.postMessage(message, transfer);
   worker.onmessage = ({ data }) => listeners.get(data.is)?.(data);
   const { port1, port2 } = new MessageChannel();

@@ -26,6 +26,7 @@ const STREAMED = 0xffffffff;
 export function wavHeader(rateHz) {
   const bytes = new Uint8Array(44);
   const view = new DataView(bytes.buffer);
+  /** @param {number} at @param {string} letters */
   const text = (at, letters) => bytes.set(new TextEncoder().encode(letters), at);
   text(0, "RIFF");
   view.setUint32(4, STREAMED, true);

@@ -19,7 +19,9 @@ const LONGEST_S = 15;
  */
 export function troubleOf(status, detail, attempt, retryAfterS = NaN) {
   const backoffS = Math.min(2 ** attempt, LONGEST_S);
+  /** @param {string} said @returns {Trouble} */
   const again = (said, retryS = backoffS) => ({ said, retryS, isGone: false });
+  /** @param {string} said @returns {Trouble} */
   const final = (said) => ({ said, retryS: null, isGone: false });
   if (status === 0) return again(`No network. ${KEPT}`);
   if (status === 401) return final(`${NOT_PAIRED} The walk stays on this phone until then.`);

@@ -2,6 +2,7 @@
 
 /** @returns {{stop: () => void}} */
 export function stayAwake() {
+  /** @type {WakeLockSentinel | null} */
   let lock = null;
   let isWanted = true;
   const request = async () => {

@@ -21,6 +21,7 @@ export const NOT_PAIRED = "This device is not paired. Scan the code that the ser
  * @param {Record<string, string>} [headers]
  */
 export async function ask(method, path, body, headers = {}) {
+  /** @type {{method: string, headers: Record<string, string>, body?: string}} */
   const options = { method, headers: { Accept: "application/json", ...headers } };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
@@ -64,7 +65,7 @@ export async function openSession(location, history) {
   try {
     await beginSession(fragment);
   } catch (error) {
-    if (error.status !== 0) forget();
+    if (!(error instanceof Problem) || error.status !== 0) forget();
     throw error;
   }
   forget();

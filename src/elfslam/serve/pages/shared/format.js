@@ -5,6 +5,7 @@ export function formatBytes(bytes) {
   return told(bytes).replace(" ", "\u00a0");
 }
 
+/** @param {number} bytes */
 function told(bytes) {
   if (bytes < 1000) return `${bytes} B`;
   if (bytes < 1e6) return `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB`;
@@ -24,7 +25,7 @@ export function formatMetres(metres) {
 /** @param {number} seconds @returns {string} minutes:seconds, with hours where there are any */
 export function formatDuration(seconds) {
   const whole = Math.max(Math.floor(seconds), 0);
-  const two = (value) => String(value).padStart(2, "0");
+  const two = (/** @type {number} */ value) => String(value).padStart(2, "0");
   const minutes = Math.floor(whole / 60) % 60;
   const hours = Math.floor(whole / 3600);
   return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;

@@ -9,14 +9,17 @@ const REST_S = 1.0;
 
 /** @typedef {import("./types.js").Level} Level */
 
-/** @param {Level} levelled @returns {Float64Array} heading, rad, averaged over a stride */
+/**
+ * @param {Level} levelled @param {{heading_window_s: number}} parameters
+ * @returns {Float64Array} heading, rad, averaged over a stride
+ */
 export function smoothHeading(levelled, parameters) {
   return averaged(phoneTurn(levelled), parameters.heading_window_s, levelled.rateHz);
 }
 
 /** @param {Level} levelled @returns {Float64Array} how far, rad, the phone has turned since the first row */
 export function phoneTurn({ gyro, up, rateHz }) {
-  const yaw = (k) => gyro[0][k] * up[0][k] + gyro[1][k] * up[1][k] + gyro[2][k] * up[2][k];
+  const yaw = (/** @type {number} */ k) => gyro[0][k] * up[0][k] + gyro[1][k] * up[1][k] + gyro[2][k] * up[2][k];
   const turned = new Float64Array(gyro[0].length);
   for (let k = 1; k < turned.length; k += 1) {
     turned[k] = turned[k - 1] + (yaw(k) + yaw(k - 1)) / 2 / rateHz;
@@ -28,6 +31,7 @@ export function phoneTurn({ gyro, up, rateHz }) {
  * How far (rad) the walker has turned by the first footstep since the recording began; null where the
  * phone was not at rest for a second before.
  * @param {Level} levelled @param {Float64Array} bounce @param {number} footstepS
+ * @param {{heading_window_s: number, least_bounce_mps2: number}} parameters
  * @returns {number | null}
  */
 export function turnedSinceRest(levelled, bounce, footstepS, parameters) {

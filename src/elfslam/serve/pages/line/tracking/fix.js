@@ -12,14 +12,15 @@ import { densest, isNear } from "./cloud.js";
  *   guesses near it, their weight, middle and heading
  */
 
-/** @returns {Fix} of a place that cannot be told */
+/** @param {number} score @param {string} status @returns {Fix} of a place that cannot be told */
 export function nowhere(score, status) {
   return { xyM: null, headingRad: NaN, covarianceM2: null, score, status };
 }
 
 /**
  * The best place, from the guesses near it, or as far as `reachOf` says.
- * @param {Cloud} cloud @param {(poses: Float64Array, best: number[], nearM: number) => number} reachOf
+ * @param {Cloud} cloud @param {{near_m: number}} known
+ * @param {(poses: Float64Array, best: number[], nearM: number) => number} reachOf
  * @returns {Place}
  */
 export function placeOf(cloud, known, reachOf = (poses, best, nearM) => nearM) {
@@ -46,7 +47,7 @@ export function placeOf(cloud, known, reachOf = (poses, best, nearM) => nearM) {
 
 /**
  * The spot closest to a place, and how alike the most alike of those near it is: -1 where none is.
- * @param {Spots} floorMap @param {number[]} xyM @param {Float32Array | null} scores
+ * @param {Spots} floorMap @param {number[]} xyM @param {Float32Array | null} scores @param {number} nearM
  * @returns {{closest: number, likeness: number}}
  */
 export function aroundOf({ xyM, headingRad }, [x, y], scores, nearM) {
@@ -61,6 +62,7 @@ export function aroundOf({ xyM, headingRad }, [x, y], scores, nearM) {
 
 /**
  * @param {Cloud} cloud @param {Place} place @param {number[]} ownM2 covariance of the spot closest to it
+ * @param {{sigma_floor_m: number}} known
  * @returns {number[]} xx, xy, yy: the spread of the guesses near it, the spot's own and the least
  */
 export function covarianceOf({ poses, weight }, { near, belief, xyM }, ownM2, known) {

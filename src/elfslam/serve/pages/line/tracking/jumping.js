@@ -4,7 +4,7 @@ import { densest } from "./cloud.js";
 
 /**
  * How far from the best place guesses may reach: twice as far as half of them, and a little.
- * @param {Float64Array} poses (3p) @param {ArrayLike<number>} best (2) @returns {number}
+ * @param {Float64Array} poses (3p) @param {number[]} best (2) @param {number} nearM @returns {number}
  */
 export function reachOf(poses, [x, y], nearM) {
   const away = new Float64Array(poses.length / 3);

@@ -26,11 +26,12 @@ export function halfwayBetween(before, after) {
   return middle;
 }
 
-/** All poses moved alike. @param {Float64Array} poses (3p) @param {number[]} move @returns {Float64Array} */
+/** All poses moved alike. @param {Float64Array} poses (3p) @param {number[]} move (3) @returns {Float64Array} */
 export function movedBy(poses, move) {
   const out = new Float64Array(poses.length);
+  const [forward, left, turn] = move;
   for (let k = 0; 3 * k < poses.length; k += 1) {
-    composeInto(out, k, poses[3 * k], poses[3 * k + 1], poses[3 * k + 2], ...move);
+    composeInto(out, k, poses[3 * k], poses[3 * k + 1], poses[3 * k + 2], forward, left, turn);
   }
   return out;
 }

@@ -26,6 +26,7 @@ export function makeRandom(seed) {
   return { uniform, normal };
 }
 
+/** @param {() => number} uniform */
 function insideCircle(uniform) {
   for (;;) {
     const [x, y] = [2 * uniform() - 1, 2 * uniform() - 1];
@@ -34,6 +35,7 @@ function insideCircle(uniform) {
   }
 }
 
+/** @param {number} seed */
 function sfc32(seed) {
   let [a, b, c, counter] = [seed, 0, 0, 1];
   const next = () => {

@@ -42,6 +42,7 @@ export function joins(points) {
   return points.map(([x, y], k) => k > 0 && Math.hypot(x - points[k - 1][0], y - points[k - 1][1]) < NEXT_M);
 }
 
+/** @param {[number, number][]} points */
 function coverOf(points) {
   const path = new Path2D();
   for (const [x, y] of points) {
@@ -51,6 +52,7 @@ function coverOf(points) {
   return path;
 }
 
+/** @param {[number, number][]} points */
 function walksOf(points) {
   const path = new Path2D();
   const joined = joins(points);

@@ -17,6 +17,7 @@ const SIZE = 128;
 export function makeMemory(fewest) {
   /** @type {{tS: number, vector: Float32Array}[]} */
   let rows = [];
+  /** @param {number} fromS @param {number} toS */
   const between = (fromS, toS) => rows.filter(({ tS }) => tS >= fromS && tS < toS);
   return {
     add(times, vectors) {

@@ -17,7 +17,7 @@ export function delayMotion(footsteps, latenessS) {
   /** @type {Reading[]} */
   let waiting = [];
   let lastS = -Infinity;
-  const pass = (lateS) => {
+  const pass = (/** @type {number} */ lateS) => {
     for (const { tS, acceleration, turning } of waiting) {
       if (!acceleration || !turning || tS + lateS <= lastS) continue;
       lastS = tS + lateS;
@@ -25,7 +25,7 @@ export function delayMotion(footsteps, latenessS) {
     }
     waiting = [];
   };
-  const push = (readings) => {
+  const push = (/** @type {Reading[]} */ readings) => {
     waiting.push(...readings);
     const lateS = latenessS();
     const isTooLong = waiting.length > 0 && waiting[waiting.length - 1].tS - waiting[0].tS > PATIENCE_S;

@@ -21,6 +21,7 @@ import { makeHearing } from "../hearing.js";
 export function hearOthers({ heard }, periodS, parameters) {
   const hearing = makeHearing(ECHO_RATE_HZ, Math.round(periodS * ECHO_RATE_HZ), parameters);
   const spoiled = makeSpoiled(heard, parameters);
+  /** @type {Slot[]} */
   let waiting = [];
   let alone = parameters.forget;
   const take = () => {
@@ -33,6 +34,6 @@ export function hearOthers({ heard }, periodS, parameters) {
     for (const { othersS } of found) alone = othersS.length > 0 ? 0 : alone + 1;
     return found;
   };
-  const clean = (echoes) => spoiled.take(echoes, alone < parameters.forget);
+  const clean = (/** @type {import("../../line/echo.js").Echo[]} */ echoes) => spoiled.take(echoes, alone < parameters.forget);
   return { add: (slot) => waiting.push(slot), take, clean };
 }

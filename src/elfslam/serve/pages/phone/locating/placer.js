@@ -47,6 +47,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memo
     } while (waiting.length > 0);
   };
 
+  /** @param {number} first @param {Float32Array} samples */
   const push = (first, samples) => {
     const echoes = cutter.push(first, samples);
     const kept = clean(echoes);
@@ -66,6 +67,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memo
   return { push, idle: () => working };
 }
 
+/** @param {import("../../line/echo.js").Echo[]} echoes */
 function same(echoes) {
   return echoes;
 }
