@@ -1,11 +1,7 @@
-"""One thread for torch: the same numbers everywhere, and no quarrel over cores.
-
-Processes elsewhere find what these tests plant.
-"""
+"""One thread for torch: the same numbers everywhere, and no quarrel over cores."""
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,9 +9,7 @@ from pathlib import Path
 import pytest
 import torch
 
-HERE = str(Path(__file__).parent)
-sys.path.append(HERE)
-os.environ["PYTHONPATH"] = os.pathsep.join([os.environ.get("PYTHONPATH", ""), HERE]).strip(":")
+sys.path.append(str(Path(__file__).parent))
 
 
 @pytest.fixture(autouse=True)

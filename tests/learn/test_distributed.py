@@ -13,7 +13,7 @@ import torch
 from planted_training import STEP, TINY, stepped, toy_pairs
 from torch import nn
 
-from elfslam.base.errors import ParameterError
+from elfslam.base.errors import ParameterError, StoreError
 from elfslam.learn.distributed import (
     ALONE,
     NormOfAll,
@@ -23,6 +23,7 @@ from elfslam.learn.distributed import (
     norms_of_all,
     rows_of_all,
     shares,
+    start_together,
 )
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.resumable import prefetched
@@ -73,6 +74,18 @@ def test_once_trained_the_norm_is_the_plain_one() -> None:
 def test_numbers_that_cannot_share_a_batch_are_refused(count: int) -> None:
     with pytest.raises(ParameterError, match=f"torchrun: got {count} processes, wanted a number"):
         check_shares(TINY.pairs, Ranks(0, count))
+
+
+def test_processes_that_see_different_checkpoints_are_refused(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def gathered(each: list[int], steps: int) -> None:
+        each[:] = [steps, 0]
+
+    monkeypatch.setattr(torch.distributed, "all_gather_object", gathered)
+    start_together(0, Ranks(0, 2))
+    with pytest.raises(StoreError, match=r"the processes see steps \[4, 0\]; put it on a disk"):
+        start_together(4, Ranks(0, 2))
 
 
 def test_an_environment_that_names_no_group_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

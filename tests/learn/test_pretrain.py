@@ -19,6 +19,7 @@ from torch import nn
 
 from elfslam.base.errors import StoreError
 from elfslam.base.values import ECHO_SAMPLES, EchoPairs
+from elfslam.learn.distributed import Ranks
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import (
@@ -29,6 +30,7 @@ from elfslam.learn.pretrain import (
     embedded,
     pair_loss,
     pretrain,
+    so_far,
     training_device,
 )
 from elfslam.learn.resnet import ResNetEncoder
@@ -285,6 +287,13 @@ def test_a_checkpoint_of_another_network_is_refused(tmp_path: Path) -> None:
     run(tmp_path)
     with pytest.raises(StoreError, match="another seed, parameters or arithmetic"):
         run(tmp_path, replace(TINY, width=8))
+
+
+def test_a_checkpoint_of_another_number_of_processes_is_refused(tmp_path: Path) -> None:
+    """Sums are rounded otherwise, so bits would be neither's."""
+    run(tmp_path)
+    with pytest.raises(StoreError, match="another seed, parameters or arithmetic"):
+        so_far(TINY, 0, tmp_path / "training.pt", torch.device("cpu"), Ranks(0, 2))
 
 
 @pytest.mark.parametrize("missing", ["losses", "network", "optimizer"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import io
 import math
 from collections.abc import Callable, Generator
@@ -90,11 +89,3 @@ def resumed(
         raise StoreError(
             f"{checkpoint}: not a checkpoint of this network; delete it to start over"
         ) from cause
-
-
-def weights_digest(network: nn.Module) -> str:
-    """Digest of the names and bits of all weights and statistics."""
-    digest = hashlib.sha256()
-    for name, value in network.state_dict().items():
-        digest.update(name.encode() + value.cpu().contiguous().numpy().tobytes())
-    return digest.hexdigest()[:16]
