@@ -56,6 +56,7 @@ def test_what_is_done_is_not_done_again(walk: Path, tmp_path: Path) -> None:
     assert (tmp_path / "walk" / "run.json").stat().st_ino != first.st_ino
 
 
+@pytest.mark.real
 def test_several_processes_make_the_same_runs(walk: Path, tmp_path: Path) -> None:
     for name in ("a", "b", "c"):
         shutil.copytree(walk, tmp_path / "in" / name)

@@ -421,6 +421,7 @@ QUICK = tuple(
 )  # fmt: skip
 
 
+@pytest.mark.real
 def test_an_encoder_learns_a_walk(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
     files = [tmp_path / "new" / name for name in ("one.onnx", "two.onnx")]
     for file in files:
@@ -437,6 +438,7 @@ def read_shipped() -> bytes:
     return encoder.content
 
 
+@pytest.mark.real
 def test_a_map_takes_its_fine_tuned_encoder_along(
     walk: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:

@@ -19,7 +19,6 @@ def test_real_walks_are_wanted():
         measure_mall_fifths(None, quiet)
 
 
-@pytest.mark.real
 def test_a_few_real_walks_in_small_and_goes_on_where_it_was(shared_data, tmp_path):
     kept = tmp_path / "kept"
     small = {"floors": ("F1",), "most_walks": 8}

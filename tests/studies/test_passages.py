@@ -4,13 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from elfslam.line.map_matching import PassageParameters
 from studies.passages import measure_passages
 
 
-@pytest.mark.real
 def test_a_plan_puts_a_walk_right(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
     known = PassageParameters(particles=1000)

@@ -12,7 +12,6 @@ from studies.queue import measure_queue
 from studies.queue_table import Kept, queue_rows
 
 
-@pytest.mark.real
 def test_kills_lose_nothing_and_do_nothing_twice(tmp_path: Path) -> None:
     kept = tmp_path / "queue.partial"
     finding = measure_queue(None, lambda *_: None, kept, jobs=60, walks=3)

@@ -8,7 +8,6 @@ from elfslam.learn.parameters import ScratchParameters
 from studies.scaling import STUDY, WALKS, ScaledWalk, measure_scaling, measure_walk, scaling_page
 
 
-@pytest.mark.real
 def test_all_workers_give_the_same_and_a_killed_one_changes_nothing() -> None:
     pytest.importorskip("ray", reason="Ray is not installed")
     finding = measure_scaling(
