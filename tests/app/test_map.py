@@ -10,7 +10,7 @@ import pytest
 from elfslam.app.map import MapJob, map_into, unit_of
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import load
 from elfslam.base.progress import silent
 from elfslam.data.recordings import write_recording
@@ -60,6 +60,12 @@ def test_a_replacement_that_fails_keeps_the_older_run(
     assert not (tmp_path / "run" / "score.html").exists()
     with pytest.raises(StoreError, match="already exists"):
         map_into(tmp_path / "run", walk, JOB, silent)
+
+
+def test_fine_tuning_without_echoes_is_refused(walk: Path, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="--finetune learns echoes; leave it out with --by motion"):
+        map_into(tmp_path / "run", walk, replace(JOB, finetune=True), silent)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_unit_is_the_recording_and_what_is_asked_for(walk: Path, tmp_path: Path) -> None:
