@@ -36,7 +36,7 @@ def run(walk: Walk) -> Run:
 def test_mapping_a_value_is_mapping_its_file(walk: Walk, run: Run, tmp_path: Path) -> None:
     write_recording(walk[0], tmp_path / "walk")
     filed = map_into(tmp_path / "run", tmp_path / "walk", JOB, silent)
-    again = elfslam.map(elfslam.read_recording(tmp_path / "walk"), encoder="spectral")
+    again = elfslam.map(elfslam.read_recording(str(tmp_path / "walk")), encoder="spectral")
     npt.assert_array_equal(again.trajectory.world_from_body, filed.trajectory.world_from_body)
     npt.assert_array_equal(again.closures.i, filed.closures.i)
 

@@ -77,13 +77,14 @@ def write_recording(
             write_truth(truth, partial)
 
 
-def read_recording(path: Path, chirp: ChirpParameters | None = None) -> Recording:
+def read_recording(path: Path | str, chirp: ChirpParameters | None = None) -> Recording:
     """The recording in a folder or a .zip of one.
 
     Its sound is refused where recording.json says that another excitation was played than
     `chirp`, by default the line's own. Raises InputError naming the file, and the row where
     there is one.
     """
+    path = Path(path)
     name = path.name if path.is_dir() else path.stem
     with recording_folder(path) as folder:
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from elfslam.cli.app import VERBS
-from studies.reference_pages import COMMANDS, PARAMETERS, command_section, on_page_markdown
+from docs.hooks import COMMANDS, PARAMETERS, command_section, on_page_markdown
 from studies.tree import ROOT
 
 REFERENCE = ROOT / "docs" / "reference"
