@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from elfslam.cli.app import VERBS
 from docs.hooks import COMMANDS, PARAMETERS, command_section, on_page_markdown
+from elfslam.cli.app import VERBS
 from studies.tree import ROOT
 
 REFERENCE = ROOT / "docs" / "reference"
