@@ -15,10 +15,9 @@ import pytest
 from elfslam.cli.app import run
 
 ELFSLAM = "from elfslam.cli import main; main()"
+pytestmark = pytest.mark.real
 AT = """
 import builtins, os, signal, sys
-
-pytestmark = pytest.mark.real
 real = builtins.__import__
 def importing(name, *more, **named):
     if name == "{module}":

@@ -30,6 +30,8 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from tests.waiting import until
 
+pytestmark = pytest.mark.real
+
 Json = dict[str, Any]
 SERVE = """
 import sys
@@ -39,7 +41,6 @@ from elfslam.serve.app import create_app
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 
-pytestmark = pytest.mark.real
 app = create_app(open_services(ServerSettings(Path(sys.argv[1]), secure_cookie=False)))
 uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
 """
