@@ -17,6 +17,7 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load, replace, rows
 from elfslam.base.values import Audio, Imu, Odometry, Recording, Similarity, Trajectory
+from elfslam.line.closure import find_closures
 from elfslam.line.feature import SpectralEncoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.slam import pipeline as slam
@@ -25,7 +26,6 @@ from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = Parameters()
 SECONDS = 5.5
-STRATEGIES = ("sequence", "curation")
 
 
 def numeric() -> dict[str, Any]:
@@ -68,10 +68,7 @@ def two_rounds() -> tuple[Odometry, Similarity]:
 
 def close_loops(parameters: Parameters) -> Trajectory:
     nodes, similarity = two_rounds()
-    strategies = [replace(parameters, "closure.strategy", each) for each in STRATEGIES]
-    closures = slam.joined(
-        [slam.closures_of(similarity, nodes, known.closure, known.curation) for known in strategies]
-    )
+    closures = find_closures(similarity, nodes, parameters.closure)
     return optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
 
 
@@ -148,9 +145,6 @@ def test_bounds_together_run_or_are_refused(ends: dict[str, str]) -> None:
         (["chirp.period_s=0.15"], r"chirps come every .* ms, not at the period"),
         (["chirp.period_s=0.2"], r"chirps come every 100.* ms, not at the period"),
         (["chirp.period_s=0.3"], r"chirps come every .* ms, not at the period"),
-        (["curation.slope_low=2.0"], r"curation.slope_low: wanted less than slope_high \(1.6\)"),
-        (["curation.line_length=20"], r"curation.line_length: wanted at most slice_footsteps"),
-        (["closure.strategy=best"], r"closure.strategy: wanted sequence or curation, got 'best'"),
         (["motion.shortest_step_m=1.3"], r"motion.shortest_step_m: wanted at most longest_step_m"),
         (["locate.fewest_echoes=20"], r"locate.fewest_echoes: wanted no more than 0.6 s"),
     ],

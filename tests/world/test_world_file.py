@@ -277,7 +277,9 @@ def test_a_world_from_a_file(tmp_path: Path) -> None:
 
 
 def test_the_example_of_the_manual_is_a_world() -> None:
-    manual = (Path(__file__).parents[2] / "docs" / "world.md").read_text(encoding="utf-8")
+    manual = (Path(__file__).parents[2] / "docs" / "how-to" / "own_world.md").read_text(
+        encoding="utf-8"
+    )
     example = re.search(r'```toml\n(name = "kitchen".*?)```', manual, re.S)
     assert example
     world = parsed(example[1])
