@@ -15,12 +15,9 @@ from elfslam.data.folders import new_file
 def show(
     what: Annotated[str, typer.Argument(metavar="RUN|MAP|WORLD", help="What to look at.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
-    self_contained: Annotated[
-        bool, typer.Option("--self-contained", help="One file, 5 MB, that can be sent around.")
-    ] = False,
 ) -> None:
-    """Draw a run, a map or a world as a page."""
+    """Draw a run, a map or a world as a page of one file, which can be sent around."""
     draw = drawing_of(what)
     with new_file(out) as page:
-        draw(page, self_contained=self_contained)
+        draw(page)
     say(f"look at {out}")

@@ -1,6 +1,6 @@
-"""HTML pages: style, panels, tables. The drawing script lies beside, once for all in a folder.
+"""HTML pages: style, panels, tables. Nothing is fetched but a drawing script that lies beside.
 
-Nothing is fetched from anywhere else; `embed_script` makes a page of one file.
+The folder of a run holds that script once for all its pages; a page elsewhere is one file.
 """
 
 from __future__ import annotations
@@ -8,7 +8,6 @@ from __future__ import annotations
 import html
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.resources import files
 from itertools import count
@@ -58,13 +57,12 @@ details table { margin-top: 10px; }
 """
 
 SCRIPT = f"plotly-{get_plotlyjs_version()}.min.js"
-"""What draws the figures, by name: it lies beside the pages."""
-SCRIPT_TAG = f'<script src="{SCRIPT}"></script>'
+"""What draws the figures, by name."""
 FIT = f"""<script>
 if (window.Plotly) dispatchEvent(new Event("resize"));
 else document.querySelector("header").insertAdjacentHTML("beforeend",
   "<p>{SCRIPT} is missing beside this page, so figures are not drawn: copy it here, or run " +
-  "<code>elfslam show --self-contained</code>.</p>");
+  "<code>elfslam show RUN PAGE.html</code>.</p>");
 </script>"""
 """Figures were drawn while the page was still short of panels: each takes the width it has now."""
 CONFIG = {
@@ -95,12 +93,11 @@ class Page:
 
 
 def save_page(path: Path, page: Page) -> None:
-    """Write the page, and the drawing script beside it unless it is there.
+    """Write the page: it links the drawing script that lies beside it, or else holds its own.
 
     Raises OSError where that cannot be done.
     """
-    path.write_text(rendered(page), encoding="utf-8")
-    share_script(path.parent)
+    path.write_text(rendered(page, linked=(path.parent / SCRIPT).exists()), encoding="utf-8")
 
 
 def script_file() -> Path:
@@ -109,32 +106,20 @@ def script_file() -> Path:
 
 
 def share_script(folder: Path) -> None:
-    """Put a copy of the drawing script into a folder, where it is not yet."""
-    place = folder / SCRIPT
-    if place.exists():
-        return
-    partial = folder / f".{SCRIPT}.partial"  # the same bytes, whoever writes it
-    shutil.copyfile(script_file(), partial)
-    with suppress(FileNotFoundError):
-        partial.replace(place)
+    """Put the drawing script into a folder, so that pages saved there from now on link it."""
+    shutil.copyfile(script_file(), folder / SCRIPT)
 
 
-def embed_script(path: Path) -> None:
-    """Make a page that was saved before a page of one file, which may be sent around."""
-    text = path.read_text(encoding="utf-8")
-    embedded = f"<script>{get_plotlyjs()}</script>"
-    path.write_text(text.replace(SCRIPT_TAG, embedded, 1), encoding="utf-8")
-
-
-def rendered(page: Page) -> str:
+def rendered(page: Page, *, linked: bool) -> str:
     """The page as HTML; equal pages give equal text."""
     title, subtitle = html.escape(page.title), html.escape(page.subtitle)
+    script = f'<script src="{SCRIPT}"></script>' if linked else f"<script>{get_plotlyjs()}</script>"
     numbers = count(1)
     panels = "".join(_panel(panel, numbers) for panel in page.panels)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style>{SCRIPT_TAG}</head>"
+        f"<title>{title}</title><style>{STYLE}</style>{script}</head>"
         f"<body><main><header><h1>{title}</h1><p>{subtitle}</p></header>"
         f'{_tiles(page.tiles)}<div class="panels">{panels}</div>'
         f"{''.join(_details(*item) for item in page.details.items())}</main>{FIT}</body></html>\n"
