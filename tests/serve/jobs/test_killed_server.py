@@ -183,7 +183,10 @@ def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
     with server.running() as (process, client):
         recording = upload(client, packed(walks / "one"))
         job_id = only_job(client, recording)["id"]
-        until(lambda: client.get(f"/api/jobs/{job_id}").json()["doing"] in STAGES)
+        until(
+            lambda: client.get(f"/api/jobs/{job_id}").json()["doing"] in STAGES,
+            "a stage of mapping",
+        )
         process.send_signal(signal.SIGKILL)
         process.wait()
     assert list((server.folder / "work").iterdir()) != []
