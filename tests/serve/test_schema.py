@@ -23,7 +23,7 @@ EXAMPLES = 3
 """Of each operation, good ones and as many bad ones."""
 OFTEN = {"token_requests_per_s": 1e6, "address_requests_per_s": 1e6, "users": 10_000}
 KNOWN_STATUSES = {200, 201, 202, 204, 206, 304, 400, 401, 403, 404, 405, 406, 408, 409}
-KNOWN_STATUSES |= {410, 411, 412, 413, 414, 415, 422, 423, 431, 460, 503, 507}
+KNOWN_STATUSES |= {421, 410, 411, 412, 413, 414, 415, 422, 423, 431, 460, 503, 507}
 
 load_all_checks()
 NOT_IN_THE_SCHEMA = [

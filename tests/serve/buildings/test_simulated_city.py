@@ -14,7 +14,7 @@ from studies.benchmarks.own_postgresql import initdb
 
 pytestmark = pytest.mark.real
 
-BENCHMARK = Path(__file__).resolve().parents[3] / "studies/benchmarks/two_hundred_phones.py"
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def test_the_benchmark_small() -> None:
@@ -23,7 +23,8 @@ def test_the_benchmark_small() -> None:
         pytest.skip("PostgreSQL is not installed (Debian: apt-get install postgresql)")
     command = [
         sys.executable,
-        str(BENCHMARK),
+        "-m",
+        "studies.benchmarks.two_hundred_phones",
         "--buildings",
         "8",
         "--seconds",
@@ -33,7 +34,7 @@ def test_the_benchmark_small() -> None:
     ]
     command += ["--senses", "wifi,position,both,echoes,mixed"]
     done = subprocess.run(
-        [*command, "--json"], check=True, capture_output=True, text=True, timeout=300,
+        [*command, "--json"], check=True, capture_output=True, text=True, timeout=300, cwd=ROOT,
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )  # fmt: skip
     decoder = json.JSONDecoder()
