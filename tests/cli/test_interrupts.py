@@ -109,7 +109,7 @@ def moments() -> list[tuple[str, float, int]]:
 @pytest.mark.hostile
 @pytest.mark.parametrize(("line", "after_s", "times"), moments())
 def test_at_any_moment(line: str, after_s: float, times: int, walk: Path, tmp_path: Path) -> None:
-    """Who had all done by then ends as if nothing had been."""
+    """Who had all done by then may have said so, or ends as if nothing had been."""
     arguments = line.format(walk=walk, walks=walk.parent, out="out").split()
     process = begun(ELFSLAM, arguments, tmp_path)
     wait_until_it_imports(process)
@@ -119,7 +119,7 @@ def test_at_any_moment(line: str, after_s: float, times: int, walk: Path, tmp_pa
             os.killpg(process.pid, signal.SIGINT)
     _, said = process.communicate()
     assert process.returncode in (0, 130)
-    assert process.returncode == 0 or said == ""
+    assert process.returncode == 0 or said == "" or said.startswith("mapped ")
     left = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*")}
     assert not [name for name in left if Path(name).name.startswith(".")]
     assert not left or {"out/run.json", "out/walk/run.json"} & left
