@@ -41,6 +41,7 @@ from studies.physics import check_laws
 from studies.pose_graphs import measure_pose_graphs
 from studies.queue import measure_queue
 from studies.real_rooms import measure_real_rooms
+from studies.realism import measure_realism
 from studies.scaling import measure_scaling
 from studies.sensitivity import measure_sensitivity
 from studies.sensors import compare_sensors
@@ -79,6 +80,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "pose-graphs": LongStudy(measure_pose_graphs),
     "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
+    "realism": measure_realism,
     "scaling": measure_scaling,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,

@@ -101,9 +101,10 @@ def plan_course(world: World, seed: int, rounds: int) -> Course:
     device = device_of(today)
     t_s = np.arange(0.0, motion.t_s[-1], 0.1)
     poses = phone_poses(walker, motion, world, 0, seed, t_s)
+    room = room_on(world, today)
     responses = room_responses(
-        scene_of(room_on(world, today)), device, poses, air_on(world, 0), reach_of(today),
-        engine_of(today, 1),
+        scene_of(room), device, poses, air_on(world, 0), reach_of(today),
+        engine_of(today, room, 1),
     )  # fmt: skip
     band = np.fft.fftshift(np.fft.fft(responses, axis=1), axes=1) * device.level * device.response
     transfer = np.zeros((len(t_s), FRAME // 2 + 1), dtype=np.complex64)

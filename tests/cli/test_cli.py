@@ -337,7 +337,7 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{tmp}/out", "--volume", "2"], "volume: wanted 0.001 to 1"),
         (["simulate", "studio", "{tmp}/out", "--sounds", "music,thunder"], "thunder"),
         (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
-        (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or pyroomacoustics"),
+        (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or diffuse or pyroomacoustics"),
         (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
@@ -534,7 +534,7 @@ def test_real_magnetic_walks_come_nearer_the_truth(
 
 
 @pytest.mark.real
-def test_every_real_mall_walk_is_dead_reckoned(
+def test_every_real_mall_walk_is_read_and_a_tenth_dead_reckoned(
     shared_data: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
     code, out, _ = elfslam(
@@ -542,10 +542,13 @@ def test_every_real_mall_walk_is_dead_reckoned(
     )
     assert (code, json.loads(out)[0]["recordings"]) == (0, 215)
     assert json.loads(out)[0]["damaged_lines"] == 0
+    for k, folder in enumerate(sorted((tmp_path / "walks").iterdir())):
+        if k % 10:
+            shutil.rmtree(folder)
     assert elfslam("map", tmp_path / "walks", tmp_path / "runs")[0] == 0
     rows = json.loads(elfslam("score", tmp_path / "runs", tmp_path / "walks", "--json")[1])
     assert {row["method"] for row in rows} == {"dead reckoning"}
-    assert (rows[0]["measure"], rows[0]["walks"]) == ("end_error_percent", 215)
+    assert (rows[0]["measure"], rows[0]["walks"]) == ("end_error_percent", 22)
     assert rows[0]["median"] < 15.0
 
 

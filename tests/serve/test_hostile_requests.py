@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import base64
+import errno
 import io
 import os
 import socket
@@ -198,8 +199,10 @@ def answer_of(url: str, raw: bytes) -> bytes:
             connection.sendall(raw)
             connection.shutdown(socket.SHUT_WR)
             return connection.makefile("rb").read()
-        except ConnectionError:
-            return b""
+        except OSError as error:
+            if isinstance(error, ConnectionError) or error.errno == errno.ENOTCONN:
+                return b""
+            raise
 
 
 CAREFUL = settings(

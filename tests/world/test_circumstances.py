@@ -30,7 +30,7 @@ from elfslam.world.circumstances import (
     room_on,
     whereabouts,
 )
-from elfslam.world.device import DEVICES, Device, built_in_device
+from elfslam.world.device import BAND_BINS, DEVICES, Device, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at, room_responses
 from elfslam.world.room import Block, Room, box, shoebox
@@ -191,12 +191,26 @@ def test_an_unknown_phone_is_refused() -> None:
 # --- engine ---
 
 
-def test_engines_are_ours_and_the_other() -> None:
-    ours = engine_of(Circumstances(), 3)
+def test_engines_are_ours_and_the_other(world: World) -> None:
+    ours = engine_of(Circumstances(), world.room, 3)
     assert isinstance(ours, partial)
     assert ours.func is image_echoes
     assert ours.keywords == {"threads": 3}
-    assert engine_of(Circumstances(engine="pyroomacoustics"), 3) is pyroom.image_echoes
+    today = Circumstances(engine="pyroomacoustics")
+    assert engine_of(today, world.room, 3) is pyroom.image_echoes
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_every_engine_hears_the_room(engine: str) -> None:
+    today = Circumstances(engine=engine)
+    studio = load_world("studio")
+    room = room_on(studio, today)
+    poses = poses_at(np.append(studio.route_m[:1], [[1.2]], axis=1), np.zeros(1), np.full(1, 0.4))
+    ends = ends_of(built_in_device("flat"), poses)
+    hear = engine_of(today, room, 1)
+    heard = hear(scene_of(room), ends, poses.people_m, air_at(), reach_of(today))
+    assert heard.shape == (1, BAND_BINS)
+    assert np.abs(heard).max() > 0
 
 
 def test_the_number_of_threads_changes_nothing(world: World) -> None:
@@ -204,10 +218,12 @@ def test_the_number_of_threads_changes_nothing(world: World) -> None:
     position = np.random.default_rng(0).uniform([1, 1, 1.1], [19, 13, 1.4], (7, 3))
     poses = poses_at(position, np.zeros(7), np.full(7, 0.4))
     heard = [
-        room_responses(scene, device, poses, engine=engine_of(Circumstances(), threads))
+        room_responses(scene, device, poses, engine=engine_of(today, world.room, threads))
+        for today in (Circumstances(), Circumstances(engine="diffuse"))
         for threads in (1, 2, 5, 16)
     ]
-    assert all((each == heard[0]).all() for each in heard)
+    assert all((each == heard[0]).all() for each in heard[:4])
+    assert all((each == heard[4]).all() for each in heard[4:])
 
 
 # --- people ---
@@ -288,7 +304,7 @@ def test_people_are_the_recordings(world: World) -> None:
         ({"volume": 1.5}, "volume: wanted 0.001 to 1.0, got 1.5"),
         ({"volume": float("nan")}, "volume: wanted 0.001 to 1.0, got nan"),
         ({"sounds": ("speech", "thunder")}, "'thunder': wanted speech, music, clicks"),
-        ({"engine": "rays"}, "'rays': wanted images or pyroomacoustics"),
+        ({"engine": "rays"}, "'rays': wanted images or diffuse or pyroomacoustics"),
     ],
 )
 def test_impossible_circumstances_are_refused(wrong: dict[str, object], complaint: str) -> None:
@@ -326,4 +342,4 @@ def test_the_second_engine_gets_closed_solids_and_hears_what_ours_hears() -> Non
 
 
 def test_ours_follows_paths_farther() -> None:
-    assert reach_of(Circumstances()).order > reach_of(Circumstances(engine=ENGINES[1])).order
+    assert reach_of(Circumstances()).order > reach_of(Circumstances(engine="pyroomacoustics")).order

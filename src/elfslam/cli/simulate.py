@@ -15,7 +15,7 @@ from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
 from elfslam.world.sensors import parse_sensors
-from elfslam.world.simulate import describe_chirp, simulate
+from elfslam.world.simulate import WALKERS, describe_chirp, simulate
 from elfslam.world.world_file import load_world, world_names
 
 
@@ -26,6 +26,7 @@ def simulate_command(
     rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
+    walker: Annotated[str, typer.Option(help=" or ".join(WALKERS))] = WALKERS[0],
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
     state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
     day: Annotated[int, typer.Option(help="Days since the world was drawn.")] = 0,
@@ -51,6 +52,7 @@ def simulate_command(
             rounds=rounds,
             rate_hz=rate_hz,
             reverse=reverse,
+            walker=walker,
             sensors=parse_sensors(sensors),
             grade=built_in_grade(imu),
             circumstances=today,

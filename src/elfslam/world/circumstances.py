@@ -13,11 +13,13 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ParameterError
 from elfslam.world import interference
 from elfslam.world.device import Device, built_in_device
+from elfslam.world.diffuse import diffuse_echoes
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Engine, air_at, image_echoes
 from elfslam.world.pulses import Air
 from elfslam.world.room import Block, Room
+from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.world_file import World, in_state
 
 Sound = Callable[[int, int, np.random.Generator], F32]
@@ -30,7 +32,8 @@ SOUNDS: Mapping[str, Sound] = MappingProxyType(
     }
 )
 """What else is to be heard, by name; the levels are those of a talk beside the phone."""
-ENGINES = ("images", "pyroomacoustics")
+ENGINES = ("images", "diffuse", "pyroomacoustics")
+"""Mirror images with clutter, mirror images with a diffuse field, and the second engine."""
 SOLID_REACH = Reach(order=3, plan_order=3, block_order=3, beside_block=3)
 """For the second engine, whose work grows with the number of faces to the power of the order."""
 MOST_PEOPLE = 50
@@ -97,10 +100,12 @@ def _require(name: str, value: float, low: float, high: float) -> None:
         raise ParameterError(f"{name}: wanted {low} to {high}, got {value}; correct it")
 
 
-def engine_of(circumstances: Circumstances, threads: int) -> Engine:
-    """The engine that was asked for; ours on so many threads."""
+def engine_of(circumstances: Circumstances, room: Room, threads: int) -> Engine:
+    """The engine that was asked for, in this room; ours on so many threads."""
     if circumstances.engine == "images":
         return partial(image_echoes, threads=threads)
+    if circumstances.engine == "diffuse":
+        return partial(diffuse_echoes, scattering=scattering_of(room), threads=threads)
     from elfslam.world import pyroom
 
     return pyroom.image_echoes
@@ -108,7 +113,7 @@ def engine_of(circumstances: Circumstances, threads: int) -> Engine:
 
 def reach_of(circumstances: Circumstances) -> Reach:
     """How far paths are followed: as far as the engine can in a furnished room."""
-    return Reach() if circumstances.engine == "images" else SOLID_REACH
+    return SOLID_REACH if circumstances.engine == "pyroomacoustics" else Reach()
 
 
 def closed_solids(room: Room) -> Room:
@@ -146,6 +151,8 @@ def room_on(world: World, circumstances: Circumstances) -> Room:
     room = in_state(world, circumstances.state).room if circumstances.state else world.room
     if circumstances.day:
         room = _after_days(room, circumstances.day)
+    if circumstances.engine == "diffuse":
+        return as_measured(room)
     return room if circumstances.engine == "images" else closed_solids(room)
 
 

@@ -33,6 +33,8 @@ FRAME_S = 1.0 / BIN_HZ
 BODY_REFLECTION = 0.25
 BODY_DISTANCE_M = 0.35
 NEPER_DB = 20.0 / np.log(10.0)
+TILT_HZ = 2_500.0
+"""To either side of the carrier, where the attenuation of air is compared."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,26 +119,36 @@ def ends_of(device: Device, poses: Poses) -> Ends:
 
 def air_at(temperature_c: float = 20.0, humidity_percent: float = 50.0) -> Air:
     """Air at normal pressure."""
-    attenuation_db = absorption_db_per_m(CARRIER_HZ, temperature_c, humidity_percent)
-    return Air(speed_of_sound_mps(temperature_c), attenuation_db / NEPER_DB)
+    low_db, db, high_db = (
+        absorption_db_per_m(CARRIER_HZ + k * TILT_HZ, temperature_c, humidity_percent)
+        for k in (-1, 0, 1)
+    )
+    tilt = (high_db - low_db) / (2 * TILT_HZ * NEPER_DB)
+    return Air(speed_of_sound_mps(temperature_c), db / NEPER_DB, tilt)
+
+
+@kernel
+def one_phone(ends, row):
+    """Both ends of one of many phones."""
+    return Ends(
+        ends.speaker[row], ends.microphone[row], ends.speaker_axis[row],
+        ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
+        ends.microphone_velocity[row],
+        ends.speaker_directivity, ends.microphone_directivity, ends.held,
+    )  # fmt: skip
 
 
 @kernel
 def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
     """Adds the echoes of each phone to its row; the first row that does not fit, or -1."""
     for row in range(out.shape[0]):
-        phone = Ends(
-            ends.speaker[row], ends.microphone[row], ends.speaker_axis[row],
-            ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
-            ends.microphone_velocity[row],
-            ends.speaker_directivity, ends.microphone_directivity, ends.held,
-        )  # fmt: skip
+        phone = one_phone(ends, row)
         if not add_echoes(out[row], scene, phone, people[row], paths, rays, reach, air, table):
             return row
     return -1
 
 
-def _plain(ends: Ends, rows: slice) -> Ends:
+def plain_rows(ends: Ends, rows: slice) -> Ends:
     """Some rows as arrays of one kind: a kernel is compiled anew for every other kind."""
     columns = {name: np.array(getattr(ends, name)[rows], dtype=np.float64) for name in COLUMNS}
     return Ends(
@@ -163,7 +175,7 @@ def image_echoes(
     out, table = np.zeros((count, BAND_BINS), dtype=np.complex64), pulse_table()
 
     def render(rows: slice) -> int:
-        part, about = _plain(ends, rows), np.array(people_m[rows], dtype=np.float64)
+        part, about = plain_rows(ends, rows), np.array(people_m[rows], dtype=np.float64)
         paths, rays = make_plan_paths(len(scene.block_low)), make_rays()
         found = _render_rows(out[rows], scene, part, about, paths, rays, limits, air, table)
         return int(found)

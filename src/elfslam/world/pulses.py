@@ -39,10 +39,12 @@ I32 = npt.NDArray[np.int32]
 
 
 class Air(NamedTuple):
-    """What the kernels need of the air: speed of sound and attenuation (nepers per metre)."""
+    """Speed of sound, attenuation at the carrier (nepers per metre), and how that grows with the
+    frequency (nepers per metre and hertz), which only the diffuse engine heeds."""
 
     speed_mps: float
     attenuation_per_m: float
+    tilt_per_m_hz: float = 0.0
 
 
 class Rays(NamedTuple):
@@ -106,7 +108,7 @@ def note_ray(rays, length, gain, dx, dy, dz, ax, ay, az):
 
 
 @kernel
-def _shadow(forward):
+def shadow_of(forward):
     """Gain of a direction by its forward component: 1 ahead, 1 - BODY_SHADOW straight behind."""
     behind = min(max((-forward - 0.5) / 0.3, 0.0), 1.0)
     return 1.0 - BODY_SHADOW * behind * behind * (3.0 - 2.0 * behind)
@@ -147,7 +149,7 @@ def _work_out(rays, phone, air):
         gain = rays.gain[k] * _attenuated(air.attenuation_per_m * length)
         gain *= 1.0 - out + out * (s0 * dx + s1 * dy + s2 * dz)
         gain *= 1.0 - back + back * (m0 * ax + m1 * ay + m2 * az)
-        shadow = _shadow(dx * ahead_x + dy * ahead_y) * _shadow(ax * ahead_x + ay * ahead_y)
+        shadow = shadow_of(dx * ahead_x + dy * ahead_y) * shadow_of(ax * ahead_x + ay * ahead_y)
         gain *= 1.0 - held + held * shadow
         here = v0 * ax + v1 * ay + v2 * az
         closing = here + u0 * dx + u1 * dy + u2 * dz

@@ -74,17 +74,18 @@ def record_walk(
 
     Besides when it played each chirp (n, s), and how loud against the loudest (n, dB).
     """
+    room = room_on(world, circumstances)
     stage = Stage(
-        scene_of(room_on(world, circumstances)), air_on(world, circumstances.day),
+        scene_of(room), air_on(world, circumstances.day),
         device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
-        engine_of(circumstances, os.cpu_count() or 1), reach_of(circumstances),
+        engine_of(circumstances, room, os.cpu_count() or 1), reach_of(circumstances),
     )  # fmt: skip
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
     total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
     starts = _within_periods(np.arange(latency, total - frame, frame), circumstances, rate_hz, seed)
     stream = np.zeros(total, dtype=np.float32)
     poses = phone_poses(walker, motion, world, circumstances.people, seed, starts / rate_hz)
-    if circumstances.engine != "images":
+    if circumstances.engine == "pyroomacoustics":
         poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
     gain_db = loudness_of_chirps(circumstances.softer_db, len(starts), seed)

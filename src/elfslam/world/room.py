@@ -52,6 +52,11 @@ class Block(Value):
         cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
         return np.asarray(vectors @ np.array([[cos, sin], [-sin, cos]]))
 
+    def turn_back(self, vectors: F64) -> F64:
+        """Plan vectors (n, 2) of the room in the block's frame."""
+        cos, sin = np.cos(self.turn_rad), np.sin(self.turn_rad)
+        return np.asarray(vectors @ np.array([[cos, -sin], [sin, cos]]))
+
 
 @dataclass(frozen=True, eq=False)
 class Room(Value):
@@ -159,8 +164,7 @@ def _cross(a: F64, b: F64) -> F64:
 
 
 def _in_block(block: Block, xy_m: F64, margin_m: float) -> Bool:
-    cos, sin = np.cos(block.turn_rad), np.sin(block.turn_rad)
-    local = (xy_m - block.centre_m) @ np.array([[cos, -sin], [sin, cos]])
+    local = block.turn_back(xy_m - block.centre_m)
     return np.asarray((np.abs(local) < block.size_m[:2] / 2 + margin_m - TOUCH_M).all(axis=1))
 
 

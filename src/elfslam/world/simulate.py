@@ -6,7 +6,8 @@ from collections.abc import Callable, Collection
 
 import numpy as np
 
-from elfslam.base.errors import InputError
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
 from elfslam.line.chirp import ChirpParameters
 from elfslam.world.circumstances import Circumstances
@@ -14,12 +15,15 @@ from elfslam.world.device import BMI160, ImuGrade
 from elfslam.world.imu import read_imu
 from elfslam.world.recorder import record_walk
 from elfslam.world.sensors import Sensor, read_surroundings, sense
+from elfslam.world.stroll import lane_of, random_person, stroll
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.wifi import WifiParameters
 from elfslam.world.world_file import World, load_world, world_names
 
 __all__ = ["World", "describe_chirp", "load_world", "simulate", "world_names"]
 
+WALKERS = ("surveyor", "person")
+"""Who walks laps on one line, and who strays from it."""
 TRUTH_RATE_HZ = 50.0
 LONGEST_S = 2 * 3600.0
 """Of a walk; it is held in memory at 400 poses and 48,000 samples a second."""
@@ -32,6 +36,7 @@ def simulate(
     rounds: int = 5,
     rate_hz: int = 44_100,
     reverse: bool = False,
+    walker: str = WALKERS[0],
     sound: bool = True,
     sensors: Collection[Sensor] = (),
     grade: ImuGrade = BMI160,
@@ -41,18 +46,17 @@ def simulate(
 ) -> tuple[Recording, Truth]:
     """A walk of `rounds` laps: a recording without any truth in it, and the truth apart.
 
-    `circumstances` say what else is so that day; they change neither walker nor route.
+    `walker` is one of `WALKERS`. `circumstances` say what else is so that day; they change neither
+    walker nor route.
 
     The same world and seed give the same bytes. `reverse` walks the route the other way round;
     without `sound` the slow part is left out; `sensors` come on top and change nothing else.
     `progress` hears the share done. Raises InputError where the world lacks what a sensor needs,
-    and for a walk of more than two hours.
+    and for a walk of more than two hours; ParameterError for another walker.
     """
     generator = np.random.default_rng([seed, 1])
-    walker = random_walker(generator)
-    _check_duration(world, rounds, walker)
     route_m = world.route_m[::-1] if reverse else world.route_m
-    motion = walk(walker, route_m, rounds, generator)
+    someone, motion = _walked(world, route_m, rounds, walker, generator)
     around = world.surroundings or read_surroundings({}, world.room, 0)
     readings = sense(around, motion, seed, sensors, wifi or WifiParameters())
     today = circumstances or Circumstances()
@@ -60,7 +64,7 @@ def simulate(
     audio, played_t_s, gain_db = None, None, None
     if sound:
         audio, played_t_s, gain_db = record_walk(
-            world, today, walker, motion, rate_hz, seed, generator, progress
+            world, today, someone, motion, rate_hz, seed, generator, progress
         )
     recording = Recording(
         name=world.name,
@@ -72,6 +76,21 @@ def simulate(
         **readings,
     )
     return recording, truth_of(motion)
+
+
+def _walked(
+    world: World, route_m: F64, rounds: int, kind: str, generator: np.random.Generator
+) -> tuple[Walker, Motion]:
+    """Who walks, and how."""
+    if kind not in WALKERS:
+        raise ParameterError(f"walker {kind!r}: wanted {' or '.join(WALKERS)}; correct it")
+    if kind == WALKERS[0]:
+        surveyor = random_walker(generator)
+        _check_duration(world, rounds, surveyor)
+        return surveyor, walk(surveyor, route_m, rounds, generator)
+    person = random_person(generator, lane_of(world.room))
+    _check_duration(world, rounds, person)
+    return person, stroll(person, route_m, rounds, world.room, generator)
 
 
 def _check_duration(world: World, rounds: int, walker: Walker) -> None:

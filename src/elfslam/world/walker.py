@@ -18,10 +18,14 @@ CORNER_RADIUS_M = 0.45
 
 @dataclass(frozen=True)
 class Walker:
-    """A person: gait and the way the phone is held.
+    """A person: gait and the way the phone is held; by default a surveyor, who keeps to the line.
 
     `step_factor` is the true step length over the typical one at the same cadence; at the same
-    speed it enters as its square root. It is hidden from the line.
+    speed it enters as its square root. It is hidden from the line. Besides it, each step errs by
+    `step_noise` of its length. `impact` is how hard a foot comes down, as a share of the bounce.
+    Others stray (`stroll.py`): `lane_m` is the standard deviation of the lane that they keep to,
+    `aside_rad` that of the angle at which they hold the phone, and they stop, walk back a bit and
+    change their grip so many times a minute.
     """
 
     speed_mps: float
@@ -35,6 +39,28 @@ class Walker:
     swing_rad: float = np.deg2rad(1.5)
     tremor_rad: float = np.deg2rad(0.15)
     body_distance_m: float = 0.35
+    step_noise: float = 0.0
+    impact: float = 0.0
+    lane_m: float = 0.0
+    aside_rad: float = 0.0
+    stops_per_min: float = 0.0
+    ways_back_per_min: float = 0.0
+    grips_per_min: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Straying(Value):
+    """What a walker does beside following the route (n): zeros for a surveyor.
+
+    `left_m` is the lane, to the left of the route; `turned_rad` the way back (pi) or on (0);
+    `aside_rad`, `pitch_rad` and `lower_m` are how the phone is held.
+    """
+
+    left_m: F64 = array("n")
+    turned_rad: F64 = array("n")
+    aside_rad: F64 = array("n")
+    pitch_rad: F64 = array("n")
+    lower_m: F64 = array("n")
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,50 +96,66 @@ def walk(
     standing_s: float = 2.0,
 ) -> Motion:
     """The motion of `rounds` laps of the closed route (k, 2), standing still before and after."""
-    lap_xy, lap_m = _smooth_lap(route_m)
+    lap_xy, lap_m = smooth_lap(route_m)
     dt_s = 1 / KINEMATICS_RATE_HZ
     upper_s = rounds * lap_m / (0.6 * walker.speed_mps) + 2 * standing_s
     count = round(upper_s / dt_s)
-    speed = walker.speed_mps * (1 + 0.08 * _wander(generator, count, dt_s, 4.0))
+    speed = walker.speed_mps * (1 + 0.08 * smooth_noise(generator, count, 4.0))
     speed = np.maximum(speed, 0.5 * walker.speed_mps) * _ramp(count, dt_s, standing_s)
     distance = np.cumsum(speed) * dt_s
     end = int(np.searchsorted(distance, rounds * lap_m))
     count = min(end + round(standing_s / dt_s), count)
     moving = speed[:count] * (np.arange(count) < end)
     moving = gaussian_filter1d(moving, 0.15 / dt_s)
-    return _motion(walker, lap_xy, lap_m, moving, dt_s, generator)
+    none = np.zeros(count)
+    straying = Straying(none, none, none, none, none)
+    return motion_along(walker, lap_xy, lap_m, moving, straying, generator)
 
 
-def _motion(
+def motion_along(
     walker: Walker,
     lap_xy: F64,
     lap_m: float,
-    speed: F64,
-    dt_s: float,
+    velocity: F64,
+    straying: Straying,
     generator: np.random.Generator,
 ) -> Motion:
-    count = len(speed)
-    distance = np.cumsum(speed) * dt_s
+    """The motion of somebody who goes along a lap (k, 2) at a velocity (n), and strays from it."""
+    count, dt_s = len(velocity), 1 / KINEMATICS_RATE_HZ
+    distance, speed = np.cumsum(velocity) * dt_s, np.abs(velocity)
     share = distance / lap_m * len(lap_xy)
-    xy, heading = _on_lap(lap_xy, share)
+    xy, heading = on_lap(lap_xy, share)
+    beside = np.column_stack([-np.sin(heading), np.cos(heading)]) * straying.left_m[:, None]
+    heading = heading + straying.turned_rad
     xy = gaussian_filter1d(xy, 0.04 / dt_s, axis=0, mode="nearest")
     heading = gaussian_filter1d(heading, 0.04 / dt_s, mode="nearest")
-    steps = np.cumsum(cadence_hz(walker, speed)) * dt_s
+    cadence = cadence_hz(walker, speed)
+    if walker.step_noise:
+        cadence = cadence / (1 + walker.step_noise * _by_step(generator, count, dt_s))
+    steps = np.cumsum(cadence) * dt_s
     gait = np.minimum(speed / walker.speed_mps, 1.0)
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
     forward = np.column_stack([np.cos(heading), np.sin(heading)])
-    wander = walker.wander_m * _wander(generator, count, dt_s, 6.0)
+    wander = walker.wander_m * smooth_noise(generator, count, 6.0)
     xy = xy + left * (wander + gait * walker.sway_m * np.sin(np.pi * steps))[:, None]
-    xy = xy + forward * (0.008 * gait * np.sin(2 * np.pi * steps + 0.6))[:, None]
+    xy = xy + forward * (0.008 * gait * np.sin(2 * np.pi * steps + 0.6))[:, None] + beside
     stride = np.cos(2 * np.pi * steps) + 0.25 * np.cos(4 * np.pi * steps + 0.9)
-    z = walker.height_m + 0.02 * _wander(generator, count, dt_s, 8.0)
-    z = z + walker.bounce_m * gait**1.5 * stride
-    wobble = walker.wobble_rad * _wander(generator, count, dt_s, 10.0)
-    tremor = walker.tremor_rad * _wander(generator, count, dt_s, 0.3)
-    yaw = heading + wobble + tremor + gait * walker.swing_rad * np.sin(np.pi * steps + 0.4)
-    pitch = walker.pitch_rad + 0.03 * _wander(generator, count, dt_s, 8.0)
-    pitch = pitch + gait * np.deg2rad(1.0) * np.sin(2 * np.pi * steps)
-    roll = 0.03 * _wander(generator, count, dt_s, 8.0)
+    if walker.impact:
+        stride = stride + walker.impact * np.cos(8 * np.pi * steps + 0.4)
+    z = walker.height_m + 0.02 * smooth_noise(generator, count, 8.0)
+    z = z + walker.bounce_m * gait**1.5 * stride - straying.lower_m
+    wobble = walker.wobble_rad * smooth_noise(generator, count, 10.0)
+    tremor = walker.tremor_rad * smooth_noise(generator, count, 0.3)
+    yaw = (
+        heading
+        + straying.aside_rad
+        + wobble
+        + tremor
+        + gait * walker.swing_rad * np.sin(np.pi * steps + 0.4)
+    )
+    pitch = walker.pitch_rad + 0.03 * smooth_noise(generator, count, 8.0)
+    pitch = pitch + gait * np.deg2rad(1.0) * np.sin(2 * np.pi * steps) + straying.pitch_rad
+    roll = 0.03 * smooth_noise(generator, count, 8.0)
     t_s = np.asarray(np.arange(count) * dt_s, dtype=np.float64)
     return Motion(t_s, np.column_stack([xy, z]), yaw, pitch, roll, heading, steps)
 
@@ -124,7 +166,7 @@ def cadence_hz(walker: Walker, speed_mps: F64) -> F64:
     return np.asarray(TYPICAL_CADENCE_HZ * np.sqrt(relative))
 
 
-def _smooth_lap(route_m: F64) -> tuple[F64, float]:
+def smooth_lap(route_m: F64) -> tuple[F64, float]:
     """The closed route with rounded corners, evenly sampled about every centimetre; its length."""
     rough = _evenly_sampled(route_m)[0]
     return _evenly_sampled(gaussian_filter1d(rough, CORNER_RADIUS_M / 0.01, axis=0, mode="wrap"))
@@ -138,7 +180,7 @@ def _evenly_sampled(ring_m: F64) -> tuple[F64, float]:
     return np.column_stack([np.interp(at, along, closed[:, k]) for k in range(2)]), float(along[-1])
 
 
-def _on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:
+def on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:
     """Position and heading at fractional index `share` along the closed lap."""
     index = np.arange(len(lap_xy) + 1)
     ring = np.vstack([lap_xy, lap_xy[:1]])
@@ -151,8 +193,16 @@ def _on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:
     return xy, np.interp(at, index, turns) + lap * (turns[-1] - turns[0])
 
 
-def _wander(generator: np.random.Generator, count: int, dt_s: float, period_s: float) -> F64:
-    """Smooth unit-variance noise that changes over about `period_s`."""
+def _by_step(generator: np.random.Generator, count: int, dt_s: float) -> F64:
+    """Unit-variance noise that changes with every step; no step is off by more than twice."""
+    knots = generator.standard_normal(int(count * dt_s * TYPICAL_CADENCE_HZ) + 2)
+    at = (np.arange(count) * dt_s * TYPICAL_CADENCE_HZ).astype(int)
+    return np.asarray(np.clip(knots[at], -2.0, 2.0))
+
+
+def smooth_noise(generator: np.random.Generator, count: int, period_s: float) -> F64:
+    """Unit-variance noise at 400 Hz that changes over about `period_s`."""
+    dt_s = 1 / KINEMATICS_RATE_HZ
     knots = max(int(count * dt_s / period_s * 4) + 8, 8)
     coarse = gaussian_filter1d(generator.standard_normal(knots), 1.5, mode="wrap")
     coarse /= np.sqrt(1.0 / (2 * np.sqrt(np.pi) * 1.5))

@@ -1,0 +1,168 @@
+"""People on a route: lanes beside it, stops, ways back, and a phone that is held anyhow.
+
+A surveyor walks laps on one line (`walker.py`). People keep to lanes of their own, pass on either
+side, stop, walk back a part of the way, and take the phone up anew; how rough they walk and how
+their steps err is as measured of 215 surveyors of a mall (`python -m studies sensors`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d, minimum_filter1d
+
+from elfslam.base.arrays import F64
+from elfslam.world.room import Room
+from elfslam.world.walkable import standing_room
+from elfslam.world.walker import (
+    KINEMATICS_RATE_HZ,
+    Motion,
+    Straying,
+    Walker,
+    motion_along,
+    on_lap,
+    random_walker,
+    smooth_lap,
+    smooth_noise,
+)
+
+LANES_M = ((120.0, 0.3), (600.0, 0.5), (np.inf, 0.8))
+"""Standard deviation of lanes in rooms, offices and halls: floor of up to so many m2."""
+LANE_S = 25.0
+"""How long a lane is kept."""
+ASIDE_S = 12.0
+WIDEST_M = 2.4
+PROBE_M = 0.1
+BESIDE = 160
+"""Points of a lap, a centimetre apart, over which one makes room for what is beside the way."""
+STOP_S = (1.0, 8.0)
+TURN_S = 1.2
+WAY_BACK_M = (2.0, 6.0)
+GRIP_S = 0.8
+
+
+def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
+    """Someone who is no surveyor, and strays by `lane_m` (standard deviation)."""
+    someone = random_walker(generator)
+    return Walker(
+        speed_mps=someone.speed_mps * generator.uniform(0.8, 1.1),
+        step_factor=someone.step_factor,
+        height_m=someone.height_m,
+        pitch_rad=someone.pitch_rad,
+        bounce_m=someone.bounce_m * generator.uniform(0.9, 1.4),
+        body_distance_m=someone.body_distance_m,
+        swing_rad=np.deg2rad(generator.uniform(2.0, 5.0)),
+        tremor_rad=np.deg2rad(generator.uniform(0.2, 0.5)),
+        step_noise=generator.uniform(0.1, 0.2),
+        impact=generator.uniform(0.05, 0.12),
+        lane_m=lane_m,
+        aside_rad=np.deg2rad(7.0),
+        stops_per_min=generator.uniform(0.0, 1.0),
+        ways_back_per_min=generator.uniform(0.0, 0.4),
+        grips_per_min=generator.uniform(0.0, 1.0),
+    )
+
+
+def lane_of(room: Room) -> float:
+    """How far people stray in a room of this size (standard deviation, m)."""
+    x, y = room.outline_m.T
+    area_m2 = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+    return next(lane for most, lane in LANES_M if area_m2 <= most)
+
+
+def stroll(
+    person: Walker, route_m: F64, rounds: int, room: Room, generator: np.random.Generator
+) -> Motion:
+    """The motion of somebody who strays on `rounds` laps of the closed route (k, 2) in a room.
+
+    They keep as far from walls and furniture as the free floor beside the route allows, and stand
+    before and after for as long as they like.
+    """
+    lap_xy, lap_m = smooth_lap(route_m)
+    velocity, turned = _velocity(person, rounds * lap_m, generator)
+    count = len(velocity)
+    wanted = person.lane_m * smooth_noise(generator, count, LANE_S)
+    straying = Straying(
+        left_m=_within(_free_beside(lap_xy, room), np.cumsum(velocity) / lap_m, wanted),
+        turned_rad=turned,
+        aside_rad=person.aside_rad * smooth_noise(generator, count, ASIDE_S),
+        pitch_rad=_grips(person, count, np.deg2rad(10.0), generator),
+        lower_m=_grips(person, count, 0.05, generator),
+    )
+    return motion_along(person, lap_xy, lap_m, velocity, straying, generator)
+
+
+def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> tuple[F64, F64]:
+    """Signed velocity along the lap (n), and by how much the walker has turned round (n)."""
+    parts, turns, gone_m = [_still(generator)], [0.0], 0.0
+    stops, backs = person.stops_per_min, person.ways_back_per_min
+    while gone_m < way_m - 0.01:
+        until_m = way_m - gone_m
+        if stops + backs > 0:
+            until_m = min(until_m, person.speed_mps * generator.exponential(60 / (stops + backs)))
+        parts.append(_leg(person, max(until_m, 0.5), generator))
+        turns.append(0.0)
+        gone_m += max(until_m, 0.5)
+        if gone_m < way_m - 3.0 and generator.uniform() < backs / max(stops + backs, 1e-9):
+            back_m = min(generator.uniform(*WAY_BACK_M), gone_m)
+            parts += [_standing(TURN_S), -_leg(person, back_m, generator), _standing(TURN_S)]
+            turns += [np.pi, np.pi, 0.0]
+            gone_m -= back_m
+        else:
+            parts.append(_still(generator))
+            turns.append(0.0)
+    velocity = gaussian_filter1d(np.concatenate(parts), 0.15 * KINEMATICS_RATE_HZ)
+    turned = np.repeat(turns, [len(part) for part in parts])
+    return velocity, gaussian_filter1d(turned, TURN_S / 4 * KINEMATICS_RATE_HZ, mode="nearest")
+
+
+def _leg(person: Walker, length_m: float, generator: np.random.Generator) -> F64:
+    """Speeds of a way of this length, from rest to rest."""
+    most = int(length_m / (0.4 * person.speed_mps) * KINEMATICS_RATE_HZ) + 800
+    speed = person.speed_mps * (1 + 0.1 * smooth_noise(generator, most, 4.0))
+    speed = np.maximum(speed, 0.5 * person.speed_mps)
+    speed *= np.clip(np.arange(most) / KINEMATICS_RATE_HZ + 0.05, 0.0, 1.0)
+    gone_m = np.cumsum(speed) / KINEMATICS_RATE_HZ
+    kept = speed[: int(np.searchsorted(gone_m, length_m)) + 1]
+    return np.asarray(kept * length_m * KINEMATICS_RATE_HZ / kept.sum())
+
+
+def _standing(seconds: float) -> F64:
+    return np.zeros(round(seconds * KINEMATICS_RATE_HZ))
+
+
+def _still(generator: np.random.Generator) -> F64:
+    return _standing(generator.uniform(*STOP_S))
+
+
+def _grips(person: Walker, count: int, size: float, generator: np.random.Generator) -> F64:
+    """How the phone is held beside how it was at first: another way after every new grip."""
+    minutes = count / KINEMATICS_RATE_HZ / 60
+    changes = np.sort(
+        generator.uniform(0, count, generator.poisson(person.grips_per_min * minutes))
+    )
+    held = np.append(0.0, size * generator.standard_normal(len(changes)))
+    steps = held[np.searchsorted(changes, np.arange(count))]
+    return np.asarray(gaussian_filter1d(steps, GRIP_S * KINEMATICS_RATE_HZ / 2, mode="nearest"))
+
+
+def _free_beside(lap_xy: F64, room: Room) -> F64:
+    """How far one can go to the right and to the left of each point of the lap (k, 2), in m."""
+    _, heading = on_lap(lap_xy, np.arange(len(lap_xy), dtype=np.float64))
+    left = np.column_stack([-np.sin(heading), np.cos(heading)])
+    free = np.zeros((len(lap_xy), 2))
+    for column, sign in enumerate((-1.0, 1.0)):
+        open_so_far = np.ones(len(lap_xy), dtype=bool)
+        for far in np.arange(PROBE_M, WIDEST_M, PROBE_M):
+            open_so_far &= standing_room(room, lap_xy + sign * far * left)
+            free[open_so_far, column] = far
+    least = minimum_filter1d(free, BESIDE, axis=0, mode="wrap")
+    return np.asarray(gaussian_filter1d(least, BESIDE / 4, axis=0, mode="wrap"))
+
+
+def _within(free_m: F64, laps: F64, wanted_m: F64) -> F64:
+    """A lane (n) that keeps to the free floor at each moment, bent softly where it is narrow."""
+    index = np.arange(len(free_m) + 1)
+    at = (laps / KINEMATICS_RATE_HZ % 1.0) * len(free_m)
+    right, left = (np.interp(at, index, np.append(side, side[0])) for side in free_m.T)
+    most = np.maximum(np.where(wanted_m > 0, left, right), 1e-3)
+    return np.asarray(np.where(wanted_m > 0, 1.0, -1.0) * most * np.tanh(np.abs(wanted_m) / most))

@@ -1,0 +1,156 @@
+"""The diffuse field at a phone: planted chains come, both ways alike, and move as paths do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from one_phone import AIR, DEAD, MICROPHONE_M, SIZE_M, SPEAKER_M, UP, X, ends_at
+
+from elfslam.base.arrays import F64
+from elfslam.world.device import BAND_BINS
+from elfslam.world.diffuse import GLINTS, add_diffuse, diffuse_echoes, tilted
+from elfslam.world.materials import Material
+from elfslam.world.paths import Reach
+from elfslam.world.phone import Ends, image_echoes
+from elfslam.world.pulses import BASEBAND_HZ, C64, CARRIER_HZ
+from elfslam.world.room import Room, shoebox
+from elfslam.world.scattering import Chains, Scattering, scattering_of
+from elfslam.world.scene import scene_of
+
+ROUGH = Material("rough", 0.2, 0.8, "planted")
+NOBODY = np.zeros((1, 0, 2))
+
+
+def rough_room(seed: int = 3) -> Room:
+    return shoebox(SIZE_M, (ROUGH,) * 6, (), seed)
+
+
+def heard(
+    scattering: Scattering, ends: Ends, room: Room | None = None, people_m: F64 = NOBODY
+) -> C64:
+    out = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
+    add_diffuse(out, scene_of(room or rough_room()), scattering, ends, people_m, AIR)
+    return out
+
+
+def one_chain(scattering: Scattering, first: int, last: int, length_m: float) -> Scattering:
+    """Of all that is scattered, one chain alone."""
+    count = len(scattering.once)
+    start = (np.arange(count + 1) > first).astype(np.int64)
+    chain = Chains(start, np.array([last], dtype=np.int32), np.array([length_m]), np.ones(1))
+    return Scattering(scattering.patches, np.zeros(count), chain)
+
+
+def facing(scattering: Scattering, k: int, place: F64) -> tuple[float, float]:
+    """Distance of a patch from a place and the cosine at the patch."""
+    way = place - scattering.patches.point[k]
+    far = float(np.linalg.norm(way))
+    return far, float(way @ scattering.patches.normal[k]) / far
+
+
+@pytest.mark.parametrize(("first", "last"), [(0, 30), (12, 12), (50, 3)])
+def test_a_chain_is_heard_after_its_way_and_at_its_gain(first: int, last: int) -> None:
+    whole = scattering_of(rough_room())
+    out = heard(one_chain(whole, first, last, 2.5), ends_at())[0]
+    (there, cos_there), (home, cos_home) = (
+        facing(whole, first, SPEAKER_M), facing(whole, last, MICROPHONE_M),
+    )  # fmt: skip
+    length = there + 2.5 + home
+    delay_s = length / AIR.speed_mps
+    gain = np.sqrt(cos_there * cos_home) / there / home * np.exp(-AIR.attenuation_per_m * length)
+    peak = np.abs(out).argmax()
+    assert peak == pytest.approx(delay_s * BASEBAND_HZ, abs=0.6)
+    carrier = out.sum() / np.exp(-2j * np.pi * CARRIER_HZ * delay_s)
+    assert abs(carrier) == pytest.approx(gain, rel=0.02)
+    assert abs(np.angle(carrier)) < 0.05
+
+
+def test_a_patch_alone_is_heard_as_loud_as_it_scatters() -> None:
+    """Its glints add up as energies: on average over patches they are the law's."""
+    whole = scattering_of(rough_room())
+    none = whole.chains._replace(
+        start=np.zeros(len(whole.once) + 1, dtype=np.int64), to=whole.chains.to[:0],
+        length=whole.chains.length[:0], gain=whole.chains.gain[:0],
+    )  # fmt: skip
+    found, law = [], []
+    for k in range(len(whole.once)):
+        once = np.where(np.arange(len(whole.once)) == k, whole.once, 0.0)
+        out = heard(Scattering(whole.patches, once, none), ends_at())[0]
+        (there, a), (home, b) = facing(whole, k, SPEAKER_M), facing(whole, k, MICROPHONE_M)
+        found.append(float((np.abs(out) ** 2).sum()))
+        damped = np.exp(-2 * AIR.attenuation_per_m * (there + home))
+        law.append(whole.once[k] ** 2 * max(a, 0) * max(b, 0) / (there * home) ** 2 * damped)
+    pulse = 0.985  # energy of the pulse of a column, that of one sample being 1
+    assert GLINTS > 1
+    assert sum(found) == pytest.approx(pulse * sum(law), rel=0.2)
+
+
+def test_speaker_and_microphone_may_change_places() -> None:
+    """Reciprocity."""
+    scattering = scattering_of(rough_room())
+    forth = heard(scattering, ends_at())
+    back = heard(scattering, ends_at(MICROPHONE_M, SPEAKER_M))
+    assert np.abs(forth - back).max() < 1e-5 * np.abs(forth).max()
+
+
+def test_the_far_field_falls_with_the_distance() -> None:
+    """1 / r from the last patch: of two phones at a dead wall's chain, the farther hears less."""
+    whole = scattering_of(rough_room())
+    k = int(np.argmin(np.linalg.norm(whole.patches.point - [0, 2.5, 1.5], axis=1)))
+    point = whole.patches.point[k]
+    energies = []
+    for far in (1.0, 2.0, 4.0):
+        place = point + far * X
+        out = heard(one_chain(whole, k, k, 1.0), ends_at(place, place + 1e-6 * UP))[0]
+        damped = np.exp(-2 * far * AIR.attenuation_per_m)
+        energies.append(np.sqrt((np.abs(out) ** 2).sum()) / damped)
+    assert np.array(energies) * [1, 4, 16] == pytest.approx(energies[0], rel=0.04)
+
+
+def test_a_phone_that_moves_hears_its_echoes_stretched() -> None:
+    """By the velocity as by the places it comes to: the phase of a chain turns with its length."""
+    whole = one_chain(scattering_of(rough_room()), 0, 30, 2.0)
+    velocity = np.array([0.9, -0.4, 0.0])
+    still, moving = heard(whole, ends_at())[0], heard(whole, ends_at(velocity_mps=velocity))[0]
+    into_chirp_s = 0.0054  # when the chirp passes the carrier
+    later = ends_at(SPEAKER_M + into_chirp_s * velocity, MICROPHONE_M + into_chirp_s * velocity)
+    there = heard(whole, later)[0]
+    turned = np.angle(moving.sum() / still.sum())
+    assert turned == pytest.approx(np.angle(there.sum() / still.sum()), abs=0.1)
+
+
+def test_a_person_hides_patches() -> None:
+    scattering = scattering_of(rough_room())
+    ends = ends_at(SPEAKER_M, SPEAKER_M + 0.1 * X)
+    alone = heard(scattering, ends)
+    beside = heard(scattering, ends, people_m=(SPEAKER_M + 0.6 * X)[None, None, :2])
+    loss = 1 - (np.abs(beside) ** 2).sum() / (np.abs(alone) ** 2).sum()
+    assert 0.02 < loss < 0.6
+
+
+def test_a_dead_room_has_no_field() -> None:
+    room = shoebox(SIZE_M, (DEAD,) * 6, (), 3)
+    assert not heard(scattering_of(room), ends_at(), room).any()
+
+
+def test_the_engine_is_mirror_images_and_the_field() -> None:
+    room = rough_room()
+    scene, scattering = scene_of(room), scattering_of(room)
+    bare = scene._replace(
+        point=np.zeros((0, 3)), point_normal=np.zeros((0, 3)), point_radius=np.zeros(0)
+    )
+    both = image_echoes(bare, ends_at(), NOBODY, AIR, Reach())
+    add_diffuse(both, bare, scattering, ends_at(), NOBODY, AIR)
+    out = diffuse_echoes(scene, ends_at(), NOBODY, AIR, Reach(), scattering=scattering)
+    assert np.abs(out - tilted(both, AIR)).max() == 0
+
+
+def test_air_damps_the_upper_edge_more_than_the_lower() -> None:
+    """4 dB between 15 and 20 kHz after 21 m (ISO 9613-1 at 20 degrees and 50 %)."""
+    pulse = np.zeros((1, BAND_BINS), dtype=np.complex64)
+    metres = 20.0
+    pulse[0, round(metres / AIR.speed_mps * BASEBAND_HZ)] = 1.0
+    transfer = 20 * np.log10(np.abs(np.fft.fftshift(np.fft.fft(tilted(pulse, AIR)[0]))))
+    low, middle, high = transfer[[65, 315, 565]]
+    assert low - high == pytest.approx(4.0 * metres / 21.0, abs=0.4)
+    assert middle == pytest.approx(0.0, abs=0.01)

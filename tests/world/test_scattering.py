@@ -1,0 +1,106 @@
+"""Chains of scatterings: energy as radiosity has it, both ways alike, and the same again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from elfslam.world.materials import Material
+from elfslam.world.room import Room, box, shoebox
+from elfslam.world.scattering import LONGEST_M, Scattering, as_measured, scattering_of
+
+SIZE_M = np.array([6.0, 4.0, 3.0])
+ROUGH = Material("rough", 0.2, 1.0, "all that it keeps it scatters")
+
+
+def room_of(surface: Material = ROUGH, seed: int = 3) -> Room:
+    return shoebox(SIZE_M, (surface,) * 6, (), seed)
+
+
+def rows_of(scattering: Scattering) -> np.ndarray:
+    """First patch, last patch, length and gain of every chain."""
+    chains = scattering.chains
+    first = np.repeat(np.arange(len(scattering.once)), np.diff(chains.start))
+    return np.column_stack([first, chains.to, chains.length, chains.gain])
+
+
+def test_a_patch_scatters_what_it_keeps() -> None:
+    scattering = scattering_of(room_of())
+    assert scattering.once**2 * np.pi == pytest.approx(0.8 * scattering.patches.area)
+    signs = np.sign(scattering.once)
+    assert abs(signs.mean()) < 0.2
+
+
+def test_smooth_walls_scatter_nothing() -> None:
+    scattering = scattering_of(room_of(Material("mirror", 0.1, 0.0, "planted")))
+    assert not scattering.once.any()
+    assert len(scattering.chains.to) == 0
+
+
+def test_every_chain_leads_both_ways() -> None:
+    """Reciprocity."""
+    rows = rows_of(scattering_of(room_of()))
+    back = rows[:, [1, 0, 2, 3]]
+    assert rows[np.lexsort(rows.T)] == pytest.approx(back[np.lexsort(back.T)])
+
+
+def test_chains_of_a_patch_come_by_length() -> None:
+    chains = scattering_of(room_of()).chains
+    for a, b in zip(chains.start[:-1], chains.start[1:], strict=True):
+        assert (np.diff(chains.length[a:b]) >= 0).all()
+    assert chains.length.max() <= LONGEST_M
+
+
+def test_second_order_has_the_energy_of_what_arrives() -> None:
+    """In a closed room all that leaves a patch arrives at another, which keeps 0.8 of it.
+
+    Its chains of two scatterings are the particles' first: a particle in n, each with what the
+    patch scattered by pi. Longer chains carry 0.8 of the last one each, by then not all in reach.
+    """
+    scattering = scattering_of(room_of())
+    rows = rows_of(scattering)
+    energy = (rows[:, 3] ** 2).sum()
+    once = (scattering.once**2).sum()
+    short = rows[rows[:, 2] < 3.0]
+    assert 0.8 * once < energy < 0.8 / (1 - 0.8) * once
+    assert (short[:, 3] ** 2).sum() < 0.8 * once
+
+
+def test_energy_decays_by_absorption_and_mean_free_path() -> None:
+    """Oracle: Eyring, ln(kept) per mean free path 4 V / S."""
+    rows = rows_of(scattering_of(room_of()))
+    bins = np.arange(6.0, 20.0, 1.0)
+    energy = np.histogram(rows[:, 2], bins, weights=rows[:, 3] ** 2)[0]
+    slope = np.polyfit(bins[:-1], np.log(energy), 1)[0]
+    volume, surface = SIZE_M.prod(), 2 * (24 + 18 + 12)
+    assert slope == pytest.approx(np.log(0.8) * surface / (4 * volume), rel=0.25)
+
+
+def test_mirroring_between_scatterings_adds_to_the_way_and_not_to_the_chains() -> None:
+    half = replace(ROUGH, scattering=0.5)
+    few, many = (len(scattering_of(room_of(each)).chains.to) for each in (half, ROUGH))
+    assert 0.3 < few / many < 0.7
+
+
+def test_the_same_room_has_the_same_chains_and_another_seed_others() -> None:
+    one, again, other = (scattering_of(room_of(seed=seed)) for seed in (3, 3, 4))
+    assert (rows_of(one) == rows_of(again)).all()
+    assert len(rows_of(one)) != len(rows_of(other)) or (rows_of(one) != rows_of(other)).any()
+
+
+def test_a_thing_that_moves_changes_only_what_meets_it() -> None:
+    """Of a small box in a room, most chains never hear."""
+    thing = box("thing", np.array([1.0, 1.0, 0.0]), np.array([0.4, 0.4, 0.4]), ROUGH)
+    moved = replace(thing, centre_m=thing.centre_m + np.array([0.2, 0.0]))
+    rooms = [replace(room_of(), blocks=(each,)) for each in (thing, moved)]
+    lengths = [np.unique(rows_of(scattering_of(room))[:, 2]) for room in rooms]
+    common = len(np.intersect1d(*lengths)) / max(map(len, lengths))
+    assert 0.6 < common < 1.0
+
+
+def test_measured_surfaces_scatter_and_absorb_at_least_so_much() -> None:
+    room = as_measured(room_of(Material("mirror", 0.0, 0.0, "planted")))
+    assert all(side.scattering > 0.2 and side.absorption > 0.02 for side in room.walls)
+    assert as_measured(room_of()).walls == room_of().walls

@@ -1,0 +1,140 @@
+"""People on a route: they stray, stop and walk back, within the free floor, as often as told."""
+
+from __future__ import annotations
+
+from dataclasses import fields, replace
+
+import numpy as np
+import pytest
+
+from elfslam.base.arrays import F64
+from elfslam.base.errors import ParameterError
+from elfslam.world.materials import material
+from elfslam.world.room import Room, box, shoebox
+from elfslam.world.simulate import simulate
+from elfslam.world.stroll import LANES_M, STOP_S, lane_of, random_person, stroll
+from elfslam.world.walkable import standing_room
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
+from elfslam.world.world_file import load_world
+
+ROUTE_M = np.array([[6.0, 6.0], [24.0, 6.0], [24.0, 18.0], [6.0, 18.0]])
+LAP_M = 60.0
+HALL = shoebox(np.array([30.0, 24.0, 4.0]), (material("concrete"),) * 6)
+PILLAR = box("pillar", np.array([14.0, 6.6, 0.0]), np.array([1.0, 1.0, 4.0]))
+
+
+def person_of(seed: int = 0, **habits: float) -> Walker:
+    person = random_person(np.random.default_rng(seed), 0.5)
+    none = {"stops_per_min": 0.0, "ways_back_per_min": 0.0, "grips_per_min": 0.0}
+    return replace(person, **{**none, **habits})  # type: ignore[arg-type]
+
+
+def motion_of(seed: int = 0, rounds: int = 4, room: Room = HALL, **habits: float) -> Motion:
+    return stroll(person_of(seed, **habits), ROUTE_M, rounds, room, np.random.default_rng(seed))
+
+
+def beside(motion: Motion) -> F64:
+    """How far from the straight legs of the route each moment is, corners apart."""
+    x, y = motion.position_m[:, :2].T
+    lower = (np.abs(x - 15) < 6) & (y < 12)
+    return np.asarray(y[lower] - 6.0)
+
+
+def ground_speed(motion: Motion) -> F64:
+    velocity = np.gradient(motion.position_m[:, :2], 1 / KINEMATICS_RATE_HZ, axis=0)
+    return np.asarray(np.linalg.norm(velocity, axis=1))
+
+
+def test_the_same_seed_strolls_the_same_way() -> None:
+    one, again, other = motion_of(1), motion_of(1), motion_of(2)
+    for item in fields(Motion):
+        assert getattr(one, item.name).tobytes() == getattr(again, item.name).tobytes()
+    assert len(one.t_s) != len(other.t_s)
+
+
+def test_lanes_scatter_as_told() -> None:
+    offsets = np.concatenate([beside(motion_of(seed)) for seed in range(12)])
+    assert offsets.std() == pytest.approx(0.5, rel=0.25)
+    assert abs(offsets.mean()) < 0.25
+
+
+def test_a_lane_is_kept_for_a_while() -> None:
+    x, y = motion_of().position_m[:, :2].T
+    lower = np.flatnonzero((np.abs(x - 15) < 6) & (y < 12))
+    leg = lower[: np.flatnonzero(np.diff(lower) > 1)[0]]
+    assert np.ptp(y[leg]) < 0.8
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_nobody_walks_through_a_pillar(seed: int) -> None:
+    room = replace(HALL, blocks=(PILLAR,))
+    motion = motion_of(seed, room=room, lane_m=1.5)
+    assert room.is_free(motion.position_m[::40, :2], 1.2).all()
+    assert standing_room(room, motion.position_m[::40, :2]).mean() > 0.98
+    wide = beside(motion_of(seed, lane_m=1.5))
+    assert np.abs(wide).max() > 0.8
+
+
+def test_stops_take_time_and_no_way() -> None:
+    brisk, often = motion_of(), motion_of(stops_per_min=6.0)
+    stood = ground_speed(often) < 0.1
+    assert stood.mean() > 2 * (ground_speed(brisk) < 0.1).mean()
+    assert often.t_s[-1] > brisk.t_s[-1] + 2 * STOP_S[0]
+
+
+def test_ways_back_turn_round_and_end_all_the_same() -> None:
+    motion = motion_of(ways_back_per_min=3.0, stops_per_min=0.0)
+    way_m = ground_speed(motion).sum() / KINEMATICS_RATE_HZ
+    assert way_m > 4 * LAP_M + 8
+    assert motion.position_m[-1, :2] == pytest.approx(motion.position_m[0, :2], abs=2.5)
+    turned = np.abs(np.gradient(motion.heading_rad, 1 / KINEMATICS_RATE_HZ))
+    assert turned.max() > 1.5
+
+
+def test_whoever_walks_looks_where_they_go() -> None:
+    """The heading of the truth is that of the way, on ways back too."""
+    motion = motion_of(3, ways_back_per_min=3.0)
+    velocity = np.gradient(motion.position_m[:, :2], 1 / KINEMATICS_RATE_HZ, axis=0)
+    fast = ground_speed(motion) > 0.6
+    ahead = np.column_stack([np.cos(motion.heading_rad), np.sin(motion.heading_rad)])
+    assert np.median((velocity * ahead).sum(axis=1)[fast] / ground_speed(motion)[fast]) > 0.98
+    assert ((velocity * ahead).sum(axis=1)[fast] > 0).mean() > 0.98
+
+
+def test_phones_are_taken_up_anew() -> None:
+    still, often = motion_of(), motion_of(grips_per_min=4.0)
+    assert np.ptp(often.pitch_rad) > np.ptp(still.pitch_rad) + np.deg2rad(5)
+
+
+def test_a_phone_points_aside_and_comes_back() -> None:
+    aside = np.concatenate(
+        [np.angle(np.exp(1j * (m.yaw_rad - m.heading_rad))) for m in map(motion_of, range(8))]
+    )
+    assert np.rad2deg(aside.std()) == pytest.approx(8.5, abs=2.5)  # 7 degrees, wobble and swing
+    assert abs(np.rad2deg(aside.mean())) < 3
+
+
+def test_steps_err_each_for_itself() -> None:
+    """Lengths of single steps scatter as told."""
+    motion = motion_of(step_noise=0.15)
+    moments = np.searchsorted(motion.steps, np.arange(20, motion.steps[-1] - 20))
+    way = np.cumsum(ground_speed(motion)) / KINEMATICS_RATE_HZ
+    lengths = np.diff(way[moments])
+    assert 0.08 < lengths.std() / lengths.mean() < 0.25
+
+
+@pytest.mark.parametrize(("world", "lane_m"), [("studio", 0.3), ("office", 0.5), ("mall", 0.8)])
+def test_the_larger_the_room_the_wider_the_lanes(world: str, lane_m: float) -> None:
+    assert lane_of(load_world(world).room) == lane_m
+    assert lane_m in [lane for _, lane in LANES_M]
+
+
+def test_people_are_simulated_and_others_refused() -> None:
+    world = load_world("studio")
+    surveyor, person = (
+        simulate(world, 5, rounds=2, walker=kind, sound=False)[1] for kind in ("surveyor", "person")
+    )
+    assert person.t_s[-1] != surveyor.t_s[-1]
+    assert standing_room(world.room, person.world_from_body[::10, :2]).mean() > 0.97
+    with pytest.raises(ParameterError, match="walker 'dog': wanted surveyor or person"):
+        simulate(world, 5, walker="dog")
