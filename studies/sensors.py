@@ -17,7 +17,7 @@ from elfslam.world.magnetic_field import Magnetism, magnetic_field
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox
 from elfslam.world.sensors import Sensor, Surroundings
-from elfslam.world.simulate import simulate
+from elfslam.world.simulate import WALKERS, simulate
 from elfslam.world.wifi import MALL_SCANS, AccessPoint
 from elfslam.world.world_file import World, load_world
 
@@ -54,29 +54,27 @@ def compare_sensors(
     walks: int = 6,
     mall_walks: int = 40,
 ) -> list[Row]:
-    """A row per quantity: simulated in two rooms, in a hall, and measured in the mall.
+    """A row per quantity: surveyors and people, simulated in rooms and a hall, and the real mall.
 
     The last column is None without `data`, a folder that holds `mall_walks/*.tar.xz`. `walks` are
     simulated in each place, and `mall_walks` read of each floor.
     """
     announce("reading the mall walks", None)
     real = {} if data is None else statistics(list(_mall(data, mall_walks)))
-    announce("simulating rooms", None)
-    rooms = [_simulated(load_world(name), walks) for name in ROOMS]
-    announce("simulating a hall", None)
-    large = [_simulated(hall(), walks, rounds=1)]
+    announce("simulating walks", None)
     columns = {
-        "simulated rooms": statistics(rooms),
-        "simulated hall": statistics(large),
-        "real mall": real,
+        f"{kind} in {place}": statistics([_simulated(world, walks, kind) for world in worlds])
+        for kind in WALKERS
+        for place, worlds in (("rooms", list(map(load_world, ROOMS))), ("hall", [hall()]))
     }
+    columns["real mall"] = real
     return [
         {
             "quantity": quantity,
             "unit": unit,
             **{name: _plain(values.get((quantity, unit))) for name, values in columns.items()},
         }
-        for quantity, unit in columns["simulated rooms"]
+        for quantity, unit in next(iter(columns.values()))
     ]
 
 
@@ -124,10 +122,12 @@ def statistics(floors: Sequence[Floor]) -> Statistics:
     }
 
 
-def _simulated(world: World, walks: int, rounds: int = 4) -> Floor:
-    sensors = (Sensor.WIFI, Sensor.MAGNETIC)
+def _simulated(world: World, walks: int, kind: str) -> Floor:
+    sensors, rounds = (Sensor.WIFI, Sensor.MAGNETIC), 1 if world.name == "hall" else 4
     return [
-        simulate(world, seed, rounds=rounds, sound=False, sensors=sensors, wifi=MALL_SCANS)
+        simulate(
+            world, seed, rounds=rounds, walker=kind, sound=False, sensors=sensors, wifi=MALL_SCANS
+        )
         for seed in range(walks)
     ]
 

@@ -48,6 +48,10 @@ def test_json_comes_as_it_was_written(content: object) -> None:
     assert parse_json(json.dumps(content), "notes") == content
 
 
+def test_escaped_pairs_are_whole_characters() -> None:
+    assert parse_json(r'"\ud83d\ude00"', "notes") == "\U0001f600"
+
+
 def test_toml_comes_as_it_was_written() -> None:
     text = 'a = 1\nb = [1.5, {c = "x.y.z"}]\n[d]\ne.f = inf\n'
     assert parse_toml(text, "notes") == {
@@ -71,6 +75,8 @@ def test_toml_comes_as_it_was_written() -> None:
         ("[1e400]", "finite"),
         ('{"a": NaN}', "finite"),
         ("-Infinity", "finite"),
+        (r'["a\ud800"]', "half a character ('\\ud800')"),
+        (r'{"\uDFFF": 1}', "half a character"),
     ],
 )
 def test_json_that_nothing_can_hold_is_refused(text: str, why: str) -> None:

@@ -337,7 +337,10 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{tmp}/out", "--volume", "2"], "volume: wanted 0.001 to 1"),
         (["simulate", "studio", "{tmp}/out", "--sounds", "music,thunder"], "thunder"),
         (["simulate", "studio", "{tmp}/out", "--other-phones", "9"], "other phones: wanted 0 to 8"),
-        (["simulate", "studio", "{tmp}/out", "--engine", "rays"], "images or diffuse or pyroomacoustics"),
+        (
+            ["simulate", "studio", "{tmp}/out", "--engine", "rays"],
+            "images or diffuse or pyroomacoustics",
+        ),
         (["simulate", "studio", "{tmp}/out", "--imu", "BMI161"], "did you mean 'BMI160'"),
         (["import", "mall", "{tmp}/none", "{tmp}/out"], "none"),
         (["import", "magnetic", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),

@@ -17,6 +17,7 @@ MOST_JSON_BYTES, MOST_TOML_BYTES = 16 * MEBIBYTE, 4 * MEBIBYTE
 """What a few bytes of them become in memory takes twenty and ninety times as many."""
 MOST_DEPTH = 64
 LARGEST_WHOLE = 2**63
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_DEPTH}}}", re.ASCII)
 """A dotted key of many parts: each part costs tomllib as much as all before it together."""
@@ -60,7 +61,8 @@ def read_toml(file: Path) -> dict[str, Any]:
 def parse_json(text: str, source: str) -> Any:
     """What a JSON text says; its numbers are finite.
 
-    Raises InputError where it is none, is nested too deep, or has numbers that nothing can hold.
+    Raises InputError where it is none, is nested too deep, or has numbers or characters that
+    nothing can hold.
     """
     try:
         content = json.loads(text)
@@ -69,7 +71,18 @@ def parse_json(text: str, source: str) -> Any:
     for leaf in _leaves(content, source):
         if isinstance(leaf, float) and not math.isfinite(leaf):
             raise InputError(f"{source}: holds {leaf}, wanted finite numbers; correct it")
+    if _SURROGATE.search(text):
+        _refuse_half_characters(content, source)
     return content
+
+
+def _refuse_half_characters(content: Any, source: str) -> None:
+    """JSON can escape half of a surrogate pair, which no file and no terminal can be told."""
+    try:
+        json.dumps(content, ensure_ascii=False).encode()
+    except UnicodeEncodeError as cause:
+        half = ascii(cause.object[cause.start])
+        raise InputError(f"{source}: holds half a character ({half}); correct it") from cause
 
 
 def parse_toml(text: str, source: str) -> dict[str, Any]:

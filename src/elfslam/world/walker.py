@@ -37,6 +37,8 @@ class Walker:
     wander_m: float = 0.10
     wobble_rad: float = np.deg2rad(4.0)
     swing_rad: float = np.deg2rad(1.5)
+    nod_rad: float = np.deg2rad(1.0)
+    rock_rad: float = 0.0
     tremor_rad: float = np.deg2rad(0.15)
     body_distance_m: float = 0.35
     step_noise: float = 0.0
@@ -154,8 +156,9 @@ def motion_along(
         + gait * walker.swing_rad * np.sin(np.pi * steps + 0.4)
     )
     pitch = walker.pitch_rad + 0.03 * smooth_noise(generator, count, 8.0)
-    pitch = pitch + gait * np.deg2rad(1.0) * np.sin(2 * np.pi * steps) + straying.pitch_rad
+    pitch = pitch + gait * walker.nod_rad * np.sin(2 * np.pi * steps) + straying.pitch_rad
     roll = 0.03 * smooth_noise(generator, count, 8.0)
+    roll = roll + gait * walker.rock_rad * np.sin(np.pi * steps + 1.3)
     t_s = np.asarray(np.arange(count) * dt_s, dtype=np.float64)
     return Motion(t_s, np.column_stack([xy, z]), yaw, pitch, roll, heading, steps)
 
