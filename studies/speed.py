@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,10 +17,12 @@ import numpy as np
 from elfslam.base.progress import Announce
 from elfslam.line.feature import spectrogram
 from elfslam.world.device import named_device
+from elfslam.world.diffuse import diffuse_echoes
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.paths import Reach
-from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at
+from elfslam.world.phone import Engine, air_at, ends_of, image_echoes, poses_at
 from elfslam.world.room import Room
+from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
 from studies.finding import Row
@@ -32,7 +35,11 @@ PAIRS, ROOMS = 256, 8
 ONE_GIGABYTE = 2**30
 ENOUGH_ORDER = 12
 """Of reflections, for all paths of at most 21 m in the living room."""
-TIMES_FASTER, MINUTES = 300.0, 5.0
+TIMES_FASTER = 300.0
+DIFFUSE_RATE, DIFFUSE_TIMES_FASTER = 3000.0, 100.0
+TRACED_ECHOES = 5
+MINUTES = {"images": 5.0, "diffuse": 10.0}
+"""Within which the training stream is to be made, by engine."""
 
 
 def measure_speed(
@@ -57,8 +64,11 @@ def measure_speed(
         _row("furnished: ours over pyroomacoustics with air", full / slow, "times", TIMES_FASTER),
         _row("furnished: ours over pyroomacoustics without air", full / bare, "times"),
         _row("two threads over one, wall clock", two / one, "times"),
+        *_diffuse_rows(furnished, echoes),
     ]
-    return rows + list(_stream_rows(stream, announce))
+    for engine, minutes in MINUTES.items():
+        rows += _stream_rows(stream, engine, minutes, announce)
+    return rows
 
 
 def _row(quantity: str, value: float, unit: str, goal: float | None = None) -> Row:
@@ -74,15 +84,36 @@ def _places(room: Room, count: int) -> Any:
     return poses_at(position_m, yaw_rad, np.full(len(xy_m), 0.4))
 
 
+def _diffuse_rows(furnished: Room, echoes: int) -> list[Row]:
+    """With the diffuse field, beside as many paths traced by pyroomacoustics in the empty room."""
+    room = as_measured(furnished)
+    scattering = scattering_of(room)
+    engine = partial(diffuse_echoes, scattering=scattering)
+    ours = _rate(room, 1, echoes, engine=engine)
+    paths = len(scattering.chains.to)
+    traced = _traced_rate(room, paths)
+    return [
+        _row("living room, furnished, diffuse field", ours, "echoes/s and core", DIFFUSE_RATE),
+        _row("its chains of scatterings", paths, ""),
+        _row("pyroomacoustics, as many rays, empty room", traced, "echoes/s and core"),
+        _row("diffuse field over rays", ours / traced, "times", DIFFUSE_TIMES_FASTER),
+    ]
+
+
 def _rate(
-    room: Room, threads: int, echoes: int, clock: Callable[[], float] = time.process_time
+    room: Room,
+    threads: int,
+    echoes: int,
+    clock: Callable[[], float] = time.process_time,
+    engine: Engine | None = None,
 ) -> float:
     """Responses per second of the furnished scene, best of five; sound not yet rendered."""
     scene, poses = scene_of(room), _places(room, echoes)
     ends = ends_of(named_device("simulated phone"), poses)
+    hear = engine or partial(image_echoes, threads=threads)
 
     def run() -> None:
-        image_echoes(scene, ends, poses.people_m, air_at(), Reach(), threads)
+        hear(scene, ends, poses.people_m, air_at(), Reach())
 
     run()
     seconds = []
@@ -123,23 +154,46 @@ def _pyroom_rate(room: Room, *, air_absorption: bool) -> float:
     return 1.0 / float(np.median(seconds))
 
 
-def _stream_rows(echoes: int, announce: Announce) -> Iterator[Row]:
+def _traced_rate(room: Room, rays: int) -> float:
+    """Responses of the empty room per second by so many rays of pyroomacoustics, on one thread."""
+    import pyroomacoustics
+
+    pyroomacoustics.constants.set("num_threads", 1)
+    kept = pyroomacoustics.Material(1 - room.walls[0].reflection ** 2, room.walls[0].scattering)
+    ends = ends_of(named_device("simulated phone"), _places(room, TRACED_ECHOES))
+    seconds = []
+    for row in range(TRACED_ECHOES):
+        box = pyroomacoustics.ShoeBox(
+            room.size_m, fs=RATE_HZ, materials=kept, max_order=0, ray_tracing=True
+        )
+        longest_s = Reach().longest_m / air_at().speed_mps
+        box.set_ray_tracing(n_rays=rays, time_thres=longest_s, hist_bin_size=0.001)
+        box.add_source(ends.speaker[row])
+        box.add_microphone(ends.microphone[row])
+        start = time.process_time()
+        box.compute_rir()
+        seconds.append(time.process_time() - start)
+    return 1.0 / float(np.median(seconds))
+
+
+def _stream_rows(echoes: int, engine: str, goal_min: float, announce: Announce) -> Iterator[Row]:
     """The training stream with its spectrograms, by two processes, and what memory it took."""
     steps = -(-echoes // (2 * PAIRS))
     start, done, memory = time.perf_counter(), 0, 0.0
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=context) as pool:
-        for _, used in pool.map(_spectrograms, range(steps), chunksize=8):
+        for _, used in pool.map(partial(_spectrograms, engine), range(steps), chunksize=8):
             done, memory = done + 1, max(memory, used)
             if done % 40 == 0:
-                announce(f"{2 * PAIRS * done} echoes", 0.2 + 0.8 * done / steps)
+                announce(f"{2 * PAIRS * done} echoes, {engine}", 0.2 + 0.8 * done / steps)
     minutes = (time.perf_counter() - start) / 60
-    yield _row(f"{echoes} training echoes, spectrograms, 2 cores", minutes, "min", MINUTES)
-    yield _row("their peak memory in each process", memory / ONE_GIGABYTE, "GiB", 0.5)
+    what = f"{echoes} training echoes by {engine}"
+    yield _row(f"{what}, spectrograms, 2 cores", minutes, "min", goal_min)
+    yield _row(f"{what}, peak memory in each process", memory / ONE_GIGABYTE, "GiB", 0.5)
 
 
-def _spectrograms(step: int) -> tuple[int, float]:
+def _spectrograms(engine: str, step: int) -> tuple[int, float]:
     """Echoes turned into spectrograms in a step, and the most memory (bytes) used so far."""
-    pairs = echo_pairs(np.random.default_rng([0, step]), PAIRS, ROOMS)
+    pairs = echo_pairs(np.random.default_rng([0, step]), PAIRS, ROOMS, engine)
     count = sum(len(spectrogram(side)) for side in (pairs.first, pairs.second))
     return count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0

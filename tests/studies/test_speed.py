@@ -19,5 +19,8 @@ def test_every_rate_and_every_goal_has_a_row() -> None:
     assert isinstance(ratio, float)
     assert abs(ratio / (ours / theirs) - 1) < 0.01
     assert [row["goal"] for row in rows].count(TIMES_FASTER) == 2
-    assert "600 training echoes, spectrograms, 2 cores" in values
+    for engine in ("images", "diffuse"):
+        assert f"600 training echoes by {engine}, spectrograms, 2 cores" in values
+    rays = "pyroomacoustics, as many rays, empty room"
+    assert values["diffuse field over rays"] > 1 > values[rays] / 1000
     assert heard[0] == 0.0

@@ -175,9 +175,9 @@ def test_phones_of_one_holder_are_alike(seed: int) -> None:
 def test_the_second_echo_is_heard_close_by(monkeypatch: pytest.MonkeyPatch) -> None:
     heard = []
 
-    def listen(scene, device, poses, air):  # type: ignore[no-untyped-def]
+    def listen(scene, device, poses, air, engine):  # type: ignore[no-untyped-def]
         heard.append(poses)
-        return room_responses(scene, device, poses, air)
+        return room_responses(scene, device, poses, air, engine=engine)
 
     monkeypatch.setattr(module, "room_responses", listen)
     made = echo_pairs(generator_of(5), 40, 4)
@@ -256,7 +256,7 @@ VISITS = 400
 def visits() -> list[tuple[Visit, Visit]]:
     made = []
     for seed in range(VISITS):
-        first = _random_visit(generator_of(seed), square_room())
+        first = _random_visit(generator_of(seed), square_room(), "images")
         made.append((first, _another_visit(generator_of(seed + VISITS), first)))
     return made
 
@@ -287,7 +287,7 @@ def test_people_stand_about_the_phone(visits: list[tuple[Visit, Visit]]) -> None
 
 def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
     """Level and noise are those of the phone; the echo of another room is another."""
-    visit = _random_visit(generator_of(4), square_room())._replace(people=0)
+    visit = _random_visit(generator_of(4), square_room(), "images")._replace(people=0)
     xy, yaw = np.tile([2.0, 3.0], (4, 1)), np.zeros(4)
     chirp = make_chirp(ChirpParameters(), 44_100)
     quiet = visit._replace(device=replace(visit.device, level=0.0, noise_rms=0.01))
@@ -297,3 +297,12 @@ def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
     carpeted = visit._replace(room=changed_room(generator_of(3), visit.room))
     here, there = (_heard(generator_of(0), each, xy, yaw, chirp) for each in (visit, carpeted))
     assert np.abs(here - there).max() > 0.05 * np.abs(here).max()
+
+
+def test_the_engine_changes_the_sound_and_neither_rooms_nor_places() -> None:
+    plain, diffuse = (
+        echo_pairs(np.random.default_rng(3), 4, 2, engine) for engine in ("images", "diffuse")
+    )
+    assert (plain.xy_m == diffuse.xy_m).all()
+    assert (plain.room == diffuse.room).all()
+    assert not np.allclose(plain.first, diffuse.first)

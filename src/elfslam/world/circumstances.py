@@ -151,6 +151,11 @@ def room_on(world: World, circumstances: Circumstances) -> Room:
     room = in_state(world, circumstances.state).room if circumstances.state else world.room
     if circumstances.day:
         room = _after_days(room, circumstances.day)
+    return room_in(room, circumstances)
+
+
+def room_in(room: Room, circumstances: Circumstances) -> Room:
+    """The room as the asked engine models it."""
     if circumstances.engine == "diffuse":
         return as_measured(room)
     return room if circumstances.engine == "images" else closed_solids(room)

@@ -22,6 +22,7 @@ from elfslam.base.values import (
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
+from elfslam.world.circumstances import ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, random_device
 from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
 from elfslam.world.pulses import Air
@@ -56,31 +57,35 @@ class Visit(NamedTuple):
     """The circumstances under which a room is heard; the holder is height, pitch and distance."""
 
     room: Room
+    engine: str
     device: Device
     holder: tuple[float, float, float]
     air: Air
     people: int
 
 
-def echo_pairs(generator: np.random.Generator, pairs: int, rooms: int) -> EchoPairs:
+def echo_pairs(
+    generator: np.random.Generator, pairs: int, rooms: int, engine: str = ENGINES[0]
+) -> EchoPairs:
     """`pairs` places with two echoes each, an equal number from each of `rooms` random rooms.
 
-    Raises ParameterError where `pairs` is no multiple of `rooms`.
+    `engine` is one of ours, and changes neither rooms nor places. Raises ParameterError where
+    `pairs` is no multiple of `rooms`.
     """
     if pairs % rooms:
         raise ParameterError(
             f"pairs: wanted a multiple of rooms ({rooms}), got {pairs}; change one"
         )
     chirp = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
-    batch = [_pairs_in_room(generator, pairs // rooms, chirp) for _ in range(rooms)]
+    batch = [_pairs_in_room(generator, pairs // rooms, chirp, engine) for _ in range(rooms)]
     first, second, xy_m = (np.concatenate(column) for column in zip(*batch, strict=True))
     return EchoPairs(first, second, np.repeat(np.arange(rooms), pairs // rooms), xy_m)
 
 
 def _pairs_in_room(
-    generator: np.random.Generator, count: int, chirp: Chirp
+    generator: np.random.Generator, count: int, chirp: Chirp, engine: str
 ) -> tuple[F32, F32, F64]:
-    first = _random_visit(generator, random_room(generator))
+    first = _random_visit(generator, random_room(generator), engine)
     second = _another_visit(generator, first)
     twins = generator.uniform() < TWIN_SHARE
     xy, yaw = _places(generator, first.room, count, twins=twins)
@@ -92,10 +97,11 @@ def _pairs_in_room(
     )
 
 
-def _random_visit(generator: np.random.Generator, room: Room) -> Visit:
+def _random_visit(generator: np.random.Generator, room: Room, engine: str) -> Visit:
     people = int(generator.integers(1, MOST_PEOPLE + 1))
     return Visit(
         room,
+        engine,
         random_device(generator),
         _random_holder(generator),
         air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0])),
@@ -105,10 +111,11 @@ def _random_visit(generator: np.random.Generator, room: Room) -> Visit:
 
 def _another_visit(generator: np.random.Generator, first: Visit) -> Visit:
     """The same room another time: each circumstance is as before or drawn anew."""
-    drawn = _random_visit(generator, first.room)
+    drawn = _random_visit(generator, first.room, first.engine)
     changed, phone, stranger = generator.uniform(size=3)
     return Visit(
         changed_room(generator, first.room) if changed < CHANGED_ROOM_SHARE else first.room,
+        first.engine,
         drawn.device if phone < OTHER_PHONE_SHARE else first.device,
         drawn.holder if stranger < STRANGER_SHARE else first.holder,
         drawn.air,
@@ -121,7 +128,10 @@ def _heard(
 ) -> F32:
     """Echo traces (n, 2352) at places (n, 2) on a visit."""
     poses = _among_people(generator, _random_poses(generator, xy_m, yaw_rad, visit.holder), visit)
-    responses = room_responses(scene_of(visit.room), visit.device, poses, visit.air)
+    today = Circumstances(engine=visit.engine)
+    room = room_in(visit.room, today)
+    engine = engine_of(today, room, 1)
+    responses = room_responses(scene_of(room), visit.device, poses, visit.air, engine=engine)
     frames = render_frames(responses, chirp, visit.device)
     noise = generator.standard_normal(frames.shape, dtype=np.float32)
     noise *= np.float32(visit.device.noise_rms)

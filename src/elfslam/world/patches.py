@@ -78,7 +78,7 @@ def faces_and_patches(room: Room) -> tuple[Faces, Patches]:
     counts = cells.prod(axis=1)
     face = np.repeat(np.arange(len(frames)), counts)
     first = np.cumsum(counts) - counts
-    share = draws_by_face(room, 1, counts, (TRIES, 2))
+    share = draws_by_owner(room, 1, counts, (TRIES, 2))
     tried = _points_in_cells(corner, along, up, size, cells, face, first, share)
     free = _in_the_open(room, tried, normal[face])
     kept = np.flatnonzero(free.any(axis=1))
@@ -96,18 +96,21 @@ def faces_and_patches(room: Room) -> tuple[Faces, Patches]:
     return faces, Patches(point, normal[on], along[on], up[on], area[kept], on, kept)
 
 
-def draws_by_face(room: Room, purpose: int, counts: I64, shape: tuple[int, ...]) -> F64:
-    """Uniform draws (sum of counts, *shape): each face's own, wherever it and others stand."""
-    room_faces = [f"wall {k}" for k in range(len(room.walls))] + ["floor", "ceiling"]
-    block_faces = [f"{block.name} {k}" for block in room.blocks for k in range(BLOCK_FACES)]
-    names = room_faces + block_faces
-    seeds = ([room.seed, zlib.crc32(name.encode()), purpose] for name in names)
-    return np.concatenate(
-        [
-            np.random.default_rng(seed).uniform(size=(count, *shape))
-            for seed, count in zip(seeds, counts, strict=True)
-        ]
-    )
+def draws_by_owner(room: Room, purpose: int, counts: I64, shape: tuple[int, ...]) -> F64:
+    """Uniform draws (sum of counts, *shape) for the cells of all faces, `counts` (f) in each.
+
+    Every wall and every block has its own, wherever it and others stand.
+    """
+    flat = len(room.walls) + 2
+    owners = [f"wall {k}" for k in range(len(room.walls))] + ["floor", "ceiling"]
+    owners += [block.name for block in room.blocks]
+    cells = np.append(counts[:flat], counts[flat:].reshape(-1, BLOCK_FACES).sum(axis=1))
+    seeds = ([room.seed, zlib.crc32(owner.encode()), purpose] for owner in owners)
+    parts = [
+        np.random.default_rng(seed).uniform(size=(count, *shape))
+        for seed, count in zip(seeds, cells, strict=True)
+    ]
+    return np.concatenate(parts)
 
 
 def boxes_of(room: Room) -> Boxes:

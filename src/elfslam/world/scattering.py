@@ -22,7 +22,7 @@ from elfslam.world.patches import (
     Faces,
     Patches,
     boxes_of,
-    draws_by_face,
+    draws_by_owner,
     faces_and_patches,
     first_face,
     patch_at,
@@ -39,7 +39,7 @@ PARTICLES = 2400
 """From all patches that one phone hears together; more make a smoother field and take longer."""
 PARTICLES_A_PATCH = (6, 12)
 MOST_SCATTERINGS = 16
-MOST_REFLECTIONS = 32
+MOST_REFLECTIONS = 20
 LEAST_SCATTERED = 0.05
 DRAWS = 4
 """For each reflection: two for the direction, one for its fate and one for the chain's sign."""
@@ -94,7 +94,7 @@ def scattering_of(room: Room) -> Scattering:
     noted = _trace(room, faces, patches, particles)
     scattered = np.average(faces.scattered[patches.face], weights=patches.area)
     chains = _both_ways(noted, len(once), max(float(scattered), LEAST_SCATTERED))
-    signs = draws_by_face(room, 2, faces.cells.prod(axis=1), ())[patches.cell]
+    signs = draws_by_owner(room, 2, faces.cells.prod(axis=1), ())[patches.cell]
     return Scattering(patches, np.where(signs < 0.5, -once, once), chains)
 
 
@@ -122,7 +122,7 @@ def _both_ways(noted: F64, patches: int, scattered: float) -> Chains:
 def _trace(room: Room, faces: Faces, patches: Patches, particles: int) -> F64:
     """Rows of first patch, last patch, length (m) and signed energy of every chain."""
     boxes, walls = boxes_of(room), len(room.walls)
-    draws = draws_by_face(room, 3, faces.cells.prod(axis=1), (particles, MOST_REFLECTIONS, DRAWS))[
+    draws = draws_by_owner(room, 3, faces.cells.prod(axis=1), (particles, MOST_REFLECTIONS, DRAWS))[
         patches.cell
     ]
     noted = np.zeros((len(patches.area) * particles * MOST_SCATTERINGS, 4))
