@@ -18,6 +18,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.progress import Announce
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.scoring.figures import TRUTH
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.circumstances import Circumstances, engine_of, reach_of
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
@@ -181,23 +182,32 @@ def _contrast_at(far_m: float) -> str:
 
 
 def _page(places: list[Place], rows: list[Row]) -> Page:
-    curves = {
-        f"{place.name}, {place.kind}": Curve(
-            100 * np.array(list(place.moved)),
-            np.array([row[_contrast_at(far)] for far in place.moved], dtype=float),
-        )
-        for place, row in zip(places, rows, strict=True)
-    }
-    figure = curves_figure(
-        curves, "phone moved (cm)", "contrast", ticks=[100 * far for far in MOVED_M]
-    )
     columns = ("room", "sound", "places", "kurtosis", "spread (dB)", "T60 (ms)")
     table = rows_table([{name: row[name] for name in columns} for row in rows])
     return Page(
         "Simulated rooms beside measured ones",
         "impulse responses between 15.2 and 19.8 kHz; windows of 11 to 20, 20 to 35, 35 to 60 ms",
         [
-            Panel("How fast an echo changes with the place", figure, NOTE, wide=True),
+            *(_contrast_panel(kind, places, rows) for kind in KINDS.values()),
             Panel("Responses", table, "3 and 5.6 dB are a diffuse field.", wide=True),
         ],
     )
+
+
+def _contrast_panel(kind: str, places: list[Place], rows: list[Row]) -> Panel:
+    """Curves of the rooms of one kind of sound, and dots for the measured ones."""
+    curves, measured = {}, []
+    for place, row in zip(places, rows, strict=True):
+        kept = [(100 * far, row[_contrast_at(far)]) for far in place.moved]
+        if place.kind == "measured":
+            measured += kept
+        elif place.kind == kind:
+            curves[place.name] = Curve(*np.array(kept, dtype=np.float64).T)
+    ticks = [100 * far for far in MOVED_M]
+    figure = curves_figure(curves, "phone moved (cm)", "contrast", ticks=ticks)
+    figure.update_yaxes(range=[0, 1])
+    figure.add_scatter(
+        x=[far_cm for far_cm, _ in measured], y=[kept for _, kept in measured], name="measured",
+        mode="markers", marker={"size": 10, "symbol": "diamond", "color": TRUTH},
+    )  # fmt: skip
+    return Panel(f"How fast an echo changes with the place: {kind}", figure, NOTE)

@@ -1,8 +1,18 @@
 """Errors that a user can act on: one sentence with what, got, wanted and what to do."""
 
+LONGEST_CHARACTERS = 1200
+SHOWN_CHARACTERS = 500
+"""Of either end of a longer sentence: what it quotes from a file can be of any length."""
+
 
 class ElfslamError(Exception):
     """Base of every error that is meant to be read by a user (exit code 2)."""
+
+    def __str__(self) -> str:
+        said = super().__str__()
+        if len(said) <= LONGEST_CHARACTERS:
+            return said
+        return f"{said[:SHOWN_CHARACTERS]} ... {said[-SHOWN_CHARACTERS:]}"
 
 
 class InputError(ElfslamError):

@@ -146,7 +146,7 @@ def _made(
     known = [item.name for item in fields(make)]  # type: ignore[arg-type]
     for name in row:
         if name not in known:
-            raise InputError(f"{label}: knows no {name!r}; wanted {', '.join(known)}")
+            raise InputError(f"{label}: knows no {name!r:.60}; wanted {', '.join(known)}")
     try:
         made = make(**row)
         check(made)

@@ -120,7 +120,7 @@ def check_keys(given: Table, known: Collection[str]) -> None:
         if key not in known:
             near = difflib.get_close_matches(key, known, n=1)
             advice = f"did you mean {near[0]!r}?" if near else "remove it"
-            raise given.refusal(f"knows no {key!r}; wanted {', '.join(known)}; {advice}", key)
+            raise given.refusal(f"knows no {key!r:.60}; wanted {', '.join(known)}; {advice}", key)
 
 
 def text(given: Table, key: str, default: str | None = None) -> str:
