@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from elfslam.base.errors import InputError
+from elfslam.data import tables
 from elfslam.data.tables import (
+    LINE_ENDS,
     in_order,
+    lines_of,
     read_header,
     read_table,
     read_timed_table,
@@ -45,6 +48,17 @@ def test_a_byte_order_mark_and_spaces_do_no_harm(tmp_path: Path) -> None:
 def test_other_columns_may_hold_anything(tmp_path: Path) -> None:
     (tmp_path / "a.csv").write_text("note,x\nhello,1\n,2\n")
     assert read_table(tmp_path / "a.csv", ["x"]).tolist() == [[1], [2]]
+
+
+@pytest.mark.parametrize("end", LINE_ENDS)
+def test_more_lines_than_memory_holds_are_refused(
+    end: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However a line may end."""
+    monkeypatch.setattr(tables, "MOST_LINES", 3)
+    assert len(lines_of(f"a{end}b{end}c", Path("log"))) == 3
+    with pytest.raises(InputError, match="log: has more than 3 lines; cut it in parts"):
+        lines_of("a" + 4 * end, Path("log"))
 
 
 def test_files_that_are_no_text_are_refused(tmp_path: Path) -> None:

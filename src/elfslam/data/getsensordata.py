@@ -35,7 +35,7 @@ from elfslam.data.sensor_files import (
     imu_on_accelerometer_clock,
 )
 from elfslam.data.streams import attitude_that_agrees, forward, in_mps2
-from elfslam.data.tables import in_order
+from elfslam.data.tables import in_order, lines_of
 from elfslam.data.wifi_table import scans_from_rows
 
 KIND = re.compile(r"[A-Z][A-Z0-9]{3}")
@@ -108,7 +108,7 @@ def read_getsensordata(path: Path) -> GetSensorDataLog:
 
 def _lines(path: Path) -> list[str]:
     text = read_bytes(path).decode("utf-8", errors="replace")
-    return [line.strip() for line in text.splitlines() if line.strip()]
+    return [line.strip() for line in lines_of(text, path) if line.strip()]
 
 
 def _device(lines: Sequence[str]) -> str:

@@ -28,7 +28,7 @@ from elfslam.data.sensor_files import (
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.tables import in_order
+from elfslam.data.tables import in_order, lines_of
 from elfslam.data.tars import check_archive, texts_in
 from elfslam.data.wifi_table import scans_from_rows
 
@@ -74,7 +74,7 @@ def read_walk(path: Path) -> MallWalk:
     counts. Raises InputError where the file is no walk.
     """
     text = read_bytes(path).decode("utf-8", errors="replace")
-    lines = [line for line in text.splitlines() if line.strip()]
+    lines = [line for line in lines_of(text, path) if line.strip()]
     header = [line for line in lines if line.startswith("#")]
     body = [line for line in lines if not line.startswith("#")]
     records, wifi_rows, damaged = _sort_records(body, _start_ms(header, body))

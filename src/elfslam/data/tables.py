@@ -14,6 +14,8 @@ from elfslam.base import text_files
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 
+LINE_ENDS = "\n\r\v\f\x1c\x1d\x1e\x85\u2028\u2029"
+"""Where `str.splitlines` ends a line."""
 TIME_FORMAT = "%.6f"
 NUMBER_FORMAT = "%.9g"
 MOST_LINES = 5_000_000
@@ -33,8 +35,12 @@ def read_lines(file: Path) -> list[str]:
 
     Raises InputError as `read_text`, and where there are more than `MOST_LINES`.
     """
-    text = read_text(file).rstrip()
-    if text.count("\n") > MOST_LINES:
+    return lines_of(read_text(file).rstrip(), file)
+
+
+def lines_of(text: str, file: Path) -> list[str]:
+    """The lines of a text from a file. Raises InputError for more than `MOST_LINES`."""
+    if sum(map(text.count, LINE_ENDS)) > MOST_LINES:
         raise InputError(f"{file}: has more than {MOST_LINES} lines; cut it in parts")
     return text.splitlines()
 
