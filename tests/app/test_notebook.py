@@ -57,6 +57,10 @@ def test_a_walk_is_located_in_its_own_map(walk: Walk, run: Run) -> None:
 def test_scores_are_those_of_the_command(walk: Walk, run: Run) -> None:
     rows = elfslam.score(run, walk[1])
     assert {row["method"] for row in rows} == {"dead reckoning", "SLAM"}
+    table = rows._repr_html_()
+    assert table.count("<tr>") == len(rows) + 1
+    assert "<th" in table
+    assert "median_m" in table
 
 
 def test_runs_of_one_name_are_told_apart_when_merged(run: Run) -> None:

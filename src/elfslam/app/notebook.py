@@ -16,7 +16,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from elfslam.app.locate import phone_translation
 from elfslam.app.map import MapJob, map_recording
@@ -34,9 +34,6 @@ from elfslam.slam.front_end import hear
 from elfslam.slam.merging import MappedWalk, add_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
-
-if TYPE_CHECKING:
-    from elfslam.scoring.tables import ScoreRow
 
 Given = Settings | Mapping[str, Any] | Path | str | None
 """Parameters as one likes to give them: all, some by name, or a TOML file."""
@@ -175,13 +172,22 @@ def locate(
     )
 
 
+class ScoreTable(list[dict[str, object]]):
+    """Rows of scores, which a notebook shows as a table."""
+
+    def _repr_html_(self) -> str:
+        from elfslam.scoring.page import rows_table
+
+        return rows_table(self)
+
+
 def score(
     estimate: Run | Fixes,
     truth: Truth,
     *,
     mapped: Run | None = None,
     map_truth: Truth | None = None,
-) -> list[ScoreRow]:
+) -> ScoreTable:
     """Errors against the truth: rows by method and alignment of a run, by status of fixes.
 
     Fixes are scored in the frame of the truth; `mapped` and `map_truth` are the run that they lie
@@ -191,12 +197,12 @@ def score(
     from elfslam.scoring.tables import fix_scores, run_scores
 
     if isinstance(estimate, Run):
-        return run_scores(estimate, truth)
+        return ScoreTable(run_scores(estimate, truth))
     if (mapped is None) != (map_truth is None):
         raise InputError("score: mapped and map_truth go together; give both or neither")
     if mapped is None or map_truth is None:
-        return fix_scores(estimate, truth, pipeline.AS_MAPPED)
-    return fix_scores(estimate, truth, alignment_of(mapped.trajectory, map_truth))
+        return ScoreTable(fix_scores(estimate, truth, pipeline.AS_MAPPED))
+    return ScoreTable(fix_scores(estimate, truth, alignment_of(mapped.trajectory, map_truth)))
 
 
 def plot(
