@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi import FastAPI
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DatabaseError, IntegrityError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.testclient import TestClient
 
@@ -22,6 +22,8 @@ ERRORS = {
     "/full-database": OperationalError("insert", {}, Exception("database or disk is full")),
     "/away": OperationalError("insert", {}, Exception("server closed the connection")),
     "/waited": PoolTimeout("QueuePool limit"),
+    "/damaged": DatabaseError("select", {}, Exception("database disk image is malformed")),
+    "/wrong": IntegrityError("insert", {}, Exception("secret: NOT NULL constraint failed")),
     "/bug": ZeroDivisionError("secret"),
     "/file": FileNotFoundError(2, "No such file", "/secret"),
 }
@@ -33,6 +35,8 @@ STATUSES = {
     "/full-database": 507,
     "/away": 503,
     "/waited": 503,
+    "/damaged": 503,
+    "/wrong": 500,
     "/bug": 500,
     "/file": 500,
 }
