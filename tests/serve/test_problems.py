@@ -7,12 +7,20 @@ from collections.abc import Iterator
 
 import pytest
 from fastapi import FastAPI
+from pydantic import BaseModel, Field, ValidationError
 from sqlalchemy.exc import DatabaseError, IntegrityError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.serve.problems import MEDIA_TYPE, Problem, install_problems, problems
+
+
+class Checked(BaseModel):
+    """As answers check what a row holds."""
+
+    sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
 
 ERRORS = {
     "/problem": Problem(423, "wait", {"Retry-After": "1"}),
@@ -27,6 +35,10 @@ ERRORS = {
     "/bug": ZeroDivisionError("secret"),
     "/file": FileNotFoundError(2, "No such file", "/secret"),
 }
+try:
+    Checked(sha256="secret")
+except ValidationError as unlike:
+    ERRORS["/unlike"] = unlike
 STATUSES = {
     "/problem": 423,
     "/input": 422,
@@ -36,6 +48,7 @@ STATUSES = {
     "/away": 503,
     "/waited": 503,
     "/damaged": 503,
+    "/unlike": 503,
     "/wrong": 500,
     "/bug": 500,
     "/file": 500,

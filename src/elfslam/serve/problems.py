@@ -11,7 +11,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 from sqlalchemy.exc import DatabaseError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
@@ -100,7 +100,8 @@ def install_problems(app: FastAPI) -> None:
     app.add_exception_handler(OSError, _of_disk)
     for away in (OperationalError, PoolTimeout):
         app.add_exception_handler(away, _of_database)
-    app.add_exception_handler(DatabaseError, _of_damage)
+    for damage in (DatabaseError, ValidationError):
+        app.add_exception_handler(damage, _of_damage)
     app.add_exception_handler(Exception, _of_bug)
 
 
@@ -138,8 +139,11 @@ async def _of_database(request: Request, error: Exception) -> JSONResponse:
 
 
 async def _of_damage(request: Request, error: Exception) -> JSONResponse:
-    """SQLite's file is no database any more; whatever else is wrong with a statement is a bug."""
-    if type(error) is not DatabaseError:
+    """SQLite's file is no database any more, or a row holds what no answer may say.
+
+    Whatever else is wrong with a statement is a bug.
+    """
+    if isinstance(error, DatabaseError) and type(error) is not DatabaseError:
         return await _of_bug(request, error)
     LOG.error("%s %s: the database is damaged", request.method, request.url.path, exc_info=error)
     return problem_response(503, "the database is damaged; restore it from a backup")
