@@ -38,7 +38,7 @@ def one_chain(scattering: Scattering, first: int, last: int, length_m: float) ->
     count = len(scattering.once)
     start = (np.arange(count + 1) > first).astype(np.int64)
     chain = Chains(start, np.array([last], dtype=np.int32), np.array([length_m]), np.ones(1))
-    return Scattering(scattering.patches, np.zeros(count), chain)
+    return Scattering(scattering.patches, np.zeros(count), chain, 0.0)
 
 
 def facing(scattering: Scattering, k: int, place: F64) -> tuple[float, float]:
@@ -75,7 +75,7 @@ def test_a_patch_alone_is_heard_as_loud_as_it_scatters() -> None:
     found, law = [], []
     for k in range(len(whole.once)):
         once = np.where(np.arange(len(whole.once)) == k, whole.once, 0.0)
-        out = heard(Scattering(whole.patches, once, none), ends_at())[0]
+        out = heard(Scattering(whole.patches, once, none, 0.0), ends_at())[0]
         (there, a), (home, b) = facing(whole, k, SPEAKER_M), facing(whole, k, MICROPHONE_M)
         found.append(float((np.abs(out) ** 2).sum()))
         damped = np.exp(-2 * AIR.attenuation_per_m * (there + home))
@@ -142,7 +142,8 @@ def test_the_engine_is_mirror_images_and_the_field() -> None:
     both = image_echoes(bare, ends_at(), NOBODY, AIR, Reach())
     add_diffuse(both, bare, scattering, ends_at(), NOBODY, AIR)
     out = diffuse_echoes(scene, ends_at(), NOBODY, AIR, Reach(), scattering=scattering)
-    assert np.abs(out - tilted(both, AIR)).max() == 0
+    both_damp = AIR._replace(tilt_per_m_hz=AIR.tilt_per_m_hz + scattering.tilt_per_m_hz)
+    assert np.abs(out - tilted(both, both_damp)).max() == 0
 
 
 def test_air_damps_the_upper_edge_more_than_the_lower() -> None:

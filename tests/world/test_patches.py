@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.world.materials import Material
-from elfslam.world.patches import PATCH_M, boxes_of, faces_and_patches, first_face, patch_at
+from elfslam.world.patches import PATCH_M, boxes_of, faces_and_patches, first_face, patch_at, uneven
 from elfslam.world.room import Room, box, shoebox
 
 SIZE_M = np.array([6.0, 4.0, 3.0])
@@ -110,3 +110,17 @@ def test_random_rays_in_a_room_meet_its_surface() -> None:
         planes = np.array([low[1], high[0], high[1], low[0], low[2], high[2]])
         planes[planes < 0] = np.inf
         assert met(empty(), start, way) == (int(planes.argmin()), pytest.approx(planes.min()))
+
+
+@pytest.mark.parametrize("share", [0.1, 0.3, 0.8])
+def test_uneven_shares_keep_their_mean(share: float) -> None:
+    shares = uneven(np.full(20_000, share), np.random.default_rng(0).uniform(size=20_000))
+    assert shares.mean() == pytest.approx(share, abs=0.01)
+    assert shares.std() > 0.5 * share * (1 - share)
+    assert (shares >= 0).all()
+    assert (shares <= 1).all()
+
+
+def test_bounds_of_uneven_shares() -> None:
+    """What scatters all does so everywhere, and what scatters nothing nowhere."""
+    assert uneven(np.array([1.0, 0.0]), np.array([0.3, 0.3])).tolist() == [1.0, 0.0]

@@ -7,9 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from elfslam.world.materials import Material
+from elfslam.world.materials import MATERIALS, Material
+from elfslam.world.pulses import CARRIER_HZ
 from elfslam.world.room import Room, box, shoebox
-from elfslam.world.scattering import LONGEST_M, Scattering, as_measured, scattering_of
+from elfslam.world.scattering import (
+    FITTINGS,
+    LONGEST_M,
+    OTHER_FITTINGS,
+    Scattering,
+    as_measured,
+    scattering_of,
+)
 
 SIZE_M = np.array([6.0, 4.0, 3.0])
 ROUGH = Material("rough", 0.2, 1.0, "all that it keeps it scatters")
@@ -104,3 +112,27 @@ def test_measured_surfaces_scatter_and_absorb_at_least_so_much() -> None:
     room = as_measured(room_of(Material("mirror", 0.0, 0.0, "planted")))
     assert all(side.scattering > 0.2 and side.absorption > 0.02 for side in room.walls)
     assert as_measured(room_of()).walls == room_of().walls
+
+
+def test_a_bare_surface_and_its_fittings_scatter_one_after_the_other() -> None:
+    """What fittings leave is mirrored by the bare surface, less what its roughness scatters."""
+    for name, fittings in ((next(iter(FITTINGS)), FITTINGS["glass"]), ("planted", OTHER_FITTINGS)):
+        room = as_measured(room_of(Material(name, 0.1, 0.4, "planted")))
+        mirrored = 0.6 * (1 - fittings)
+        assert [1 - side.scattering for side in room.walls] == pytest.approx([mirrored] * 4)
+
+
+def test_fittings_are_of_materials_that_exist() -> None:
+    assert set(FITTINGS) <= set(MATERIALS)
+
+
+def test_surfaces_damp_the_upper_edge_more() -> None:
+    """Oracle: Eyring at two frequencies, with absorption as the root of the frequency."""
+    scattering = scattering_of(room_of())
+    metres, step_hz = 4 * SIZE_M.prod() / (2 * (24 + 18 + 12)), 100.0
+    nepers = [
+        -0.5 * np.log(1 - 0.2 * np.sqrt((CARRIER_HZ + sign * step_hz) / CARRIER_HZ)) / metres
+        for sign in (-1, 1)
+    ]
+    slope = (nepers[1] - nepers[0]) / (2 * step_hz)
+    assert scattering.tilt_per_m_hz == pytest.approx(slope, rel=1e-3)

@@ -92,11 +92,12 @@ def diffuse_echoes(
     bare = scene._replace(point=none, point_normal=none, point_radius=np.zeros(0))
     out = image_echoes(bare, ends, people_m, air, reach, threads)
     add_diffuse(out, scene, scattering, ends, people_m, air, threads)
-    return tilted(out, air)
+    tilt = air.tilt_per_m_hz + scattering.tilt_per_m_hz
+    return tilted(out, air._replace(tilt_per_m_hz=tilt))
 
 
 def tilted(envelopes: C64, air: Air) -> C64:
-    """What air does to the two sides of the band, which it damps unlike the carrier.
+    """What air and surfaces do to the sides of the band, which they damp unlike the carrier.
 
     Sound that comes at t has gone c t; the factor exp(-tilt f c t) is expanded to second order.
     """

@@ -12,7 +12,7 @@ from elfslam.world.kernels import kernel
 from elfslam.world.materials import Material
 from elfslam.world.room import Block, Room, inside
 
-PATCH_M = 1.0
+PATCH_M = 0.8
 """Side of a patch at most."""
 TRIES = 4
 """Points tried in each patch: the share of them in the open is the share of it that counts."""
@@ -46,8 +46,8 @@ class Faces(NamedTuple):
 
 
 class Patches(NamedTuple):
-    """Patches (p): the point in the open that scatters for it, its frame, area (m2), face and
-    which of all cells it is."""
+    """Patches (p): the point in the open that scatters for it, its frame, area (m2), face, which of
+    all cells it is, and the share of what it keeps that it scatters."""
 
     point: F64
     normal: F64
@@ -56,6 +56,7 @@ class Patches(NamedTuple):
     area: F64
     face: I64
     cell: I64
+    scattered: F64
 
 
 class Boxes(NamedTuple):
@@ -93,7 +94,13 @@ def faces_and_patches(room: Room) -> tuple[Faces, Patches]:
     )  # fmt: skip
     on = face[kept]
     point = tried[kept, free[kept].argmax(axis=1)]
-    return faces, Patches(point, normal[on], along[on], up[on], area[kept], on, kept)
+    scattered = uneven(faces.scattered[on], draws_by_owner(room, 4, counts, ())[kept])
+    return faces, Patches(point, normal[on], along[on], up[on], area[kept], on, kept, scattered)
+
+
+def uneven(share: F64, draw: F64) -> F64:
+    """Shares of this mean from uniform draws: most patches scatter little, a few nearly all."""
+    return np.asarray(draw ** (1 / np.maximum(share, 1e-6) - 1))
 
 
 def draws_by_owner(room: Room, purpose: int, counts: I64, shape: tuple[int, ...]) -> F64:

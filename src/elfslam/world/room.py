@@ -108,6 +108,12 @@ def shoebox(
     return Room(outline, height, (south, east, north, west), floor, ceiling, blocks, seed)
 
 
+def floor_area_m2(room: Room) -> float:
+    """The area of the floor, furniture included."""
+    x, y = room.outline_m.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
 def inside(outline_m: F64, xy_m: F64) -> Bool:
     """Whether points (n, 2) lie inside a simple polygon (crossing number)."""
     a, b = outline_m, np.roll(outline_m, -1, axis=0)

@@ -9,7 +9,9 @@ ways: echoes are coherent, repeatable and reciprocal.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -27,13 +29,25 @@ from elfslam.world.patches import (
     first_face,
     patch_at,
 )
-from elfslam.world.room import Room
+from elfslam.world.pulses import CARRIER_HZ
+from elfslam.world.room import Room, floor_area_m2
 
-LEAST_SCATTERING = 0.3
-ABSORPTION = (0.03, 0.5)
-"""Of surfaces at 15 to 20 kHz, at least and at most. Chosen so that rooms are as measured ones in
-kurtosis, spread and reverberation time of their responses, and in how fast echoes change with the
-place (`python -m studies realism`)."""
+FITTINGS: Mapping[str, float] = MappingProxyType(
+    dict.fromkeys(
+        ("glass", "tile", "metal", "concrete", "brick", "metal shutter", "acoustic ceiling tile"),
+        0.45,
+    )
+)
+"""Share that scatters at what stands and hangs on a surface: the frames, goods, joints and lamps of
+halls; `OTHER_FITTINGS` elsewhere."""
+OTHER_FITTINGS = 0.21
+ABSORPTION = (0.08, 0.5)
+"""Of surfaces at 15 to 20 kHz, at least and at most. These and the fittings are chosen in the
+development worlds, so that rooms are as measured ones in kurtosis, spread and reverberation time of
+their responses, and in how fast echoes change with the place (`python -m studies realism`)."""
+ABSORPTION_GROWS = 0.5
+"""Absorption grows with this power of the frequency, as that of the boundary layer does."""
+LEAST_KEPT = 0.1
 LONGEST_M = 21.0
 PARTICLES = 2400
 """From all patches that one phone hears together; more make a smoother field and take longer."""
@@ -60,20 +74,25 @@ class Chains(NamedTuple):
 
 
 class Scattering(NamedTuple):
-    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain."""
+    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain.
+
+    Surfaces damp by `tilt_per_m_hz` more nepers on each metre for each hertz above the carrier.
+    """
 
     patches: Patches
     once: F64
     chains: Chains
+    tilt_per_m_hz: float
 
 
 def as_measured(room: Room) -> Room:
     """The room with surfaces that scatter and absorb as those of measured rooms do."""
 
     def rougher(surface: Material) -> Material:
+        fittings = FITTINGS.get(surface.name, OTHER_FITTINGS)
         return replace(
             surface,
-            scattering=max(surface.scattering, LEAST_SCATTERING),
+            scattering=1 - (1 - surface.scattering) * (1 - fittings),
             absorption=float(np.clip(surface.absorption, *ABSORPTION)),
         )
 
@@ -89,13 +108,26 @@ def as_measured(room: Room) -> Room:
 def scattering_of(room: Room) -> Scattering:
     """Patches and chains of a room: the same for the same room and its seed."""
     faces, patches = faces_and_patches(room)
-    once = np.sqrt(patches.area * (faces.kept * faces.scattered)[patches.face] / np.pi)
+    once = np.sqrt(patches.area * faces.kept[patches.face] * patches.scattered / np.pi)
     particles = _particles(room, len(once))
     noted = _trace(room, faces, patches, particles)
     scattered = np.average(faces.scattered[patches.face], weights=patches.area)
     chains = _both_ways(noted, len(once), max(float(scattered), LEAST_SCATTERED))
     signs = draws_by_owner(room, 2, faces.cells.prod(axis=1), ())[patches.cell]
-    return Scattering(patches, np.where(signs < 0.5, -once, once), chains)
+    signed = np.where(signs < 0.5, -once, once)
+    return Scattering(patches, signed, chains, surface_tilt_per_m_hz(room, faces, patches))
+
+
+def surface_tilt_per_m_hz(room: Room, faces: Faces, patches: Patches) -> float:
+    """How much more surfaces damp with the frequency: the room's mean, by the mean free path.
+
+    A reflection takes ln(1 - a) / 2 nepers by the mean absorption a, one every 4 V / S (Eyring, J.
+    Acoust. Soc. Am. 1, 1930).
+    """
+    kept = max(float(np.average(faces.kept[patches.face], weights=patches.area)), LEAST_KEPT)
+    steeper = ABSORPTION_GROWS * (1 - kept) / (2 * kept * CARRIER_HZ)
+    volume_m3 = floor_area_m2(room) * room.height_m
+    return steeper * float(patches.area.sum()) / (4 * volume_m3)
 
 
 def _particles(room: Room, patches: int) -> int:
@@ -158,12 +190,13 @@ def _trace_particle(noted, count, faces, patches, boxes, walls, first, energy, d
             break
         x, y, z, leg = x + way * dx, y + way * dy, z + way * dz, leg + way
         energy *= faces.kept[f]
-        if draws[k, 2] >= faces.scattered[f]:
+        here = patch_at(faces, f, x, y, z)
+        share = patches.scattered[here] if here >= 0 else faces.scattered[f]
+        if draws[k, 2] >= share:
             n = faces.normal[f]
             into = 2.0 * (dx * n[0] + dy * n[1] + dz * n[2])
             dx, dy, dz = dx - into * n[0], dy - into * n[1], dz - into * n[2]
             continue
-        here = patch_at(faces, f, x, y, z)
         if here < 0:
             break
         length, leg, order = length + leg, 0.0, order + 1
@@ -182,7 +215,9 @@ def _trace_particles(noted, faces, patches, boxes, walls, draws):
     count, particles = 0, draws.shape[1]
     for first in range(draws.shape[0]):
         f = patches.face[first]
-        energy = patches.area[first] * faces.kept[f] * faces.scattered[f] / (np.pi * particles)
+        energy = (
+            patches.area[first] * faces.kept[f] * patches.scattered[first] / (np.pi * particles)
+        )
         for k in range(particles):
             count = _trace_particle(
                 noted, count, faces, patches, boxes, walls, first, energy, draws[first, k]

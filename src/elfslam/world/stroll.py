@@ -11,7 +11,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from elfslam.base.arrays import F64
-from elfslam.world.room import Room
+from elfslam.world.room import Room, floor_area_m2
 from elfslam.world.walkable import standing_room
 from elfslam.world.walker import (
     KINEMATICS_RATE_HZ,
@@ -66,9 +66,7 @@ def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
 
 def lane_of(room: Room) -> float:
     """How far people stray in a room of this size (standard deviation, m)."""
-    x, y = room.outline_m.T
-    area_m2 = 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-    return next(lane for most, lane in LANES_M if area_m2 <= most)
+    return next(lane for most, lane in LANES_M if floor_area_m2(room) <= most)
 
 
 def stroll(
