@@ -12,7 +12,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.line.motion import MotionParameters, find_footsteps
+from elfslam.line.motion import MotionParameters, dead_reckon, find_footsteps
+from elfslam.scoring.consistency import displacement_errors
 from elfslam.world.magnetic_field import Magnetism, magnetic_field
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox
@@ -28,6 +29,10 @@ MALL_M = np.array([240.0, 176.0])
 HALL_ACCESS_POINTS = 900
 SHOP_DEPTH_M = 10.0
 STILL_S = 1.0
+DISPLACEMENTS_M = (5.0, 20.0, 60.0)
+WAYPOINTS_M = 6.0
+WAYPOINT_SIGMA_M = 0.4
+"""How far apart waypoints of the mall are, and how far off surveyors tap them, per axis."""
 FRESH_S = 2.0
 STALE_S = 5.0
 MOST_HEARD = 150
@@ -116,6 +121,7 @@ def statistics(floors: Sequence[Floor]) -> Statistics:
     return {
         ("walks", ""): float(len(walks)),
         **_gait(recordings),
+        **_reckoning(walks),
         **_scans(recordings),
         **_rssi(floors),
         **_field(walks),
@@ -124,12 +130,13 @@ def statistics(floors: Sequence[Floor]) -> Statistics:
 
 def _simulated(world: World, walks: int, kind: str) -> Floor:
     sensors, rounds = (Sensor.WIFI, Sensor.MAGNETIC), 1 if world.name == "hall" else 4
-    return [
-        simulate(
+    floor = []
+    for seed in range(walks):
+        recording, truth = simulate(
             world, seed, rounds=rounds, walker=kind, sound=False, sensors=sensors, wifi=MALL_SCANS
         )
-        for seed in range(walks)
-    ]
+        floor.append((recording, as_tapped(truth, np.random.default_rng(seed))))
+    return floor
 
 
 def _mall(data: Path, count: int) -> Iterator[Floor]:
@@ -160,6 +167,34 @@ def _gait(recordings: Sequence[Recording]) -> Statistics:
         ("gyroscope scatter, quietest second", "rad/s"): float(np.median(gyro)),
         ("gyroscope scatter, median second", "rad/s"): float(np.median(turning)),
     }
+
+
+def _reckoning(walks: Sequence[tuple[Recording, Truth]]) -> Statistics:
+    """Root mean square errors of displacements by dead reckoning, along and across the way."""
+    reckoned = [
+        (dead_reckon(recording.imu, MotionParameters()), truth)
+        for recording, truth in walks
+        if recording.imu is not None
+    ]
+    found: Statistics = {}
+    for far_m in DISPLACEMENTS_M:
+        errors = [displacement_errors(odometry, truth, far_m) for odometry, truth in reckoned]
+        error_m = np.vstack([one.error_m for one in errors])
+        for axis, way in enumerate(("along", "across")):
+            rms_m = _mean(error_m[:, axis] ** 2) ** 0.5
+            found[f"displacement error over {far_m:g} m, {way}", "m"] = rms_m
+    return found
+
+
+def as_tapped(truth: Truth, generator: np.random.Generator) -> Truth:
+    """Truth as surveyors give it: waypoints on the way, each tapped a little off."""
+    poses = truth.world_from_body
+    walked_m = np.cumsum(
+        np.linalg.norm(np.diff(poses[:, :2], axis=0, prepend=poses[:1, :2]), axis=1)
+    )
+    rows = np.flatnonzero(np.diff((walked_m / WAYPOINTS_M).astype(int), prepend=-1))
+    xy_m = poses[rows, :2] + generator.normal(0.0, WAYPOINT_SIGMA_M, (len(rows), 2))
+    return Truth(truth.t_s[rows], np.column_stack([xy_m, np.full(len(rows), np.nan)]))
 
 
 def _scans(recordings: Sequence[Recording]) -> Statistics:

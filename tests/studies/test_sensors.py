@@ -11,7 +11,14 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.wifi import walls_crossed
-from studies.sensors import compare_sensors, hall, statistics
+from studies.sensors import (
+    WAYPOINT_SIGMA_M,
+    WAYPOINTS_M,
+    as_tapped,
+    compare_sensors,
+    hall,
+    statistics,
+)
 
 CADENCE_HZ = 1.8
 BOUNCE_MPS2 = 4.0
@@ -98,6 +105,30 @@ def test_places_are_not_mixed() -> None:
         apart["RSSI spread at one place", "dB"]
     )
     assert mixed["RSSI spread at one place", "dB"] == pytest.approx(40 / 2**0.5)
+
+
+def test_waypoints_are_tapped_on_the_way_and_a_little_off() -> None:
+    t_s = np.arange(0.0, 600.0, 0.02)
+    truth = Truth(t_s, np.column_stack([t_s, 0 * t_s, 0 * t_s]))
+    tapped = as_tapped(truth, np.random.default_rng(0))
+    off_m = tapped.world_from_body[:, :2] - np.column_stack([tapped.t_s, 0 * tapped.t_s])
+    assert np.diff(tapped.t_s) == pytest.approx(WAYPOINTS_M, abs=0.05)
+    assert off_m.std(axis=0) == pytest.approx([WAYPOINT_SIGMA_M] * 2, rel=0.2)
+    assert np.isnan(tapped.world_from_body[:, 2]).all()
+
+
+def test_displacements_of_a_straight_walk_err_along_and_not_across() -> None:
+    """A planted gait whose steps the line takes for shorter or longer than they are."""
+    recording, truth = walk_of(0)
+    t_s = np.arange(0.0, truth.t_s[-1], 5.0)
+    ways = Truth(t_s, np.column_stack([t_s, 0 * t_s, np.full(len(t_s), np.nan)]))
+    found = statistics([[(recording, ways)]])
+    along, across = (
+        found[f"displacement error over 20 m, {way}", "m"] for way in ("along", "across")
+    )
+    assert across < 0.01
+    assert along > 0.5
+    assert found["displacement error over 60 m, along", "m"] == pytest.approx(3 * along, rel=0.15)
 
 
 def test_the_hall_has_open_floor_and_shops_around() -> None:

@@ -29,7 +29,7 @@ LANES_M = ((120.0, 0.3), (600.0, 0.5), (np.inf, 0.8))
 """Standard deviation of lanes in rooms, offices and halls: floor of up to so many m2."""
 LANE_S = 25.0
 """How long a lane is kept."""
-ASIDE_S = 12.0
+ASIDE_S = 3.0
 WIDEST_M = 2.4
 PROBE_M = 0.1
 BESIDE = 160
@@ -44,22 +44,22 @@ def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
     """Someone who is no surveyor, and strays by `lane_m` (standard deviation)."""
     someone = random_walker(generator)
     return Walker(
-        speed_mps=someone.speed_mps * generator.uniform(0.8, 1.1),
+        speed_mps=someone.speed_mps * generator.uniform(0.9, 1.1),
         step_factor=someone.step_factor,
         height_m=someone.height_m,
         pitch_rad=someone.pitch_rad,
-        bounce_m=someone.bounce_m * generator.uniform(0.9, 1.4),
+        bounce_m=someone.bounce_m * generator.uniform(0.95, 1.05),
         body_distance_m=someone.body_distance_m,
         swing_rad=np.deg2rad(generator.uniform(3.0, 7.0)),
         nod_rad=np.deg2rad(generator.uniform(1.5, 3.5)),
         rock_rad=np.deg2rad(generator.uniform(2.0, 5.0)),
         tremor_rad=np.deg2rad(generator.uniform(0.2, 0.5)),
         step_noise=generator.uniform(0.1, 0.2),
-        impact=generator.uniform(0.03, 0.08),
+        impact=generator.uniform(0.045, 0.06),
         lane_m=lane_m,
-        aside_rad=np.deg2rad(7.0),
-        stops_per_min=generator.uniform(0.0, 1.0),
-        ways_back_per_min=generator.uniform(0.0, 0.4),
+        aside_rad=np.deg2rad(7.5),
+        stops_per_min=generator.uniform(0.0, 0.6),
+        ways_back_per_min=generator.uniform(0.0, 0.25),
         grips_per_min=generator.uniform(0.0, 1.0),
     )
 
@@ -85,7 +85,7 @@ def stroll(
         left_m=_within(_free_beside(lap_xy, room), np.cumsum(velocity) / lap_m, wanted),
         turned_rad=turned,
         aside_rad=person.aside_rad * smooth_noise(generator, count, ASIDE_S),
-        pitch_rad=_grips(person, count, np.deg2rad(10.0), generator),
+        pitch_rad=_grips(person, count, np.deg2rad(6.0), generator),
         lower_m=_grips(person, count, 0.05, generator),
     )
     return motion_along(person, lap_xy, lap_m, velocity, straying, generator)

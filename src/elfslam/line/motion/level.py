@@ -76,7 +76,7 @@ def evenly_sampled(imu: Imu) -> tuple[F64, F64, F64]:
 def still_bias(
     accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters, rest: Rest = NO_REST
 ) -> F64:
-    """Mean rate of turn (3) while standing still, then or before; zero where it never rests."""
+    """Mean rate of turn (3) while lying still, then or before; zero where it never rests."""
     still = still_rows(accel, gyro, rate_hz, parameters)
     count = rest.count + int(still.sum())
     return np.asarray((rest.sum_radps + gyro[still].sum(axis=0)) / max(count, 1))
@@ -134,10 +134,18 @@ def _cumulated(turns: Rotation) -> Rotation:
 
 
 def still_rows(accel: F64, gyro: F64, rate_hz: float, parameters: MotionParameters) -> Bool:
-    """Rows inside stretches where the phone hardly shakes or turns for long enough."""
+    """Rows inside stretches where the phone hardly shakes or turns for long enough.
+
+    A phone in a hand turns slowly for as long as it is held, which is no bias: its tremor tells.
+    """
     window = max(1, round(parameters.still_s * rate_hz))
-    shake = np.linalg.norm(accel - ndimage.uniform_filter1d(accel, window, axis=0), axis=1)
-    calm = (shake < parameters.still_accel_mps2) & (
-        np.linalg.norm(gyro, axis=1) < parameters.still_gyro_radps
+    shake, tremor = (
+        np.linalg.norm(rows - ndimage.uniform_filter1d(rows, window, axis=0), axis=1)
+        for rows in (accel, gyro)
+    )
+    calm = (
+        (shake < parameters.still_accel_mps2)
+        & (tremor < parameters.still_tremor_radps)
+        & (np.linalg.norm(gyro, axis=1) < parameters.still_gyro_radps)
     )
     return np.asarray(ndimage.binary_opening(calm, np.ones(window, bool)))

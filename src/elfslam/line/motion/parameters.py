@@ -91,6 +91,13 @@ class MotionParameters:
     still_gyro_radps: float = parameter(
         0.06, "rad/s", "standing still: largest rate of turn", low=0.0, high=10.0
     )
+    still_tremor_radps: float = parameter(
+        0.005,
+        "rad/s",
+        "lying still, not in a hand: largest deviation of the rate of turn",
+        low=0.0,
+        high=10.0,
+    )
     still_s: float = parameter(
         2.0,
         "s",

@@ -159,19 +159,22 @@ function turned(turns, [vx, vy, vz], sense) {
 }
 
 /**
- * Rows inside stretches where the phone hardly shakes or turns for long enough.
+ * Rows inside stretches where the phone hardly shakes or turns for long enough. One in a hand turns
+ * slowly for as long as it is held, which is no bias: its tremor tells.
  * @param {Axes} accel @param {Axes} gyro @param {number} rateHz
  * @returns {boolean[]}
  */
 export function stillRows(accel, gyro, rateHz, parameters) {
   const window = Math.max(1, roundHalfEven(parameters.still_s * rateHz));
-  const shake = accel.map((axis) => {
+  const [shake, tremor] = [accel, gyro].map((rows) => rows.map((axis) => {
     const mean = runningMean(axis, window, "reflect");
     return axis.map((value, k) => value - mean[k]);
-  });
+  }));
   const length = ([x, y, z], k) => Math.sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k]);
   const isCalm = Array.from(accel[0], (_, k) => (
-    length(shake, k) < parameters.still_accel_mps2 && length(gyro, k) < parameters.still_gyro_radps
+    length(shake, k) < parameters.still_accel_mps2
+    && length(tremor, k) < parameters.still_tremor_radps
+    && length(gyro, k) < parameters.still_gyro_radps
   ));
   return inRunsOf(isCalm, window);
 }
