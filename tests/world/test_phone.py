@@ -32,6 +32,7 @@ from elfslam.world.phone import (
     room_responses,
 )
 from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ
+from elfslam.world.ringing import Resonance, ringing
 from elfslam.world.room import box, shoebox
 from elfslam.world.scene import Scene, scene_of
 
@@ -212,3 +213,19 @@ def test_the_phone_colours_the_sound() -> None:
     ratio = np.abs(coloured[low:high] / plain[low:high])
     assert loud.sum() > 200
     np.testing.assert_allclose(ratio[loud], expected[loud], rtol=1e-2)
+
+
+def test_a_phone_rings_after_the_sound() -> None:
+    """The spectrum is the plain one times the ringing's, and it sounds on after the chirp."""
+    modes = (Resonance(19_700.0, 60.0, 1.2),)
+    responses = np.zeros((1, BAND_BINS), np.complex64)
+    responses[0, 20] = 1.0
+    rung = sound_of(responses, device=replace(PLAIN, ringing=modes))
+    plain = sound_of(responses)
+    first, low, high = (round(hz / BIN_HZ) for hz in (BAND_LOW_HZ, 15_000, 20_000))
+    ratio = (np.fft.rfft(rung) / np.fft.rfft(plain))[low:high]
+    hz = BAND_LOW_HZ + BIN_HZ * np.arange(low - first, high - first)
+    np.testing.assert_allclose(ratio, ringing(modes, hz), rtol=1e-3)
+    chirp_end = round(44_100 * (20 / BASEBAND_HZ + 0.010)) + 20
+    late = slice(chirp_end, chirp_end + 60)
+    assert np.linalg.norm(rung[late]) > 3 * np.linalg.norm(plain[late])

@@ -13,6 +13,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
+from elfslam.world.ringing import Resonance
 
 BAND_LOW_HZ = 14_350.0
 BAND_BINS = 630
@@ -103,6 +104,7 @@ class Device(Value):
     all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
     recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
     `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
+    Both transducers together ring as `ringing` says.
     Raises InputError where both transducers are at one place or a magnitude is negative.
     """
 
@@ -120,6 +122,7 @@ class Device(Value):
     clip_level: float = 1.0
     clock_skew_ppm: float = 0.0
     jitter_s: float = 0.0
+    ringing: tuple[Resonance, ...] = ()
 
     def __post_init__(self) -> None:
         super().__post_init__()

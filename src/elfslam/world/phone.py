@@ -27,6 +27,7 @@ from elfslam.world.pulses import (
     make_rays,
     pulse_table,
 )
+from elfslam.world.ringing import ringing
 from elfslam.world.scene import Scene
 
 FRAME_S = 1.0 / BIN_HZ
@@ -217,16 +218,16 @@ def render_frames(responses: C64, chirp: Chirp, device: Device, jitter_s: F64 | 
     `separation` after it.
     """
     size = round(FRAME_S * chirp.rate_hz)
-    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
     first = round(BAND_LOW_HZ / BIN_HZ)
-    band = (device.level * device.response * chirp_spectrum[first : first + BAND_BINS]).astype(
-        np.complex64
-    )
+    frequency_hz: F64 = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS, dtype=np.float64)
+    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
+    band = device.level * device.response * chirp_spectrum[first : first + BAND_BINS]
+    if device.ringing:
+        band *= ringing(device.ringing, frequency_hz)
     spectrum = np.zeros((len(responses), size // 2 + 1), dtype=np.complex64)
     envelope = fft.fftshift(fft.fft(responses, axis=1), axes=1)
     if jitter_s is not None and jitter_s.any():
-        frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
         turns = np.multiply.outer(jitter_s, frequency_hz)
         envelope = envelope * np.exp(-2j * np.pi * turns).astype(np.complex64)
-    np.multiply(envelope, band, out=spectrum[:, first : first + BAND_BINS])
+    np.multiply(envelope, band.astype(np.complex64), out=spectrum[:, first : first + BAND_BINS])
     return np.asarray(fft.irfft(spectrum, size, axis=1), dtype=np.float32)
