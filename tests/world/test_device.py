@@ -19,6 +19,7 @@ from elfslam.world.device import (
     ICM20948,
     LSM6DSO,
     Device,
+    Lobes,
     built_in_device,
     built_in_grade,
     named_device,
@@ -130,6 +131,12 @@ def test_phones_that_cannot_be_are_refused() -> None:
     for wrong in ({"clip_level": 0.0}, {"noise_rms": -1e-5}, {"jitter_s": -1.0}, {"level": -1.0}):
         with pytest.raises(InputError, match="wanted a positive clip level"):
             Device("odd", flat, **wrong)
+
+
+@pytest.mark.parametrize(("share", "spacing_m"), [(-0.1, 0.05), (1.1, 0.05), (0.3, -0.01)])
+def test_lobes_that_cannot_be_are_refused(share: float, spacing_m: float) -> None:
+    with pytest.raises(InputError, match="lobes: wanted a share from 0 to 1 and a spacing from 0"):
+        Lobes(share, spacing_m)
 
 
 def test_random_phones_are_the_old_ones_with_geometry_and_clock() -> None:

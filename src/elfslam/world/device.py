@@ -95,12 +95,36 @@ def _vector(x: float, y: float, z: float, *, unit: bool = False) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
+class Lobes(Value):
+    """Lobes of a transducer, which the edges of the phone make: a pair of sources beside it.
+
+    They stand `spacing_m` apart along `axis` (of the phone's axes, the transducer in the middle)
+    and have `share` of the sound between them; all are in phase. Far away this is a gain of
+    (1 - share) + share cos(pi spacing cos(angle to the axis) / wavelength). Raises InputError for
+    a share beyond 0 to 1 or a negative spacing.
+    """
+
+    share: float = 0.0
+    spacing_m: float = 0.0
+    axis: F64 = _vector(1.0, 0.0, 0.0, unit=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (0 <= self.share <= 1 and 0 <= self.spacing_m < np.inf):
+            raise InputError(
+                f"lobes: wanted a share from 0 to 1 and a spacing from 0, got {self.share} and "
+                f"{self.spacing_m} m; correct them"
+            )
+
+
+@dataclass(frozen=True, eq=False)
 class Device(Value):
     """An acoustic phone: a loudspeaker and a microphone with response and directivity.
 
     Its axes are x to the right of the screen, y up the screen (forward) and z out of it; positions
     are from the phone's centre. `response` is the product of both transducers over the 630 bins.
-    A directivity b gives the gain (1 - b) + b cos(angle to the transducer's axis). `level` scales
+    A directivity b gives the gain (1 - b) + b cos(angle to the transducer's axis), which the lobes
+    cut up. `level` scales
     all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
     recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
     `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
@@ -123,6 +147,8 @@ class Device(Value):
     clock_skew_ppm: float = 0.0
     jitter_s: float = 0.0
     ringing: tuple[Resonance, ...] = ()
+    speaker_lobes: Lobes = field(default_factory=Lobes)
+    microphone_lobes: Lobes = field(default_factory=Lobes)
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -15,8 +15,8 @@ from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.world.acoustics import add_echoes
-from elfslam.world.air import absorption_db_per_m, speed_of_sound_mps
-from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device
+from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
+from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, Lobes
 from elfslam.world.kernels import kernel
 from elfslam.world.paths import MOST_REFLECTIONS, Reach, make_plan_paths
 from elfslam.world.pulses import (
@@ -54,7 +54,11 @@ class Poses(Value):
 
 
 class Ends(NamedTuple):
-    """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes."""
+    """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes.
+
+    What lies `across` is the axis of a transducer's lobes, as long as half their spacing is in
+    wavelengths of the carrier; without, there are none.
+    """
 
     speaker: F64
     microphone: F64
@@ -66,9 +70,13 @@ class Ends(NamedTuple):
     speaker_directivity: float
     microphone_directivity: float
     held: bool
+    speaker_across: F64 | None = None
+    microphone_across: F64 | None = None
+    speaker_lobe_share: float = 0.0
+    microphone_lobe_share: float = 0.0
 
 
-COLUMNS = Ends._fields[:7]
+COLUMNS = (*Ends._fields[:7], "speaker_across", "microphone_across")
 """Those of its fields that have a row for every phone."""
 
 Engine = Callable[[Scene, Ends, F64, Air, Reach], C64]
@@ -104,6 +112,10 @@ def ends_of(device: Device, poses: Poses) -> Ends:
     def placed(local: F64) -> F64:
         return np.ascontiguousarray(poses.world_from_phone @ local)
 
+    def across(lobes: Lobes) -> F64:
+        waves = 0.5 * lobes.spacing_m * CARRIER_HZ / SPEED_OF_SOUND_MPS
+        return placed(waves * lobes.axis)
+
     return Ends(
         poses.position_m + placed(device.speaker_m),
         poses.position_m + placed(device.microphone_m),
@@ -115,6 +127,10 @@ def ends_of(device: Device, poses: Poses) -> Ends:
         device.speaker_directivity,
         device.microphone_directivity,
         True,
+        across(device.speaker_lobes),
+        across(device.microphone_lobes),
+        device.speaker_lobes.share,
+        device.microphone_lobes.share,
     )
 
 
@@ -136,6 +152,8 @@ def one_phone(ends, row):
         ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
         ends.microphone_velocity[row],
         ends.speaker_directivity, ends.microphone_directivity, ends.held,
+        ends.speaker_across[row], ends.microphone_across[row],
+        ends.speaker_lobe_share, ends.microphone_lobe_share,
     )  # fmt: skip
 
 
@@ -151,12 +169,19 @@ def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
 
 def plain_rows(ends: Ends, rows: slice) -> Ends:
     """Some rows as arrays of one kind: a kernel is compiled anew for every other kind."""
-    columns = {name: np.array(getattr(ends, name)[rows], dtype=np.float64) for name in COLUMNS}
+    none = np.zeros_like(ends.speaker)
+    given = {name: getattr(ends, name) for name in COLUMNS}
+    columns = {
+        name: np.array((none if column is None else column)[rows], dtype=np.float64)
+        for name, column in given.items()
+    }
     return Ends(
         **columns,
         speaker_directivity=float(ends.speaker_directivity),
         microphone_directivity=float(ends.microphone_directivity),
         held=bool(ends.held),
+        speaker_lobe_share=float(ends.speaker_lobe_share),
+        microphone_lobe_share=float(ends.microphone_lobe_share),
     )
 
 

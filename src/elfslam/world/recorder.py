@@ -182,6 +182,7 @@ def _between(device: Device, poses: Poses, speaker_m: F64) -> Ends:
     return ends._replace(
         speaker=np.tile(speaker_m, (count, 1)),
         speaker_directivity=0.0,
+        speaker_lobe_share=0.0,
         speaker_velocity=np.zeros((count, 3)),
         held=False,
     )
