@@ -22,6 +22,7 @@ from elfslam.world.circumstances import (
     room_on,
     whereabouts,
 )
+from elfslam.world.cover import muffled
 from elfslam.world.device import Device
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
@@ -88,6 +89,7 @@ def record_walk(
     if circumstances.engine == "pyroomacoustics":
         poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
+    covered_db = covered_at(motion, starts / rate_hz)
     gain_db = loudness_of_chirps(circumstances.softer_db, len(starts), seed)
     for first in range(0, len(starts), BLOCK):
         rows = slice(first, first + BLOCK)
@@ -95,6 +97,7 @@ def record_walk(
         heard = room_responses(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
+        heard = muffled(heard, covered_db[rows])
         sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
         _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
         progress(min((first + BLOCK) / len(starts), 1.0))
@@ -137,12 +140,23 @@ def phone_poses(
     walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64
 ) -> Poses:
     """The phone at each of the times, and who else is about."""
-    at = np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1)
+    at = _samples_at(motion, t_s)
     velocity = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)[at]
     axes = phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
     position = motion.position_m[at]
     others = whereabouts(world, people, seed, t_s, position[:, :2])
     return Poses(position, axes, velocity, np.full(len(at), walker.body_distance_m), others)
+
+
+def covered_at(motion: Motion, t_s: F64) -> F64:
+    """What a hand takes of the sound at the loudspeaker (n, dB) at each of the times."""
+    if motion.covered_db is None:
+        return np.zeros(len(t_s))
+    return np.asarray(motion.covered_db[_samples_at(motion, t_s)])
+
+
+def _samples_at(motion: Motion, t_s: F64) -> I64:
+    return np.asarray(np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1))
 
 
 def _rows(poses: Poses, rows: slice | I64) -> Poses:
