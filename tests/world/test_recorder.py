@@ -16,6 +16,7 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world import recorder
 from elfslam.world.circumstances import SOUNDS, Circumstances
 from elfslam.world.device import Device, built_in_device
+from elfslam.world.gain_control import GainControl, controlled
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at
 from elfslam.world.recorder import (
@@ -271,6 +272,21 @@ def test_what_is_too_loud_is_clipped(monkeypatch: pytest.MonkeyPatch) -> None:
     clipped = recorded()
     assert np.abs(full).max() > 0.05
     np.testing.assert_array_equal(clipped, np.clip(full, -0.02, 0.02).astype(np.float32))
+
+
+def test_gain_control_comes_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the noise, and within full scale."""
+    phone = replace(built_in_device("cheap"), clip_level=0.5)
+    use(monkeypatch, phone)
+    plain = recorded()
+    control = GainControl(attack_s=0.02, release_s=0.05, target_level=0.3)
+    use(monkeypatch, replace(phone, gain_control=control))
+    ridden = recorded()
+    assert ridden.tobytes() == controlled(plain, control, 44_100, 0.5).tobytes()
+    assert np.abs(plain).max() < 0.4
+    assert np.abs(ridden).max() == 0.5
+    before = slice(0, latency_of(44_100))
+    assert ridden[before].std() > 1.2 * plain[before].std()
 
 
 # --- the same bytes ---

@@ -13,6 +13,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
+from elfslam.world.gain_control import GainControl
 from elfslam.world.ringing import Resonance
 
 BAND_LOW_HZ = 14_350.0
@@ -128,7 +129,7 @@ class Device(Value):
     all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
     recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
     `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
-    Both transducers together ring as `ringing` says.
+    Both transducers together ring as `ringing` says. What is recorded passes the `gain_control`.
     Raises InputError where both transducers are at one place or a magnitude is negative.
     """
 
@@ -149,6 +150,7 @@ class Device(Value):
     ringing: tuple[Resonance, ...] = ()
     speaker_lobes: Lobes = field(default_factory=Lobes)
     microphone_lobes: Lobes = field(default_factory=Lobes)
+    gain_control: GainControl | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()

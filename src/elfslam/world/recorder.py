@@ -24,6 +24,7 @@ from elfslam.world.circumstances import (
 )
 from elfslam.world.cover import muffled
 from elfslam.world.device import Device
+from elfslam.world.gain_control import controlled
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
 from elfslam.world.phone import (
@@ -107,8 +108,10 @@ def record_walk(
     for k, (name, sound_of) in enumerate(SOUNDS.items()):
         if name in circumstances.sounds:
             stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
-    audio = Audio(record(stream, stage.device, generator)[None, :], rate_hz)
-    return audio, np.asarray((starts - latency) / rate_hz), gain_db
+    device = stage.device
+    recorded = record(stream, device, generator)
+    loud = controlled(recorded, device.gain_control, rate_hz, device.clip_level)
+    return Audio(loud[None, :], rate_hz), np.asarray((starts - latency) / rate_hz), gain_db
 
 
 def loudness_of_chirps(softer_db: float, count: int, seed: int) -> F64:
