@@ -22,7 +22,8 @@ from one_phone import (
 
 from elfslam.base.arrays import F64
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.world.device import Lobes, built_in_device
+from elfslam.world.device import built_in_device
+from elfslam.world.lobes import Lobes
 from elfslam.world.phone import Ends, image_echoes, render_frames
 from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ
 from elfslam.world.room import shoebox

@@ -16,8 +16,9 @@ from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.world.acoustics import add_echoes
 from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
-from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, Lobes
+from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, band_hz
 from elfslam.world.kernels import kernel
+from elfslam.world.lobes import Lobes
 from elfslam.world.paths import MOST_REFLECTIONS, Reach, make_plan_paths
 from elfslam.world.pulses import (
     C64,
@@ -244,15 +245,14 @@ def render_frames(responses: C64, chirp: Chirp, device: Device, jitter_s: F64 | 
     """
     size = round(FRAME_S * chirp.rate_hz)
     first = round(BAND_LOW_HZ / BIN_HZ)
-    frequency_hz: F64 = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS, dtype=np.float64)
     chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
     band = device.level * device.response * chirp_spectrum[first : first + BAND_BINS]
     if device.ringing:
-        band *= ringing(device.ringing, frequency_hz)
+        band *= ringing(device.ringing, band_hz())
     spectrum = np.zeros((len(responses), size // 2 + 1), dtype=np.complex64)
     envelope = fft.fftshift(fft.fft(responses, axis=1), axes=1)
     if jitter_s is not None and jitter_s.any():
-        turns = np.multiply.outer(jitter_s, frequency_hz)
+        turns = np.multiply.outer(jitter_s, band_hz())
         envelope = envelope * np.exp(-2j * np.pi * turns).astype(np.complex64)
     np.multiply(envelope, band.astype(np.complex64), out=spectrum[:, first : first + BAND_BINS])
     return np.asarray(fft.irfft(spectrum, size, axis=1), dtype=np.float32)
