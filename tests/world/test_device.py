@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -19,12 +21,15 @@ from elfslam.world.device import (
     ICM20948,
     LSM6DSO,
     Device,
+    band_hz,
     built_in_device,
     built_in_grade,
     named_device,
     random_device,
     smooth_response,
 )
+from elfslam.world.gain_control import GainControl
+from elfslam.world.ringing import ringing
 
 PINNED = {
     "simulated phone": [0.791577, 1.704771, 0.829358, 0.544091],
@@ -33,8 +38,11 @@ PINNED = {
     "cheap": [0.916844, 0.976849, 0.552415, 0.084549],
     "tablet": [1.938015, 0.451567, 1.189571, 2.539347],
     "bottom-fired": [1.07837, 2.038577, 0.572359, 0.741531],
+    "ordinary phone": [2.051283, 1.082757, 0.687397, 0.715746],
+    "other ordinary phone": [1.649372, 0.704209, 1.961191, 0.57631],
 }
 """Responses at bins 0, 200, 400 and 629."""
+ORDINARY = ("ringing", "speaker_lobes", "microphone_lobes", "noise_rms", "gain_control")
 
 
 @given(seed=st.integers(0, 2**32 - 1), ripple_db=st.floats(0.5, 30.0))
@@ -102,11 +110,39 @@ def test_the_cheap_phone_falls_steeply_above_18_khz() -> None:
 
 @pytest.mark.parametrize("name", DEVICES)
 def test_no_built_in_phone_clips_its_own_direct_sound(name: str) -> None:
-    """A chirp of full scale sweeps the band, so its peak follows the response."""
+    """A chirp of full scale sweeps the band, so its peak follows the response and the ringing."""
     phone = built_in_device(name)
     chirped = slice(65, 565)
-    peak = phone.level * phone.direct_gain / phone.separation_m * phone.response[chirped].max()
-    assert peak < phone.clip_level
+    gain = np.abs(phone.response * ringing(phone.ringing, band_hz()))[chirped].max()
+    assert phone.level * phone.direct_gain / phone.separation_m * gain < phone.clip_level
+
+
+def test_the_ordinary_phones_have_kept_all_their_numbers() -> None:
+    one, other = built_in_device("ordinary phone"), built_in_device("other ordinary phone")
+    assert [(mode.frequency_hz, mode.q, mode.gain) for mode in one.ringing] == [
+        (15_700.0, 8.0, 0.5), (17_200.0, 14.0, -0.4), (18_900.0, 20.0, 0.6),
+    ]  # fmt: skip
+    assert [(mode.frequency_hz, mode.q, mode.gain) for mode in other.ringing] == [
+        (16_300.0, 20.0, 0.7), (19_300.0, 9.0, 0.5),
+    ]  # fmt: skip
+    assert (one.noise_rms, other.noise_rms) == (3.6e-4, 7e-4)
+    assert (one.gain_control, other.gain_control) == (None, GainControl(0.005, 0.25, 0.05, 18.0))
+    lobes = [one.speaker_lobes, one.microphone_lobes, other.speaker_lobes, other.microphone_lobes]
+    assert [(pair.share, pair.spacing_m, *pair.axis) for pair in lobes] == [
+        (0.3, 0.07, 0.96, 0.0, 0.28), (0.15, 0.03, 0.8, 0.0, -0.6),
+        (0.22, 0.045, 0.8, 0.6, 0.0), (0.2, 0.055, 1.0, 0.0, 0.0),
+    ]  # fmt: skip
+    assert one.separation_m == pytest.approx(0.15107, abs=1e-5)
+    assert other.separation_m == pytest.approx(0.15108, abs=1e-5)
+    assert (one.clock_skew_ppm, other.clock_skew_ppm) == (8.0, -12.0)
+
+
+@pytest.mark.parametrize("name", [name for name in DEVICES if "ordinary" not in name])
+def test_the_other_phones_are_as_ideal_as_before(name: str) -> None:
+    phone = built_in_device(name)
+    assert (phone.ringing, phone.gain_control) == ((), None)
+    assert phone.speaker_lobes.share == phone.microphone_lobes.share == 0.0
+    assert phone.noise_rms in (2e-5, 1e-4)
 
 
 def test_an_unknown_phone_gets_the_near_one() -> None:
@@ -142,6 +178,18 @@ def test_random_phones_are_the_old_ones_with_geometry_and_clock() -> None:
     assert phone.direct_gain == old.uniform(0.4, 1.0)
     assert phone.noise_rms == pytest.approx(np.exp(old.uniform(np.log(5e-6), np.log(1e-4))))
     assert generator.uniform() == old.uniform()
+
+
+def test_random_phones_are_ordinary_when_asked() -> None:
+    """What is not of ordinary phones alone is drawn as before."""
+    generator, old = np.random.default_rng(3), np.random.default_rng(3)
+    phone, plain = random_device(generator, ordinary=True), random_device(old)
+    assert generator.uniform() == old.uniform()
+    for item in fields(Device):
+        if item.name not in ORDINARY:
+            assert repr(getattr(phone, item.name)) == repr(getattr(plain, item.name))
+    assert (len(phone.ringing) >= 2) > len(plain.ringing)
+    assert phone.noise_rms > 1e-4
 
 
 def test_random_phones_differ_in_geometry_and_clock() -> None:

@@ -65,6 +65,24 @@ def test_a_chain_is_heard_after_its_way_and_at_its_gain(first: int, last: int) -
     assert abs(np.angle(carrier)) < 0.05
 
 
+def test_lobes_are_those_of_the_mirror_images() -> None:
+    """A chain's gain is its first direction's at the speaker times its last one's at the ear."""
+    chain = one_chain(scattering_of(rough_room()), 0, 30, 2.5)
+    across = np.array([0.3, 1.4, -0.5])
+    ends = ends_at()._replace(
+        speaker_across=across[None], microphone_across=-0.6 * across[None],
+        speaker_lobe_share=0.3, microphone_lobe_share=0.2,
+    )  # fmt: skip
+    away = [chain.patches.point[0] - SPEAKER_M, chain.patches.point[30] - MICROPHONE_M]
+    turns = [part @ across / np.linalg.norm(part) for part in away]
+    law = (0.7 + 0.3 * np.cos(2 * np.pi * turns[0])) * (0.8 + 0.2 * np.cos(1.2 * np.pi * turns[1]))
+    assert 0.2 < law < 0.9
+    plain, lobed = heard(chain, ends_at()), heard(chain, ends)
+    assert np.abs(lobed - law * plain).max() < 1e-5 * np.abs(plain).max()
+    none = ends._replace(speaker_lobe_share=0.0, microphone_lobe_share=0.0)
+    assert heard(chain, none).tobytes() == plain.tobytes()
+
+
 def test_a_patch_alone_is_heard_as_loud_as_it_scatters() -> None:
     """Its glints add up as energies: on average over patches they are the law's."""
     whole = scattering_of(rough_room())

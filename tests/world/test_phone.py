@@ -17,6 +17,7 @@ from elfslam.base.values import Chirp
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import absorption_db_per_m
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_in_device
+from elfslam.world.lobes import Lobes
 from elfslam.world.materials import material
 from elfslam.world.paths import MOST_REFLECTIONS, Reach
 from elfslam.world.phone import (
@@ -32,6 +33,7 @@ from elfslam.world.phone import (
     room_responses,
 )
 from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ
+from elfslam.world.ringing import Resonance, ringing
 from elfslam.world.room import box, shoebox
 from elfslam.world.scene import Scene, scene_of
 
@@ -97,6 +99,28 @@ def test_ends_are_where_the_device_has_them() -> None:
     np.testing.assert_allclose(ends.microphone_axis, [[0, 0, 1]], atol=1e-12)
     np.testing.assert_allclose(ends.ahead, [[0, 1]], atol=1e-12)
     assert ends.held
+
+
+def test_lobes_turn_with_the_phone() -> None:
+    """What lies across is half the spacing in wavelengths: 7 cm are 1.79 to each side."""
+    device = replace(
+        PLAIN, speaker_lobes=Lobes(0.3, 0.07),
+        microphone_lobes=Lobes(0.2, 0.03, np.array([0.0, 0.0, 1.0])),
+    )  # fmt: skip
+    ends = ends_of(
+        device, poses_at(np.array([[1.0, 2.0, 1.2]]), np.full(1, np.pi / 2), np.full(1, np.pi / 2))
+    )
+    waves = CARRIER_HZ / 343.0
+    np.testing.assert_allclose(ends.speaker_across, [[0.035 * waves, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(ends.microphone_across, [[0, -0.015 * waves, 0]], atol=1e-12)
+    assert (ends.speaker_lobe_share, ends.microphone_lobe_share) == (0.3, 0.2)
+    poses = some_poses(2)
+    air, nobody = air_at(), some_poses(2).people_m
+    lobed, plain = (
+        image_echoes(scene(), ends_of(made, poses), nobody, air, Reach())
+        for made in (device, PLAIN)
+    )
+    assert 0.2 < np.linalg.norm(lobed) / np.linalg.norm(plain) < 0.9
 
 
 @pytest.mark.parametrize(("temperature_c", "speed_mps"), [(20.0, 343.2), (0.0, 331.3)])
@@ -212,3 +236,19 @@ def test_the_phone_colours_the_sound() -> None:
     ratio = np.abs(coloured[low:high] / plain[low:high])
     assert loud.sum() > 200
     np.testing.assert_allclose(ratio[loud], expected[loud], rtol=1e-2)
+
+
+def test_a_phone_rings_after_the_sound() -> None:
+    """The spectrum is the plain one times the ringing's, and it sounds on after the chirp."""
+    modes = (Resonance(19_700.0, 60.0, 1.2),)
+    responses = np.zeros((1, BAND_BINS), np.complex64)
+    responses[0, 20] = 1.0
+    rung = sound_of(responses, device=replace(PLAIN, ringing=modes))
+    plain = sound_of(responses)
+    first, low, high = (round(hz / BIN_HZ) for hz in (BAND_LOW_HZ, 15_000, 20_000))
+    ratio = (np.fft.rfft(rung) / np.fft.rfft(plain))[low:high]
+    hz = BAND_LOW_HZ + BIN_HZ * np.arange(low - first, high - first)
+    np.testing.assert_allclose(ratio, ringing(modes, hz), rtol=1e-3)
+    chirp_end = round(44_100 * (20 / BASEBAND_HZ + 0.010)) + 20
+    late = slice(chirp_end, chirp_end + 60)
+    assert np.linalg.norm(rung[late]) > 3 * np.linalg.norm(plain[late])

@@ -23,8 +23,9 @@ from one_phone import (
 from elfslam.base.arrays import F64
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.device import built_in_device
+from elfslam.world.lobes import Lobes
 from elfslam.world.phone import Ends, image_echoes, render_frames
-from elfslam.world.pulses import BODY_SHADOW
+from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ
 from elfslam.world.room import shoebox
 from elfslam.world.scene import Scene, scene_of
 
@@ -85,6 +86,67 @@ def test_a_lobe_is_one_minus_b_plus_b_cosine(forward: float) -> None:
     ends = ends_at([2.0, 2.5, 1.5], [4.0, 2.5, 1.5], axis=axis, directivity=0.3)
     lobes = (0.7 + 0.3 * forward) * (0.7 - 0.3 * forward)
     assert_one_path(heard(dead_room(), ends), 2.0, lobes)
+
+
+LOBES = Lobes(0.35, 0.07, np.array([0.0, 0.8, 0.6]))
+
+
+def lobed_ends(ends: Ends, lobes: Lobes = LOBES) -> Ends:
+    """Both transducers have these lobes, along the room's axes; the microphone half the share."""
+    across = 0.5 * lobes.spacing_m * CARRIER_HZ / 343.0 * lobes.axis[None]
+    shares = {"speaker_lobe_share": lobes.share, "microphone_lobe_share": lobes.share / 2}
+    return ends._replace(speaker_across=across, microphone_across=across, **shares)
+
+
+def gain_towards(direction: F64, share: float) -> float:
+    """Of a source of 1 - share and two of half the share, `spacing_m` apart, summed far away."""
+    waves = LOBES.spacing_m / 2 * CARRIER_HZ / 343.0 * (LOBES.axis @ direction)
+    pair = np.exp(2j * np.pi * waves * np.array([-1, 1])).sum() * share / 2
+    return float(abs(1 - share + pair))
+
+
+@pytest.mark.parametrize("turned_rad", [0.0, 0.2, 0.45, 0.9, 1.5])
+def test_lobes_are_those_of_three_sources(turned_rad: float) -> None:
+    direction = np.array([np.cos(turned_rad), np.sin(turned_rad) * 0.6, np.sin(turned_rad) * 0.8])
+    place_m = np.array([2.0, 2.0, 1.0])
+    ends = lobed_ends(ends_at(place_m, place_m + 1.5 * direction))
+    law = gain_towards(direction, 0.35) * gain_towards(-direction, 0.175)
+    assert_one_path(heard(dead_room(), ends), 1.5, law)
+
+
+def test_lobes_cut_the_sound_up() -> None:
+    """Within half a turn the gain falls from 1 to 1 - 2 share and rises again more than twice."""
+    place_m, plain, gains = np.array([2.0, 2.0, 1.2]), [], []
+    for turned in np.linspace(-np.pi / 2, np.pi / 2, 120):
+        direction = np.array([np.cos(turned), 0.8 * np.sin(turned), 0.6 * np.sin(turned)])
+        ends = ends_at(place_m, place_m + direction)
+        across = 0.035 * CARRIER_HZ / 343.0 * LOBES.axis[None]
+        lobed = ends._replace(speaker_across=across, speaker_lobe_share=0.35)
+        gains.append(np.linalg.norm(heard(dead_room(), lobed)))
+        plain.append(np.linalg.norm(heard(dead_room(), ends)))
+    ratio = np.array(gains) / plain
+    assert ratio.max() == pytest.approx(1.0, abs=0.02)
+    assert ratio.min() == pytest.approx(0.3, abs=0.02)
+    assert (np.diff(np.sign(np.diff(ratio))) > 0).sum() >= 3
+
+
+def test_lobes_without_a_share_change_no_byte() -> None:
+    room, ends = shoebox(SIZE_M, (HARD,) * 6), ends_at(directivity=0.3, held=True, ahead=(1.0, 0.0))
+    none = lobed_ends(ends, Lobes(0.0, 0.07))
+    some = lobed_ends(ends)
+    assert heard(room, none).tobytes() == heard(room, ends).tobytes() != heard(room, some).tobytes()
+
+
+def test_lobed_ends_may_change_places() -> None:
+    """Reciprocity: speaker and microphone with all that is theirs."""
+    room, forth = shoebox(SIZE_M, (HARD,) * 6), lobed_ends(ends_at())
+    back = forth._replace(
+        speaker=forth.microphone, microphone=forth.speaker,
+        speaker_lobe_share=forth.microphone_lobe_share,
+        microphone_lobe_share=forth.speaker_lobe_share,
+    )  # fmt: skip
+    there, again = heard(room, forth), heard(room, back)
+    assert np.abs(there - again).max() < 1e-6 * np.abs(there).max()
 
 
 def test_the_holder_shadows_what_is_behind() -> None:

@@ -138,6 +138,9 @@ def test_rough_walls_moving_phones_and_places_outside_are_refused() -> None:
     moving = ends_at()._replace(microphone_velocity=np.array([[1.0, 0.0, 0.0]]))
     with pytest.raises(InputError, match="no moving phones; leave"):
         pyroom.image_echoes(rectangle(), moving, NOBODY, air_at(), REACH)
+    lobed = ends_at()._replace(microphone_lobe_share=0.2)
+    with pytest.raises(InputError, match="no lobes; leave"):
+        pyroom.image_echoes(rectangle(), lobed, NOBODY, air_at(), REACH)
     with pytest.raises(InputError, match="hears nothing outside a room; move the phones"):
         pyroom.image_echoes(ell(), ends_at(), NOBODY, air_at(), REACH)
 

@@ -16,6 +16,7 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world import recorder
 from elfslam.world.circumstances import SOUNDS, Circumstances
 from elfslam.world.device import Device, built_in_device
+from elfslam.world.gain_control import GainControl, controlled
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at
 from elfslam.world.recorder import (
@@ -60,10 +61,12 @@ def recorded(
     rate_hz: int = 44_100,
     seed: int = SEED,
     world: World | None = None,
+    motion: Motion | None = None,
 ) -> F32:
     heard, *_ = record_walk(
         world or closet(), circumstances or Circumstances(device="flat"), walker(),
-        standing(duration_s), rate_hz, seed, np.random.default_rng(seed), lambda share: None,
+        motion or standing(duration_s), rate_hz, seed, np.random.default_rng(seed),
+        lambda share: None,
     )  # fmt: skip
     assert isinstance(heard, Audio)
     assert heard.rate_hz == rate_hz
@@ -145,6 +148,32 @@ def test_a_built_in_phone_has_its_own_clock() -> None:
     stream = recorded(Circumstances(device="cheap"), duration_s=10.0)
     found = arrivals(stream, 44_100, latency_of(44_100) + 19.3, 4410, 95)
     assert found[-1] - found[0] - 94 * 4410 == pytest.approx(94 * 4410 * 20e-6, abs=0.5)
+
+
+# --- a covered port ---
+
+
+def test_a_covered_port_takes_from_direct_sound_and_echoes(monkeypatch: pytest.MonkeyPatch) -> None:
+    """From the second on in which it is covered; what others play is as loud as before."""
+    use(monkeypatch, FLAT)
+    motion = standing(3.0)
+    late = np.where(motion.t_s > 1.5, 12.0, 0.0)
+    asked = Circumstances(sounds=("clicks",))
+    plain = recorded()
+    opened, closed = (
+        recorded(asked, motion=replace(motion, covered_db=cover)) for cover in (None, late)
+    )
+    sounds = opened - plain
+    band = signal.butter(6, (15_500, 19_500), "bandpass", fs=44_100, output="sos")
+    loud, soft = (
+        signal.sosfiltfilt(band, (stream - sounds).astype(float)) for stream in (opened, closed)
+    )
+    for part in (slice(50, 460), slice(700, 2000)):  # the direct chirp, and echoes alone
+        starts = range(latency_of(44_100), 27 * 4410, 4410)
+        levels = [[np.linalg.norm(stream[k:][part]) for k in starts] for stream in (loud, soft)]
+        taken_db = 20 * np.log10(np.divide(*levels))
+        assert taken_db[:13] == pytest.approx(0.0, abs=0.01)
+        assert taken_db[15:] == pytest.approx(12.0, abs=1.5)
 
 
 # --- other phones ---
@@ -243,6 +272,21 @@ def test_what_is_too_loud_is_clipped(monkeypatch: pytest.MonkeyPatch) -> None:
     clipped = recorded()
     assert np.abs(full).max() > 0.05
     np.testing.assert_array_equal(clipped, np.clip(full, -0.02, 0.02).astype(np.float32))
+
+
+def test_gain_control_comes_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """After the noise, and within full scale."""
+    phone = replace(built_in_device("cheap"), clip_level=0.5)
+    use(monkeypatch, phone)
+    plain = recorded()
+    control = GainControl(attack_s=0.02, release_s=0.05, target_level=0.3)
+    use(monkeypatch, replace(phone, gain_control=control))
+    ridden = recorded()
+    assert ridden.tobytes() == controlled(plain, control, 44_100, 0.5).tobytes()
+    assert np.abs(plain).max() < 0.4
+    assert np.abs(ridden).max() == 0.5
+    before = slice(0, latency_of(44_100))
+    assert ridden[before].std() > 1.2 * plain[before].std()
 
 
 # --- the same bytes ---

@@ -14,7 +14,7 @@ from elfslam.world.room import Room, box, shoebox
 from elfslam.world.simulate import simulate
 from elfslam.world.stroll import LANES_M, STOP_S, lane_of, random_person, stroll
 from elfslam.world.walkable import standing_room
-from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
+from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.world_file import load_world
 
 ROUTE_M = np.array([[6.0, 6.0], [24.0, 6.0], [24.0, 18.0], [6.0, 18.0]])
@@ -104,6 +104,43 @@ def test_whoever_walks_looks_where_they_go() -> None:
 def test_phones_are_taken_up_anew() -> None:
     still, often = motion_of(), motion_of(grips_per_min=4.0)
     assert np.ptp(often.pitch_rad) > np.ptp(still.pitch_rad) + np.deg2rad(5)
+
+
+def covered(motion: Motion) -> F64:
+    assert motion.covered_db is not None
+    return motion.covered_db
+
+
+def test_some_new_grips_cover_a_port_until_the_next() -> None:
+    """A quarter of them, by 6 to 20 dB; the first grip never does."""
+    habits = {"grips_per_min": 8.0, "cover_share": 0.25}
+    motions = [motion_of(seed, rounds=2, **habits) for seed in range(6)]
+    moments = np.concatenate([covered(motion) for motion in motions])
+    assert 0.1 < (moments > 3.0).mean() < 0.35
+    assert 17 < moments.max() < 20.0
+    assert all(covered(motion)[0] == 0 for motion in motions)
+    held = np.concatenate([covered(m)[np.abs(np.gradient(covered(m))) < 1e-12] for m in motions])
+    steady = held[held > 0.01]
+    assert len(steady) > 10_000
+    assert np.quantile(steady, 0.02) >= 6.0  # a grip of a moment does not come so far
+
+
+def test_who_covers_a_port_walks_as_before() -> None:
+    open_, closed = (
+        motion_of(2, rounds=1, grips_per_min=8.0, cover_share=share) for share in (0.0, 1.0)
+    )
+    for item in fields(Motion):
+        if item.name != "covered_db":
+            assert getattr(open_, item.name).tobytes() == getattr(closed, item.name).tobytes()
+    assert not covered(open_).any()
+    assert covered(closed).max() > 6.0
+    assert random_person(np.random.default_rng(0), 0.5).cover_share == 0.0
+    assert random_person(np.random.default_rng(0), 0.5, cover_share=0.25).cover_share == 0.25
+
+
+def test_surveyors_never_cover_a_port() -> None:
+    surveyor = random_walker(np.random.default_rng(1))
+    assert not covered(walk(surveyor, ROUTE_M, 1, np.random.default_rng(1))).any()
 
 
 def test_a_phone_points_aside_and_comes_back() -> None:

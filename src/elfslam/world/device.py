@@ -13,6 +13,10 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
+from elfslam.world.gain_control import GainControl
+from elfslam.world.lobes import Lobes
+from elfslam.world.ordinary import ordinary_traits, traits_of_another, traits_of_one
+from elfslam.world.ringing import Resonance
 
 BAND_LOW_HZ = 14_350.0
 BAND_BINS = 630
@@ -99,10 +103,12 @@ class Device(Value):
 
     Its axes are x to the right of the screen, y up the screen (forward) and z out of it; positions
     are from the phone's centre. `response` is the product of both transducers over the 630 bins.
-    A directivity b gives the gain (1 - b) + b cos(angle to the transducer's axis). `level` scales
+    A directivity b gives the gain (1 - b) + b cos(angle to the transducer's axis), which the lobes
+    cut up. `level` scales
     all that is played, and the direct sound arrives with `direct_gain` / `separation_m` of it. The
     recorder adds white noise of `noise_rms` and clips at `clip_level`; its clock runs fast by
     `clock_skew_ppm` against the player's. A chirp leaves off its time by `jitter_s` (one sigma).
+    Both transducers together ring as `ringing` says. What is recorded passes the `gain_control`.
     Raises InputError where both transducers are at one place or a magnitude is negative.
     """
 
@@ -120,6 +126,10 @@ class Device(Value):
     clip_level: float = 1.0
     clock_skew_ppm: float = 0.0
     jitter_s: float = 0.0
+    ringing: tuple[Resonance, ...] = ()
+    speaker_lobes: Lobes = field(default_factory=Lobes)
+    microphone_lobes: Lobes = field(default_factory=Lobes)
+    gain_control: GainControl | None = None
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -139,6 +149,11 @@ class Device(Value):
         return math.dist(self.speaker_m, self.microphone_m)
 
 
+def band_hz() -> F64:
+    """Frequency of each of the 630 bins."""
+    return np.asarray(BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS), dtype=np.float64)
+
+
 def smooth_response(generator: np.random.Generator, ripple_db: float, bumps: int = 5) -> F64:
     """A random smooth response (630) whose ripple spans about `ripple_db` from peak to peak."""
     x = np.linspace(0.0, 1.0, BAND_BINS)
@@ -150,10 +165,11 @@ def smooth_response(generator: np.random.Generator, ripple_db: float, bumps: int
     return np.asarray(10 ** (curve / 20))
 
 
-def random_device(generator: np.random.Generator) -> Device:
+def random_device(generator: np.random.Generator, *, ordinary: bool = False) -> Device:
     """A phone of random response, directivity, level, noise, geometry and clock.
 
-    What came later is drawn from a child of `generator`, which leaves its own stream as it was.
+    An `ordinary` one also rings, has lobes and more noise, and may ride its gain. What came later
+    is drawn from a child of `generator`, which leaves its own stream as it was.
     """
     early = Device(
         name="random",
@@ -166,13 +182,14 @@ def random_device(generator: np.random.Generator) -> Device:
     child = generator.spawn(1)[0]
     half_m = child.uniform(0.05, 0.12)
     across_m = child.uniform(-0.02, 0.02, 2)
-    return replace(
+    late = replace(
         early,
         speaker_m=np.array([across_m[0], half_m, 0.0]),
         microphone_m=np.array([across_m[1], -half_m, 0.0]),
         clock_skew_ppm=child.uniform(-30.0, 30.0),
         jitter_s=child.uniform(0.0, 20e-6),
     )
+    return replace(late, **ordinary_traits(child, late.response, band_hz())) if ordinary else late
 
 
 def _fixed_response(seed: int, ripple_db: float) -> F64:
@@ -193,8 +210,7 @@ def _rippled() -> Device:
 
 def _cheap() -> Device:
     """Falls by 10 dB per kHz above 18 kHz."""
-    frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
-    fall_db = np.maximum(frequency_hz - 18_000.0, 0.0) / 1000.0 * 10.0
+    fall_db = np.maximum(band_hz() - 18_000.0, 0.0) / 1000.0 * 10.0
     response = _fixed_response(162, 12.0) * 10 ** (-fall_db / 20)
     return Device("cheap", response, noise_rms=1e-4, clock_skew_ppm=20.0)
 
@@ -222,6 +238,35 @@ def _bottom_fired() -> Device:
     )
 
 
+def _ordinary_phone() -> Device:
+    """As real ones: it rings for half a millisecond, has lobes, and hears its own noise."""
+    return Device(
+        "ordinary phone",
+        _fixed_response(165, 10.0),
+        speaker_m=np.array([0.006, 0.074, 0.0]),
+        microphone_m=np.array([-0.012, -0.076, 0.0]),
+        speaker_directivity=0.4,
+        clock_skew_ppm=8.0,
+        jitter_s=5e-6,
+        **traits_of_one(),
+    )
+
+
+def _other_ordinary_phone() -> Device:
+    """Another of them, which rides its gain."""
+    return Device(
+        "other ordinary phone",
+        _fixed_response(166, 14.0),
+        speaker_m=np.array([-0.010, 0.078, 0.0]),
+        microphone_m=np.array([0.008, -0.072, 0.0]),
+        microphone_directivity=0.3,
+        direct_gain=0.8,
+        clock_skew_ppm=-12.0,
+        jitter_s=10e-6,
+        **traits_of_another(),
+    )
+
+
 DEVICES: Mapping[str, Callable[[], Device]] = MappingProxyType(
     {
         "simulated phone": _simulated_phone,
@@ -230,6 +275,8 @@ DEVICES: Mapping[str, Callable[[], Device]] = MappingProxyType(
         "cheap": _cheap,
         "tablet": _tablet,
         "bottom-fired": _bottom_fired,
+        "ordinary phone": _ordinary_phone,
+        "other ordinary phone": _other_ordinary_phone,
     }
 )
 """How each built-in phone is made, by its name; all are fixed for all time."""

@@ -31,6 +31,7 @@ from elfslam.world.pulses import (
     SWEEP_RATE_HZ,
     TAPS,
     Air,
+    lobed,
     pulse_table,
     shadow_of,
 )
@@ -160,7 +161,9 @@ def _make_bench(patches: int, blocks: int) -> Bench:
 
 
 @kernel
-def _go(ways, k, patches, place, axis, directivity, ahead, velocity, held, air):
+def _go(
+    ways, k, patches, place, axis, directivity, across, lobe_share, ahead, velocity, held, air
+):  # fmt: skip
     """The way between a transducer and patch k; of no gain where the patch looks elsewhere."""
     point, normal = patches.point[k], patches.normal[k]
     dx, dy, dz = point[0] - place[0], point[1] - place[1], point[2] - place[2]
@@ -172,6 +175,8 @@ def _go(ways, k, patches, place, axis, directivity, ahead, velocity, held, air):
     gain = np.sqrt(facing) / max(length, NEAREST_M)
     gain *= np.exp(-air.attenuation_per_m * length)
     gain *= 1.0 - directivity + directivity * (axis[0] * dx + axis[1] * dy + axis[2] * dz)
+    if lobe_share > 0.0:
+        gain *= lobed(lobe_share, across[0], across[1], across[2], dx, dy, dz)
     if held:
         gain *= shadow_of(dx * ahead[0] + dy * ahead[1])
     shorter = (velocity[0] * dx + velocity[1] * dy + velocity[2] * dz) / air.speed_mps
@@ -203,11 +208,13 @@ def _go_both_ways(bench, scene, patches, phone, people, air):
         if hides(scene, people, bench.sight, px, py, point[2] + OPEN_M * normal[2]):
             continue
         _go(
-            there, k, patches, s, phone.speaker_axis, phone.speaker_directivity, phone.ahead,
+            there, k, patches, s, phone.speaker_axis, phone.speaker_directivity,
+            phone.speaker_across, phone.speaker_lobe_share, phone.ahead,
             phone.speaker_velocity, phone.held, air,
         )  # fmt: skip
         _go(
-            home, k, patches, m, phone.microphone_axis, phone.microphone_directivity, phone.ahead,
+            home, k, patches, m, phone.microphone_axis, phone.microphone_directivity,
+            phone.microphone_across, phone.microphone_lobe_share, phone.ahead,
             phone.microphone_velocity, phone.held, air,
         )  # fmt: skip
 

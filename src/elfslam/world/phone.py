@@ -15,9 +15,10 @@ from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.world.acoustics import add_echoes
-from elfslam.world.air import absorption_db_per_m, speed_of_sound_mps
-from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device
+from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
+from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, band_hz
 from elfslam.world.kernels import kernel
+from elfslam.world.lobes import Lobes
 from elfslam.world.paths import MOST_REFLECTIONS, Reach, make_plan_paths
 from elfslam.world.pulses import (
     C64,
@@ -27,6 +28,7 @@ from elfslam.world.pulses import (
     make_rays,
     pulse_table,
 )
+from elfslam.world.ringing import ringing
 from elfslam.world.scene import Scene
 
 FRAME_S = 1.0 / BIN_HZ
@@ -53,7 +55,11 @@ class Poses(Value):
 
 
 class Ends(NamedTuple):
-    """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes."""
+    """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes.
+
+    What lies `across` is the axis of a transducer's lobes, as long as half their spacing is in
+    wavelengths of the carrier; without, there are none.
+    """
 
     speaker: F64
     microphone: F64
@@ -65,9 +71,13 @@ class Ends(NamedTuple):
     speaker_directivity: float
     microphone_directivity: float
     held: bool
+    speaker_across: F64 | None = None
+    microphone_across: F64 | None = None
+    speaker_lobe_share: float = 0.0
+    microphone_lobe_share: float = 0.0
 
 
-COLUMNS = Ends._fields[:7]
+COLUMNS = (*Ends._fields[:7], "speaker_across", "microphone_across")
 """Those of its fields that have a row for every phone."""
 
 Engine = Callable[[Scene, Ends, F64, Air, Reach], C64]
@@ -103,6 +113,10 @@ def ends_of(device: Device, poses: Poses) -> Ends:
     def placed(local: F64) -> F64:
         return np.ascontiguousarray(poses.world_from_phone @ local)
 
+    def across(lobes: Lobes) -> F64:
+        waves = 0.5 * lobes.spacing_m * CARRIER_HZ / SPEED_OF_SOUND_MPS
+        return placed(waves * lobes.axis)
+
     return Ends(
         poses.position_m + placed(device.speaker_m),
         poses.position_m + placed(device.microphone_m),
@@ -114,6 +128,10 @@ def ends_of(device: Device, poses: Poses) -> Ends:
         device.speaker_directivity,
         device.microphone_directivity,
         True,
+        across(device.speaker_lobes),
+        across(device.microphone_lobes),
+        device.speaker_lobes.share,
+        device.microphone_lobes.share,
     )
 
 
@@ -135,6 +153,8 @@ def one_phone(ends, row):
         ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
         ends.microphone_velocity[row],
         ends.speaker_directivity, ends.microphone_directivity, ends.held,
+        ends.speaker_across[row], ends.microphone_across[row],
+        ends.speaker_lobe_share, ends.microphone_lobe_share,
     )  # fmt: skip
 
 
@@ -150,12 +170,19 @@ def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
 
 def plain_rows(ends: Ends, rows: slice) -> Ends:
     """Some rows as arrays of one kind: a kernel is compiled anew for every other kind."""
-    columns = {name: np.array(getattr(ends, name)[rows], dtype=np.float64) for name in COLUMNS}
+    none = np.zeros_like(ends.speaker)
+    given = {name: getattr(ends, name) for name in COLUMNS}
+    columns = {
+        name: np.array((none if column is None else column)[rows], dtype=np.float64)
+        for name, column in given.items()
+    }
     return Ends(
         **columns,
         speaker_directivity=float(ends.speaker_directivity),
         microphone_directivity=float(ends.microphone_directivity),
         held=bool(ends.held),
+        speaker_lobe_share=float(ends.speaker_lobe_share),
+        microphone_lobe_share=float(ends.microphone_lobe_share),
     )
 
 
@@ -217,16 +244,15 @@ def render_frames(responses: C64, chirp: Chirp, device: Device, jitter_s: F64 | 
     `separation` after it.
     """
     size = round(FRAME_S * chirp.rate_hz)
-    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
     first = round(BAND_LOW_HZ / BIN_HZ)
-    band = (device.level * device.response * chirp_spectrum[first : first + BAND_BINS]).astype(
-        np.complex64
-    )
+    chirp_spectrum = np.fft.rfft(chirp.samples.astype(np.float64), size)
+    band = device.level * device.response * chirp_spectrum[first : first + BAND_BINS]
+    if device.ringing:
+        band *= ringing(device.ringing, band_hz())
     spectrum = np.zeros((len(responses), size // 2 + 1), dtype=np.complex64)
     envelope = fft.fftshift(fft.fft(responses, axis=1), axes=1)
     if jitter_s is not None and jitter_s.any():
-        frequency_hz = BAND_LOW_HZ + BIN_HZ * np.arange(BAND_BINS)
-        turns = np.multiply.outer(jitter_s, frequency_hz)
+        turns = np.multiply.outer(jitter_s, band_hz())
         envelope = envelope * np.exp(-2j * np.pi * turns).astype(np.complex64)
-    np.multiply(envelope, band, out=spectrum[:, first : first + BAND_BINS])
+    np.multiply(envelope, band.astype(np.complex64), out=spectrum[:, first : first + BAND_BINS])
     return np.asarray(fft.irfft(spectrum, size, axis=1), dtype=np.float32)

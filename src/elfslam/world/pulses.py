@@ -115,6 +115,32 @@ def shadow_of(forward):
 
 
 @kernel
+def lobed(share, across_x, across_y, across_z, x, y, z):
+    """Gain of a direction by a transducer's lobes: 1 - share + share cos(2 pi across . direction).
+
+    The sine of half the angle is its series, to 1e-7.
+    """
+    turns = across_x * x + across_y * y + across_z * z
+    half = np.pi * (turns - np.floor(turns + 0.5))
+    s = half * half
+    sin = half * (1 - s / 6 * (1 - s / 20 * (1 - s / 42 * (1 - s / 72 * (1 - s / 110)))))
+    return 1.0 - 2.0 * share * sin * sin
+
+
+@kernel
+def _lobe(rays, phone):
+    """Lobes of both transducers on all rays; a loop of its own, which those without do not pay."""
+    u, v = phone.speaker_across, phone.microphone_across
+    u0, u1, u2, v0, v1, v2 = u[0], u[1], u[2], v[0], v[1], v[2]
+    out, back = phone.speaker_lobe_share, phone.microphone_lobe_share
+    for k in range(rays.filled[0]):
+        dx, dy, dz = rays.departure[0, k], rays.departure[1, k], rays.departure[2, k]
+        ax, ay, az = rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k]
+        gain = lobed(out, u0, u1, u2, dx, dy, dz) * lobed(back, v0, v1, v2, ax, ay, az)
+        rays.gain[k] *= gain
+
+
+@kernel
 def _attenuated(x):
     """exp(-x) for x from 0 to 8, to 1e-9: the series of exp(-x / 32), squared five times."""
     y = -x / 32.0
@@ -128,7 +154,7 @@ def _attenuated(x):
 
 @kernel
 def _work_out(rays, phone, air):
-    """Lobes, shadow, air and Doppler of all rays: their pulses.
+    """Directivity, shadow, air and Doppler of all rays: their pulses.
 
     A path's length changes by the motion of both ends while the chirp is played, and by the
     microphone's alone while the sound is on its way. What is played at t arrives at `length` /
@@ -179,6 +205,8 @@ def _work_out(rays, phone, air):
 @kernel
 def write_rays(out, rays, phone, air, table):
     """Writes the pulses of all rays into the envelope `out` (630)."""
+    if phone.speaker_lobe_share > 0.0 or phone.microphone_lobe_share > 0.0:
+        _lobe(rays, phone)
     _work_out(rays, phone, air)
     padded = rays.padded
     for k in range(padded.shape[1]):

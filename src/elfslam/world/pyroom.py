@@ -77,6 +77,7 @@ def _refuse(scene: Scene, ends: Ends, people_m: F64, reach: Reach) -> None:
         "clutter and scattering surfaces": len(scene.point_radius),
         "edges that diffract": len(scene.edge_a),
         "people": people_m.shape[1],
+        "lobes": ends.speaker_lobe_share or ends.microphone_lobe_share,
         "moving phones": ends.microphone_velocity.any() or ends.speaker_velocity.any(),
     }
     found = [name for name, is_there in unknown.items() if is_there]

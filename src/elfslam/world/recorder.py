@@ -22,7 +22,9 @@ from elfslam.world.circumstances import (
     room_on,
     whereabouts,
 )
+from elfslam.world.cover import muffled
 from elfslam.world.device import Device
+from elfslam.world.gain_control import controlled
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
 from elfslam.world.phone import (
@@ -88,6 +90,7 @@ def record_walk(
     if circumstances.engine == "pyroomacoustics":
         poses = replace(poses, velocity_mps=np.zeros_like(poses.velocity_mps))
     jitter_s = stage.device.jitter_s * np.random.default_rng([seed, 6]).standard_normal(len(starts))
+    covered_db = covered_at(motion, starts / rate_hz)
     gain_db = loudness_of_chirps(circumstances.softer_db, len(starts), seed)
     for first in range(0, len(starts), BLOCK):
         rows = slice(first, first + BLOCK)
@@ -95,6 +98,7 @@ def record_walk(
         heard = room_responses(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
+        heard = muffled(heard, covered_db[rows])
         sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
         _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
         progress(min((first + BLOCK) / len(starts), 1.0))
@@ -104,8 +108,10 @@ def record_walk(
     for k, (name, sound_of) in enumerate(SOUNDS.items()):
         if name in circumstances.sounds:
             stream += sound_of(total, rate_hz, np.random.default_rng([seed, 7, k]))
-    audio = Audio(record(stream, stage.device, generator)[None, :], rate_hz)
-    return audio, np.asarray((starts - latency) / rate_hz), gain_db
+    device = stage.device
+    recorded = record(stream, device, generator)
+    loud = controlled(recorded, device.gain_control, rate_hz, device.clip_level)
+    return Audio(loud[None, :], rate_hz), np.asarray((starts - latency) / rate_hz), gain_db
 
 
 def loudness_of_chirps(softer_db: float, count: int, seed: int) -> F64:
@@ -137,12 +143,23 @@ def phone_poses(
     walker: Walker, motion: Motion, world: World, people: int, seed: int, t_s: F64
 ) -> Poses:
     """The phone at each of the times, and who else is about."""
-    at = np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1)
+    at = _samples_at(motion, t_s)
     velocity = np.gradient(motion.position_m, 1 / KINEMATICS_RATE_HZ, axis=0)[at]
     axes = phone_axes(motion.yaw_rad[at], motion.pitch_rad[at], motion.roll_rad[at])
     position = motion.position_m[at]
     others = whereabouts(world, people, seed, t_s, position[:, :2])
     return Poses(position, axes, velocity, np.full(len(at), walker.body_distance_m), others)
+
+
+def covered_at(motion: Motion, t_s: F64) -> F64:
+    """What a hand takes of the sound at the loudspeaker (n, dB) at each of the times."""
+    if motion.covered_db is None:
+        return np.zeros(len(t_s))
+    return np.asarray(motion.covered_db[_samples_at(motion, t_s)])
+
+
+def _samples_at(motion: Motion, t_s: F64) -> I64:
+    return np.asarray(np.minimum((t_s * KINEMATICS_RATE_HZ).astype(int), len(motion.t_s) - 1))
 
 
 def _rows(poses: Poses, rows: slice | I64) -> Poses:
@@ -182,6 +199,7 @@ def _between(device: Device, poses: Poses, speaker_m: F64) -> Ends:
     return ends._replace(
         speaker=np.tile(speaker_m, (count, 1)),
         speaker_directivity=0.0,
+        speaker_lobe_share=0.0,
         speaker_velocity=np.zeros((count, 3)),
         held=False,
     )

@@ -1,8 +1,9 @@
 """People on a route: lanes beside it, stops, ways back, and a phone that is held anyhow.
 
 A surveyor walks laps on one line (`walker.py`). People keep to lanes of their own, pass on either
-side, stop, walk back a part of the way, and take the phone up anew; how rough they walk and how
-their steps err is as measured of 215 surveyors of a mall (`python -m studies sensors`).
+side, stop, walk back a part of the way, and take the phone up anew, by its ports if need be; how
+rough they walk and how their steps err is as measured of 215 surveyors of a mall (`python -m
+studies sensors`).
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from elfslam.base.arrays import F64
+from elfslam.world.cover import COVER_DB
 from elfslam.world.room import Room, floor_area_m2
 from elfslam.world.walkable import standing_room
 from elfslam.world.walker import (
@@ -40,8 +42,13 @@ WAY_BACK_M = (2.0, 6.0)
 GRIP_S = 0.8
 
 
-def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
-    """Someone who is no surveyor, and strays by `lane_m` (standard deviation)."""
+def random_person(
+    generator: np.random.Generator, lane_m: float, *, cover_share: float = 0.0
+) -> Walker:
+    """Someone who is no surveyor, and strays by `lane_m` (standard deviation).
+
+    `cover_share` of the ways in which they take up the phone cover a port of it.
+    """
     someone = random_walker(generator)
     return Walker(
         speed_mps=someone.speed_mps * generator.uniform(0.9, 1.1),
@@ -61,6 +68,7 @@ def random_person(generator: np.random.Generator, lane_m: float) -> Walker:
         stops_per_min=generator.uniform(0.0, 0.6),
         ways_back_per_min=generator.uniform(0.0, 0.25),
         grips_per_min=generator.uniform(0.0, 1.0),
+        cover_share=cover_share,
     )
 
 
@@ -81,12 +89,15 @@ def stroll(
     velocity, turned = _velocity(person, rounds * lap_m, generator)
     count = len(velocity)
     wanted = person.lane_m * smooth_noise(generator, count, LANE_S)
+    aside_rad = person.aside_rad * smooth_noise(generator, count, ASIDE_S)
+    regrips = _regrips(person, count, generator)
     straying = Straying(
         left_m=_within(_free_beside(lap_xy, room), np.cumsum(velocity) / lap_m, wanted),
         turned_rad=turned,
-        aside_rad=person.aside_rad * smooth_noise(generator, count, ASIDE_S),
-        pitch_rad=_grips(person, count, np.deg2rad(6.0), generator),
-        lower_m=_grips(person, count, 0.05, generator),
+        aside_rad=aside_rad,
+        pitch_rad=_grips(regrips, count, np.deg2rad(6.0), generator),
+        lower_m=_grips(_regrips(person, count, generator), count, 0.05, generator),
+        covered_db=_covered(person, regrips, count, generator),
     )
     return motion_along(person, lap_xy, lap_m, velocity, straying, generator)
 
@@ -134,14 +145,29 @@ def _still(generator: np.random.Generator) -> F64:
     return _standing(generator.uniform(*STOP_S))
 
 
-def _grips(person: Walker, count: int, size: float, generator: np.random.Generator) -> F64:
-    """How the phone is held beside how it was at first: another way after every new grip."""
+def _regrips(person: Walker, count: int, generator: np.random.Generator) -> F64:
+    """When the phone is taken up anew, in samples."""
     minutes = count / KINEMATICS_RATE_HZ / 60
-    changes = np.sort(
-        generator.uniform(0, count, generator.poisson(person.grips_per_min * minutes))
-    )
-    held = np.append(0.0, size * generator.standard_normal(len(changes)))
-    steps = held[np.searchsorted(changes, np.arange(count))]
+    return np.sort(generator.uniform(0, count, generator.poisson(person.grips_per_min * minutes)))
+
+
+def _grips(regrips: F64, count: int, size: float, generator: np.random.Generator) -> F64:
+    """How the phone is held beside how it was at first: another way after every new grip."""
+    return _from_grip_to_grip(regrips, size * generator.standard_normal(len(regrips)), count)
+
+
+def _covered(person: Walker, regrips: F64, count: int, generator: np.random.Generator) -> F64:
+    """What grips take of the sound at a port (dB); drawn from a child, which leaves the rest."""
+    if not person.cover_share:
+        return np.zeros(count)
+    child = generator.spawn(1)[0]
+    covers = child.uniform(size=len(regrips)) < person.cover_share
+    return _from_grip_to_grip(regrips, covers * child.uniform(*COVER_DB, len(regrips)), count)
+
+
+def _from_grip_to_grip(regrips: F64, values: F64, count: int) -> F64:
+    """What each new grip brings, from it to the next (n); none before the first."""
+    steps = np.append(0.0, values)[np.searchsorted(regrips, np.arange(count))]
     return np.asarray(gaussian_filter1d(steps, GRIP_S * KINEMATICS_RATE_HZ / 2, mode="nearest"))
 
 

@@ -25,7 +25,7 @@ class Walker:
     `step_noise` of its length. `impact` is how hard a foot comes down, as a share of the bounce.
     Others stray (`stroll.py`): `lane_m` is the standard deviation of the lane that they keep to,
     `aside_rad` that of the angle at which they hold the phone, and they stop, walk back a bit and
-    change their grip so many times a minute.
+    change their grip so many times a minute; `cover_share` of the new grips cover a port.
     """
 
     speed_mps: float
@@ -48,6 +48,7 @@ class Walker:
     stops_per_min: float = 0.0
     ways_back_per_min: float = 0.0
     grips_per_min: float = 0.0
+    cover_share: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,8 @@ class Straying(Value):
     """What a walker does beside following the route (n): zeros for a surveyor.
 
     `left_m` is the lane, to the left of the route; `turned_rad` the way back (pi) or on (0);
-    `aside_rad`, `pitch_rad` and `lower_m` are how the phone is held.
+    `aside_rad`, `pitch_rad` and `lower_m` are how the phone is held, and `covered_db` what the hand
+    takes of the sound at its loudspeaker.
     """
 
     left_m: F64 = array("n")
@@ -63,11 +65,15 @@ class Straying(Value):
     aside_rad: F64 = array("n")
     pitch_rad: F64 = array("n")
     lower_m: F64 = array("n")
+    covered_db: F64 = array("n")
 
 
 @dataclass(frozen=True, eq=False)
 class Motion(Value):
-    """The phone along a walk at 400 Hz: position, yaw, pitch and roll, and the walking heading."""
+    """The phone along a walk at 400 Hz: position, yaw, pitch and roll, and the walking heading.
+
+    `covered_db` is what a hand takes of the sound at its loudspeaker; without, nothing.
+    """
 
     t_s: F64 = array("n", increasing=True)
     position_m: F64 = array("n", 3)
@@ -76,6 +82,7 @@ class Motion(Value):
     roll_rad: F64 = array("n")
     heading_rad: F64 = array("n")
     steps: F64 = array("n")
+    covered_db: F64 | None = array("n", optional=True)
 
 
 def random_walker(generator: np.random.Generator) -> Walker:
@@ -110,7 +117,7 @@ def walk(
     moving = speed[:count] * (np.arange(count) < end)
     moving = gaussian_filter1d(moving, 0.15 / dt_s)
     none = np.zeros(count)
-    straying = Straying(none, none, none, none, none)
+    straying = Straying(none, none, none, none, none, none)
     return motion_along(walker, lap_xy, lap_m, moving, straying, generator)
 
 
@@ -160,7 +167,8 @@ def motion_along(
     roll = 0.03 * smooth_noise(generator, count, 8.0)
     roll = roll + gait * walker.rock_rad * np.sin(np.pi * steps + 1.3)
     t_s = np.asarray(np.arange(count) * dt_s, dtype=np.float64)
-    return Motion(t_s, np.column_stack([xy, z]), yaw, pitch, roll, heading, steps)
+    position = np.column_stack([xy, z])
+    return Motion(t_s, position, yaw, pitch, roll, heading, steps, straying.covered_db)
 
 
 def cadence_hz(walker: Walker, speed_mps: F64) -> F64:
