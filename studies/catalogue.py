@@ -49,6 +49,7 @@ from studies.speech import measure_speech
 from studies.speed import measure_speed
 from studies.spots import measure_spots
 from studies.superimposition import measure_superimposition
+from studies.thresholds import measure_thresholds
 from studies.trace import measure_trace
 from studies.turns import measure_turns
 from studies.unknown_phone import measure_unknown_phone
@@ -88,6 +89,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "speed": measure_speed,
     "spots": LongStudy(measure_spots),
     "superimposition": LongStudy(measure_superimposition),
+    "thresholds": LongStudy(measure_thresholds),
     "trace": measure_trace,
     "turns": LongStudy(measure_turns),
     "unknown-phone": LongStudy(measure_unknown_phone),

@@ -19,6 +19,7 @@ from elfslam.scoring.errors import fix_distances, summarise
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.circumstances import Circumstances
+from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World, simulate
 from studies.mapping_errors import CALIBRATED, walkers
@@ -56,11 +57,15 @@ def mapped_walk(
     encoder: Encoder,
     *,
     sensors: Collection[Sensor] = (),
+    kind: Kind = QUIET,
 ) -> Mapped:
     """A walk by someone whose steps are known, from a known start, mapped by echoes."""
-    recording, truth = simulate(world, seed, rounds=rounds, sensors=sensors)
+    recording, truth = simulate(
+        world, seed, rounds=rounds, sensors=sensors, walker=kind.walker,
+        circumstances=kind.mapping(world.room),
+    )  # fmt: skip
     recording = at_its_start(recording, truth)
-    run = map_by_echoes(recording, encoder, walkers(seed)[CALIBRATED])
+    run = map_by_echoes(recording, encoder, walkers(seed, kind)[CALIBRATED])
     return Mapped(recording, run, truth)
 
 
@@ -79,11 +84,17 @@ def stranger(
     *,
     sensors: Collection[Sensor] = (),
     circumstances: Circumstances | None = None,
+    kind: Kind = QUIET,
 ) -> Stranger:
-    """Another person's walk, of which neither start nor length of step is known."""
+    """Another person's walk, of which neither start nor length of step is known.
+
+    `circumstances` are those of the kind unless others are given.
+    """
+    today = circumstances or kind.asking(world.room)
     recording, truth = simulate(
-        world, seed + STRANGER, rounds=rounds, sensors=sensors, circumstances=circumstances
-    )
+        world, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
+        circumstances=today,
+    )  # fmt: skip
     echoes = hear(recording, Settings())
     features = extract_features(echoes, encoder)
     return Stranger(recording, walk_nodes(recording, Settings()), features, truth)

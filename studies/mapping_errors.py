@@ -36,6 +36,7 @@ from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import path_length_m, placed_errors, summarise
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
+from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures
@@ -112,10 +113,10 @@ def _measured(walk: ErrorWalk, scratch: ScratchParameters) -> Numbers:
     return numbers
 
 
-def walkers(seed: int) -> Mapping[str, Settings]:
+def walkers(seed: int, kind: Kind = QUIET) -> Mapping[str, Settings]:
     """The settings for this walker, calibrated on another walk, and with steps 10 % off."""
     usual = Settings()
-    recording, truth = simulate(load_world(COURSE), seed, rounds=1, sound=False)
+    recording, truth = simulate(load_world(COURSE), seed, rounds=1, sound=False, walker=kind.walker)
     assert recording.imu is not None
     length_m = path_length_m(truth.world_from_body[:, :2])
     known = calibrated_by_distance(recording.imu, length_m, usual.motion)

@@ -40,10 +40,12 @@ STOP_S = (1.0, 8.0)
 TURN_S = 1.2
 WAY_BACK_M = (2.0, 6.0)
 GRIP_S = 0.8
+COVER_SHARE = 0.25
+"""Of the ways in which people take up a phone: a hand lies on one of its ports."""
 
 
 def random_person(
-    generator: np.random.Generator, lane_m: float, *, cover_share: float = 0.0
+    generator: np.random.Generator, lane_m: float, *, cover_share: float = COVER_SHARE
 ) -> Walker:
     """Someone who is no surveyor, and strays by `lane_m` (standard deviation).
 

@@ -1,0 +1,60 @@
+"""Kinds of walks: who walks, in which sound, and what differs between mapping and asking.
+
+A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones are
+ordinary, rooms scatter, others are about, and who asks comes on another day with another phone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from elfslam.base.errors import ParameterError
+from elfslam.world.circumstances import Circumstances
+from elfslam.world.room import Room, floor_area_m2
+
+PEOPLE_ABOUT = ((120.0, 0), (600.0, 3), (float("inf"), 6))
+"""Others about in rooms, offices and halls: floor of up to so many m2."""
+DAYS_LATER = 20
+"""When somebody asks: a third of the low furniture has been moved a little, the air is another."""
+MAPPING_PHONE, ASKING_PHONE = "ordinary phone", "other ordinary phone"
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of walk: `walker` as `simulate` has it, in ordinary life or on a quiet day."""
+
+    name: str
+    walker: str
+    ordinary: bool
+
+    def mapping(self, room: Room) -> Circumstances:
+        """The circumstances of walks that are mapped."""
+        if not self.ordinary:
+            return Circumstances()
+        return Circumstances(engine="diffuse", people=people_about(room), device=MAPPING_PHONE)
+
+    def asking(self, room: Room) -> Circumstances:
+        """The circumstances of walks that are located in a map of the same kind."""
+        if not self.ordinary:
+            return Circumstances()
+        return Circumstances(
+            engine="diffuse", people=people_about(room), device=ASKING_PHONE, day=DAYS_LATER
+        )
+
+
+QUIET = Kind("quiet", "surveyor", ordinary=False)
+SURVEYOR = Kind("surveyor", "surveyor", ordinary=True)
+PEOPLE = Kind("people", "person", ordinary=True)
+KINDS = {kind.name: kind for kind in (PEOPLE, SURVEYOR, QUIET)}
+
+
+def kind_named(name: str) -> Kind:
+    """The kind of this name. Raises ParameterError for another."""
+    if name not in KINDS:
+        raise ParameterError(f"kind {name!r}: wanted {', '.join(KINDS)}; correct it")
+    return KINDS[name]
+
+
+def people_about(room: Room) -> int:
+    """How many others are about in a room of this size."""
+    return next(people for most, people in PEOPLE_ABOUT if floor_area_m2(room) <= most)

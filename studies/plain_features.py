@@ -1,0 +1,34 @@
+"""The ELF beside plain features on the same line, each with thresholds of its own.
+
+The thresholds were chosen in the development worlds: `python -m studies thresholds OUT`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import cache
+
+from elfslam.app.settings import Settings
+from elfslam.baselines.generic import generic_encoders
+from elfslam.line.closure import ClosureParameters
+from elfslam.line.feature import Encoder, load_encoder
+
+ELF, PLAIN, ROOT = "ELF", "plain spectrogram", "root spectrogram"
+CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.4, PLAIN: 0.25, ROOT: 0.25}
+
+
+@cache
+def compared_encoders() -> Mapping[str, Encoder]:
+    """The shipped encoder and what it has to beat, by name."""
+    plain = generic_encoders()
+    return {
+        ELF: load_encoder("compact"),
+        PLAIN: plain["spectrogram without mean"],
+        ROOT: plain["root spectrogram"],
+    }
+
+
+def closing_by(feature: str, settings: Settings) -> ClosureParameters:
+    """What counts as a loop closure by this feature."""
+    return replace(settings.closure, threshold=CLOSURE_THRESHOLDS[feature])
