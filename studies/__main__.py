@@ -11,6 +11,7 @@ import typer
 
 from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app
 from elfslam.line.feature import load_encoder
+from elfslam.world.kinds import KINDS
 from studies.catalogue import STUDIES, run_study
 
 
@@ -21,6 +22,9 @@ def study(
         Path | None, typer.Option(envvar="ELFSLAM_DATA", help="Folder of real recordings.")
     ] = None,
     encoder: Annotated[list[str] | None, typer.Option(help="To be measured, repeatable.")] = None,
+    kind: Annotated[
+        str | None, typer.Option(help=f"Whose walks, in what life: {', '.join(KINDS)}.")
+    ] = None,
     on: Annotated[
         str | None,
         typer.Option("--on", help="Who works: a number of processes, ray or ray://HOST:10001."),
@@ -30,7 +34,7 @@ def study(
     """Make the table of a study."""
     encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
     with progress_bar() as announce:
-        table = run_study(name, out, data, announce, encoders=encoders, on=on)
+        table = run_study(name, out, data, announce, encoders=encoders, kind=kind, on=on)
     print_rows(table, title=f"Study: {name}", as_json=as_json)
 
 

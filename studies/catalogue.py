@@ -7,6 +7,7 @@ import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.errors import InputError
@@ -14,6 +15,7 @@ from elfslam.base.progress import Announce
 from elfslam.data.folders import new_file
 from elfslam.line.feature import Encoder
 from elfslam.scoring.page import save_page
+from elfslam.world.kinds import kind_named
 from studies.acoustic_odometry import measure_acoustic_odometry
 from studies.amounts import measure_amounts
 from studies.attacks import measure_attacks
@@ -98,6 +100,8 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("elf", "real-rooms", "trace")
 """Studies to which encoders can be given."""
+BY_KIND = ("localization", "mapping", "sensitivity")
+"""Studies whose walks are of a kind, people's where none is given."""
 
 
 def run_study(
@@ -107,20 +111,23 @@ def run_study(
     announce: Announce,
     *,
     encoders: Mapping[str, Encoder] | None = None,
+    kind: str | None = None,
     on: str | None = None,
 ) -> list[Row]:
     """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
     A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
-    `encoders` are measured by name in place of those that the study would measure. `on` says who
-    works on a long one, as `open_workers` has it. Raises InputError for a study that does not
-    exist, compares no encoders, or is too short to be shared out.
+    `encoders` are measured by name in place of those that the study would measure, and `kind` is
+    that of the walks. `on` says who works on a long one, as `open_workers` has it. Raises
+    InputError for a study that does not exist, compares no encoders, is of no kind, or is too short
+    to be shared out; ParameterError for a kind that does not exist.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")
     kept = out / f"{name}.partial"
     with _workers_for(name, on) as workers:
-        made = _measured(name, data, announce, kept, encoders or {}, workers)
+        chosen = _chosen(name, encoders or {}, kind)
+        made = _measured(name, data, announce, kept, chosen, workers)
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
@@ -147,15 +154,23 @@ def _measured(
     data: Path | None,
     announce: Announce,
     kept: Path,
-    encoders: Mapping[str, Encoder],
+    chosen: Mapping[str, Any],
     workers: Workers,
 ) -> list[Row] | Finding:
     study = STUDIES[name]
+    if isinstance(study, LongStudy):
+        return study.measure(data, announce, kept, workers=workers, **chosen)
+    return study(data, announce, **chosen)
+
+
+def _chosen(name: str, encoders: Mapping[str, Encoder], kind: str | None) -> dict[str, Any]:
+    """What the study is told beside the data."""
     if encoders and name not in COMPARES:
         raise InputError(f"study {name}: compares no encoders, only {', '.join(COMPARES)} do")
-    if isinstance(study, LongStudy):
-        return study.measure(data, announce, kept, workers=workers)
-    return study(data, announce, encoders=encoders) if encoders else study(data, announce)
+    if kind is not None and name not in BY_KIND:
+        raise InputError(f"study {name}: is of no kind, only {', '.join(BY_KIND)} are")
+    chosen: dict[str, Any] = {} if kind is None else {"kind": kind_named(kind)}
+    return chosen | ({"encoders": encoders} if encoders else {})
 
 
 def _write_csv(file: Path, rows: list[Row]) -> None:

@@ -31,6 +31,7 @@ from elfslam.line.feature import Encoder, load_encoder
 from elfslam.line.locate import fixes_of
 from elfslam.line.segments import locate_by_segments
 from elfslam.slam.pipeline import map_by
+from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 from studies.finding import Finding
@@ -66,6 +67,7 @@ class Pair:
     seed: int
     mapping_rounds: int = MAPPING_ROUNDS
     rounds: int = ROUNDS
+    kind: str = QUIET.name
 
 
 def measure_localization(
@@ -78,20 +80,23 @@ def measure_localization(
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
 ) -> Finding:
     """Errors of every way to be located, and how many queries got an answer; no `data` needed."""
-    tasks = [Pair(world, seed, mapping_rounds, rounds) for world in worlds for seed in seeds]
+    tasks = [
+        Pair(world, seed, mapping_rounds, rounds, kind.name) for world in worlds for seed in seeds
+    ]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = localization_rows(by_world(tasks, numbers))
     return Finding(rows, localization_page(rows))
 
 
 def _measured(pair: Pair) -> Numbers:
-    world, encoder = load_world(pair.world), shipped()
-    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, encoder, sensors=SENSORS)
-    other = stranger(world, pair.seed, pair.rounds, encoder, mapped, sensors=SENSORS)
+    world, encoder, kind = load_world(pair.world), shipped(), kind_named(pair.kind)
+    mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, encoder, sensors=SENSORS, kind=kind)
+    other = stranger(world, pair.seed, pair.rounds, encoder, mapped, sensors=SENSORS, kind=kind)
     strange = load_world(ELSEWHERE.get(pair.world, "studio"))
-    lost = stranger(strange, pair.seed, 1, encoder, mapped)
+    lost = stranger(strange, pair.seed, 1, encoder, mapped, kind=kind)
     numbers: Numbers = {}
     for mode in Mode:
         fixes = located(mapped, other, mode, Settings())
@@ -113,7 +118,7 @@ def shipped() -> Encoder:
 
 def _rivals(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, Mode, Fixes, Run]]:
     """Each rival in a map of its own making, by its tuned scores and by the paper's."""
-    settings = walkers(pair.seed)[CALIBRATED]
+    settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
     nodes, segments = (
         other.nodes,
         {Modality.WIFI: WIFI_SEGMENTS, Modality.MAGNETIC: MAGNETIC_SEGMENTS},

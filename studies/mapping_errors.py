@@ -1,4 +1,7 @@
-"""The paper's table of mapping errors: echoes, their rivals, and all of them in one graph."""
+"""The paper's table of mapping errors: echoes, their rivals, and all of them in one graph.
+
+Beside the ELF stand plain features, which need no training, each with a threshold of its own.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ from elfslam.base.values import (
 )
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import extract_features, load_encoder
+from elfslam.line.feature import extract_features
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
@@ -36,13 +39,14 @@ from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import path_length_m, placed_errors, summarise
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
-from elfslam.world.kinds import QUIET, Kind
+from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures
 from studies.figures.coverage import trajectory_coverage
 from studies.finding import Finding
 from studies.mapping_table import mapping_page, mapping_rows
+from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.repeats import Numbers, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
@@ -55,7 +59,7 @@ COURSE = "concourse"
 OFF, OFF_SIGMA = 0.1, 0.1
 """Steps are assumed this much too long (even seeds) or too short, and known no better."""
 CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
-ELF, ALONE = "ELF", "ELF without pre-training"
+ALONE = "ELF without pre-training"
 ALONE_THRESHOLD = 0.15
 """An encoder that has heard one walk alone finds nothing as alike as the shipped one does."""
 RIVALS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
@@ -69,6 +73,7 @@ class ErrorWalk:
     world: str
     seed: int
     rounds: int
+    kind: str = QUIET.name
 
 
 def measure_mapping(
@@ -80,10 +85,11 @@ def measure_mapping(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
     scratch: ScratchParameters | None = None,
 ) -> Finding:
     """Errors of every method for walkers calibrated and not; `data` is not needed."""
-    tasks = [ErrorWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [ErrorWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = mapping_rows(by_world(tasks, numbers))
@@ -91,15 +97,17 @@ def measure_mapping(
 
 
 def _measured(walk: ErrorWalk, scratch: ScratchParameters) -> Numbers:
+    world, kind = load_world(walk.world), kind_named(walk.kind)
     recording, truth = simulate(
-        load_world(walk.world), walk.seed, rounds=walk.rounds, sensors=SENSORS
-    )
+        world, walk.seed, rounds=walk.rounds, sensors=SENSORS, walker=kind.walker,
+        circumstances=kind.mapping(world.room),
+    )  # fmt: skip
     x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
     recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
     echoes = hear(recording, Settings())
     features = _features(echoes, walk.seed, scratch)
     numbers: Numbers = {}
-    for walker, known in walkers(walk.seed).items():
+    for walker, known in walkers(walk.seed, kind).items():
         methods = list(_closures(recording, echoes, features, known))
         if walker == CALIBRATED and walk.seed < CURATED_SEEDS:
             methods += _as_the_paper_closes(recording, echoes, features, known)
@@ -125,11 +133,11 @@ def walkers(seed: int, kind: Kind = QUIET) -> Mapping[str, Settings]:
 
 
 def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str, Features]:
-    """By the shipped encoder, and by one that has heard this walk alone."""
+    """By the shipped encoder, by plain features, and by an encoder that heard this walk alone."""
     from studies.from_scratch import learn_from_scratch
 
     alone = learn_from_scratch(echoes, scratch, seed=seed)
-    encoders = {ELF: load_encoder("compact"), ALONE: alone}
+    encoders = {**compared_encoders(), ALONE: alone}
     return {name: extract_features(echoes, encoder) for name, encoder in encoders.items()}
 
 
@@ -145,10 +153,8 @@ def _closures(
     heard = with_heard_steps(walked, echoes, settings)
     yield "dead reckoning, heard steps", heard, NO_CLOSURES
     elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
-    strictness = {
-        ELF: settings.closure,
-        ALONE: replace(settings.closure, threshold=ALONE_THRESHOLD),
-    }
+    strictness = {name: closing_by(name, settings) for name in CLOSURE_THRESHOLDS}
+    strictness[ALONE] = replace(settings.closure, threshold=ALONE_THRESHOLD)
     for name, alike in elf.items():
         yield name, heard, closures_by(heard, [(alike, strictness[name])], settings)
     for item in RIVALS:

@@ -15,7 +15,7 @@ from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
 
 ELF, PLAIN, ROOT = "ELF", "plain spectrogram", "root spectrogram"
-CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.4, PLAIN: 0.25, ROOT: 0.25}
+CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.35, PLAIN: 0.5, ROOT: 0.5}
 
 
 @cache

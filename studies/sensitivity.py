@@ -19,6 +19,7 @@ from elfslam.base.progress import Announce
 from elfslam.line.feature import Encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
+from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world
 from studies.finding import Finding
 from studies.localization import shipped
@@ -39,7 +40,7 @@ PLACES: Mapping[str, str] = {"living_room": "all", "office": "volume", "mall": "
 SEEDS = tuple(range(10))
 ROUNDS = 2
 LENGTHS_S = (0.2, 0.4, 0.6, 0.8, 1.0, 1.2, 1.6)
-PEOPLE = (0, 2, 4, 6, 8)
+OTHERS_ABOUT = (0, 2, 4, 6, 8)
 DAYS = (0, 20, 30)
 SOUNDS = ("none", "speech", "music", "clicks")
 VOLUMES = (1.0, 0.8, 0.6, 0.4, 0.2)
@@ -56,6 +57,7 @@ class Place:
     changes: str = "all"
     mapping_rounds: int = MAPPING_ROUNDS
     rounds: int = ROUNDS
+    kind: str = QUIET.name
 
 
 def measure_sensitivity(
@@ -68,10 +70,11 @@ def measure_sensitivity(
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
 ) -> Finding:
     """Errors and answered shares for every amount of every change; `data` is not needed."""
     tasks = [
-        Place(world, seed, changes, mapping_rounds, rounds)
+        Place(world, seed, changes, mapping_rounds, rounds, kind.name)
         for world, changes in places.items()
         for seed in seeds
     ]
@@ -81,32 +84,35 @@ def measure_sensitivity(
 
 
 def _measured(place: Place) -> Numbers:
-    world = with_some_moved(load_world(place.world))
-    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped())
-    numbers: Numbers = {}
-    for change, amount, today in _circumstances(world, place.changes):
+    world, kind = with_some_moved(load_world(place.world)), kind_named(place.kind)
+    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), kind=kind)
+    usual, numbers = kind.asking(world.room), Numbers()
+    for change, amount, today in _circumstances(world, place.changes, usual):
         other = _stranger(world, place, mapped, today)
         numbers |= _numbers(change, amount, mapped, other)
     if place.changes == "all":
-        numbers |= _lengths(mapped, _stranger(world, place, mapped, Circumstances()))
+        numbers |= _lengths(mapped, _stranger(world, place, mapped, usual))
     return numbers
 
 
-def _circumstances(world: World, changes: str) -> Iterator[tuple[str, str, Circumstances]]:
+def _circumstances(
+    world: World, changes: str, usual: Circumstances
+) -> Iterator[tuple[str, str, Circumstances]]:
+    """Each change of the usual circumstances, and how much of it."""
     for volume in VOLUMES:
-        yield "volume", f"{volume:g}", Circumstances(volume=volume)
+        yield "volume", f"{volume:g}", replace(usual, volume=volume)
     if changes != "all":
         return
-    for people in PEOPLE:
-        yield "people", str(people), Circumstances(people=people)
+    for people in OTHERS_ABOUT:
+        yield "people", str(people), replace(usual, people=people)
     for day in DAYS:
-        yield "day", str(day), Circumstances(day=day)
+        yield "day", str(day), replace(usual, day=day)
     for sound in SOUNDS:
-        yield "sound", sound, Circumstances(sounds=() if sound == "none" else (sound,))
+        yield "sound", sound, replace(usual, sounds=() if sound == "none" else (sound,))
     for state in ["", *(name for name in world.states if name.startswith(f"{MOVED} "))]:
-        yield "moved", state.removeprefix(f"{MOVED} ") or "0", Circumstances(state=state)
-    for phone in PHONES:
-        yield "phone", phone, Circumstances(device=phone)
+        yield "moved", state.removeprefix(f"{MOVED} ") or "0", replace(usual, state=state)
+    for phone in dict.fromkeys((usual.device, *PHONES)):
+        yield "phone", phone, replace(usual, device=phone)
 
 
 def with_some_moved(world: World) -> World:
@@ -131,8 +137,9 @@ def _stranger(
     world: World, place: Place, mapped: Mapped, today: Circumstances, encoder: Encoder | None = None
 ) -> Stranger:
     return stranger(
-        world, place.seed, place.rounds, encoder or shipped(), mapped, circumstances=today
-    )
+        world, place.seed, place.rounds, encoder or shipped(), mapped, circumstances=today,
+        kind=kind_named(place.kind),
+    )  # fmt: skip
 
 
 def _numbers(change: str, amount: str, mapped: Mapped, other: Stranger) -> Numbers:

@@ -112,8 +112,8 @@ def _rows(tasks: Sequence[ThresholdWalk], numbers: Sequence[Numbers]) -> list[Ro
                 "feature": feature,
                 "threshold": float(threshold),
                 "map over dead reckoning": round(shares[key], 3),
-                **_by_kind(tasks, numbers, key),
                 "best": "<-" if shares[key] == best else "",
+                **_by_kind(tasks, numbers, key),
             }
         )
     return rows

@@ -1,7 +1,7 @@
 """Kinds of walks: who walks, in which sound, and what differs between mapping and asking.
 
-A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones are
-ordinary, rooms scatter, others are about, and who asks comes on another day with another phone.
+A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones
+are ordinary, rooms scatter, others are about, and who asks comes on another day with another phone.
 """
 
 from __future__ import annotations
