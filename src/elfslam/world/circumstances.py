@@ -14,7 +14,7 @@ from elfslam.base.errors import ParameterError
 from elfslam.world import interference
 from elfslam.world.device import Device, built_in_device
 from elfslam.world.diffuse import diffuse_echoes
-from elfslam.world.materials import Material
+from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Engine, air_at, image_echoes
 from elfslam.world.pulses import Air
@@ -32,7 +32,8 @@ SOUNDS: Mapping[str, Sound] = MappingProxyType(
     }
 )
 """What else is to be heard, by name; the levels are those of a talk beside the phone."""
-ENGINES = ("images", "diffuse", "pyroomacoustics")
+DIFFUSE = "diffuse"
+ENGINES = ("images", DIFFUSE, "pyroomacoustics")
 """Mirror images with clutter, mirror images with a diffuse field, and the second engine."""
 SOLID_REACH = Reach(order=3, plan_order=3, block_order=3, beside_block=3)
 """For the second engine, whose work grows with the number of faces to the power of the order."""
@@ -104,8 +105,11 @@ def engine_of(circumstances: Circumstances, room: Room, threads: int) -> Engine:
     """The engine that was asked for, in this room; ours on so many threads."""
     if circumstances.engine == "images":
         return partial(image_echoes, threads=threads)
-    if circumstances.engine == "diffuse":
-        return partial(diffuse_echoes, scattering=scattering_of(room), threads=threads)
+    if circumstances.engine == DIFFUSE:
+        return partial(
+            diffuse_echoes, scattering=scattering_of(room), person=material("person"),
+            threads=threads,
+        )  # fmt: skip
     from elfslam.world import pyroom
 
     return pyroom.image_echoes
@@ -156,7 +160,7 @@ def room_on(world: World, circumstances: Circumstances) -> Room:
 
 def room_in(room: Room, circumstances: Circumstances) -> Room:
     """The room as the asked engine models it."""
-    if circumstances.engine == "diffuse":
+    if circumstances.engine == DIFFUSE:
         return as_measured(room)
     return room if circumstances.engine == "images" else closed_solids(room)
 

@@ -16,8 +16,10 @@ from scipy import fft
 
 from elfslam.base.arrays import F64
 from elfslam.world.acoustics import NEAREST_M
+from elfslam.world.crowd import Crowd, make_crowd, stand
 from elfslam.world.device import BAND_BINS
 from elfslam.world.kernels import kernel
+from elfslam.world.materials import Material
 from elfslam.world.patches import OPEN_M
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Ends, image_echoes, one_phone, plain_rows
@@ -79,20 +81,24 @@ class Bench(NamedTuple):
     grid: F64
     padded: F64
     sight: Sight
+    crowd: Crowd
+    to_crowd: Ways
+    from_crowd: Ways
 
 
 def diffuse_echoes(
     scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, *, scattering: Scattering,
-    threads: int = 1,
+    threads: int = 1, person: Material | None = None,
 ) -> C64:  # fmt: skip
     """Mirror images and the diffuse field: envelopes (n, 630), the same for any threads.
 
-    The scene's scattering points stand for what the field has, and are left out.
+    The scene's scattering points stand for what the field has, and are left out. People scatter
+    as what a `person` is made of.
     """
     none = np.zeros((0, 3))
     bare = scene._replace(point=none, point_normal=none, point_radius=np.zeros(0))
     out = image_echoes(bare, ends, people_m, air, reach, threads)
-    add_diffuse(out, scene, scattering, ends, people_m, air, threads)
+    add_diffuse(out, scene, scattering, ends, people_m, air, threads, person)
     tilt = air.tilt_per_m_hz + scattering.tilt_per_m_hz
     return tilted(out, air._replace(tilt_per_m_hz=tilt))
 
@@ -112,13 +118,17 @@ def tilted(envelopes: C64, air: Air) -> C64:
 
 def add_diffuse(
     out: C64, scene: Scene, scattering: Scattering, ends: Ends, people_m: F64, air: Air,
-    threads: int = 1,
+    threads: int = 1, person: Material | None = None,
 ) -> None:  # fmt: skip
-    """Adds the diffuse field to the envelopes (n, 630) of phones, the same for any threads."""
+    """Adds the diffuse field to the envelopes (n, 630) of phones, the same for any threads.
+
+    People scatter once, by Lambert's law, where it is said what a `person` is made of.
+    """
     links, glints, table = _links(scattering, air), _glints(scattering), pulse_table()
 
     def render(rows: slice) -> None:
-        bench = _make_bench(len(scattering.once), len(scene.block_low))
+        crowd = make_crowd(people_m.shape[1], person)
+        bench = _make_bench(len(scattering.once), len(scene.block_low), crowd)
         part, about = plain_rows(ends, rows), np.array(people_m[rows], dtype=np.float64)
         _render(out[rows], scene, scattering, links, glints, part, about, bench, air, table)
 
@@ -151,13 +161,16 @@ def _glints(scattering: Scattering) -> Glints:
     return Glints(offset, sign * (scattering.once / np.sqrt(GLINTS))[:, None])
 
 
-def _make_bench(patches: int, blocks: int) -> Bench:
-    def ways() -> Ways:
-        column, real, imag, length = np.zeros((4, patches))
-        return Ways(column, real, imag, length, np.zeros((patches, 3)))
+def _make_bench(patches: int, blocks: int, crowd: Crowd) -> Bench:
+    def ways(count: int) -> Ways:
+        column, real, imag, length = np.zeros((4, count))
+        return Ways(column, real, imag, length, np.zeros((count, 3)))
 
     grid, padded = np.zeros((2, FINER, SAMPLES)), np.zeros((2, BAND_BINS + 2 * PAD))
-    return Bench(ways(), ways(), grid, padded, make_sight(blocks))
+    return Bench(
+        ways(patches), ways(patches), grid, padded, make_sight(blocks),
+        crowd, ways(len(crowd.gain)), ways(len(crowd.gain)),
+    )  # fmt: skip
 
 
 @kernel
@@ -190,6 +203,21 @@ def _go(
 
 
 @kernel
+def _go_to(there, home, k, patches, phone, air):
+    """The ways to patch k and back from it."""
+    _go(
+        there, k, patches, phone.speaker, phone.speaker_axis, phone.speaker_directivity,
+        phone.speaker_across, phone.speaker_lobe_share, phone.ahead,
+        phone.speaker_velocity, phone.held, air,
+    )  # fmt: skip
+    _go(
+        home, k, patches, phone.microphone, phone.microphone_axis, phone.microphone_directivity,
+        phone.microphone_across, phone.microphone_lobe_share, phone.ahead,
+        phone.microphone_velocity, phone.held, air,
+    )  # fmt: skip
+
+
+@kernel
 def _go_both_ways(bench, scene, patches, phone, people, air):
     """All ways from the speaker and to the microphone, of what is seen from between the two."""
     s, m, there, home = phone.speaker, phone.microphone, bench.there, bench.home
@@ -207,16 +235,7 @@ def _go_both_ways(bench, scene, patches, phone, people, air):
         px, py = point[0] + OPEN_M * normal[0], point[1] + OPEN_M * normal[1]
         if hides(scene, people, bench.sight, px, py, point[2] + OPEN_M * normal[2]):
             continue
-        _go(
-            there, k, patches, s, phone.speaker_axis, phone.speaker_directivity,
-            phone.speaker_across, phone.speaker_lobe_share, phone.ahead,
-            phone.speaker_velocity, phone.held, air,
-        )  # fmt: skip
-        _go(
-            home, k, patches, m, phone.microphone_axis, phone.microphone_directivity,
-            phone.microphone_across, phone.microphone_lobe_share, phone.ahead,
-            phone.microphone_velocity, phone.held, air,
-        )  # fmt: skip
+        _go_to(there, home, k, patches, phone, air)
 
 
 @kernel
@@ -275,6 +294,25 @@ def _lay_all(bench, scattering, links, glints, air):
 
 
 @kernel
+def _lay_people(bench, scene, phone, people, air):
+    """What the people about return, as far as they are seen from between speaker and microphone."""
+    crowd, there, home = bench.crowd, bench.to_crowd, bench.from_crowd
+    stand(crowd, people)
+    for k in range(crowd.gain.shape[0]):
+        there.real[k] = there.imag[k] = home.real[k] = home.imag[k] = 0.0
+        point, normal = crowd.point[k], crowd.normal[k]
+        x, y = point[0] + OPEN_M * normal[0], point[1] + OPEN_M * normal[1]
+        if hides(scene, people, bench.sight, x, y, point[2]):
+            continue
+        _go_to(there, home, k, crowd, phone, air)
+        column = there.column[k] + home.column[k]
+        if 0.0 < column < (SAMPLES - 1) * FINER and there.length[k] + home.length[k] < LONGEST_M:
+            sr, si = crowd.gain[k] * there.real[k], crowd.gain[k] * there.imag[k]
+            hr, hi = home.real[k], home.imag[k]
+            _lay(bench.grid, column, sr * hr - si * hi, sr * hi + si * hr)
+
+
+@kernel
 def _write(out, bench, table):
     """Adds the pulses of the grid's columns to the envelope `out` (630)."""
     grid, padded = bench.grid, bench.padded
@@ -297,4 +335,5 @@ def _render(out, scene, scattering, links, glints, ends, people, bench, air, tab
         bench.grid[:] = 0.0
         _go_both_ways(bench, scene, scattering.patches, phone, people[row], air)
         _lay_all(bench, scattering, links, glints, air)
+        _lay_people(bench, scene, phone, people[row], air)
         _write(out[row], bench, table)

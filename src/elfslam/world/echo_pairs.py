@@ -22,7 +22,7 @@ from elfslam.base.values import (
 )
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
-from elfslam.world.circumstances import ENGINES, Circumstances, engine_of, room_in
+from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, random_device
 from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
 from elfslam.world.pulses import Air
@@ -102,7 +102,7 @@ def _random_visit(generator: np.random.Generator, room: Room, engine: str) -> Vi
     return Visit(
         room,
         engine,
-        random_device(generator),
+        random_device(generator, ordinary=engine == DIFFUSE),
         _random_holder(generator),
         air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0])),
         people if generator.uniform() < PEOPLE_SHARE else 0,
