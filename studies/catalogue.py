@@ -26,6 +26,7 @@ from studies.elf import measure_elf
 from studies.fidelity import compare_engines
 from studies.finding import Finding, LongStudy, Row, Study
 from studies.finetuning import measure_finetuning
+from studies.fix_thresholds import measure_fix_thresholds
 from studies.fleet import measure_fleet
 from studies.floor_plan import measure_floor_plan
 from studies.localization import measure_localization
@@ -38,6 +39,7 @@ from studies.merging import measure_merging
 from studies.nearest_maps import measure_nearest_map
 from studies.nearest_spots import measure_nearest
 from studies.nearest_times import measure_nearest_times
+from studies.paper import measure_paper
 from studies.passages import measure_passages
 from studies.physics import check_laws
 from studies.pose_graphs import measure_pose_graphs
@@ -66,6 +68,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "elf": measure_elf,
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
+    "fix-thresholds": LongStudy(measure_fix_thresholds),
     "fleet": measure_fleet,
     "floor-plan": LongStudy(measure_floor_plan),
     "localization": LongStudy(measure_localization),
@@ -78,6 +81,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "nearest": LongStudy(measure_nearest),
     "nearest-map": LongStudy(measure_nearest_map),
     "nearest-times": LongStudy(measure_nearest_times),
+    "paper": LongStudy(measure_paper),
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),

@@ -85,6 +85,7 @@ def stranger(
     sensors: Collection[Sensor] = (),
     circumstances: Circumstances | None = None,
     kind: Kind = QUIET,
+    reverse: bool = False,
 ) -> Stranger:
     """Another person's walk, of which neither start nor length of step is known.
 
@@ -93,7 +94,7 @@ def stranger(
     today = circumstances or kind.asking(world.room)
     recording, truth = simulate(
         world, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
-        circumstances=today,
+        circumstances=today, reverse=reverse,
     )  # fmt: skip
     echoes = hear(recording, Settings())
     features = extract_features(echoes, encoder)

@@ -1,0 +1,106 @@
+"""How alike a place must be to be told: fixes of strangers in development worlds by threshold.
+
+A threshold too high leaves most windows unanswered on another phone's day; one too low answers
+where nobody has mapped. Both are counted for people, surveyors and a quiet day.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from elfslam.app.settings import Settings
+from elfslam.app.workers import Workers
+from elfslam.base.choices import Mode
+from elfslam.base.progress import Announce
+from elfslam.base.values import FixStatus
+from elfslam.world.kinds import KINDS, kind_named
+from elfslam.world.simulate import load_world
+from studies.finding import Finding, Row
+from studies.localization import ELSEWHERE, shipped
+from studies.located import MAPPING_ROUNDS, fix_numbers, located, mapped_walk, stranger
+from studies.repeats import Numbers, finished
+from studies.thresholds import SEEDS, WORLDS
+
+ROUNDS = 2
+UNKNOWN_BELOW = (0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.78, 0.8)
+TEMPERATURES = (0.005, 0.01, 0.02)
+
+
+@dataclass(frozen=True)
+class FixWalk:
+    """A walk of a kind to be mapped, one to be located in it and one from elsewhere."""
+
+    world: str
+    kind: str
+    seed: int
+    mapping_rounds: int = MAPPING_ROUNDS
+
+
+def measure_fix_thresholds(
+    data: Path | None,
+    announce: Announce,
+    kept: Path | None = None,
+    *,
+    workers: Workers | None = None,
+    worlds: Sequence[str] = WORLDS,
+    seeds: Sequence[int] = SEEDS,
+    rounds: int = MAPPING_ROUNDS,
+) -> Finding:
+    """A row per kind and threshold: what is answered, rightly and elsewhere; no `data` needed."""
+    tasks = [
+        FixWalk(world, kind, seed, rounds) for kind in KINDS for world in worlds for seed in seeds
+    ]
+    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    return Finding(_rows(tasks, numbers))
+
+
+def _measured(walk: FixWalk) -> Numbers:
+    world, kind = load_world(walk.world), kind_named(walk.kind)
+    mapped = mapped_walk(world, walk.seed, walk.mapping_rounds, shipped(), kind=kind)
+    other = stranger(world, walk.seed, ROUNDS, shipped(), mapped, kind=kind)
+    strange = load_world(ELSEWHERE.get(walk.world, "studio"))
+    lost = stranger(strange, walk.seed, 1, shipped(), mapped, kind=kind)
+    numbers: Numbers = {}
+    for temperature in TEMPERATURES:
+        for least in UNKNOWN_BELOW:
+            known = replace(Settings().locate, unknown_below=least, temperature=temperature)
+            settings = replace(Settings(), locate=known)
+            fixes = located(mapped, other, Mode.ONE_SHOT, settings)
+            found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+            wrongly = located(mapped, lost, Mode.ONE_SHOT, settings).status == FixStatus.OK
+            key = f"{temperature:g}|{least:g}"
+            numbers[f"{key}|answered"] = found["answered"]
+            numbers[f"{key}|median (m)"] = found["median"]
+            numbers[f"{key}|over 1 m off"] = found["gross"]
+            numbers[f"{key}|elsewhere"] = float(np.mean(wrongly))
+    return numbers
+
+
+def _rows(tasks: Sequence[FixWalk], numbers: Sequence[Numbers]) -> list[Row]:
+    rows: list[Row] = []
+    for kind in dict.fromkeys(task.kind for task in tasks):
+        some = [n for task, n in zip(tasks, numbers, strict=True) if task.kind == kind]
+        for key in dict.fromkeys(name.rsplit("|", 1)[0] for name in some[0]):
+            temperature, least = key.split("|")
+            rows.append(
+                {
+                    "kind": kind,
+                    "temperature": float(temperature),
+                    "unknown below": float(least),
+                    **{what: _mean(some, f"{key}|{what}") for what in WHAT},
+                }
+            )
+    return rows
+
+
+WHAT = ("answered", "median (m)", "over 1 m off", "elsewhere")
+
+
+def _mean(numbers: Sequence[Numbers], key: str) -> float | None:
+    """Over the walks in which there was an answer."""
+    known = [each[key] for each in numbers if np.isfinite(each[key])]
+    return round(float(np.mean(known)), 3) if known else None
