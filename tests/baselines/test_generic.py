@@ -138,3 +138,16 @@ def test_principal_components_are_those_of_scikit_learn() -> None:
 def test_too_few_echoes_for_components_are_refused() -> None:
     with pytest.raises(InputError, match="wanted more than 32 echoes to fit them, got 32"):
         principal_encoder(traces(32))
+
+
+def test_the_root_gives_late_sound_more_weight() -> None:
+    """A late echo a hundredth as loud: its part of the squared vector grows by the root."""
+    loud = np.zeros((1, ECHO_SAMPLES), dtype=np.float32)
+    loud[0, 200:296] = tone(17_500.0)[0, :96]
+    loud[0, 1800:1896] = 0.01 * tone(17_500.0)[0, :96]
+    shares = []
+    for name in ("spectrogram without mean", "root spectrogram"):
+        image = generic_encoders()[name].embed(loud).reshape(12, -1)
+        late = image[:, image.shape[1] // 2 :] - image.min()
+        shares.append(float(np.sum(late**2) / np.sum((image - image.min()) ** 2)))
+    assert shares[1] > 5 * shares[0]

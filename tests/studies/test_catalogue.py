@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 
 from elfslam.app.workers import Workers
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.progress import silent
 from elfslam.line.feature import SpectralEncoder
 from elfslam.scoring.page import Page
+from elfslam.world.kinds import QUIET
 from studies import catalogue
 from studies.catalogue import STUDIES, run_study
 from studies.finding import Finding, LongStudy
@@ -121,3 +122,20 @@ def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None
     with pytest.raises(InputError, match=f"study 'sensor': wanted {', '.join(STUDIES)}; no such"):
         run_study("sensor", tmp_path / "out", None, silent)
     assert not (tmp_path / "out").exists()
+
+
+def test_only_some_studies_are_of_a_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    told: list[object] = []
+
+    def study(data: Path | None, announce: catalogue.Announce, **chosen: object) -> list[Row]:
+        told.append(chosen)
+        return ROWS
+
+    monkeypatch.setattr(catalogue, "STUDIES", {"gait": study, "mapping": study})
+    run_study("mapping", tmp_path, None, silent, kind="quiet")
+    run_study("mapping", tmp_path, None, silent)
+    assert told == [{"kind": QUIET}, {}]
+    with pytest.raises(InputError, match="study gait: is of no kind"):
+        run_study("gait", tmp_path, None, silent, kind="quiet")
+    with pytest.raises(ParameterError, match="kind 'lazy'"):
+        run_study("mapping", tmp_path, None, silent, kind="lazy")
