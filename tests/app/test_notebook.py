@@ -128,6 +128,7 @@ def test_values_say_what_they_are_in_a_line(walk: Walk, run: Run) -> None:
         ),
         (lambda walk, run: elfslam.plot(3), InputError, "got int"),
         (lambda walk, run: elfslam.simulate("nowhere"), InputError, "no such world"),
+        (lambda walk, run: elfslam.simulate(kind="lazy"), ParameterError, "wanted people"),
         (lambda walk, run: elfslam.read_recording(Path("nowhere")), ElfslamError, "nowhere"),
     ],
 )
@@ -152,3 +153,15 @@ def test_the_door_has_what_it_names() -> None:
     assert set(elfslam.__all__) == set(elfslam.HOME_OF)
     with pytest.raises(AttributeError, match="no attribute 'fly'"):
         elfslam.fly  # noqa: B018
+
+
+def test_a_kind_of_walk_is_simulated_by_name() -> None:
+    walk = {"rounds": 1, "sound": False}
+    person, surveyor = (
+        elfslam.simulate("studio", kind=kind, **walk)[0] for kind in ("people", "surveyor")
+    )
+    assert person.imu is not None
+    assert surveyor.imu is not None
+    assert len(person.imu.t_s) != len(surveyor.imu.t_s)
+    other, _ = elfslam.simulate("studio", kind="people", asking=True, **walk)
+    assert other.device != person.device

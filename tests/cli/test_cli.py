@@ -21,6 +21,7 @@ from elfslam.data.recordings import read_recording, write_recording
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.scoring.truth import read_truth
+from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
 Outcome = tuple[int, str, str]
@@ -63,6 +64,17 @@ def mapped(walk: Path) -> Path:
 def copy(walk: Path, tmp_path: Path) -> Path:
     """A copy of the recording to damage."""
     return Path(shutil.copytree(walk, tmp_path / "copy"))
+
+
+def test_a_kind_of_walk_is_asked_for_by_name(elfslam: Elfslam, tmp_path: Path) -> None:
+    """Each option still changes what it says."""
+    short = ("simulate", "studio", "--seed", 107, "--rounds", 1)
+    phones = []
+    for k, more in enumerate([("people",), ("people", "--asking"), ("people", "--device", "flat")]):
+        out = tmp_path / f"{k}"
+        assert elfslam(*short, out, "--kind", *more)[0] == 0
+        phones.append(read_recording(out).device)
+    assert [phone.split(",")[0] for phone in phones] == [MAPPING_PHONE, ASKING_PHONE, "flat"]
 
 
 def test_a_simulated_walk_holds_what_a_phone_records_and_the_truth_apart(walk: Path) -> None:
@@ -332,6 +344,7 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["simulate", "studio", "{tmp}/out", "--sensors", "wifi,radar"], "radar"),
         (["simulate", "studio", "{tmp}/out", "--state", "flooded"], "moved"),
         (["simulate", "studio", "{tmp}/out", "--day", "-1"], "day: wanted 0 to 36500"),
+        (["simulate", "studio", "{tmp}/out", "--kind", "lazy"], "wanted people, surveyor, quiet"),
         (["simulate", "studio", "{tmp}/out", "--people", "500"], "people: wanted 0 to 50"),
         (["simulate", "studio", "{tmp}/out", "--device", "tablets"], "did you mean 'tablet'"),
         (["simulate", "studio", "{tmp}/out", "--volume", "2"], "volume: wanted 0.001 to 1"),

@@ -55,16 +55,28 @@ def settings_of(given: Given = None) -> Settings:
     return settings
 
 
-def simulate(world: str = "living_room", seed: int = 0, **walk: Any) -> tuple[Recording, Truth]:
+def simulate(
+    world: str = "living_room",
+    seed: int = 0,
+    *,
+    kind: str = "quiet",
+    asking: bool = False,
+    **walk: Any,
+) -> tuple[Recording, Truth]:
     """A simulated walk with a phone, and its truth. Same world and seed, same bytes.
 
-    `world` is a built-in name or a TOML file; `walk` holds keywords of `world.simulate.simulate`,
-    such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises InputError.
+    `world` is a built-in name or a TOML file. `kind` is people, surveyor or quiet; who is `asking`
+    comes on another day with another phone. `walk` holds keywords of `world.simulate.simulate`,
+    such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises InputError and ParameterError.
     """
+    from elfslam.world.kinds import kind_named
     from elfslam.world.simulate import simulate as simulate_walk
     from elfslam.world.world_file import load_world
 
-    return simulate_walk(load_world(world), seed, **walk)
+    place, whose = load_world(world), kind_named(kind)
+    today = whose.asking(place.room) if asking else whose.mapping(place.room)
+    usual: dict[str, Any] = {"walker": whose.walker, "circumstances": today}
+    return simulate_walk(place, seed, **usual | walk)
 
 
 def map(

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -12,8 +13,9 @@ from elfslam.cli.options import (
     Seed,
 )
 from elfslam.data.recordings import write_recording
-from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
+from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
+from elfslam.world.kinds import KINDS, QUIET, kind_named
 from elfslam.world.sensors import parse_sensors
 from elfslam.world.simulate import WALKERS, describe_chirp, simulate
 from elfslam.world.world_file import load_world, world_names
@@ -26,33 +28,43 @@ def simulate_command(
     rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
-    walker: Annotated[str, typer.Option(help=" or ".join(WALKERS))] = WALKERS[0],
+    kind: Annotated[
+        str, typer.Option(help=f"Of walk: {', '.join(KINDS)}; the options below change it.")
+    ] = QUIET.name,
+    asking: Annotated[
+        bool, typer.Option("--asking", help="As who asks in a map: another day, another phone.")
+    ] = False,
+    walker: Annotated[str | None, typer.Option(help=f"{' or '.join(WALKERS)}.")] = None,
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
     state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
-    day: Annotated[int, typer.Option(help="Days since the world was drawn.")] = 0,
-    people: Annotated[int, typer.Option(help="How many others walk about.")] = 0,
-    device: Annotated[str, typer.Option(help=", ".join(DEVICES))] = "simulated phone",
+    day: Annotated[int | None, typer.Option(help="Days since the world was drawn.")] = None,
+    people: Annotated[int | None, typer.Option(help="How many others walk about.")] = None,
+    device: Annotated[str | None, typer.Option(help=f"{', '.join(DEVICES)}.")] = None,
     volume: Annotated[float, typer.Option(help="Share of the phone's full level.")] = 1.0,
     sounds: Annotated[str, typer.Option(help=f"Heard besides: {','.join(SOUNDS)}.")] = "",
     other_phones: Annotated[int, typer.Option(help="How many others chirp in the room.")] = 0,
-    engine: Annotated[str, typer.Option(help=" or ".join(ENGINES))] = ENGINES[0],
+    engine: Annotated[str | None, typer.Option(help=f"{' or '.join(ENGINES)}.")] = None,
     imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
     jitter: Annotated[float, typer.Option(help="Chirps begin so late in their period (s).")] = 0.0,
     softer: Annotated[float, typer.Option(help="By chance chirps are so much softer (dB).")] = 0.0,
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
-    heard = parse_sounds(sounds)
-    today = Circumstances(
-        state, day, people, device, volume, heard, other_phones, engine, jitter, softer
-    )
+    place, whose = load_world(world), kind_named(kind)
+    usual = whose.asking(place.room) if asking else whose.mapping(place.room)
+    changed: dict[str, Any] = {"day": day, "people": people, "device": device, "engine": engine}
+    today = replace(
+        usual, state=state, volume=volume, sounds=parse_sounds(sounds), other_phones=other_phones,
+        jitter_s=jitter, softer_db=softer,
+        **{name: value for name, value in changed.items() if value is not None},
+    )  # fmt: skip
     with progress_bar() as announce:
         recording, truth = simulate(
-            load_world(world),
+            place,
             seed,
             rounds=rounds,
             rate_hz=rate_hz,
             reverse=reverse,
-            walker=walker,
+            walker=walker or whose.walker,
             sensors=parse_sensors(sensors),
             grade=built_in_grade(imu),
             circumstances=today,
