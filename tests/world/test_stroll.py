@@ -12,7 +12,7 @@ from elfslam.base.errors import ParameterError
 from elfslam.world.materials import material
 from elfslam.world.room import Room, box, shoebox
 from elfslam.world.simulate import simulate
-from elfslam.world.stroll import LANES_M, STOP_S, lane_of, random_person, stroll
+from elfslam.world.stroll import COVER_SHARE, LANES_M, STOP_S, lane_of, random_person, stroll
 from elfslam.world.walkable import standing_room
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.world_file import load_world
@@ -134,7 +134,8 @@ def test_who_covers_a_port_walks_as_before() -> None:
             assert getattr(open_, item.name).tobytes() == getattr(closed, item.name).tobytes()
     assert not covered(open_).any()
     assert covered(closed).max() > 6.0
-    assert random_person(np.random.default_rng(0), 0.5).cover_share == 0.0
+    assert random_person(np.random.default_rng(0), 0.5).cover_share == COVER_SHARE
+    assert random_walker(np.random.default_rng(0)).cover_share == 0.0
     assert random_person(np.random.default_rng(0), 0.5, cover_share=0.25).cover_share == 0.25
 
 
