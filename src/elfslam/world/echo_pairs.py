@@ -24,11 +24,11 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, random_device
-from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses
+from elfslam.world.phone import Engine, Poses, air_at, phone_axes, render_frames, room_responses
 from elfslam.world.pulses import Air
 from elfslam.world.random_world import changed_room, random_room
 from elfslam.world.room import Room
-from elfslam.world.scene import scene_of
+from elfslam.world.scene import Scene, scene_of
 
 POSITIVE_DISTANCE_M = 0.20
 """Echoes closer than this are positives (paper, section 5.3, pre-training)."""
@@ -64,6 +64,13 @@ class Visit(NamedTuple):
     people: int
 
 
+class Sounding(NamedTuple):
+    """A room as an engine renders it; to trace its chains of scatterings takes longest."""
+
+    scene: Scene
+    engine: Engine
+
+
 def echo_pairs(
     generator: np.random.Generator, pairs: int, rooms: int, engine: str = ENGINES[0]
 ) -> EchoPairs:
@@ -90,11 +97,19 @@ def _pairs_in_room(
     twins = generator.uniform() < TWIN_SHARE
     xy, yaw = _places(generator, first.room, count, twins=twins)
     near = xy + _within(generator, count, POSITIVE_DISTANCE_M)
+    before = _sounding(first.room, engine)
+    after = before if second.room is first.room else _sounding(second.room, engine)
     return (
-        _heard(generator, first, xy, yaw, chirp),
-        _heard(generator, second, near, yaw, chirp),
+        _heard(generator, first, before, xy, yaw, chirp),
+        _heard(generator, second, after, near, yaw, chirp),
         xy,
     )
+
+
+def _sounding(room: Room, engine: str) -> Sounding:
+    today = Circumstances(engine=engine)
+    there = room_in(room, today)
+    return Sounding(scene_of(there), engine_of(today, there, 1))
 
 
 def _random_visit(generator: np.random.Generator, room: Room, engine: str) -> Visit:
@@ -124,14 +139,16 @@ def _another_visit(generator: np.random.Generator, first: Visit) -> Visit:
 
 
 def _heard(
-    generator: np.random.Generator, visit: Visit, xy_m: F64, yaw_rad: F64, chirp: Chirp
+    generator: np.random.Generator,
+    visit: Visit,
+    there: Sounding,
+    xy_m: F64,
+    yaw_rad: F64,
+    chirp: Chirp,
 ) -> F32:
     """Echo traces (n, 2352) at places (n, 2) on a visit."""
     poses = _among_people(generator, _random_poses(generator, xy_m, yaw_rad, visit.holder), visit)
-    today = Circumstances(engine=visit.engine)
-    room = room_in(visit.room, today)
-    engine = engine_of(today, room, 1)
-    responses = room_responses(scene_of(room), visit.device, poses, visit.air, engine=engine)
+    responses = room_responses(there.scene, visit.device, poses, visit.air, engine=there.engine)
     frames = render_frames(responses, chirp, visit.device)
     noise = generator.standard_normal(frames.shape, dtype=np.float32)
     noise *= np.float32(visit.device.noise_rms)
