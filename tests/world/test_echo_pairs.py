@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from elfslam.base.arrays import F32
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, EchoPairs
 from elfslam.line.chirp import ChirpParameters, make_chirp
@@ -36,6 +37,7 @@ from elfslam.world.echo_pairs import (
     _random_holder,
     _random_poses,
     _random_visit,
+    _sounding,
     _within,
     echo_pairs,
 )
@@ -290,12 +292,17 @@ def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
     visit = _random_visit(generator_of(4), square_room(), "images")._replace(people=0)
     xy, yaw = np.tile([2.0, 3.0], (4, 1)), np.zeros(4)
     chirp = make_chirp(ChirpParameters(), 44_100)
+
+    def heard_at(each: Visit) -> F32:
+        there = _sounding(each.room, each.engine)
+        return _heard(generator_of(0), each, there, xy, yaw, chirp)
+
     quiet = visit._replace(device=replace(visit.device, level=0.0, noise_rms=0.01))
-    noise = _heard(generator_of(0), quiet, xy, yaw, chirp)
+    noise = heard_at(quiet)
     assert noise.shape == (4, ECHO_SAMPLES)
     assert noise.std() == pytest.approx(0.01, rel=0.05)
     carpeted = visit._replace(room=changed_room(generator_of(3), visit.room))
-    here, there = (_heard(generator_of(0), each, xy, yaw, chirp) for each in (visit, carpeted))
+    here, there = heard_at(visit), heard_at(carpeted)
     assert np.abs(here - there).max() > 0.05 * np.abs(here).max()
 
 
