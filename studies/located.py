@@ -92,8 +92,9 @@ def stranger(
     `circumstances` are those of the kind unless others are given.
     """
     today = circumstances or kind.asking(world.room)
+    there = kind.asking_place(world, seed + STRANGER)
     recording, truth = simulate(
-        world, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
+        there, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
         circumstances=today, reverse=reverse,
     )  # fmt: skip
     echoes = hear(recording, Settings())

@@ -11,6 +11,7 @@ from elfslam.world.kinds import KINDS, PEOPLE, QUIET, SURVEYOR, Kind, kind_named
 from elfslam.world.materials import material
 from elfslam.world.room import Room, shoebox
 from elfslam.world.simulate import WALKERS
+from elfslam.world.world_file import load_world
 
 
 def room_of(area_m2: float) -> Room:
@@ -44,3 +45,12 @@ def test_kinds_are_known_by_name_and_others_refused() -> None:
     assert {kind.walker for kind in KINDS.values()} == set(WALKERS)
     with pytest.raises(ParameterError, match="kind 'lazy': wanted people, surveyor, quiet"):
         kind_named("lazy")
+
+
+def test_people_ask_on_other_ways_and_surveyors_on_the_mapped_one() -> None:
+    world = load_world("studio")
+    assert SURVEYOR.asking_place(world, 1) is QUIET.asking_place(world, 1) is world
+    one, again, other = (PEOPLE.asking_place(world, seed).route_m for seed in (1, 1, 2))
+    assert (one == again).all()
+    assert one.shape != world.route_m.shape
+    assert one.shape != other.shape or (one != other).any()

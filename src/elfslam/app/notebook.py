@@ -66,8 +66,9 @@ def simulate(
     """A simulated walk with a phone, and its truth. Same world and seed, same bytes.
 
     `world` is a built-in name or a TOML file. `kind` is people, surveyor or quiet; who is `asking`
-    comes on another day with another phone. `walk` holds keywords of `world.simulate.simulate`,
-    such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises InputError and ParameterError.
+    comes on another day with another phone, by other ways. `walk` holds keywords of
+    `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises
+    InputError and ParameterError.
     """
     from elfslam.world.kinds import kind_named
     from elfslam.world.simulate import simulate as simulate_walk
@@ -75,6 +76,7 @@ def simulate(
 
     place, whose = load_world(world), kind_named(kind)
     today = whose.asking(place.room) if asking else whose.mapping(place.room)
+    place = whose.asking_place(place, seed) if asking else place
     usual: dict[str, Any] = {"walker": whose.walker, "circumstances": today}
     return simulate_walk(place, seed, **usual | walk)
 

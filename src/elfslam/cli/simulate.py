@@ -32,7 +32,7 @@ def simulate_command(
         str, typer.Option(help=f"Of walk: {', '.join(KINDS)}; the options below change it.")
     ] = QUIET.name,
     asking: Annotated[
-        bool, typer.Option("--asking", help="As who asks in a map: another day, another phone.")
+        bool, typer.Option("--asking", help="As who asks in a map: another day, phone and way.")
     ] = False,
     walker: Annotated[str | None, typer.Option(help=f"{' or '.join(WALKERS)}.")] = None,
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
@@ -51,6 +51,7 @@ def simulate_command(
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     place, whose = load_world(world), kind_named(kind)
     usual = whose.asking(place.room) if asking else whose.mapping(place.room)
+    place = whose.asking_place(place, seed) if asking else place
     changed: dict[str, Any] = {"day": day, "people": people, "device": device, "engine": engine}
     today = replace(
         usual, state=state, volume=volume, sounds=parse_sounds(sounds), other_phones=other_phones,

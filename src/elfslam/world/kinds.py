@@ -1,16 +1,21 @@
 """Kinds of walks: who walks, in which sound, and what differs between mapping and asking.
 
 A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones
-are ordinary, rooms scatter, others are about, and who asks comes on another day with another phone.
+are ordinary, rooms scatter, others are about, and who asks comes on another day with another phone,
+by other ways where they are people.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from elfslam.base.errors import ParameterError
 from elfslam.world.circumstances import Circumstances
+from elfslam.world.crossing import crossing_route
 from elfslam.world.room import Room, floor_area_m2
+from elfslam.world.world_file import World
 
 PEOPLE_ABOUT = ((120.0, 0), (600.0, 3), (float("inf"), 6))
 """Others about in rooms, offices and halls: floor of up to so many m2."""
@@ -40,6 +45,14 @@ class Kind:
         return Circumstances(
             engine="diffuse", people=people_about(room), device=ASKING_PHONE, day=DAYS_LATER
         )
+
+    def asking_place(self, world: World, seed: int) -> World:
+        """The world with the route of who asks: a surveyor's is the mapped one, people's crosses
+        it."""
+        if self.walker == SURVEYOR.walker:
+            return world
+        generator = np.random.default_rng([seed, 31])
+        return replace(world, route_m=crossing_route(world.room, world.route_m, generator))
 
 
 QUIET = Kind("quiet", "surveyor", ordinary=False)
