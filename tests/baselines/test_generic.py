@@ -18,6 +18,7 @@ from elfslam.baselines.generic import (
 )
 from elfslam.line.feature import Encoder, spectrogram
 
+KINDS = ("spectrogram", "root spectrogram")
 NAMES = [*generic_encoders(), "principal components"]
 
 
@@ -117,6 +118,20 @@ def test_without_its_mean_a_spectrogram_is_no_longer_like_all_others() -> None:
     )
     assert flat > 0.7
     assert abs(centred) < 0.2
+
+
+def test_the_root_of_a_spectrogram_lets_what_is_loud_count_for_less() -> None:
+    """Two echoes that share a loud burst and nothing else are less alike by the roots."""
+    one, other = traces(2)
+    burst = np.zeros(ECHO_SAMPLES, dtype=np.float32)
+    burst[:96] = 0.04 * tone(17_500.0)[0, :96]
+    alike = {
+        name: float(np.prod(encoder.embed(np.stack([one + burst, other + burst])), axis=0).sum())
+        for name, encoder in generic_encoders().items()
+        if "without mean" in name
+    }
+    unlike, unlike_by_roots = (1 - alike[f"{name} without mean"] for name in KINDS)
+    assert unlike_by_roots > 3 * unlike
 
 
 def test_principal_components_are_those_of_scikit_learn() -> None:

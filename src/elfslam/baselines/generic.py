@@ -48,6 +48,7 @@ def generic_encoders() -> Mapping[str, Encoder]:
         "PSD": power_spectral_density,
         "spectrogram": flat_spectrogram,
         "spectrogram without mean": centred_spectrogram,
+        "root spectrogram without mean": centred_root_spectrogram,
     }
     return {
         name: GenericEncoder(f"{name.replace(' ', '-')}-1", describe)
@@ -105,3 +106,9 @@ def centred_spectrogram(samples: F32) -> F32:
     """The same without the mean of each echo, which lifts all cosines towards 1."""
     flat = flat_spectrogram(samples)
     return np.asarray(flat - flat.mean(axis=1, keepdims=True))
+
+
+def centred_root_spectrogram(samples: F32) -> F32:
+    """The same of the square roots of the magnitudes: what is loud counts for less."""
+    root = np.sqrt(flat_spectrogram(samples))
+    return np.asarray(root - root.mean(axis=1, keepdims=True))

@@ -133,9 +133,7 @@ def _heard(
     engine = engine_of(today, room, 1)
     responses = room_responses(scene_of(room), visit.device, poses, visit.air, engine=engine)
     frames = render_frames(responses, chirp, visit.device)
-    noise = generator.standard_normal(frames.shape, dtype=np.float32)
-    noise *= np.float32(visit.device.noise_rms)
-    return _cut(generator, frames + noise, visit.device)
+    return cut_frames(generator, frames, visit.device)
 
 
 def _among_people(generator: np.random.Generator, poses: Poses, visit: Visit) -> Poses:
@@ -216,9 +214,14 @@ def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
-def _cut(generator: np.random.Generator, frames: F32, device: Device) -> F32:
-    """Echo traces as the line cuts them, with the jitter of its direct-path search."""
+def cut_frames(generator: np.random.Generator, frames: F32, device: Device) -> F32:
+    """Echo traces (n, 2352) of frames (n, k) at 44.1 kHz that begin with their chirps.
+
+    With the phone's noise, and as the line cuts them: with the jitter of its direct-path search.
+    """
+    noise = generator.standard_normal(frames.shape, dtype=np.float32)
+    noise *= np.float32(device.noise_rms)
     arrival = round(device.separation_m / SPEED_OF_SOUND_MPS * ECHO_RATE_HZ)
     starts = arrival + DISCARDED_SAMPLES + generator.integers(-2, 3, len(frames))
     columns = starts[:, None] + np.arange(ECHO_SAMPLES)[None, :]
-    return np.take_along_axis(frames, columns, axis=1)
+    return np.take_along_axis(frames + noise, columns, axis=1)
