@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -156,6 +157,12 @@ def test_an_onnx_graph_is_run_and_known_by_its_content() -> None:
     assert encoder.identity == OnnxEncoder(content, "the same").identity
     assert encoder.identity != OnnxEncoder(tiny_encoder(seed=2), "tiny").identity
     assert len(encoder.identity) == 16
+
+
+def test_an_encoder_travels_to_another_process(compact: OnnxEncoder) -> None:
+    there = pickle.loads(pickle.dumps(compact))
+    assert there.identity == compact.identity
+    npt.assert_array_equal(there.embed(traces(3)), compact.embed(traces(3)))
 
 
 def test_no_echoes_give_no_vectors() -> None:

@@ -30,7 +30,6 @@ from elfslam.world.echo_pairs import (
     Visit,
     _among_people,
     _another_visit,
-    _cut,
     _free_places,
     _heard,
     _places,
@@ -39,6 +38,7 @@ from elfslam.world.echo_pairs import (
     _random_visit,
     _sounding,
     _within,
+    cut_frames,
     echo_pairs,
 )
 from elfslam.world.phone import poses_at, render_frames, room_responses
@@ -223,7 +223,7 @@ def test_traces_are_cut_where_the_line_cuts_them() -> None:
     frame = render_frames(response, chirp, device)
     stream = Audio(np.tile(frame, (1, 30)), 44_100)
     by_line = cut_echoes(stream, chirp, EchoParameters()).samples[0]
-    for ours in _cut(generator, np.repeat(frame, 8, axis=0), device):
+    for ours in cut_frames(generator, np.repeat(frame, 8, axis=0), device):
         lags = np.correlate(ours, by_line, mode="same")
         assert abs(int(lags.argmax()) - ECHO_SAMPLES // 2) <= 3
     assert DISCARDED_SAMPLES == 485

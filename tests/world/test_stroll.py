@@ -12,7 +12,16 @@ from elfslam.base.errors import ParameterError
 from elfslam.world.materials import material
 from elfslam.world.room import Room, box, shoebox
 from elfslam.world.simulate import simulate
-from elfslam.world.stroll import COVER_SHARE, LANES_M, STOP_S, lane_of, random_person, stroll
+from elfslam.world.stroll import (
+    COVER_SHARE,
+    LANES_M,
+    STOP_S,
+    lane_of,
+    random_person,
+    stroll,
+    stroll_on,
+    way_through,
+)
 from elfslam.world.walkable import standing_room
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.world_file import load_world
@@ -50,6 +59,13 @@ def test_the_same_seed_strolls_the_same_way() -> None:
     for item in fields(Motion):
         assert getattr(one, item.name).tobytes() == getattr(again, item.name).tobytes()
     assert len(one.t_s) != len(other.t_s)
+
+
+def test_a_way_serves_all_who_stroll_on_it() -> None:
+    way = way_through(HALL, ROUTE_M)
+    for seed in (1, 2):
+        on_it = stroll_on(person_of(seed), way, 4, np.random.default_rng(seed))
+        assert on_it.position_m.tobytes() == motion_of(seed).position_m.tobytes()
 
 
 def test_lanes_scatter_as_told() -> None:

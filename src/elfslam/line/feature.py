@@ -106,6 +106,10 @@ class OnnxEncoder:
                 f"got {inputs}; export it with `elfslam pretrain`"
             )
 
+    def __reduce__(self) -> tuple[type[OnnxEncoder], tuple[bytes, str, float]]:
+        """Travels to another process as its file."""
+        return OnnxEncoder, (self.content, self.name, self._batch_s)
+
     @property
     def card(self) -> Card | None:
         """How it was made, None where its file does not say. Raises InputError if damaged."""

@@ -150,9 +150,7 @@ def _heard(
     poses = _among_people(generator, _random_poses(generator, xy_m, yaw_rad, visit.holder), visit)
     responses = room_responses(there.scene, visit.device, poses, visit.air, engine=there.engine)
     frames = render_frames(responses, chirp, visit.device)
-    noise = generator.standard_normal(frames.shape, dtype=np.float32)
-    noise *= np.float32(visit.device.noise_rms)
-    return _cut(generator, frames + noise, visit.device)
+    return cut_frames(generator, frames, visit.device)
 
 
 def _among_people(generator: np.random.Generator, poses: Poses, visit: Visit) -> Poses:
@@ -233,9 +231,14 @@ def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
-def _cut(generator: np.random.Generator, frames: F32, device: Device) -> F32:
-    """Echo traces as the line cuts them, with the jitter of its direct-path search."""
+def cut_frames(generator: np.random.Generator, frames: F32, device: Device) -> F32:
+    """Echo traces (n, 2352) of frames (n, k) at 44.1 kHz that begin with their chirps.
+
+    With the phone's noise, and as the line cuts them: with the jitter of its direct-path search.
+    """
+    noise = generator.standard_normal(frames.shape, dtype=np.float32)
+    noise *= np.float32(device.noise_rms)
     arrival = round(device.separation_m / SPEED_OF_SOUND_MPS * ECHO_RATE_HZ)
     starts = arrival + DISCARDED_SAMPLES + generator.integers(-2, 3, len(frames))
     columns = starts[:, None] + np.arange(ECHO_SAMPLES)[None, :]
-    return np.take_along_axis(frames, columns, axis=1)
+    return np.take_along_axis(frames + noise, columns, axis=1)

@@ -62,6 +62,16 @@ class Stage:
     reach: Reach
 
 
+def stage_of(world: World, circumstances: Circumstances, rate_hz: int, threads: int) -> Stage:
+    """What the frames have in common that are heard in a world; rendered on so many threads."""
+    room = room_on(world, circumstances)
+    return Stage(
+        scene_of(room), air_on(world, circumstances.day),
+        device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
+        engine_of(circumstances, room, threads), reach_of(circumstances),
+    )  # fmt: skip
+
+
 def record_walk(
     world: World,
     circumstances: Circumstances,
@@ -76,12 +86,7 @@ def record_walk(
 
     Besides when it played each chirp (n, s), and how loud against the loudest (n, dB).
     """
-    room = room_on(world, circumstances)
-    stage = Stage(
-        scene_of(room), air_on(world, circumstances.day),
-        device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
-        engine_of(circumstances, room, os.cpu_count() or 1), reach_of(circumstances),
-    )  # fmt: skip
+    stage = stage_of(world, circumstances, rate_hz, os.cpu_count() or 1)
     latency = round(generator.uniform(*LATENCY_S) * rate_hz)
     total, frame = int(motion.t_s[-1] * rate_hz), round(FRAME_S * rate_hz)
     starts = _within_periods(np.arange(latency, total - frame, frame), circumstances, rate_hz, seed)

@@ -8,6 +8,8 @@ studies sensors`).
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
@@ -42,6 +44,14 @@ WAY_BACK_M = (2.0, 6.0)
 GRIP_S = 0.8
 COVER_SHARE = 0.25
 """Of the ways in which people take up a phone: a hand lies on one of its ports."""
+
+
+class Way(NamedTuple):
+    """A lap (k, 2) through a room, its length, and how far right and left of it one can go."""
+
+    lap_xy: F64
+    lap_m: float
+    free_m: F64
 
 
 def random_person(
@@ -87,21 +97,31 @@ def stroll(
     They keep as far from walls and furniture as the free floor beside the route allows, and stand
     before and after for as long as they like.
     """
+    return stroll_on(person, way_through(room, route_m), rounds, generator)
+
+
+def way_through(room: Room, route_m: F64) -> Way:
+    """The way along a closed route (k, 2), for as many who stroll on it as may come."""
     lap_xy, lap_m = smooth_lap(route_m)
-    velocity, turned = _velocity(person, rounds * lap_m, generator)
+    return Way(lap_xy, lap_m, _free_beside(lap_xy, room))
+
+
+def stroll_on(person: Walker, way: Way, rounds: int, generator: np.random.Generator) -> Motion:
+    """The motion of somebody who strays on `rounds` laps of a way, as `stroll`."""
+    velocity, turned = _velocity(person, rounds * way.lap_m, generator)
     count = len(velocity)
     wanted = person.lane_m * smooth_noise(generator, count, LANE_S)
     aside_rad = person.aside_rad * smooth_noise(generator, count, ASIDE_S)
     regrips = _regrips(person, count, generator)
     straying = Straying(
-        left_m=_within(_free_beside(lap_xy, room), np.cumsum(velocity) / lap_m, wanted),
+        left_m=_within(way.free_m, np.cumsum(velocity) / way.lap_m, wanted),
         turned_rad=turned,
         aside_rad=aside_rad,
         pitch_rad=_grips(regrips, count, np.deg2rad(6.0), generator),
         lower_m=_grips(_regrips(person, count, generator), count, 0.05, generator),
         covered_db=_covered(person, regrips, count, generator),
     )
-    return motion_along(person, lap_xy, lap_m, velocity, straying, generator)
+    return motion_along(person, way.lap_xy, way.lap_m, velocity, straying, generator)
 
 
 def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> tuple[F64, F64]:
