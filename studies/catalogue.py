@@ -29,6 +29,7 @@ from studies.finetuning import measure_finetuning
 from studies.fix_thresholds import measure_fix_thresholds
 from studies.fleet import measure_fleet
 from studies.floor_plan import measure_floor_plan
+from studies.laps import measure_laps
 from studies.localization import measure_localization
 from studies.localization_cost import measure_localization_cost
 from studies.magnetic_walks import measure_magnetic_walks
@@ -71,6 +72,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "fix-thresholds": LongStudy(measure_fix_thresholds),
     "fleet": measure_fleet,
     "floor-plan": LongStudy(measure_floor_plan),
+    "laps": LongStudy(measure_laps),
     "localization": LongStudy(measure_localization),
     "localization-cost": measure_localization_cost,
     "magnetic-walks": measure_magnetic_walks,
@@ -102,9 +104,9 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 }
 
 
-COMPARES = ("elf", "real-rooms", "trace")
+COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
-BY_KIND = ("localization", "mapping", "sensitivity")
+BY_KIND = ("laps", "localization", "mapping", "sensitivity")
 """Studies whose walks are of a kind, people's where none is given."""
 
 
@@ -121,10 +123,10 @@ def run_study(
     """The rows of a study, also written to `out` as name.json and name.csv (and name.html).
 
     A long one keeps what is finished in name.partial until then, so that it goes on after a kill.
-    `encoders` are measured by name in place of those that the study would measure, and `kind` is
-    that of the walks. `on` says who works on a long one, as `open_workers` has it. Raises
-    InputError for a study that does not exist, compares no encoders, is of no kind, or is too short
-    to be shared out; ParameterError for a kind that does not exist.
+    `encoders` are measured by name, in place of those that the study would measure or beside them,
+    and `kind` is that of the walks. `on` says who works on a long one, as `open_workers` has it.
+    Raises InputError for a study that does not exist, compares no encoders, is of no kind, or is
+    too short to be shared out; ParameterError for a kind that does not exist.
     """
     if name not in STUDIES:
         raise InputError(f"study {name!r}: wanted {', '.join(STUDIES)}; no such study")

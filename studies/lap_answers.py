@@ -1,0 +1,153 @@
+"""Places asked for in a map of many laps: the most alike spot, how far off it is, and when to ask.
+
+Laps are answered one by one, and a map of several of them by the best of their answers: maps of
+more laps are had from those of fewer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.geometry import wrap_angle
+from elfslam.base.values import Payload
+from elfslam.line.locate import likeness
+from studies.elf import ELSEWHERE_M, SAME_RAD
+from studies.figures.separation import histograms, shares_above
+from studies.lap_echoes import Places
+from studies.located import GROSS_M
+from studies.repeats import Numbers
+
+MOST_WRONG = 0.05
+LIKENESSES = np.round(np.arange(-1.0, 1.0015, 0.001), 3)
+"""Thresholds that are tried; at the last one nothing is answered."""
+OFFSETS_M = (0.0, 0.15, 0.4, 0.8)
+FALSE_POSITIVES = 0.01
+EVERY = 8
+"""Of so many spots one is compared with places elsewhere: neighbours hold the same echoes."""
+
+
+class Answers(NamedTuple):
+    """How alike the most alike spot is to each place that is asked for (n), and how far off it."""
+
+    likeness: F32
+    error_m: F64
+
+
+class Beside(NamedTuple):
+    """The nearest spot of like heading to each place (n): how far, and how alike.
+
+    `elsewhere` counts likenesses of spots that are far from the place, in cells of 0.0005.
+    """
+
+    offset_m: F64
+    likeness: F32
+    elsewhere: F64
+
+
+def answers_by(asked: Places, spots: Places) -> Answers:
+    """The most alike spots; the first of equals."""
+    scores = _alike(asked, spots)
+    best = scores.argmax(axis=1)
+    far_m = np.linalg.norm(asked.xy_m - spots.xy_m[best], axis=1)
+    return Answers(np.take_along_axis(scores, best[:, None], axis=1)[:, 0], far_m)
+
+
+def best_answers(laps: Sequence[Answers]) -> Answers:
+    """What the map of all these laps answers; the first lap of equals."""
+    likeness, error_m = (np.stack(column) for column in zip(*laps, strict=True))
+    best = likeness.argmax(axis=0)[None]
+    return Answers(*(np.take_along_axis(each, best, axis=0)[0] for each in (likeness, error_m)))
+
+
+def least_likeness(worlds: Sequence[Answers]) -> float:
+    """The least likeness at which at most one kept answer in twenty is more than a metre off.
+
+    Worlds count alike, however many answers there are in each.
+    """
+    wrong, kept = np.zeros(len(LIKENESSES)), np.zeros(len(LIKENESSES))
+    for answers in worlds:
+        far = answers.error_m > GROSS_M
+        kept += _share_from(answers.likeness, len(far))
+        wrong += _share_from(answers.likeness[far], len(far))
+    return float(LIKENESSES[np.argmax(wrong <= MOST_WRONG * kept)])
+
+
+def _share_from(likeness: F32, of: int) -> F64:
+    """How many of so many are at least as alike as each threshold."""
+    below = np.searchsorted(np.sort(likeness.astype(np.float64)), LIKENESSES)
+    return np.asarray((len(likeness) - below) / of)
+
+
+def numbers_of(answers: Answers, threshold: float) -> Numbers:
+    """Median error and the share over a metre off, of all answers and of those kept.
+
+    NaN where none is kept.
+    """
+    kept = answers.likeness.astype(np.float64) >= threshold
+    return {
+        "answered": float(kept.mean()),
+        **_errors("", answers.error_m),
+        **_errors("answered|", answers.error_m[kept]),
+    }
+
+
+def _errors(name: str, error_m: F64) -> Numbers:
+    if not len(error_m):
+        return {f"{name}median": np.nan, f"{name}gross": np.nan}
+    gross = float(np.mean(error_m > GROSS_M))
+    return {f"{name}median": float(np.median(error_m)), f"{name}gross": gross}
+
+
+def beside(asked: Places, spots: Places) -> Beside:
+    """The nearest spots that were passed within 35 degrees of the same way, and those elsewhere.
+
+    Infinitely far and not alike where there is none.
+    """
+    scores = _alike(asked, spots)
+    far_m = np.linalg.norm(asked.xy_m[:, None] - spots.xy_m[None], axis=2)
+    turn_rad = np.abs(wrap_angle(asked.heading_rad[:, None] - spots.heading_rad[None]))
+    same_way_m = np.where(turn_rad < SAME_RAD, far_m, np.inf)
+    nearest = same_way_m.argmin(axis=1)[:, None]
+    elsewhere = scores[:, ::EVERY][far_m[:, ::EVERY] > ELSEWHERE_M]
+    return Beside(
+        np.take_along_axis(same_way_m, nearest, axis=1)[:, 0],
+        np.take_along_axis(scores, nearest, axis=1)[:, 0],
+        _counts(elsewhere),
+    )
+
+
+def recalls(laps: Sequence[Beside]) -> Numbers:
+    """How many places were near a spot of these laps, by offset, and how many were found there.
+
+    Found is one that is more alike to that spot than all but 1 % of what is elsewhere.
+    """
+    offsets_m = np.stack([lap.offset_m for lap in laps])
+    nearest, columns = offsets_m.argmin(axis=0), np.arange(offsets_m.shape[1])
+    offset_m = offsets_m[nearest, columns]
+    alike = np.stack([lap.likeness for lap in laps])[nearest, columns]
+    least, numbers = _least_cell(np.sum([lap.elsewhere for lap in laps], axis=0)), Numbers()
+    for low_m, high_m in pairwise(OFFSETS_M):
+        near = (offset_m >= low_m) & (offset_m < high_m)
+        numbers[f"near|{high_m:g}"] = float(near.sum())
+        numbers[f"found|{high_m:g}"] = float(_counts(alike[near])[least:].sum())
+    return numbers
+
+
+def _least_cell(elsewhere: F64) -> int:
+    """The first cell of likeness at or above which at most 1 % of those elsewhere are."""
+    false = shares_above(np.stack([elsewhere, elsewhere]))[1]
+    return int(np.argmax(false <= FALSE_POSITIVES))
+
+
+def _counts(likeness: F32) -> F64:
+    """How many likenesses are in each cell of 0.0005."""
+    return np.asarray(histograms(likeness, np.zeros(0))[0])
+
+
+def _alike(asked: Places, spots: Places) -> F32:
+    return likeness(asked.vectors, Payload("elf", "", spots.vectors))

@@ -1,0 +1,298 @@
+"""Laps of people, in small: planted features are found or not, and more laps are a longer list."""
+
+from __future__ import annotations
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.arrays import F32, F64
+from elfslam.base.progress import silent
+from elfslam.baselines.generic import generic_encoders
+from elfslam.scoring.page import save_page
+from elfslam.world.kinds import PEOPLE, QUIET
+from studies.finding import Finding
+from studies.lap_answers import (
+    Answers,
+    answers_by,
+    beside,
+    best_answers,
+    least_likeness,
+    numbers_of,
+    recalls,
+)
+from studies.lap_echoes import (
+    MOVED_M,
+    Places,
+    footsteps_of,
+    joined,
+    mapped_lap,
+    own_lane_m,
+    spots_of,
+    strange_laps,
+    venue_of,
+)
+from studies.laps import FEW, Crowd, Feature, crowds, features_of, hear_crowd, measure_laps
+
+SPECTROGRAM = generic_encoders()["spectrogram without mean"]
+VENUE = ("studio", QUIET.name)
+
+
+@dataclass(frozen=True)
+class Deaf:
+    """An encoder to which all places sound the same."""
+
+    identity: str = "deaf"
+
+    def embed(self, samples: F32) -> F32:
+        return np.tile(np.eye(1, 4, dtype=np.float32), (len(samples), 1))
+
+
+def ring(angles: F64, radius_m: float = 5.0, heading_rad: float = 0.0) -> Places:
+    """Places on a circle that sound as they lie: the feature is the true position."""
+    unit = np.column_stack([np.cos(angles), np.sin(angles)])
+    return Places(unit.astype(np.float32), radius_m * unit, np.full(len(angles), heading_rad))
+
+
+def evenly(count: int) -> F64:
+    return np.linspace(0.0, 2 * np.pi, count, endpoint=False)
+
+
+def scattered(count: int, generator: np.random.Generator) -> Places:
+    vectors, xy_m = (generator.standard_normal((count, size)) for size in (4, 2))
+    return Places(vectors.astype(np.float32), xy_m, np.zeros(count))
+
+
+def answered(likeness: list[float], error_m: list[float]) -> Answers:
+    return Answers(np.array(likeness, dtype=np.float32), np.array(error_m))
+
+
+def test_a_feature_that_is_the_true_position_finds_it() -> None:
+    angles = evenly(40)
+    found = answers_by(ring(angles[::-3]), ring(angles))
+    np.testing.assert_allclose(found.error_m, 0.0, atol=1e-9)
+    np.testing.assert_allclose(found.likeness, 1.0, atol=1e-6)
+    between = answers_by(ring(angles + 0.02), ring(angles))
+    np.testing.assert_allclose(between.error_m, 2 * 5.0 * np.sin(0.01), rtol=1e-6)
+
+
+def test_a_feature_that_is_the_same_everywhere_is_at_chance() -> None:
+    """The first spot is as good as any: on a circle the median distance of two is sqrt(2) r."""
+    angles = evenly(400)
+    same = np.ones((400, 3), dtype=np.float32)
+    places = Places(same, ring(angles).xy_m, np.zeros(400))
+    numbers = numbers_of(answers_by(places, places), threshold=0.5)
+    assert numbers["median"] == pytest.approx(np.sqrt(2) * 5.0, rel=0.02)
+    assert numbers["gross"] == pytest.approx(1 - 2 * np.arcsin(0.1) / np.pi, abs=0.01)
+
+
+def test_more_laps_are_the_best_of_their_answers() -> None:
+    generator = np.random.default_rng(0)
+    asked, *laps = (scattered(count, generator) for count in (30, 20, 20, 20, 20, 20))
+    each = [answers_by(asked, lap) for lap in laps]
+    for count in (1, 2, 5):
+        together = answers_by(asked, joined(laps[:count]))
+        for one, other in zip(best_answers(each[:count]), together, strict=True):
+            np.testing.assert_array_equal(one, other)
+    more, fewer = best_answers(each), best_answers(each[:2])
+    assert (more.likeness >= fewer.likeness).all()
+
+
+def test_errors_are_of_all_answers_and_of_those_kept() -> None:
+    answers = answered([0.9, 0.8, 0.7, 0.6], [0.1, 0.3, 4.0, 8.0])
+    assert numbers_of(answers, 0.75) == {
+        "answered": 0.5, "median": pytest.approx(2.15), "gross": 0.5,
+        "answered|median": pytest.approx(0.2), "answered|gross": 0.0,
+    }  # fmt: skip
+    none = numbers_of(answers, 0.95)
+    assert none["answered"] == 0.0
+    assert np.isnan(none["answered|median"])
+    assert np.isnan(none["answered|gross"])
+
+
+def test_the_threshold_is_the_least_that_leaves_one_in_twenty_wrong() -> None:
+    right = answered(list(np.linspace(0.8, 0.9, 38)), [0.2] * 38)
+    assert least_likeness([right]) == -1.0, "nothing is wrong, so all is answered"
+    wrong = answered([0.85, 0.8, 0.7002, 0.6, 0.5], [3.0] * 5)
+    together = Answers(*(np.concatenate(pair) for pair in zip(right, wrong, strict=True)))
+    assert least_likeness([together]) == pytest.approx(0.701, abs=1e-9)
+    assert numbers_of(together, 0.701)["answered|gross"] == pytest.approx(2 / 40)
+
+
+def test_where_all_is_wrong_nothing_is_answered() -> None:
+    wrong = answered([1.0, 0.4], [2.0, 9.0])
+    assert numbers_of(wrong, least_likeness([wrong]))["answered"] == 0.0
+
+
+def test_worlds_count_alike_for_the_threshold() -> None:
+    """A hundred answers of a small world weigh as much as ten thousand of a large one."""
+    small = answered([0.5] * 100, [5.0] * 100)
+    large = answered([0.7] * 10_000, [0.1] * 10_000)
+    assert least_likeness([small, large]) == pytest.approx(0.501)
+    pooled = Answers(*(np.concatenate(pair) for pair in zip(small, large, strict=True)))
+    assert least_likeness([pooled]) == -1.0
+
+
+def test_what_is_found_beside_a_lane_is_counted_by_its_offset() -> None:
+    angles = evenly(2000)
+    lap, near, far = ring(angles), ring(angles[::40], 5.1), ring(angles[::40], 5.3)
+    alike = recalls([beside(near, lap)])
+    assert (alike["near|0.15"], alike["found|0.15"]) == (50, 50)
+    assert alike["near|0.4"] == alike["near|0.8"] == 0
+    deaf = Places(np.ones_like(far.vectors), far.xy_m, far.heading_rad)
+    same = Places(np.ones_like(lap.vectors), lap.xy_m, lap.heading_rad)
+    assert recalls([beside(deaf, same)]) == {
+        "near|0.15": 0, "found|0.15": 0, "near|0.4": 50, "found|0.4": 0, "near|0.8": 0,
+        "found|0.8": 0,
+    }  # fmt: skip
+
+
+def test_a_spot_passed_the_other_way_is_not_beside() -> None:
+    angles = evenly(200)
+    opposite = beside(ring(angles), ring(angles, heading_rad=np.pi))
+    assert np.isinf(opposite.offset_m).all()
+    both = recalls([opposite, beside(ring(angles), ring(angles, 5.2))])
+    assert (both["near|0.15"], both["near|0.4"]) == (0, 200)
+
+
+def test_laps_go_both_ways_and_every_one_is_anothers() -> None:
+    venue = venue_of(*VENUE)
+    laps = [mapped_lap(venue, 0.3, 100, number) for number in range(3)]
+    strange = strange_laps(venue, 0.3, 100)
+    around = [_area_m2(lap.xy_m) for lap in (*laps, *strange)]
+    assert np.sign(around).tolist() in ([1, -1, 1, 1, -1], [-1, 1, -1, -1, 1])
+    assert len({lap.samples.tobytes() for lap in (*laps, *strange)}) == 5
+    again = mapped_lap(venue, 0.3, 100, 1)
+    assert again.samples.tobytes() == laps[1].samples.tobytes()
+    assert again.xy_m.tobytes() == laps[1].xy_m.tobytes()
+
+
+def _area_m2(xy_m: F64) -> float:
+    """Twice the area that a way goes round, negative where clockwise."""
+    x, y = xy_m.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def test_who_stands_is_not_heard() -> None:
+    lap = mapped_lap(venue_of(*VENUE), 0.3, 100, 0)
+    on_the_move = np.diff(lap.t_s) < 0.11
+    far_m = np.linalg.norm(lap.xy_m[6:] - lap.xy_m[:-6], axis=1)
+    whole = np.array([on_the_move[k : k + 6].all() for k in range(len(far_m))])
+    assert whole.sum() > 100
+    assert far_m[whole].min() > 0.8 * MOVED_M
+    assert lap.t_s[0] > 0.5, "standing before the lap is left out"
+
+
+def test_spots_stand_at_echoes_and_footsteps_at_every_sixth() -> None:
+    lap = mapped_lap(venue_of(*VENUE), 0.3, 100, 0)
+    spots, steps = spots_of(lap, SPECTROGRAM), footsteps_of(lap, SPECTROGRAM)
+    np.testing.assert_array_equal(spots.xy_m, lap.xy_m)
+    assert len(lap.t_s) / 6 - 6 < len(steps.xy_m) <= len(lap.t_s) / 6
+    first = SPECTROGRAM.embed(lap.samples[:6]).mean(axis=0)
+    np.testing.assert_allclose(steps.vectors[0], first, atol=1e-6)
+    np.testing.assert_allclose(steps.xy_m[0], lap.xy_m[2:4].mean(axis=0), atol=0.02)
+
+
+def test_a_lap_knows_itself_again() -> None:
+    lap = mapped_lap(venue_of(*VENUE), 0.3, 100, 0)
+    itself = answers_by(footsteps_of(lap, SPECTROGRAM), spots_of(lap, SPECTROGRAM))
+    assert np.median(itself.error_m) < 0.15
+    assert np.mean(itself.error_m > 1.0) < 0.05
+
+
+def test_each_crowd_walks_once() -> None:
+    own_m = own_lane_m("studio")
+    found = crowds(["studio"], PEOPLE.name, (0.1,), (0, 1), (2, 8), (0,))
+    assert [(crowd.lane_m, crowd.seed, crowd.laps) for crowd in found] == [
+        (0.1, 0, (FEW,)), (0.1, 1, (FEW,)), (own_m, 0, (2, FEW, 8)), (own_m, 1, (FEW,)),
+    ]  # fmt: skip
+    assert {crowd.laps for crowd in crowds(["studio"], PEOPLE.name, (), (), (2,), (0,))} == {(2,)}
+
+
+def test_a_map_of_fewer_laps_is_the_first_of_more() -> None:
+    features = (Feature("plain", SPECTROGRAM.identity, SPECTROGRAM),)
+    fewer, more = (
+        hear_crowd(Crowd(*VENUE, 0.3, 100, (count,)), features=features)["plain"].answers
+        for count in (1, 3)
+    )
+    assert (len(fewer), len(more)) == (1, 3)
+    np.testing.assert_array_equal(fewer[0].likeness, more[0].likeness)
+    np.testing.assert_array_equal(fewer[0].error_m, more[0].error_m)
+
+
+def test_features_travel_and_are_shown_without_their_weights() -> None:
+    features = features_of({"deaf": Deaf()})
+    assert [each.name for each in features][-1] == "deaf"
+    samples = np.random.default_rng(0).standard_normal((2, 2352)).astype(np.float32)
+    for each in features:
+        there = pickle.loads(pickle.dumps(each))
+        assert repr(there) == repr(each)
+        assert len(repr(each)) < 120
+        np.testing.assert_array_equal(there.encoder.embed(samples), each.encoder.embed(samples))
+
+
+@pytest.fixture(scope="module")
+def finding() -> Finding:
+    return small({"deaf": Deaf()})
+
+
+def small(encoders: Mapping[str, Deaf], kept: Path | None = None) -> Finding:
+    return measure_laps(
+        None, silent, kept, encoders=encoders, kind=QUIET, worlds=("lounge",), mirrored=(),
+        development=("studio",), lanes_m=(0.1,), laps=(1, 2), lane_seeds=(0,), lap_seeds=(0,),
+        threshold_seeds=(100,), threshold_laps=2,
+    )  # fmt: skip
+
+
+def row_of(finding: Finding, feature: str, lane_m: float, laps: int) -> dict[str, object]:
+    (row,) = [
+        row
+        for row in finding.rows
+        if (row["feature"], row["lane (m)"], row["laps"]) == (feature, lane_m, laps)
+    ]
+    return row
+
+
+def test_a_row_for_each_feature_lane_and_count_of_laps(finding: Finding) -> None:
+    ways = dict.fromkeys((row["lane (m)"], row["laps"]) for row in finding.rows)
+    assert list(ways) == [(0.1, FEW), (0.3, 1), (0.3, 2), (0.3, FEW)]
+    assert len(finding.rows) == 4 * 4
+    assert row_of(finding, "deaf", 0.1, FEW)["laps per m"] == 10.0
+
+
+def test_echoes_tell_places_and_the_deaf_do_not(finding: Finding) -> None:
+    elf, deaf = (row_of(finding, name, 0.1, FEW) for name in ("ELF", "deaf"))
+    assert float(str(elf["median (m)"])) < 0.5
+    assert float(str(deaf["median (m)"])) > 1.5
+    assert float(str(elf["answered"])) > 0.3
+    assert (deaf["answered"], deaf["answered, median (m)"]) == (0.0, None)
+    assert float(str(elf["recall at 1 %, 0 to 0.15 m"])) > 0.5
+    assert deaf["recall at 1 %, 0 to 0.15 m"] == 0.0
+
+
+def test_the_same_again_from_what_is_kept(finding: Finding, tmp_path: Path) -> None:
+    kept = tmp_path / "laps.partial"
+    first = small({"deaf": Deaf()}, kept)
+    assert first.rows == finding.rows
+    before = kept.read_bytes()
+    assert small({"deaf": Deaf()}, kept).rows == finding.rows
+    assert kept.read_bytes() == before
+
+
+def test_the_page_has_curves_by_laps_and_by_lanes(finding: Finding, tmp_path: Path) -> None:
+    assert finding.page is not None
+    save_page(tmp_path / "page.html", finding.page)
+    titles = [panel.title for panel in finding.page.panels]
+    assert titles[0] == titles[1] == "lounge, quiet: lanes of 0.3 m"
+    assert titles[2] == titles[3] == "lounge, images: 4 laps"
+    (curve,) = [
+        trace
+        for trace in finding.page.panels[0].body.data  # type: ignore[union-attr]
+        if trace.name == "ELF"
+    ]
+    assert list(curve.x) == [1, 2, 4]
+    assert curve.y[2] == row_of(finding, "ELF", 0.3, FEW)["median (m)"]
