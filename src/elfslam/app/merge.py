@@ -20,7 +20,6 @@ from elfslam.data.runs import read_run
 from elfslam.line.map_alignment import Alignment
 from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
-from elfslam.scoring.page import share_script
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
 
 
@@ -68,7 +67,6 @@ def merge_into(
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
         content = (made.floor_map, quality, made.trajectories)
         fill_merged(partial, *content, facts=facts, encoder=_encoder_in(paths))
-        share_script(partial)
         report = partial / "report.html"
         write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
     return made
