@@ -8,9 +8,7 @@ from typing import Annotated
 import typer
 
 from elfslam.app.console import progress_bar, say
-from elfslam.cli.options import (
-    Seed,
-)
+from elfslam.cli.options import Seed
 from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, Circumstances, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
@@ -26,19 +24,19 @@ def simulate_command(
     rounds: Annotated[int, typer.Option(min=1, help="Laps of the world's route.")] = 5,
     rate_hz: Annotated[int, typer.Option("--rate", help="44100 or 48000 Hz.")] = 44_100,
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
-    walker: Annotated[str, typer.Option(help=" or ".join(WALKERS))] = WALKERS[0],
+    walker: Annotated[str, typer.Option(help=f"{' or '.join(WALKERS)}.")] = WALKERS[0],
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
     state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
     day: Annotated[int, typer.Option(help="Days since the world was drawn.")] = 0,
     people: Annotated[int, typer.Option(help="How many others walk about.")] = 0,
-    device: Annotated[str, typer.Option(help=", ".join(DEVICES))] = "simulated phone",
+    device: Annotated[str, typer.Option(help=f"{', '.join(DEVICES)}.")] = "simulated phone",
     volume: Annotated[float, typer.Option(help="Share of the phone's full level.")] = 1.0,
     sounds: Annotated[str, typer.Option(help=f"Heard besides: {','.join(SOUNDS)}.")] = "",
     other_phones: Annotated[int, typer.Option(help="How many others chirp in the room.")] = 0,
-    engine: Annotated[str, typer.Option(help=" or ".join(ENGINES))] = ENGINES[0],
-    imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
-    jitter: Annotated[float, typer.Option(help="Chirps begin so late in their period (s).")] = 0.0,
-    softer: Annotated[float, typer.Option(help="By chance chirps are so much softer (dB).")] = 0.0,
+    engine: Annotated[str, typer.Option(help=f"{', '.join(ENGINES)}.")] = ENGINES[0],
+    imu: Annotated[str, typer.Option(help=f"{', '.join(GRADES)}.")] = "BMI160",
+    jitter: Annotated[float, typer.Option(help="Chirps are late by up to this (s).")] = 0.0,
+    softer: Annotated[float, typer.Option(help="Chirps are by chance softer by this (dB).")] = 0.0,
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     heard = parse_sounds(sounds)
