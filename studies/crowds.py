@@ -11,7 +11,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.values import ECHO_RATE_HZ, Audio
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
-    Listening,
+    CarrierSense,
     Slot,
     Turns,
     TurnsParameters,
@@ -41,7 +41,7 @@ class Phone:
     own: F32
     others: F32
     turns: Turns
-    listening: Listening
+    listening: CarrierSense
     starts_s: list[float] = field(default_factory=list)
     played_s: dict[int, float] = field(default_factory=dict)
     heard: int = 0
@@ -96,7 +96,7 @@ def _begin(crowd: Crowd, k: int, parameters: TurnsParameters, seed: int, seconds
     begins_s = float(generator.uniform(0.1, JOIN_S))
     return Phone(
         generator, begins_s, (noise + hiss).astype(np.float32), silence,
-        no_turns(parameters), Listening(),
+        no_turns(parameters), CarrierSense(),
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from elfslam.baselines.neighbours import (
     field_weights,
     field_windows,
 )
-from elfslam.baselines.wifi import Fingerprints, WifiParameters, fingerprints
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters, fingerprints
 from elfslam.baselines.wifi_places import (
     PlaceParameters,
     WifiPlaces,
@@ -49,7 +49,7 @@ class FloorPlaces:
 def floor_places(walks: Sequence[FloorWalk], poses: Sequence[F64]) -> FloorPlaces:
     """A place for every stretch between footsteps of walks with scans, from their solved poses."""
     heard = [(w, at) for w, at in zip(walks, poses, strict=True) if w.recording.wifi is not None]
-    parameters = WifiParameters()
+    parameters = WifiFingerprintParameters()
     wifi = wifi_places(
         [fingerprints(_scans(walk), walk.nodes, parameters) for walk, _ in heard],
         [(at[1:, :2] + at[:-1, :2]) / 2 for _, at in heard],
@@ -127,7 +127,7 @@ def pulled_rows(nodes: Odometry) -> I64:
 
 def _scores(wifi: WifiScans, nodes: Odometry, places: FloorPlaces, rows: I64) -> F64:
     """Scores (k, m) of all places at some stretches."""
-    parameters = WifiParameters()
+    parameters = WifiFingerprintParameters()
     heard = fingerprints(wifi, nodes, parameters)
     some = Fingerprints(heard.bssids, heard.rssi_dbm[rows])
     return place_scores(some, places.wifi, parameters)

@@ -8,15 +8,15 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Truth, WifiScans
-from elfslam.baselines.wifi import Fingerprints, WifiParameters
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters
 from elfslam.baselines.wifi_places import place_scores, powers, wifi_places
 
 NEIGHBOURS = 3
 UNHEARD_DBM = -104.0
-POWED = WifiParameters(floor_dbm=UNHEARD_DBM, power=float(np.e))
+POWED = WifiFingerprintParameters(floor_dbm=UNHEARD_DBM, power=float(np.e))
 """Strengths above the floor to the power of e (Torres-Sospedra et al. 2015). By these the share of
 power in common orders places as Soerensen's distance does, which is a function of it."""
-LINEAR = WifiParameters(floor_dbm=UNHEARD_DBM, power=1.0)
+LINEAR = WifiFingerprintParameters(floor_dbm=UNHEARD_DBM, power=1.0)
 Scan = tuple[WifiScans, Truth]
 Alike = Callable[[Fingerprints], F64]
 

@@ -20,7 +20,7 @@ from elfslam.baselines.magnetic import (
     field_profile,
     magnetic_similarity,
 )
-from elfslam.data.magnetic import CAMERA_FROM_DEVICE, Drift, read_magnetic
+from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
 from elfslam.line.closure import find_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.motion import nodes_by_distance
@@ -36,7 +36,7 @@ AS_STATED = GraphParameters(noise_rounds=0)
 SETS = ("library", "square", "eight")
 SEEDS = (0, 1, 2, 3, 4)
 """Drifts that are reported; parameters were chosen on seeds from 101 on."""
-PAPERS_DRIFT = Drift(
+PAPERS_DRIFT = OdometryError(
     heading_bias_radps=0.005, heading_sigma_rad=0.001, position_sigma_m=0.01, scale_sigma=0.0
 )
 """Per sample of 0.1 s: 0.01 rad/s of noise turn by 0.001 rad."""

@@ -23,7 +23,12 @@ from elfslam.baselines.neighbours import (
     field_windows,
     neighbour_closures,
 )
-from elfslam.baselines.wifi import Fingerprints, WifiParameters, fingerprints, wifi_scores
+from elfslam.baselines.wifi import (
+    Fingerprints,
+    WifiFingerprintParameters,
+    fingerprints,
+    wifi_scores,
+)
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import MotionParameters, dead_reckon
 from elfslam.scoring.figures import DEAD_RECKONING, SLAM
@@ -193,7 +198,7 @@ def _windows(walk: FloorWalk, parameters: NeighbourParameters) -> F64:
 
 def _wifi_weights(walks: Sequence[FloorWalk], near: Bool, walk_of: I64) -> F64:
     """Wi-Fi scores (n, n) of the thinned nodes of those walks that come near each other."""
-    parameters = WifiParameters()
+    parameters = WifiFingerprintParameters()
     heard = [_heard(walk, parameters) for walk in walks]
     scores = np.zeros(near.shape)
     for one in range(len(walks)):
@@ -206,7 +211,7 @@ def _wifi_weights(walks: Sequence[FloorWalk], near: Bool, walk_of: I64) -> F64:
     return np.asarray(scores + scores.T)
 
 
-def _heard(walk: FloorWalk, parameters: WifiParameters) -> Fingerprints | None:
+def _heard(walk: FloorWalk, parameters: WifiFingerprintParameters) -> Fingerprints | None:
     """None where no scan was made."""
     if walk.recording.wifi is None:
         return None

@@ -11,7 +11,7 @@ from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, Chirp, Echoes, 
 from elfslam.line.acoustic_odometry import (
     SAMPLES_PER_BIN,
     AcousticOdometryParameters,
-    Evidence,
+    ScaleEvidence,
     loudness,
     scale_evidence,
     windows,
@@ -94,7 +94,7 @@ def _sharpness(heard: Heard, true: float) -> tuple[F64, F64]:
     return found.scales / true, np.exp(overall - overall.max())
 
 
-def _evidence(heard: Heard) -> Evidence:
+def _evidence(heard: Heard) -> ScaleEvidence:
     parameters = AcousticOdometryParameters()
     return scale_evidence(heard.echoes, heard.nodes, heard.chirp, parameters)
 

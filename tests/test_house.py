@@ -8,7 +8,8 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -43,6 +44,10 @@ ONLY_IN = {
 DOOR = {"base", "line", "slam", "data", "app"}
 """What `import elfslam` gives stands in these rooms: the package's own file hands it on."""
 BASE_MAY_IMPORT = {"numpy", "elfslam"}
+NAMED_TWICE = {
+    "Recording": "the walk, and the row of the database that says where its files lie",
+}
+"""Public classes that share a name, each with the reason why."""
 MOST_FILE_LINES = 400
 MOST_FUNCTION_LINES = 60
 MEDIAN_FUNCTION_LINES = 12
@@ -192,6 +197,32 @@ def test_no_function_takes_a_boolean_by_position() -> None:
                     and argument.annotation.id == "bool"
                 ]
     assert offences == []
+
+
+def public_classes(text: str) -> list[str]:
+    """Names of the public classes of a module."""
+    nodes = ast.parse(text).body
+    return [
+        node.name
+        for node in nodes
+        if isinstance(node, ast.ClassDef) and not node.name.startswith("_")
+    ]
+
+
+def named_twice(texts: Iterable[str]) -> set[str]:
+    """Names that public classes of these modules share."""
+    names = Counter(name for text in texts for name in public_classes(text))
+    return {name for name, times in names.items() if times > 1}
+
+
+def test_one_name_means_one_class() -> None:
+    assert named_twice(path.read_text() for path in PACKAGE.rglob("*.py")) == set(NAMED_TWICE)
+
+
+def test_a_name_taken_twice_is_noticed_and_a_private_one_is_not() -> None:
+    text = "class Room: ...\nclass _Box: ..."
+    assert named_twice([text, text]) == {"Room"}
+    assert named_twice([text]) == set()
 
 
 def test_nothing_pickles() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.values import Trajectory, Truth
-from elfslam.scoring.alignment import Alignment, Placement, match, place, placement
+from elfslam.scoring.alignment import Alignment, SimilarityTransform, match, place, placement
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Coverage:
 
 
 def trajectory_coverage(
-    trajectory: Trajectory, truth: Truth, where: Placement | None = None
+    trajectory: Trajectory, truth: Truth, where: SimilarityTransform | None = None
 ) -> Coverage:
     """Against a dense truth, the map lying `where` it does in the world.
 

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.app.show import drawing_of
+from elfslam.app.show import drawing_of, script_file
 from elfslam.base.errors import ElfslamError
 from elfslam.base.values import FloorMap
 from elfslam.data.map_files import write_map
+from elfslam.scoring.page import Page, save_page, self_contained
 
 
 def test_a_world_is_drawn_where_it_is_wanted(tmp_path: Path) -> None:
@@ -18,6 +19,15 @@ def test_a_world_is_drawn_where_it_is_wanted(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
     draw(tmp_path / "studio.html")
     assert (tmp_path / "studio.html").read_text().startswith("<!doctype html>")
+    assert [file.name for file in tmp_path.iterdir()] == ["studio.html"]
+    assert (tmp_path / "studio.html").stat().st_size > script_file().stat().st_size
+
+
+def test_a_saved_page_becomes_one_file(tmp_path: Path) -> None:
+    saved, alone = tmp_path / "saved.html", tmp_path / "alone.html"
+    save_page(saved, Page("Walk", "by echoes", []))
+    drawing_of(str(saved))(alone)
+    assert alone.read_text() == self_contained(saved)
 
 
 @pytest.mark.parametrize("what", ["atlantis", "none.npz", "text.npz"])

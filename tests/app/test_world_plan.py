@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from elfslam.app.world_plan import world_plan
-from elfslam.scoring.page import share_script
 from elfslam.scoring.world_page import write_world_page
 from elfslam.world.world_file import load_world, world_names
 
@@ -20,7 +19,6 @@ def test_every_built_in_world_becomes_a_page(name: str, tmp_path: Path) -> None:
     assert len(plan.blocks) == len(world.room.blocks)
     assert len(plan.walls) == len(plan.outline_m)
     assert plan.spots_m.shape == world.spots_m.shape
-    share_script(tmp_path)
     write_world_page(tmp_path / "world.html", plan)
     assert 10_000 < (tmp_path / "world.html").stat().st_size < 500_000
 

@@ -19,7 +19,7 @@ from elfslam.baselines.rival_maps import (
     wifi_map,
     wifi_spot_scores,
 )
-from elfslam.baselines.wifi import WifiParameters
+from elfslam.baselines.wifi import WifiFingerprintParameters
 from elfslam.line.locate import fixes_of
 
 STEP_M, COUNT = 0.5, 60
@@ -64,7 +64,7 @@ def off_m(scores, floor_map, known):
 @pytest.mark.parametrize("variant", ["tuned", "paper"])
 def test_wifi_knows_the_place_whatever_the_order_of_the_access_points(variant):
     nodes, trajectory = walked()
-    known = WifiParameters(variant=variant, window_s=1.0)
+    known = WifiFingerprintParameters(variant=variant, window_s=1.0)
     floor_map = wifi_map(scans(), nodes, trajectory, known)
     scores = wifi_spot_scores(scans((4, 2, 0, 1, 3), noise_db=1.0), nodes, floor_map, known)
     assert scores.shape == (COUNT - 1, COUNT - 1)
@@ -83,7 +83,7 @@ def test_the_magnetic_field_knows_the_place(variant):
 
 def test_a_map_of_another_kind_or_variant_is_refused():
     nodes, trajectory = walked()
-    tuned = WifiParameters()
+    tuned = WifiFingerprintParameters()
     floor_map = wifi_map(scans(), nodes, trajectory, tuned)
     with pytest.raises(InputError, match="wanted a payload wifi"):
         wifi_spot_scores(scans(), nodes, floor_map, replace(tuned, variant="paper"))

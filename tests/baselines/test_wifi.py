@@ -11,15 +11,15 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Odometry, WifiScans
 from elfslam.baselines.wifi import (
     Fingerprints,
-    WifiParameters,
+    WifiFingerprintParameters,
     fingerprints,
     sightings,
     wifi_scores,
     wifi_similarity,
 )
 
-TUNED = WifiParameters()
-PAPER = WifiParameters(variant="paper")
+TUNED = WifiFingerprintParameters()
+PAPER = WifiFingerprintParameters(variant="paper")
 POINTS_M = np.array([0.0, 15.0, 30.0])
 NAMES = ("a", "b", "c")
 
@@ -104,4 +104,4 @@ def test_scans_of_another_hour_are_refused():
 
 def test_an_unknown_variant_is_refused():
     with pytest.raises(ParameterError, match="wanted tuned or paper, got 'other'"):
-        wifi_similarity(there_and_back(), nodes(), WifiParameters(variant="other"))
+        wifi_similarity(there_and_back(), nodes(), WifiFingerprintParameters(variant="other"))

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.baselines.wifi import Fingerprints, WifiParameters, wifi_scores
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters, wifi_scores
 from elfslam.baselines.wifi_places import PlaceParameters, place_scores, placed_by, wifi_places
 
-KNOWN = WifiParameters()
+KNOWN = WifiFingerprintParameters()
 
 
 def random_prints(names, count, seed):

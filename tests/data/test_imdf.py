@@ -15,11 +15,11 @@ from shapely.geometry import shape
 
 from elfslam.base.errors import InputError
 from elfslam.data.geographic import Origin
-from elfslam.data.imdf import Place, imdf_archive, read_imdf, read_place, write_imdf
+from elfslam.data.imdf import Venue, imdf_archive, read_imdf, read_place, write_imdf
 from elfslam.data.imdf_rules import POLYGONAL, crosses_itself, faults_of
 
 ORIGIN = Origin(47.3769, 8.5417, 20.0)
-PLACE = Place("Studio", "businesscampus", "Hauptstrasse 1", "Zürich", "CH", "Ground floor", 0)
+PLACE = Venue("Studio", "businesscampus", "Hauptstrasse 1", "Zürich", "CH", "Ground floor", 0)
 NOON = datetime(2026, 1, 2, 12, tzinfo=UTC)
 LAP = np.array([[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]], dtype=float)
 APART = np.array([[8.0, 0.0], [9.0, 2.0]])
@@ -136,7 +136,7 @@ def test_every_broken_rule_is_found(archive: dict[str, Any], fault: str) -> None
 
 
 def test_ids_are_the_place_s_and_the_level_s() -> None:
-    upstairs = imdf_archive([LAP], Place(**{**vars(PLACE), "ordinal": 1}), ORIGIN, NOON)
+    upstairs = imdf_archive([LAP], Venue(**{**vars(PLACE), "ordinal": 1}), ORIGIN, NOON)
     again = imdf_archive([LAP + 1], PLACE, ORIGIN, NOON)
     first = imdf_archive([LAP], PLACE, ORIGIN, NOON)
 
@@ -163,7 +163,7 @@ def test_a_place_is_read_and_nothing_is_guessed(tmp_path: Path) -> None:
 
 
 def test_a_place_that_breaks_a_rule_writes_nothing(tmp_path: Path) -> None:
-    wrong = Place(**{**vars(PLACE), "category": "home"})
+    wrong = Venue(**{**vars(PLACE), "category": "home"})
     with pytest.raises(InputError, match="category 'home' is none of airport"):
         write_imdf(tmp_path / "a.zip", [LAP], wrong, ORIGIN, NOON)
     assert list(tmp_path.iterdir()) == []

@@ -28,6 +28,7 @@ from elfslam.cli import simulate as simulating
 from elfslam.cli.app import run
 from elfslam.data.map_files import write_map
 from elfslam.data.recordings import write_recording
+from elfslam.scoring.page import SCRIPT
 
 pytestmark = pytest.mark.hostile
 
@@ -72,7 +73,7 @@ WRITERS = {
 }
 """What writes to the disk, by name."""
 SEVERAL = {
-    "pretrain": ("out.checkpoint", "out.losses.csv", "out.losses.html"),
+    "pretrain": (SCRIPT, "out.checkpoint", "out.losses.csv", "out.losses.html"),
     "map many": ("out", "out/one"),
     "import": ("out", "out/one"),
 }

@@ -11,7 +11,7 @@ from elfslam.base.arrays import F32
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
-    Listening,
+    CarrierSense,
     Slot,
     Turns,
     TurnsParameters,
@@ -148,7 +148,7 @@ def test_others_are_heard_in_silence_and_their_echoes_are_none() -> None:
     planted = {own: 0.2, own + 900: 0.03, other: 0.01, other + 300: 0.004, 16_000: 0.006}
     envelope = matched_envelope(sound(planted, 0.6), CHIRP)
     slots = [Slot(7_800, 12_210, own, None), Slot(12_210, 16_620, None, None)]
-    first, listening = hear_slot(Listening(), envelope, 0, slots[0], PARAMETERS)
+    first, listening = hear_slot(CarrierSense(), envelope, 0, slots[0], PARAMETERS)
     second, listening = hear_slot(listening, envelope, 0, slots[1], PARAMETERS)
     third, _ = hear_slot(listening, envelope, 0, Slot(16_620, 21_030, None, None), PARAMETERS)
     assert np.abs(np.array(first) - other).tolist() <= [16]

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, Run, Trajectory, Truth
-from elfslam.scoring.alignment import AS_DECLARED, Placement, match, placement
+from elfslam.scoring.alignment import AS_DECLARED, SimilarityTransform, match, placement
 from elfslam.scoring.errors import (
     Alignment,
     alignment_of,
@@ -209,4 +209,7 @@ def test_nothing_is_forgiven_where_the_start_was_declared(truth: Truth, moved: M
     apart = np.linalg.norm(poses[:, :2] - truth.world_from_body[:, :2], axis=1)
     np.testing.assert_allclose(placed_errors(truth.t_s, poses, truth, AS_DECLARED), apart)
     back = placement(match(truth.t_s, poses, truth), Alignment.ALIGNED)
-    assert placed_errors(truth.t_s, poses, truth, Placement(back.world_from_map)).max() < 1e-9
+    assert (
+        placed_errors(truth.t_s, poses, truth, SimilarityTransform(back.world_from_map)).max()
+        < 1e-9
+    )

@@ -1,26 +1,27 @@
-"""Pages share one drawing script in a folder, or hold it."""
+"""Pages share one drawing script in a folder, or hold it where one file is wanted."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import plotly.graph_objects as go
+import pytest
 
+from elfslam.base.errors import InputError
 from elfslam.scoring.page import (
     SCRIPT,
     Page,
     Panel,
     save_page,
     script_file,
-    share_script,
+    self_contained,
 )
 
 PAGE = Page("Walk", "by echoes", [Panel("Line", go.Figure(go.Scatter(x=[0, 1], y=[0, 1])))])
 MOST_BYTES = 500_000
 
 
-def test_a_page_links_the_script_that_lies_beside_it(tmp_path: Path) -> None:
-    share_script(tmp_path)
+def test_a_page_links_the_script_that_it_puts_beside_it(tmp_path: Path) -> None:
     save_page(tmp_path / "report.html", PAGE)
     text = (tmp_path / "report.html").read_text()
     assert f'src="{SCRIPT}"' in text
@@ -29,9 +30,25 @@ def test_a_page_links_the_script_that_lies_beside_it(tmp_path: Path) -> None:
     assert (tmp_path / SCRIPT).read_bytes() == script_file().read_bytes()
 
 
-def test_elsewhere_a_page_is_one_file(tmp_path: Path) -> None:
+def test_a_script_that_lies_there_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / SCRIPT).write_text("mine")
     save_page(tmp_path / "page.html", PAGE)
-    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
-    text = (tmp_path / "page.html").read_text()
+    assert (tmp_path / SCRIPT).read_text() == "mine"
+
+
+def test_one_file_holds_the_script_and_is_the_same_page_otherwise(tmp_path: Path) -> None:
+    save_page(tmp_path / "page.html", PAGE)
+    script = script_file().read_text(encoding="utf-8")
+    text, linked = self_contained(tmp_path / "page.html"), (tmp_path / "page.html").read_text()
     assert "src=" not in text.partition("<script>")[0]
-    assert len(text) > script_file().stat().st_size * 0.9
+    assert text.replace(f"<script>{script}", f'<script src="{SCRIPT}">') == linked
+
+
+def test_a_page_without_its_script_or_without_a_link_is_refused(tmp_path: Path) -> None:
+    save_page(tmp_path / "page.html", PAGE)
+    (tmp_path / SCRIPT).unlink()
+    with pytest.raises(InputError, match=f"wanted {SCRIPT} beside it"):
+        self_contained(tmp_path / "page.html")
+    (tmp_path / "other.html").write_text("<html></html>")
+    with pytest.raises(InputError, match="links no drawing script"):
+        self_contained(tmp_path / "other.html")

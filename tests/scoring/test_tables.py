@@ -37,10 +37,10 @@ def test_rows_are_json(run: Run, truth: Truth) -> None:
 def test_planted_wrong_closures_lower_the_precision_until_the_graph_rejects_them(
     run: Run, truth: Truth
 ) -> None:
-    curated, kept = closure_scores(run, truth)
+    found, kept = closure_scores(run, truth)
     count = run.closures.i.size
-    assert curated["precision"] == pytest.approx((count - 2) / count)
-    assert (curated["count"], kept["count"]) == (
+    assert found["precision"] == pytest.approx((count - 2) / count)
+    assert (found["count"], kept["count"]) == (
         count,
         int((run.trajectory.closure_weights > 0.5).sum()),
     )

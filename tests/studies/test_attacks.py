@@ -176,7 +176,7 @@ def test_a_small_study_tells_an_attack_from_an_honest_walk() -> None:
     assert float(str(alone["hours"])) == pytest.approx(0.0, abs=0.02)
     assert heard[-1] == "2 of 2 repeats"
     assert finding.page is not None
-    assert "False alarms" in rendered(finding.page, linked=True)
+    assert "False alarms" in rendered(finding.page)
 
 
 def test_rows_of_what_was_never_told_have_no_delay() -> None:
@@ -192,7 +192,7 @@ def test_rows_of_what_was_never_told_have_no_delay() -> None:
     assert row["detected"] == pytest.approx(0.333)
     assert row["delay median (s)"] is None
     assert attacks_rows([told])[0]["delay median (s)"] == 2.0
-    assert "x" in rendered(attacks_page(attacks_rows([told])), linked=True)
+    assert "x" in rendered(attacks_page(attacks_rows([told])))
 
 
 def test_every_kind_is_measured_by_one_task() -> None:

@@ -52,7 +52,8 @@ def test_a_page_is_written_beside_the_tables(
     monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda data, announce: Finding(ROWS, page)})
     assert run_study("gait", tmp_path, None, silent) == ROWS
     assert "<title>Walks</title>" in (tmp_path / "gait.html").read_text()
-    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".html", ".json"]
+    assert (tmp_path / "gait.html").stat().st_size < 500_000
+    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".html", ".js", ".json"]
 
 
 def test_a_long_study_is_told_where_to_keep_what_is_finished(

@@ -288,7 +288,7 @@ def test_the_page_has_curves_by_laps_and_by_lanes(finding: Finding, tmp_path: Pa
     save_page(tmp_path / "page.html", finding.page)
     titles = [panel.title for panel in finding.page.panels]
     assert titles[0] == titles[1] == "lounge, quiet: lanes of 0.3 m"
-    assert titles[2] == titles[3] == "lounge, images: 4 laps"
+    assert titles[2] == titles[3] == "lounge, quiet: 4 laps"
     (curve,) = [
         trace
         for trace in finding.page.panels[0].body.data  # type: ignore[union-attr]

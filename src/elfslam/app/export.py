@@ -20,7 +20,7 @@ from elfslam.data.folders import new_file, settled
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
-from elfslam.data.imdf import Place, write_imdf
+from elfslam.data.imdf import Venue, write_imdf
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.parquet_files import write_parquet
 from elfslam.data.ros_map import write_ros_map
@@ -41,7 +41,7 @@ class Told:
     """What no map knows and some formats ask for."""
 
     origin: Origin | None = None
-    place: Place | None = None
+    place: Venue | None = None
     pixel_m: float = 0.05
     """Side of a pixel of an image."""
 

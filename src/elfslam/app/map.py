@@ -86,12 +86,10 @@ def write_reported_run(
     replace: bool = False,
 ) -> None:
     """The run as a folder that holds its report.html, whole or not at all. See `fill_run`."""
-    from elfslam.scoring.page import share_script
     from elfslam.scoring.report import write_report
 
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
         fill_run(run, partial, facts=facts, encoder=encoder)
-        share_script(partial)
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
 
 

@@ -17,10 +17,9 @@ from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.runs import read_run
-from elfslam.line.map_alignment import Alignment
+from elfslam.line.map_alignment import Registration
 from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
-from elfslam.scoring.page import share_script
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
 
 
@@ -68,7 +67,6 @@ def merge_into(
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
         content = (made.floor_map, quality, made.trajectories)
         fill_merged(partial, *content, facts=facts, encoder=_encoder_in(paths))
-        share_script(partial)
         report = partial / "report.html"
         write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
     return made
@@ -146,7 +144,7 @@ def _walks(paths: Sequence[Path], announce: Announce) -> list[MappedWalk]:
     return walks
 
 
-def _row(one: str, other: str, found: Alignment) -> dict[str, object]:
+def _row(one: str, other: str, found: Registration) -> dict[str, object]:
     return {
         "one": one,
         "other": other,

@@ -9,7 +9,7 @@ from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
     MagneticParameters,
 )
-from elfslam.baselines.wifi import WIFI_CLOSURES, WifiParameters
+from elfslam.baselines.wifi import WIFI_CLOSURES, WifiFingerprintParameters
 from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
@@ -22,7 +22,7 @@ from elfslam.slam.merging.parameters import MergeParameters
 class Settings(MergeParameters):
     """Every parameter there is: the line's, the rivals', the merging's and the training's."""
 
-    wifi: WifiParameters = field(default_factory=WifiParameters)
+    wifi: WifiFingerprintParameters = field(default_factory=WifiFingerprintParameters)
     wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)
     magnetic: MagneticParameters = field(default_factory=MagneticParameters)
     magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)

@@ -20,7 +20,12 @@ from elfslam.base.values import (
     WifiScans,
 )
 from elfslam.baselines.magnetic import MagneticParameters, field_sequences, magnetic_scores
-from elfslam.baselines.wifi import Fingerprints, WifiParameters, fingerprints, wifi_scores
+from elfslam.baselines.wifi import (
+    Fingerprints,
+    WifiFingerprintParameters,
+    fingerprints,
+    wifi_scores,
+)
 from elfslam.line.locate import LocateParameters
 from elfslam.line.segments import SegmentParameters
 
@@ -37,7 +42,7 @@ MAGNETIC_SEGMENTS = SegmentParameters(temperature=0.03, unknown_below=-1.0, ambi
 
 
 def wifi_map(
-    wifi: WifiScans, nodes: Odometry, trajectory: Trajectory, parameters: WifiParameters
+    wifi: WifiScans, nodes: Odometry, trajectory: Trajectory, parameters: WifiFingerprintParameters
 ) -> FloorMap:
     """A mapped walk with the strength of each access point at its spots (payload `wifi`)."""
     heard = fingerprints(wifi, nodes, parameters)
@@ -60,7 +65,7 @@ def magnetic_map(
 
 
 def wifi_spot_scores(
-    wifi: WifiScans, nodes: Odometry, floor_map: FloorMap, parameters: WifiParameters
+    wifi: WifiScans, nodes: Odometry, floor_map: FloorMap, parameters: WifiFingerprintParameters
 ) -> F32:
     """How alike the spots (m) of a map are to the stretches (n-1) of a walk.
 

@@ -39,7 +39,7 @@ the walker passes is told, how exactly is not."""
 
 
 @dataclass(frozen=True)
-class WifiParameters:
+class WifiFingerprintParameters:
     """How strengths are gathered at each footstep and compared."""
 
     variant: str = parameter("tuned", "", "tuned, or the paper's Euclidean distance")
@@ -65,7 +65,9 @@ class Fingerprints(Value):
     rssi_dbm: F64 = array("n", "m")
 
 
-def wifi_similarity(wifi: WifiScans, nodes: Odometry, parameters: WifiParameters) -> Similarity:
+def wifi_similarity(
+    wifi: WifiScans, nodes: Odometry, parameters: WifiFingerprintParameters
+) -> Similarity:
     """Scores (n-1, n-1) in [0, 1] between stretches of a walk, symmetric, 1 for equal strengths.
 
     Raises InputError where no scan was made on the walk, ParameterError for an unknown variant.
@@ -74,7 +76,9 @@ def wifi_similarity(wifi: WifiScans, nodes: Odometry, parameters: WifiParameters
     return Similarity(wifi_scores(heard, heard, parameters).astype(np.float32), kind="wifi")
 
 
-def fingerprints(wifi: WifiScans, nodes: Odometry, parameters: WifiParameters) -> Fingerprints:
+def fingerprints(
+    wifi: WifiScans, nodes: Odometry, parameters: WifiFingerprintParameters
+) -> Fingerprints:
     """What is heard at the middle of each stretch between nodes.
 
     Raises InputError where no scan was made on the walk, ParameterError for an unknown variant.
@@ -91,7 +95,9 @@ def fingerprints(wifi: WifiScans, nodes: Odometry, parameters: WifiParameters) -
     return Fingerprints(wifi.bssids, gather(wifi, middle_s, parameters))
 
 
-def wifi_scores(one: Fingerprints, other: Fingerprints, parameters: WifiParameters) -> F64:
+def wifi_scores(
+    one: Fingerprints, other: Fingerprints, parameters: WifiFingerprintParameters
+) -> F64:
     """Scores (n, m) in [0, 1] between the stretches of two walks, which may be the same."""
     _check(parameters)
     here, there = _on_common_columns(one, other, parameters.floor_dbm)
@@ -114,14 +120,14 @@ def sightings(wifi: WifiScans) -> tuple[F64, I64, F64]:
     return heard_s[~again], column[~again], wifi.rssi_dbm[scan, column][~again]
 
 
-def _check(parameters: WifiParameters) -> None:
+def _check(parameters: WifiFingerprintParameters) -> None:
     if parameters.variant not in VARIANTS:
         raise ParameterError(
             f"wifi.variant: wanted {' or '.join(VARIANTS)}, got {parameters.variant!r}; choose one"
         )
 
 
-def _nearest_scan(wifi: WifiScans, at_s: F64, parameters: WifiParameters) -> F64:
+def _nearest_scan(wifi: WifiScans, at_s: F64, parameters: WifiFingerprintParameters) -> F64:
     after = np.clip(np.searchsorted(wifi.t_s, at_s), 1, max(len(wifi.t_s) - 1, 1))
     after = np.minimum(after, len(wifi.t_s) - 1)
     before = np.maximum(after - 1, 0)
@@ -130,7 +136,7 @@ def _nearest_scan(wifi: WifiScans, at_s: F64, parameters: WifiParameters) -> F64
     return np.asarray(np.where(np.isfinite(rssi_dbm), rssi_dbm, parameters.floor_dbm))
 
 
-def _averaged_sightings(wifi: WifiScans, at_s: F64, parameters: WifiParameters) -> F64:
+def _averaged_sightings(wifi: WifiScans, at_s: F64, parameters: WifiFingerprintParameters) -> F64:
     """Means weighted by nearness in time; the floor weighs as much as a sighting far away."""
     heard_s, column, rssi_dbm = sightings(wifi)
     shape = (len(at_s), len(wifi.bssids))
@@ -154,7 +160,7 @@ def _on_columns(heard: Fingerprints, names: Sequence[str], floor_dbm: float) -> 
     return wide
 
 
-def _above_floor(rssi_dbm: F64, parameters: WifiParameters) -> F64:
+def _above_floor(rssi_dbm: F64, parameters: WifiFingerprintParameters) -> F64:
     above = np.maximum(rssi_dbm - parameters.floor_dbm, 0.0) / -parameters.floor_dbm
     return np.asarray(above**parameters.power)
 

@@ -11,7 +11,7 @@ from numba import njit
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
-from elfslam.baselines.wifi import Fingerprints, WifiParameters
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class WifiPlaces(Value):
 
 
 def wifi_places(
-    heard: Sequence[Fingerprints], xy_m: Sequence[F64], parameters: WifiParameters
+    heard: Sequence[Fingerprints], xy_m: Sequence[F64], parameters: WifiFingerprintParameters
 ) -> WifiPlaces:
     """The places of all walks of a map, from what each heard and where each has been.
 
@@ -48,7 +48,9 @@ def wifi_places(
     return WifiPlaces(names, np.vstack(xy_m), np.ascontiguousarray(power.T))
 
 
-def place_scores(heard: Fingerprints, places: WifiPlaces, parameters: WifiParameters) -> F64:
+def place_scores(
+    heard: Fingerprints, places: WifiPlaces, parameters: WifiFingerprintParameters
+) -> F64:
     """Scores (n, m) in [0, 1] of all places: the share of power in common, as `wifi_scores` has it.
 
     What the map has never heard counts as different.
@@ -73,7 +75,7 @@ def placed_by(scores: F64, xy_m: F64, parameters: PlaceParameters) -> F64:
     return np.asarray(np.einsum("nk,nkd->nd", share, xy_m[best]))
 
 
-def powers(heard: Fingerprints, names: Sequence[str], parameters: WifiParameters) -> F64:
+def powers(heard: Fingerprints, names: Sequence[str], parameters: WifiFingerprintParameters) -> F64:
     """Powers (n, c) of those access points, 0 where unheard."""
     column = {name: k for k, name in enumerate(names)}
     both = [k for k, name in enumerate(heard.bssids) if name in column]

@@ -23,7 +23,7 @@ VERBS: Mapping[str, tuple[str, str]] = {
     "score": ("score:score", "Compare runs or fixes with the truth."),
     "anchor": ("anchor:anchor_command", "Place a map on a floor plan."),
     "export": ("export:export_command", "Write a run or a map for other programs."),
-    "show": ("show:show", "Draw a run, a map or a world as a page."),
+    "show": ("show:show", "Draw a run, a map or a world as one file."),
     "parameters": ("parameters:parameters", "Every parameter, its value, unit and meaning."),
     "pretrain": ("training:pretrain_command", "Train an encoder on simulated echoes."),
     "finetune": ("training:finetune_command", "Fine-tune an encoder on one recording."),

@@ -18,7 +18,7 @@ from elfslam.data.imdf import read_place
 def export_command(
     source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be exported.")],
     out: Annotated[Path, typer.Argument(help="The file to be written.")],
-    to: Annotated[str, typer.Option(help=", ".join(Format))],
+    to: Annotated[str, typer.Option(help=f"{', '.join(Format)}.")],
     origin: Annotated[
         str | None, typer.Option(help="LAT,LON[,BEARING_DEG] of the map's origin and x axis.")
     ] = None,

@@ -28,7 +28,9 @@ from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
 
 
 def import_command(
-    log_format: Annotated[LogFormat, typer.Argument(metavar="FORMAT", help=", ".join(LogFormat))],
+    log_format: Annotated[
+        LogFormat, typer.Argument(metavar="FORMAT", help=f"{', '.join(LogFormat)}.")
+    ],
     path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
     out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
     drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,

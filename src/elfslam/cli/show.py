@@ -1,4 +1,4 @@
-"""elfslam show: a page of a run, a map or a world."""
+"""elfslam show: a page of a run, a map, a world or a saved page, as one file."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from elfslam.data.folders import new_file
 
 
 def show(
-    what: Annotated[str, typer.Argument(metavar="RUN|MAP|WORLD", help="What to look at.")],
+    what: Annotated[
+        str, typer.Argument(metavar="RUN|MAP|WORLD|PAGE.html", help="What to look at.")
+    ],
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
 ) -> None:
-    """Draw a run, a map or a world as a page of one file, which can be sent around."""
+    """Make one file of a run, a map, a world or a page with its script, to be sent around."""
     draw = drawing_of(what)
     with new_file(out) as page:
         draw(page)

@@ -9,9 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from elfslam.app.console import progress_bar, say
-from elfslam.cli.options import (
-    Seed,
-)
+from elfslam.cli.options import Seed
 from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
@@ -44,9 +42,9 @@ def simulate_command(
     sounds: Annotated[str, typer.Option(help=f"Heard besides: {','.join(SOUNDS)}.")] = "",
     other_phones: Annotated[int, typer.Option(help="How many others chirp in the room.")] = 0,
     engine: Annotated[str | None, typer.Option(help=f"{' or '.join(ENGINES)}.")] = None,
-    imu: Annotated[str, typer.Option(help=", ".join(GRADES))] = "BMI160",
-    jitter: Annotated[float, typer.Option(help="Chirps begin so late in their period (s).")] = 0.0,
-    softer: Annotated[float, typer.Option(help="By chance chirps are so much softer (dB).")] = 0.0,
+    imu: Annotated[str, typer.Option(help=f"{', '.join(GRADES)}.")] = "BMI160",
+    jitter: Annotated[float, typer.Option(help="Chirps are late by up to this (s).")] = 0.0,
+    softer: Annotated[float, typer.Option(help="Chirps are by chance softer by this (dB).")] = 0.0,
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
     place, whose = load_world(world), kind_named(kind)

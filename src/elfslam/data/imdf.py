@@ -38,7 +38,7 @@ LONG_AGO = (1980, 1, 1, 0, 0, 0)
 
 
 @dataclass(frozen=True)
-class Place:
+class Venue:
     """What an IMDF archive must say and no walk can tell."""
 
     name: str
@@ -54,10 +54,10 @@ class Place:
     language: str = "en"
 
 
-def read_place(file: Path) -> Place:
+def read_place(file: Path) -> Venue:
     """The place that a TOML file describes, a line for each field. Raises InputError."""
     given = read_toml(file)
-    known = {field.name: field for field in fields(Place)}
+    known = {field.name: field for field in fields(Venue)}
     for name in given:
         if name not in known:
             raise InputError(f"{file}: {name:.60} is unknown, wanted {', '.join(known)}; remove it")
@@ -71,11 +71,11 @@ def read_place(file: Path) -> Place:
             raise InputError(
                 f"{file}: {name} is {given[name]!r:.60}, wanted a {wanted.__name__}; correct it"
             )
-    return Place(**given)
+    return Venue(**given)
 
 
 def write_imdf(
-    file: Path, lines_m: Sequence[F64], place: Place, origin: Origin, created: datetime
+    file: Path, lines_m: Sequence[F64], place: Venue, origin: Origin, created: datetime
 ) -> None:
     """The archive of a map whose walks are lines (each n, 2), checked before it is written.
 
@@ -102,7 +102,7 @@ def read_imdf(file: Path) -> dict[str, Json]:
 
 
 def imdf_archive(
-    lines_m: Sequence[F64], place: Place, origin: Origin, created: datetime
+    lines_m: Sequence[F64], place: Venue, origin: Origin, created: datetime
 ) -> Archive:
     """The manifest and a collection for each feature type."""
     units = outlines(walked_grid(lines_m, REACH_M, CELL_M))
@@ -137,13 +137,13 @@ def _file_name(name: str) -> str:
     return f"{name}.json" if name == MANIFEST else f"{name}.geojson"
 
 
-def _id(place: Place, kind: str, count: int = 0) -> str:
+def _id(place: Venue, kind: str, count: int = 0) -> str:
     """The same for the same place, every time."""
     level = (place.level, str(place.ordinal)) if kind in ("level", "unit") else ()
     return str(uuid.uuid5(NAMESPACE, json.dumps([place.name, place.address, kind, count, *level])))
 
 
-def _feature(place: Place, kind: str, geometry: Json | None, told: Json, count: int = 0) -> Json:
+def _feature(place: Venue, kind: str, geometry: Json | None, told: Json, count: int = 0) -> Json:
     identified = {"id": _id(place, kind, count), "feature_type": kind}
     return {**identified, **feature(geometry, {**_nothing(kind), **told})}
 
@@ -153,16 +153,16 @@ def _nothing(kind: str) -> Json:
     return dict.fromkeys(PROPERTIES[kind])
 
 
-def _labels(place: Place, text: str) -> Json:
+def _labels(place: Venue, text: str) -> Json:
     return {place.language: text}
 
 
-def _address(place: Place) -> Json:
+def _address(place: Venue) -> Json:
     names = ("address", "locality", "province", "country", "postal_code")
     return {name: getattr(place, name) for name in names}
 
 
-def _venue(place: Place, middle: Json) -> Json:
+def _venue(place: Venue, middle: Json) -> Json:
     return {
         "category": place.category,
         "name": _labels(place, place.name),
@@ -171,15 +171,15 @@ def _venue(place: Place, middle: Json) -> Json:
     }
 
 
-def _building(place: Place) -> Json:
+def _building(place: Venue) -> Json:
     return {"category": "unspecified", "address_id": _id(place, "address")}
 
 
-def _footprint(place: Place) -> Json:
+def _footprint(place: Venue) -> Json:
     return {"category": "ground", "building_ids": [_id(place, "building")]}
 
 
-def _level(place: Place, middle: Json) -> Json:
+def _level(place: Venue, middle: Json) -> Json:
     return {
         "category": "unspecified",
         "outdoor": False,
@@ -191,7 +191,7 @@ def _level(place: Place, middle: Json) -> Json:
     }
 
 
-def _unit(place: Place, origin: Origin, unit: Polygon) -> Json:
+def _unit(place: Venue, origin: Origin, unit: Polygon) -> Json:
     return {
         "category": "walkway",
         "level_id": _id(place, "level"),

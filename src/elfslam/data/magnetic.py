@@ -11,7 +11,7 @@ What the .mat files hold, and how it was found out:
   0.8 m in library) included, as in the paper.
 
 The truth is the cumulated `dPos`, its heading where the camera looks. The odometry is always
-drifted, see `Drift`, and the yaw of the orientation drifts with it, so that neither gives the
+drifted, see `OdometryError`, and the orientation's yaw drifts with it, so that neither gives the
 truth away; roll and pitch are kept, as levelling the field needs them.
 """
 
@@ -43,7 +43,7 @@ SHAPES = {"m": 3, "quat": 4, "dPos": 3, "t": 1, "tm": 1}
 
 
 @dataclass(frozen=True)
-class Drift:
+class OdometryError:
     """How the odometry is corrupted, fixed before any result was seen.
 
     Bias and noise are the values of the paper's own program (heading 0.005 rad/s and variance
@@ -58,7 +58,7 @@ class Drift:
 
 
 def read_magnetic(
-    path: Path, generator: np.random.Generator, drift: Drift | None = None
+    path: Path, generator: np.random.Generator, drift: OdometryError | None = None
 ) -> tuple[Recording, Truth]:
     """The walk in a .mat file as a recording with drifted odometry, and its truth.
 
@@ -70,7 +70,7 @@ def read_magnetic(
     t_s, field_t_s = data["t"][:, 0] - first, data["tm"][:, 0] - first
     world_from_camera = data["quat"][:, [1, 2, 3, 0]]
     poses = _true_poses(data["dPos"], world_from_camera)
-    odometry = _drifted(t_s, poses, drift or Drift(), generator)
+    odometry = _drifted(t_s, poses, drift or OdometryError(), generator)
     yaw_error = wrap_angle(odometry.world_from_body[:, 2] - poses[:, 2])
     world_from_phone = _multiply(_multiply(_yaw(yaw_error), world_from_camera), CAMERA_FROM_DEVICE)
     recording = Recording(
@@ -128,7 +128,9 @@ def _true_poses(increments_m: F64, world_from_camera: F64) -> F64:
     return np.column_stack([xy_m, np.arctan2(forward[:, 1], forward[:, 0])])
 
 
-def _drifted(t_s: F64, poses: F64, drift: Drift, generator: np.random.Generator) -> Odometry:
+def _drifted(
+    t_s: F64, poses: F64, drift: OdometryError, generator: np.random.Generator
+) -> Odometry:
     moves = between(poses[:-1], poses[1:])
     sign = generator.choice([-1.0, 1.0])
     scale = 1 + drift.scale_sigma * generator.standard_normal()

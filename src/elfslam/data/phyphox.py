@@ -52,7 +52,7 @@ RATE_SLACK = 0.01
 
 
 @dataclass(frozen=True, eq=False)
-class Table:
+class SensorTable:
     """One CSV: the names of its columns, and its numbers (rows, columns) with NaN at the end."""
 
     file: Path
@@ -99,7 +99,7 @@ def _read_folder(folder: Path, name: str) -> Recording:
     )
 
 
-def _read_table(file: Path) -> Table:
+def _read_table(file: Path) -> SensorTable:
     head, _, body = read_text(file).rstrip().partition("\n")
     separator = next((each for each in SEPARATORS[1:] if len(_cells(file, head, each)) > 1), ",")
     names = tuple(name.strip() for name in _cells(file, head, separator))
@@ -107,7 +107,7 @@ def _read_table(file: Path) -> Table:
     # One column alone needs no separator: then a comma is that of its decimals.
     if (separator != "," or len(names) == 1) and "," in first_row:
         body = body.replace(",", ".")
-    return Table(file, names, _numbers(file, body.replace(separator, ","), len(names)))
+    return SensorTable(file, names, _numbers(file, body.replace(separator, ","), len(names)))
 
 
 def _cells(file: Path, line: str, separator: str) -> list[str]:
@@ -139,7 +139,7 @@ def _without_nan(line: str) -> str:
     return ",".join("0" if cell.strip().lower() == "nan" else cell for cell in line.split(","))
 
 
-def _columns(table: Table, wanted: Sequence[int]) -> F64:
+def _columns(table: SensorTable, wanted: Sequence[int]) -> F64:
     """Some columns, up to where all of them end. Raises InputError for NaN before that."""
     values = table.numbers[:, list(wanted)]
     whole = np.asarray(np.isfinite(values).all(axis=1))
@@ -152,7 +152,7 @@ def _columns(table: Table, wanted: Sequence[int]) -> F64:
     return np.asarray(values[:count])
 
 
-def _sensor(tables: Sequence[Table], kind: str) -> tuple[F64, F64] | None:
+def _sensor(tables: Sequence[SensorTable], kind: str) -> tuple[F64, F64] | None:
     """Times and values of a sensor, from the first set that has it."""
     unit, largest = UNITS[kind]
     for table in tables:
@@ -172,7 +172,7 @@ def _sensor(tables: Sequence[Table], kind: str) -> tuple[F64, F64] | None:
     return None
 
 
-def _axes(table: Table, unit: re.Pattern[str]) -> list[int] | None:
+def _axes(table: SensorTable, unit: re.Pattern[str]) -> list[int] | None:
     """Which columns hold the time and x, y, z in that unit; None where not all are there."""
     if WITHOUT_GRAVITY.search(table.file.stem):
         return None
@@ -186,7 +186,7 @@ def _axes(table: Table, unit: re.Pattern[str]) -> list[int] | None:
     return [found[key] for key in "txyz"] if len(found) == 4 else None
 
 
-def _named(tables: Sequence[Table], names: Sequence[str]) -> F64 | None:
+def _named(tables: Sequence[SensorTable], names: Sequence[str]) -> F64 | None:
     """The columns of these names, from the first set that has all of them."""
     for table in tables:
         if set(names) <= set(table.names):
@@ -194,7 +194,7 @@ def _named(tables: Sequence[Table], names: Sequence[str]) -> F64 | None:
     return None
 
 
-def _sound(folder: Path, tables: Sequence[Table], imu: Imu) -> Audio | None:
+def _sound(folder: Path, tables: Sequence[SensorTable], imu: Imu) -> Audio | None:
     """The buffer of our experiment. Raises InputError where it ran over, or for another rate."""
     samples, rates = _named(tables, [SOUND_COLUMN]), _named(tables, [RATE_COLUMN])
     if samples is None or not len(samples):
@@ -215,7 +215,7 @@ def _sound(folder: Path, tables: Sequence[Table], imu: Imu) -> Audio | None:
     return Audio(np.clip(samples.T, -1, 1), nearest)
 
 
-def _orientation(tables: Sequence[Table], imu: Imu) -> Orientation | None:
+def _orientation(tables: Sequence[SensorTable], imu: Imu) -> Orientation | None:
     attitude = _named(tables, QUATERNION_COLUMNS)
     if attitude is None or not len(attitude):
         return None

@@ -40,7 +40,7 @@ class ResNetEncoder(nn.Module):
         return functional.normalize(self.head(self.body(image[:, None])), dim=1)
 
 
-class Block(nn.Module):
+class ResidualBlock(nn.Module):
     """Two 3x3 convolutions with a shortcut, which is projected where the shape changes."""
 
     def __init__(self, inputs: int, outputs: int, stride: int) -> None:
@@ -62,7 +62,10 @@ def resnet18(stem: Stem) -> nn.Sequential:
         layers = [convolution(1, STAGES[0], 3, 1), nn.ReLU()]
     before = STAGES[0]
     for stage, channels in enumerate(STAGES):
-        layers += [Block(before, channels, 1 if stage == 0 else 2), Block(channels, channels, 1)]
+        layers += [
+            ResidualBlock(before, channels, 1 if stage == 0 else 2),
+            ResidualBlock(channels, channels, 1),
+        ]
         before = channels
     return nn.Sequential(*layers, nn.AdaptiveAvgPool2d(1), nn.Flatten())
 

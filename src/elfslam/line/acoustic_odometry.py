@@ -80,7 +80,7 @@ class ScaleEstimate:
 UNKNOWN = ScaleEstimate(1.0, float("inf"))
 
 
-class Evidence(NamedTuple):
+class ScaleEvidence(NamedTuple):
     """Trial scales (k) and, for each window (w, k), how sharp the picture is: a logarithm."""
 
     scales: F64
@@ -125,7 +125,7 @@ def rescaled(odometry: Odometry, estimate: ScaleEstimate) -> Odometry:
 
 def scale_evidence(
     echoes: Echoes, odometry: Odometry, chirp: Chirp, parameters: AcousticOdometryParameters
-) -> Evidence:
+) -> ScaleEvidence:
     """How sharp the walls are in every window of the walk at every trial scale."""
     span = parameters.largest_scale - parameters.smallest_scale
     scales = np.linspace(
@@ -137,7 +137,7 @@ def scale_evidence(
         for rows, moves_m in windows(echoes.t_s + parameters.ahead_s, odometry, parameters)
     ]
     summed = [np.log(each.sum(axis=1) + TINY) for each in sharpness]
-    return Evidence(scales, np.array(summed).reshape(-1, len(scales)))
+    return ScaleEvidence(scales, np.array(summed).reshape(-1, len(scales)))
 
 
 def loudness(samples: F32, chirp: Chirp) -> F32:

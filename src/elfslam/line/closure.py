@@ -74,7 +74,7 @@ class ClosureParameters:
 
 
 @dataclass(frozen=True)
-class Candidates:
+class ClosureCandidates:
     """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked.
 
     Between two walks i is a footstep of the one and j of the other, in any order.
@@ -86,10 +86,10 @@ class Candidates:
     line_j: F64
     direction: I64
 
-    def chosen(self, rows: Bool) -> Candidates:
+    def chosen(self, rows: Bool) -> ClosureCandidates:
         """Those of some rows."""
         i, j, score = self.i[rows], self.j[rows], self.score[rows]
-        return Candidates(i, j, score, self.line_j[rows], self.direction[rows])
+        return ClosureCandidates(i, j, score, self.line_j[rows], self.direction[rows])
 
 
 def find_closures(
@@ -120,13 +120,13 @@ def sharing_errors(closures: Closures, reach: int) -> Closures:
     return replace(closures, covariance=alike[:, None, None] * closures.covariance)
 
 
-def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> Candidates:
+def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> ClosureCandidates:
     """Ridges of the averaged similarity, for stretches walked again and walked back."""
     found = _all_ridges(similarity.rows, similarity.count, similarity.count, parameters)
     return found.chosen(found.j - found.i >= parameters.near_footsteps)
 
 
-def candidates_between(one: F32, other: F32, parameters: ClosureParameters) -> Candidates:
+def candidates_between(one: F32, other: F32, parameters: ClosureParameters) -> ClosureCandidates:
     """The same between two walks, by the mean features (n, d) and (m, d) of their footsteps."""
 
     def rows(first: int, last: int) -> F32:
@@ -149,7 +149,9 @@ def closures_between(one: F32, other: F32, poses: F64, parameters: ClosureParame
     return Closures(found.i, found.j, found.score, i_from_j, _covariances(found, parameters))
 
 
-def _all_ridges(rows: Rows, count: int, columns: int, parameters: ClosureParameters) -> Candidates:
+def _all_ridges(
+    rows: Rows, count: int, columns: int, parameters: ClosureParameters
+) -> ClosureCandidates:
     """Ridges anywhere in a matrix (count, columns), block of rows by block."""
     block = _block_rows(columns)
     parts = [
@@ -157,11 +159,13 @@ def _all_ridges(rows: Rows, count: int, columns: int, parameters: ClosureParamet
         for first in range(0, count, block)
         for direction in (AGAIN, BACK)
     ]
-    names = [item.name for item in fields(Candidates)]
-    return Candidates(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
+    names = [item.name for item in fields(ClosureCandidates)]
+    return ClosureCandidates(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    )
 
 
-def under_way(found: Candidates, count: int, parameters: ClosureParameters) -> Bool:
+def under_way(found: ClosureCandidates, count: int, parameters: ClosureParameters) -> Bool:
     """Which candidates (k) have whole sequences on both sides.
 
     Who sets off from a corner, or stops there, faces elsewhere than whoever walks past, and a
@@ -171,14 +175,14 @@ def under_way(found: Candidates, count: int, parameters: ClosureParameters) -> B
     return np.asarray((found.i >= half) & (found.j < count - half))
 
 
-def possible(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
+def possible(found: ClosureCandidates, drift: Drift, parameters: ClosureParameters) -> Bool:
     """Which candidates (k) dead reckoning allows: its error may be that large by then."""
     turn_rad = np.where(found.direction == AGAIN, 0.0, np.pi)
     distance = drift.disagreement(found.i, found.j, turn_rad, _sigma(parameters))
     return np.asarray(distance <= _gate(parameters))
 
 
-def unrivalled(found: Candidates, drift: Drift, parameters: ClosureParameters) -> Bool:
+def unrivalled(found: ClosureCandidates, drift: Drift, parameters: ClosureParameters) -> Bool:
     """Ratio test: which candidates (k) have no rival of their footstep that contradicts them.
 
     Two contradict each other where dead reckoning excludes that their other ends are one place.
@@ -210,7 +214,7 @@ def _contradict(
 
 def _ridges(
     rows: Rows, first: int, last: int, count: int, direction: int, parameters: ClosureParameters
-) -> Candidates:
+) -> ClosureCandidates:
     """The candidates whose earlier footstep lies in one block of rows."""
     margin = parameters.half_sequence + parameters.ridge_footsteps
     top, bottom = max(first - margin, 0), min(last + margin, count)
@@ -224,7 +228,7 @@ def _ridges(
     i = i + first - top
     peak = sequence_mean(scores, parameters.half_peak, direction)
     score, line_j = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
-    return Candidates(i + top, j, score, line_j, np.full(len(i), direction))
+    return ClosureCandidates(i + top, j, score, line_j, np.full(len(i), direction))
 
 
 def sequence_mean(scores: F32, half: int, direction: int) -> F32:
@@ -256,7 +260,7 @@ def _offset(mean: F32, i: I64, j: I64) -> F64:
     return np.where(inside == j, np.clip((left - right) / curvature, -1.0, 1.0), 0.0)
 
 
-def _i_from_j(found: Candidates, nodes: Odometry) -> F64:
+def _i_from_j(found: ClosureCandidates, nodes: Odometry) -> F64:
     """Relative poses (k, 3): how far footstep j lies ahead of footstep i, and its turn."""
     steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
     back = found.direction == BACK
@@ -266,7 +270,7 @@ def _i_from_j(found: Candidates, nodes: Odometry) -> F64:
     return np.column_stack([forward_m, np.zeros(len(back)), np.where(back, np.pi, 0.0)])
 
 
-def _covariances(found: Candidates, parameters: ClosureParameters) -> F64:
+def _covariances(found: ClosureCandidates, parameters: ClosureParameters) -> F64:
     """Covariances (k, 3, 3) of the relative poses."""
     return np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
 

@@ -88,7 +88,7 @@ class Meeting(Value):
 
 
 @dataclass(frozen=True, eq=False)
-class Alignment(Value):
+class Registration(Value):
     """The best placement, the evidence for it, and why it is not believed ("" where it is).
 
     `evidence` sums the resemblance over footsteps, `lead` is in standard errors (infinite without
@@ -112,14 +112,14 @@ class Judged:
     evidence: float
 
 
-def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Alignment:
+def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Registration:
     """The best placement of the other walk, with a refusal where the evidence falls short.
 
     `usual` is the resemblance of these walks to themselves.
     """
     ranked = _ranked(meeting, usual, parameters)
     if not ranked or ranked[0].evidence <= 0:
-        return Alignment(np.zeros(3), 0, 0.0, 0.0, 0.0, "nothing sounds alike")
+        return Registration(np.zeros(3), 0, 0.0, 0.0, 0.0, "nothing sounds alike")
     best = ranked[0]
     known = np.isfinite(best.found)
     places = len(np.unique(_places(best, meeting)[known]))
@@ -142,7 +142,7 @@ def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Al
         rival = rivals[int(np.argmin(leads))]
         apart_m = _apart_m(rival.placement, best.placement, meeting)
         refusal = f"a placement {apart_m:.1f} m off fits nearly as well"
-    return Alignment(best.placement, places, resemblance, lead, best.evidence, refusal)
+    return Registration(best.placement, places, resemblance, lead, best.evidence, refusal)
 
 
 def usual_resemblance(

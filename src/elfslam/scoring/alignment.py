@@ -32,14 +32,14 @@ class Alignment(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Placement(Value):
+class SimilarityTransform(Value):
     """Where the map lies in the world: scale first, then the pose `world_from_map` (3)."""
 
     world_from_map: F64 = array(3)
     scale: float = 1.0
 
 
-AS_DECLARED = Placement(np.zeros(3))
+AS_DECLARED = SimilarityTransform(np.zeros(3))
 """A map whose start was declared lies in the world already."""
 
 
@@ -79,7 +79,7 @@ def match(t_s: F64, poses: F64, truth: Truth) -> Matched:
     return Matched(at_s, estimate, true)
 
 
-def placement(matched: Matched, alignment: Alignment) -> Placement:
+def placement(matched: Matched, alignment: Alignment) -> SimilarityTransform:
     """Where the estimate lies in the world.
 
     ANCHORED puts its first pose on the true one, position and heading. ALIGNED is the rigid
@@ -87,11 +87,11 @@ def placement(matched: Matched, alignment: Alignment) -> Placement:
     """
     if alignment is Alignment.ANCHORED:
         start = _first_pose(matched, matched.truth)
-        return Placement(compose(start, inverse(_first_pose(matched, matched.estimate))))
+        return SimilarityTransform(compose(start, inverse(_first_pose(matched, matched.estimate))))
     return _least_squares(matched, with_scale=alignment is Alignment.ALIGNED_WITH_SCALE)
 
 
-def place(poses: F64, where: Placement) -> F64:
+def place(poses: F64, where: SimilarityTransform) -> F64:
     """Poses (n, 3) of the map, in the world."""
     scaled = poses * np.array([where.scale, where.scale, 1.0])
     return compose(where.world_from_map, scaled)
@@ -125,7 +125,7 @@ def _first_pose(matched: Matched, poses: F64) -> F64:
     return np.array([*poses[0, :2], np.arctan2(move[1], move[0])])
 
 
-def _least_squares(matched: Matched, *, with_scale: bool) -> Placement:
+def _least_squares(matched: Matched, *, with_scale: bool) -> SimilarityTransform:
     """Complex numbers make the planar case a single product: angle turns, modulus scales."""
     estimate = matched.estimate[:, 0] + 1j * matched.estimate[:, 1]
     truth = matched.truth[:, 0] + 1j * matched.truth[:, 1]
@@ -135,4 +135,4 @@ def _least_squares(matched: Matched, *, with_scale: bool) -> Placement:
     scale = float(abs(covariance) / spread) if with_scale and spread > 0 else 1.0
     angle = float(np.angle(covariance))
     origin = truth.mean() - scale * np.exp(1j * angle) * estimate.mean()
-    return Placement(np.array([origin.real, origin.imag, wrap_angle(angle)]), scale)
+    return SimilarityTransform(np.array([origin.real, origin.imag, wrap_angle(angle)]), scale)

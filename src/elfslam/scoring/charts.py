@@ -27,7 +27,7 @@ Curves = Mapping[tuple[str, str], tuple[F64, F64]]
 
 
 def similarity_figure(similarity: AnySimilarity, closures: Closures) -> go.Figure:
-    """The matrix over footsteps, with the curated closures marked on both sides."""
+    """The matrix over footsteps, with the closures found marked on both sides."""
     scores, footstep = reduced(similarity)
     off_diagonal = scores[~np.eye(len(scores), dtype=bool)]
     low, high = np.quantile(off_diagonal, [0.05, 0.999]) if off_diagonal.size else (0.0, 1.0)
@@ -47,7 +47,7 @@ def similarity_figure(similarity: AnySimilarity, closures: Closures) -> go.Figur
         y=np.concatenate([closures.j, closures.i]),
         mode="markers",
         marker=marker,
-        name="curated closures",
+        name="closures found",
         hoverinfo="skip",
     )
     figure = styled(go.Figure([heat, marks]), height_px=460)

@@ -12,7 +12,7 @@ from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.scoring.alignment import (
     Alignment,
-    Placement,
+    SimilarityTransform,
     alignment_of,
     is_sparse,
     match,
@@ -79,7 +79,7 @@ def position_errors(t_s: F64, poses: F64, truth: Truth, alignment: Alignment) ->
     return walk_errors(t_s, poses, truth, alignment)[1]
 
 
-def placed_errors(t_s: F64, poses: F64, truth: Truth, where: Placement) -> F64:
+def placed_errors(t_s: F64, poses: F64, truth: Truth, where: SimilarityTransform) -> F64:
     """Position errors (m) in metres of a map that lies there; see `walk_errors` for their times."""
     matched = match(t_s, poses, truth)
     apart = place(matched.estimate, where)[:, :2] - matched.truth[:, :2]

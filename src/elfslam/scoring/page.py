@@ -1,11 +1,13 @@
 """HTML pages: style, panels, tables. Nothing is fetched but a drawing script that lies beside.
 
-The folder of a run holds that script once for all its pages; a page elsewhere is one file.
+A folder holds that script once for all its pages; `self_contained` makes one file of both.
 """
 
 from __future__ import annotations
 
 import html
+import os
+import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,7 +16,9 @@ from itertools import count
 from pathlib import Path
 
 import plotly.graph_objects as go
-from plotly.offline import get_plotlyjs, get_plotlyjs_version
+from plotly.offline import get_plotlyjs_version
+
+from elfslam.base.errors import InputError
 
 STYLE = """
 :root { color-scheme: light dark; --page: #f6f6f4; --card: #ffffff; --ink: #22262b;
@@ -58,6 +62,7 @@ details table { margin-top: 10px; }
 
 SCRIPT = f"plotly-{get_plotlyjs_version()}.min.js"
 """What draws the figures, by name."""
+LINK = re.compile(r'<script src="(plotly-[^"/]+\.min\.js)"></script>')
 FIT = f"""<script>
 if (window.Plotly) dispatchEvent(new Event("resize"));
 else document.querySelector("header").insertAdjacentHTML("beforeend",
@@ -93,11 +98,29 @@ class Page:
 
 
 def save_page(path: Path, page: Page) -> None:
-    """Write the page: it links the drawing script that lies beside it, or else holds its own.
+    """Write the page, and the drawing script that it links beside it where none lies there yet.
 
     Raises OSError where that cannot be done.
     """
-    path.write_text(rendered(page, linked=(path.parent / SCRIPT).exists()), encoding="utf-8")
+    path.write_text(rendered(page), encoding="utf-8")
+    if not (path.parent / SCRIPT).exists():
+        share_script(path.parent)
+
+
+def self_contained(path: Path) -> str:
+    """A saved page as one file: it holds the drawing script that lies beside it.
+
+    Raises InputError where it links none, or one that is missing.
+    """
+    text = path.read_text(encoding="utf-8")
+    link = LINK.search(text)
+    if link is None:
+        raise InputError(f"{path}: links no drawing script; it is one file, or no page of elfslam")
+    script = path.with_name(link[1])
+    if not script.is_file():
+        raise InputError(f"{path}: wanted {link[1]} beside it, got none; copy it there")
+    drawing = script.read_text(encoding="utf-8")
+    return f"{text[: link.start()]}<script>{drawing}</script>{text[link.end() :]}"
 
 
 def script_file() -> Path:
@@ -106,20 +129,25 @@ def script_file() -> Path:
 
 
 def share_script(folder: Path) -> None:
-    """Put the drawing script into a folder, so that pages saved there from now on link it."""
-    shutil.copyfile(script_file(), folder / SCRIPT)
+    """Put the drawing script into a folder, whole or not at all."""
+    partial = folder / f".{SCRIPT}.{os.getpid()}"
+    try:
+        shutil.copyfile(script_file(), partial)
+        partial.replace(folder / SCRIPT)
+    finally:
+        partial.unlink(missing_ok=True)
 
 
-def rendered(page: Page, *, linked: bool) -> str:
-    """The page as HTML; equal pages give equal text."""
+def rendered(page: Page) -> str:
+    """The page as HTML that links the drawing script; equal pages give equal text."""
     title, subtitle = html.escape(page.title), html.escape(page.subtitle)
-    script = f'<script src="{SCRIPT}"></script>' if linked else f"<script>{get_plotlyjs()}</script>"
     numbers = count(1)
     panels = "".join(_panel(panel, numbers) for panel in page.panels)
     return (
         '<!doctype html><html lang="en"><head><meta charset="utf-8">'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
-        f"<title>{title}</title><style>{STYLE}</style>{script}</head>"
+        f"<title>{title}</title><style>{STYLE}</style>"
+        f'<script src="{SCRIPT}"></script></head>'
         f"<body><main><header><h1>{title}</h1><p>{subtitle}</p></header>"
         f'{_tiles(page.tiles)}<div class="panels">{panels}</div>'
         f"{''.join(_details(*item) for item in page.details.items())}</main>{FIT}</body></html>\n"

@@ -9,7 +9,14 @@ from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Fixes, FloorMap, Run, Truth
 from elfslam.scoring import figures
-from elfslam.scoring.alignment import Alignment, Placement, is_sparse, match, place, placement
+from elfslam.scoring.alignment import (
+    Alignment,
+    SimilarityTransform,
+    is_sparse,
+    match,
+    place,
+    placement,
+)
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.figures import FloorPlan
 from elfslam.scoring.tables import methods
@@ -80,14 +87,14 @@ def _truth_traces(fixes: Fixes, truth: Truth, map_from_world: F64) -> list[go.Sc
     return [*traces, figures.error_trace(fixes.xy_m[inside], at_fixes, figures.WRONG)]
 
 
-def _placed(t_s: F64, poses: F64, truth: Truth | None) -> tuple[Placement, F64]:
+def _placed(t_s: F64, poses: F64, truth: Truth | None) -> tuple[SimilarityTransform, F64]:
     if truth is None:
-        return Placement(np.zeros(3)), poses
+        return SimilarityTransform(np.zeros(3)), poses
     where = placement(match(t_s, poses, truth), Alignment.ALIGNED)
     return where, place(poses, where)
 
 
-def _turned(covariance_m2: F64, where: Placement) -> F64:
+def _turned(covariance_m2: F64, where: SimilarityTransform) -> F64:
     cos, sin = np.cos(where.world_from_map[2]), np.sin(where.world_from_map[2])
     turn = np.array([[cos, -sin], [sin, cos]])
     return np.asarray(turn @ covariance_m2 @ turn.T)

@@ -46,9 +46,9 @@ def run_scores(run: Run, truth: Truth) -> list[ScoreRow]:
 
 
 def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> list[ScoreRow]:
-    """Precision, recall, count and median true distance of the closures, curated and kept."""
+    """Precision, recall, count and median true distance of the closures, found and kept."""
     kept = run.trajectory.closure_weights > 0.5
-    stages = {"curated": np.ones_like(kept), "kept": kept}
+    stages = {"found": np.ones_like(kept), "kept": kept}
     return [
         _closure_row(name, _chosen(run.closures, rows), run, truth, radius_m)
         for name, rows in stages.items()

@@ -18,7 +18,7 @@ from elfslam.app.workers import WorkerDiedError
 from elfslam.serve.jobs.child import LOG, Doing, Result
 from elfslam.serve.jobs.elsewhere import SCRATCH, Made, Parcel, packed, unpack, work_on_parcel
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
-from elfslam.serve.jobs.places import Place, open_place
+from elfslam.serve.jobs.places import Executor, open_place
 from elfslam.serve.store.blobs import link_into, put_folder
 from tests.waiting import until
 
@@ -31,7 +31,7 @@ Laid = Callable[[str], Path]
 
 
 @pytest.fixture(scope="module", params=[None, "2", "ray"])
-def place(request: pytest.FixtureRequest) -> Iterator[Place]:
+def place(request: pytest.FixtureRequest) -> Iterator[Executor]:
     if request.param == "ray":
         pytest.importorskip("ray", reason="Ray is not installed")
     with open_place(request.param, 1) as opened:
@@ -79,7 +79,7 @@ def scratch() -> str:
 
 
 def test_the_map_is_the_same_wherever_it_is_made(
-    place: Place, laid: Laid, lock: int, walks: Path, tmp_path: Path
+    place: Executor, laid: Laid, lock: int, walks: Path, tmp_path: Path
 ) -> None:
     folder = laid("mute")
     said = list(place.news(folder, LONG_S, lock))
@@ -95,7 +95,7 @@ def test_the_map_is_the_same_wherever_it_is_made(
 
 
 def test_what_is_being_done_is_heard_and_whoever_closes_ends_it(
-    place: Place, laid: Laid, lock: int, tmp_path: Path
+    place: Executor, laid: Laid, lock: int, tmp_path: Path
 ) -> None:
     with closing(place.news(laid("one"), LONG_S, lock)) as news:  # type: ignore[type-var]
         stages = (each.what for each in news if isinstance(each, Doing) and each.what)
@@ -106,7 +106,7 @@ def test_what_is_being_done_is_heard_and_whoever_closes_ends_it(
 
 
 def test_a_killed_process_is_noticed_and_the_next_job_is_done(
-    place: Place, laid: Laid, lock: int, tmp_path: Path
+    place: Executor, laid: Laid, lock: int, tmp_path: Path
 ) -> None:
     folder = laid("one")
     with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]
@@ -123,7 +123,7 @@ def test_a_killed_process_is_noticed_and_the_next_job_is_done(
     assert (done.problem, done.died) == (None, False)
 
 
-def test_what_takes_too_long_is_stopped(place: Place, laid: Laid, lock: int) -> None:
+def test_what_takes_too_long_is_stopped(place: Executor, laid: Laid, lock: int) -> None:
     last = list(place.news(laid("one"), 0.01, lock))[-1]
     assert isinstance(last, Result)
     assert "took longer than" in str(last.problem)
@@ -131,7 +131,7 @@ def test_what_takes_too_long_is_stopped(place: Place, laid: Laid, lock: int) -> 
 
 
 @pytest.mark.parametrize("place", ["ray"], indirect=True)
-def test_a_killed_node_process_is_noticed(place: Place, laid: Laid, lock: int) -> None:
+def test_a_killed_node_process_is_noticed(place: Executor, laid: Laid, lock: int) -> None:
     """The work ends with it, and the scratch that it left is swept away by the next."""
     folder = laid("one")
     with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]

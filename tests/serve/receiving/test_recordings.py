@@ -19,7 +19,7 @@ from starlette.testclient import TestClient
 from elfslam.data.recordings import read_recording
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.completing import Come, keep
-from elfslam.serve.receiving.reading import Found
+from elfslam.serve.receiving.reading import ReadFolder
 from elfslam.serve.services import Services
 from elfslam.serve.store.blobs import blob_of
 from elfslam.serve.store.database import Job, reading
@@ -286,5 +286,5 @@ def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
         raise Problem(404, "gone")
 
     with pytest.raises(Problem):
-        keep(services, [Come("wifi.csv", path, blob_of(path))], Found(), gone, wants_map=True)
+        keep(services, [Come("wifi.csv", path, blob_of(path))], ReadFolder(), gone, wants_map=True)
     assert blobs_of(services) == []

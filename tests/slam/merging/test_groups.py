@@ -11,7 +11,7 @@ import pytest
 
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures
-from elfslam.line.map_alignment import Alignment
+from elfslam.line.map_alignment import Registration
 from elfslam.slam.merging import MergeParameters, groups
 from elfslam.slam.merging.groups import grouped, turned_round
 from elfslam.slam.merging.members import Side, links_between, side_of
@@ -72,7 +72,9 @@ def test_a_pair_that_contradicts_better_ones_is_told(
     sides = [side_of(walker(here, str(k), seed=k), KNOWN) for k in range(3)]
     honest = groups.pair_alignment
 
-    def spoilt(one: Side, other: Side, links: Closures, parameters: MergeParameters) -> Alignment:
+    def spoilt(
+        one: Side, other: Side, links: Closures, parameters: MergeParameters
+    ) -> Registration:
         found = honest(one, other, links, parameters)
         if (one, other) != (sides[0], sides[2]):
             return found

@@ -12,7 +12,7 @@ from typing import Any, Generic
 
 from elfslam.app.workers.interface import Result, Task
 from elfslam.app.workers.processes import MOST_TRIES
-from elfslam.app.workers.versions import Version, done_by_the_same, own_version
+from elfslam.app.workers.versions import Environment, done_by_the_same, own_version
 from elfslam.base.errors import InputError, WorkerError
 
 ASKED_AHEAD = 2
@@ -22,7 +22,7 @@ STORE_BYTES = 64 * 2**20
 
 
 @dataclass(frozen=True)
-class Made(Generic[Result]):
+class TaskResult(Generic[Result]):
     """What came of a task. Ray Data would turn a bare number or array into one of its own kind."""
 
     result: Result | None
@@ -83,17 +83,17 @@ class _Source:
     """Lives in the cluster and reads the stream there."""
 
     def __init__(
-        self, do: Callable[[Any], Any], tasks: list[Any], wanted: Version, processors: int
+        self, do: Callable[[Any], Any], tasks: list[Any], wanted: Environment, processors: int
     ) -> None:
         self._rows = _rows(do, tasks, wanted, processors)
 
     def next(self) -> Any:
-        """The next result, as `Made`."""
+        """The next result, as `TaskResult`."""
         return next(self._rows)
 
 
 def _rows(
-    do: Callable[[Any], Any], tasks: list[Any], wanted: Version, processors: int
+    do: Callable[[Any], Any], tasks: list[Any], wanted: Environment, processors: int
 ) -> Iterator[Any]:
     """Results in the order of the tasks: a block for each, so that no more wait than fit."""
     data = _ray_data()
@@ -106,9 +106,9 @@ def _rows(
 
     def make(row: dict[str, Any]) -> dict[str, Any]:
         try:
-            return {"made": Made(done_by_the_same(wanted, do, tasks[int(row["id"])]))}
+            return {"made": TaskResult(done_by_the_same(wanted, do, tasks[int(row["id"])]))}
         except Exception as error:
-            return {"made": Made(None, error)}
+            return {"made": TaskResult(None, error)}
 
     numbers = data.range(len(tasks), override_num_blocks=len(tasks))
     stream = numbers.map(make, num_cpus=1, max_retries=MOST_TRIES - 1)

@@ -21,7 +21,7 @@ CODE = ("*.py", "*.onnx", "*.toml")
 
 
 @dataclass(frozen=True)
-class Version:
+class Environment:
     """What must be the same for results to be the same: this package, Python and NumPy."""
 
     elfslam: str
@@ -31,9 +31,9 @@ class Version:
 
 
 @cache
-def own_version() -> Version:
+def own_version() -> Environment:
     """The version of this process, its code by digest."""
-    return Version(__version__, code_digest(PACKAGE), platform.python_version(), np.__version__)
+    return Environment(__version__, code_digest(PACKAGE), platform.python_version(), np.__version__)
 
 
 def code_digest(folder: Path) -> str:
@@ -45,13 +45,13 @@ def code_digest(folder: Path) -> str:
     return digest.hexdigest()[:16]
 
 
-def done_by_the_same(wanted: Version, do: Callable[[Task], Result], task: Task) -> Result:
+def done_by_the_same(wanted: Environment, do: Callable[[Task], Result], task: Task) -> Result:
     """What `do` makes of the task. Raises WorkerError where this is another version than wanted."""
     check_version(wanted, own_version())
     return do(task)
 
 
-def check_version(wanted: Version, got: Version) -> None:
+def check_version(wanted: Environment, got: Environment) -> None:
     """Raise WorkerError where two versions differ: in what, and how."""
     for name, value in vars(wanted).items():
         other = getattr(got, name)

@@ -8,7 +8,7 @@ from contextlib import closing
 from typing import Any
 
 from elfslam.app.workers.interface import News, Task, WorkerDiedError, WorkersAwayError
-from elfslam.app.workers.versions import Version, check_version, own_version
+from elfslam.app.workers.versions import Environment, check_version, own_version
 
 ASK_S = 0.25
 """How often a desk is asked what there is to say."""
@@ -25,7 +25,7 @@ class Desk:
         self._said: list[Any] = []
         self._lock, self._stopped = threading.Lock(), threading.Event()
 
-    def work(self, wanted: Version, do: Callable[[Any], Any], task: Any) -> None:
+    def work(self, wanted: Environment, do: Callable[[Any], Any], task: Any) -> None:
         """Do it, until it is done or stopped. Raises WorkerError where this is another version."""
         check_version(wanted, own_version())
         self._stopped.clear()

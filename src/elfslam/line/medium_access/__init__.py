@@ -1,12 +1,12 @@
 """Slotted medium access: which phone chirps when, and how others are heard."""
 
 from elfslam.line.medium_access.foreign import spoiled_frames
-from elfslam.line.medium_access.listening import Listening, Slot, hear_slot
+from elfslam.line.medium_access.listening import CarrierSense, Slot, hear_slot
 from elfslam.line.medium_access.parameters import TurnsParameters
 from elfslam.line.medium_access.slots import Turns, after_slot, is_played, no_turns
 
 __all__ = [
-    "Listening",
+    "CarrierSense",
     "Slot",
     "Turns",
     "TurnsParameters",

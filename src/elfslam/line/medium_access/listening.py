@@ -24,7 +24,7 @@ REMEMBERED = 8
 
 
 @dataclass(frozen=True)
-class Listening:
+class CarrierSense:
     """How loud the own direct sound was last; up to which sample all was listened to.
 
     `others` are the last chirps of others, sample and level; those from `limit` on belong to the
@@ -53,8 +53,8 @@ class Slot:
 
 
 def hear_slot(
-    listening: Listening, envelope: F32, first: int, slot: Slot, parameters: TurnsParameters
-) -> tuple[tuple[int, ...], Listening]:
+    listening: CarrierSense, envelope: F32, first: int, slot: Slot, parameters: TurnsParameters
+) -> tuple[tuple[int, ...], CarrierSense]:
     """Samples at which others' chirps arrived in a slot, where the own one leaves silence.
 
     `first` is the sample at which the envelope (n) begins; it has to reach back to what was not
@@ -74,8 +74,8 @@ def hear_slot(
 
 
 def _in_silence(
-    now: Listening, envelope: F32, first: int, end: int, parameters: TurnsParameters
-) -> Listening:
+    now: CarrierSense, envelope: F32, first: int, end: int, parameters: TurnsParameters
+) -> CarrierSense:
     """Listens up to a sample; nothing of ours is heard until then."""
     assert now.until is not None
     begin = now.until

@@ -20,7 +20,7 @@ News = Iterator[Doing | Result]
 
 
 @dataclass(frozen=True)
-class Place:
+class Executor:
     """Where jobs are done, so many at once; one that kills its process is begun `tries` times.
 
     `news` does the task of a folder, as `child_news` does, and leaves there what was made.
@@ -32,22 +32,22 @@ class Place:
 
 
 @contextmanager
-def open_place(on: str | None, count: int) -> Iterator[Place]:
+def open_place(on: str | None, count: int) -> Iterator[Executor]:
     """The place that `on` means, or else a new process of this machine for each job.
 
     Raises InputError where that is nobody, or a cluster that does not answer.
     """
     if on is None:
-        yield Place(count, 1, partial(_here, begin_anew))
+        yield Executor(count, 1, partial(_here, begin_anew))
     elif is_ray(on):
         with open_watchers(on) as cluster:
-            yield Place(cluster.count, MOST_ATTEMPTS, partial(news_from, cluster))
+            yield Executor(cluster.count, MOST_ATTEMPTS, partial(news_from, cluster))
     else:
         with ExitStack() as stack:
             ready: SimpleQueue[Begin] = SimpleQueue()
             for _ in range(int(on)):
                 ready.put(stack.enter_context(loaded()).begin)
-            yield Place(int(on), MOST_ATTEMPTS, partial(_by_the_next, ready))
+            yield Executor(int(on), MOST_ATTEMPTS, partial(_by_the_next, ready))
 
 
 def _here(begin: Begin, folder: Path, longest_s: float, lock: int) -> News:

@@ -28,7 +28,7 @@ from elfslam.base.errors import InputError, WorkerError
 from elfslam.serve.jobs.child import LOG as CHILD_LOG
 from elfslam.serve.jobs.child import Doing, Result
 from elfslam.serve.jobs.folder import DISK_FULL
-from elfslam.serve.jobs.places import News, Place, open_place
+from elfslam.serve.jobs.places import Executor, News, open_place
 from elfslam.serve.jobs.queue import (
     Claim,
     begin_again,
@@ -60,13 +60,13 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Bench:
+class WorkerContext:
     """What the threads that work on jobs have in common."""
 
     services: Services
     stopping: threading.Event
     lock: int
-    place: Place
+    place: Executor
     away: threading.Event
     """Set where the workers of the place are gone."""
     since_s: float
@@ -111,7 +111,7 @@ def _work_there(services: Services, stopping: threading.Event, lock: int, since_
     """Work until the server stops, or those who work are gone. Raises InputError, WorkerError."""
     settings = services.settings
     with open_place(settings.on, settings.job_workers) as place:
-        bench = Bench(services, stopping, lock, place, threading.Event(), since_s)
+        bench = WorkerContext(services, stopping, lock, place, threading.Event(), since_s)
         workers = [threading.Thread(target=_work, args=(bench,)) for _ in range(place.count)]
         for worker in workers:
             worker.start()
@@ -129,7 +129,7 @@ def _locked(file: int) -> bool:
     return True
 
 
-def _work(bench: Bench) -> None:
+def _work(bench: WorkerContext) -> None:
     services = bench.services
     while not bench.stopping.is_set() and not bench.away.is_set():
         services.jobs_wanted.clear()
@@ -141,7 +141,7 @@ def _work(bench: Bench) -> None:
             _work_on(bench, held)
 
 
-def _work_on(bench: Bench, held: Claim) -> None:
+def _work_on(bench: WorkerContext, held: Claim) -> None:
     services = bench.services
     folder = services.settings.work_folder / f"{FOLDERS}{held.job_id}-{held.token[:8]}"
     problem = None
@@ -161,7 +161,7 @@ def _work_on(bench: Bench, held: Claim) -> None:
         _patiently(bench.stopping, partial(_fail, services, held, problem))
 
 
-def _attempt(bench: Bench, held: Claim, folder: Path) -> None:
+def _attempt(bench: WorkerContext, held: Claim, folder: Path) -> None:
     services = bench.services
     lay_out(services, held, folder)
     longest_s = services.settings.limits.job_s
@@ -178,7 +178,7 @@ def _attempt(bench: Bench, held: Claim, folder: Path) -> None:
         _patiently(bench.stopping, partial(keep, services, held, folder, result))
 
 
-def _heard(bench: Bench, held: Claim, news: News) -> Result | None:
+def _heard(bench: WorkerContext, held: Claim, news: News) -> Result | None:
     """What came of a job, nothing where it was given up before: what it does is told meanwhile."""
     with closing(news):  # type: ignore[type-var]
         try:
@@ -192,7 +192,7 @@ def _heard(bench: Bench, held: Claim, news: News) -> Result | None:
     raise WorkersAwayError("the cluster stopped in the middle; asking for it again")
 
 
-def _put_back(bench: Bench, held: Claim, error: WorkerError) -> None:
+def _put_back(bench: WorkerContext, held: Claim, error: WorkerError) -> None:
     """Nobody there can do a job that is not at fault: it waits."""
     LOG.warning("job %s waits: %s", held.job_id, error)
     if isinstance(error, WorkersAwayError):
@@ -201,7 +201,7 @@ def _put_back(bench: Bench, held: Claim, error: WorkerError) -> None:
     bench.stopping.wait(POLL_S)
 
 
-def _told(bench: Bench, held: Claim, doing: Doing) -> bool:
+def _told(bench: WorkerContext, held: Claim, doing: Doing) -> bool:
     """Pass on what is being done; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False

@@ -14,7 +14,7 @@ from elfslam.base.choices import Format
 from elfslam.base.errors import ElfslamError, ParameterError
 from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.geographic import parse_origin
-from elfslam.data.imdf import Place
+from elfslam.data.imdf import Venue
 from elfslam.serve.jobs.tasks import Named, file_name
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
@@ -41,7 +41,7 @@ HEAVY = ("echoes.npz", "features.npz")
 OPTION = re.compile(r"--(\w+)")
 
 
-class Asked(BaseModel):
+class ExportOptions(BaseModel):
     """What no map knows and some formats ask for."""
 
     origin: str | None = Field(None, description="LAT,LON[,BEARING_DEG] of the map's origin")
@@ -68,7 +68,7 @@ def formats_of(named: Named) -> list[Format]:
 
 
 def exported(
-    settings: ServerSettings, name: str, named: Named, to: Format, asked: Asked
+    settings: ServerSettings, name: str, named: Named, to: Format, asked: ExportOptions
 ) -> tuple[Iterator[bytes], str, str]:
     """A map as the pieces of a file, that file's name and media type. Raises Problem 422."""
     from elfslam.app.export import export
@@ -89,7 +89,7 @@ def exported(
         return pieces(out.open("rb")), out.name, media_type
 
 
-def told(asked: Asked, to: Format) -> Told:
+def told(asked: ExportOptions, to: Format) -> Told:
     """What was asked for, as an export takes it. Raises ParameterError, naming what is missing."""
     from elfslam.app.export import Told
 
@@ -98,14 +98,14 @@ def told(asked: Asked, to: Format) -> Told:
     return Told(origin, _place(asked) if to is Format.IMDF else None, pixel_m)
 
 
-def _place(asked: Asked) -> Place:
-    given = {each.name: getattr(asked, each.name) for each in fields(Place)}
+def _place(asked: ExportOptions) -> Venue:
+    given = {each.name: getattr(asked, each.name) for each in fields(Venue)}
     missing = [
-        each.name for each in fields(Place) if each.default is MISSING and given[each.name] is None
+        each.name for each in fields(Venue) if each.default is MISSING and given[each.name] is None
     ]
     if missing:
         raise ParameterError(f"--{missing[0]}: imdf asks for {', '.join(missing)} of the venue")
-    return Place(**{name: value for name, value in given.items() if value is not None})
+    return Venue(**{name: value for name, value in given.items() if value is not None})
 
 
 def _in_words(error: ElfslamError, folder: Path, out: Path, name: str) -> str:

@@ -32,7 +32,7 @@ ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
 FARTHEST_M = 1e6
 
 
-class Placement(BaseModel):
+class ImagePlacement(BaseModel):
     """How wide the image is, and where its lower left corner lies in the map."""
 
     width_m: float = Field(gt=0, le=10_000, allow_inf_nan=False)
@@ -120,7 +120,7 @@ def delete_floor_plan(map_id: str, user: Me, services: Here) -> Response:
 
 
 @router.put("/placement", operation_id="place_floor_plan")
-def place_floor_plan(map_id: str, placement: Placement, user: Me, services: Here) -> MapBody:
+def place_floor_plan(map_id: str, placement: ImagePlacement, user: Me, services: Here) -> MapBody:
     """Say where the image lies."""
     with transaction(services.sessions) as session:
         found = my_map(session, user, map_id)

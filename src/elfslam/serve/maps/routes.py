@@ -18,7 +18,7 @@ from sqlalchemy.orm import Session
 from elfslam.base.choices import Format
 from elfslam.base.errors import ElfslamError
 from elfslam.serve.jobs.tasks import FLOOR_PLAN, Named, file_name, folder_of_map
-from elfslam.serve.maps.exports import HEAVY, Asked, exported, formats_of
+from elfslam.serve.maps.exports import HEAVY, ExportOptions, exported, formats_of
 from elfslam.serve.maps.view import view_of
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
@@ -46,7 +46,7 @@ REPORT_POLICY = "; ".join(
 """A report is a page of its own: its scripts draw, and reach neither the server nor the cookie."""
 
 
-class FileBody(BaseModel):
+class MapFileBody(BaseModel):
     """A file of a map's folder."""
 
     name: str
@@ -63,7 +63,7 @@ class MapBody(BaseModel):
     sources: list[str]
     facts: dict[str, Any]
     floor_plan: dict[str, Any] | None
-    files: list[FileBody]
+    files: list[MapFileBody]
     created_utc: datetime
 
 
@@ -187,7 +187,7 @@ def list_exports(map_id: str, user: Me, services: Here) -> list[Format]:
     responses={200: {"content": {"application/octet-stream": {}}}, **problems(422)},
 )
 def export_map(
-    map_id: str, to: Format, asked: Annotated[Asked, Query()], user: Me, services: Here
+    map_id: str, to: Format, asked: Annotated[ExportOptions, Query()], user: Me, services: Here
 ) -> StreamingResponse:
     """The map in the format of other programs; a .zip where that is several files."""
     with _folder(services, user, map_id) as (name, named):
@@ -199,17 +199,17 @@ def body_of(session: Session, each: Map) -> MapBody:
     return _body(each, _files(session, Map.id == each.id)[each.id])
 
 
-def _body(each: Map, files: list[FileBody]) -> MapBody:
+def _body(each: Map, files: list[MapFileBody]) -> MapBody:
     told = {name: getattr(each, name) for name in MapBody.model_fields if name != "files"}
     return MapBody(**told, files=files)
 
 
-def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[FileBody]]:
+def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[MapFileBody]]:
     """The files of some maps' folders, by the map."""
     rows = select(MapFile).join(Map).where(of_maps, MapFile.name != FLOOR_PLAN)
-    found: dict[str, list[FileBody]] = defaultdict(list)
+    found: dict[str, list[MapFileBody]] = defaultdict(list)
     for row in session.scalars(rows.order_by(MapFile.name)):
-        found[row.map_id].append(FileBody.model_validate(row, from_attributes=True))
+        found[row.map_id].append(MapFileBody.model_validate(row, from_attributes=True))
     return found
 
 

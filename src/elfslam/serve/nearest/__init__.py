@@ -8,11 +8,11 @@ from elfslam.serve.nearest.exact import best_per_range, exact_search
 from elfslam.serve.nearest.folder import newest_revision, read_meta, verify
 from elfslam.serve.nearest.parameters import NearestParameters
 from elfslam.serve.nearest.search import Index, open_index
-from elfslam.serve.nearest.vote import Candidate, Naming, VoteParameters, which_map
+from elfslam.serve.nearest.vote import MapCandidate, Naming, VoteParameters, which_map
 
 __all__ = [
-    "Candidate",
     "Index",
+    "MapCandidate",
     "Naming",
     "NearestParameters",
     "VoteParameters",

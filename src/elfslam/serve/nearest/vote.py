@@ -30,7 +30,7 @@ class VoteParameters:
 
 
 @dataclass(frozen=True)
-class Candidate:
+class MapCandidate:
     """A map by its number, how far its spots stand out, and in how many footsteps they do."""
 
     number: int
@@ -43,7 +43,7 @@ class Naming:
     """What a vote gave: candidates, best first; one is named only where the status is OK."""
 
     status: FixStatus
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[MapCandidate, ...]
 
 
 def which_map(
@@ -68,7 +68,7 @@ def which_map(
     score = excess.mean(axis=0) if len(excess) else np.zeros(len(numbers))
     order = np.argsort(-score, kind="stable")
     found = tuple(
-        Candidate(int(numbers[j]), float(score[j]), int((excess[:, j] > 0).sum()))
+        MapCandidate(int(numbers[j]), float(score[j]), int((excess[:, j] > 0).sum()))
         for j in order[: parameters.candidates]
         if score[j] > 0
     )
@@ -86,7 +86,9 @@ def _excess(ids: I64, similarity: F32, map_of: Callable[[I64], I64]) -> tuple[I6
     return numbers.astype(np.int64), excess
 
 
-def _status(found: tuple[Candidate, ...], footsteps: int, parameters: VoteParameters) -> FixStatus:
+def _status(
+    found: tuple[MapCandidate, ...], footsteps: int, parameters: VoteParameters
+) -> FixStatus:
     if footsteps == 0:
         return FixStatus.NO_ECHO
     if not found or found[0].score < parameters.least:

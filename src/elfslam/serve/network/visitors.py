@@ -26,7 +26,7 @@ would let a gigabyte of it come together."""
 
 
 @dataclass(eq=False)
-class Visit:
+class Connection:
     """A connection, how to end it, and since when it waits for its client; None: it does not."""
 
     visitor: str
@@ -46,7 +46,7 @@ class Visitors:
         self, most: int, most_of_one: int, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self._most, self._most_of_one, self._clock = most, most_of_one, clock
-        self._visits: dict[int, Visit] = {}
+        self._visits: dict[int, Connection] = {}
 
     def enter(self, number: int, address: str, end: Callable[[], None]) -> bool:
         """Whether a newcomer may stay; another connection has ended where that was wanted."""
@@ -56,18 +56,18 @@ class Visitors:
         crowd = own if len(own) >= self._most_of_one else full
         if crowd and not self._end_one(crowd):
             return False
-        self._visits[number] = Visit(visitor, end, self._clock())
+        self._visits[number] = Connection(visitor, end, self._clock())
         return True
 
     def leave(self, number: int) -> None:
         """A connection has ended."""
         self._visits.pop(number, None)
 
-    def of(self, number: int) -> Visit:
+    def of(self, number: int) -> Connection:
         """The visit on a socket; one that is not counted any more where it was just ended."""
-        return self._visits.get(number) or Visit("", _nothing, None)
+        return self._visits.get(number) or Connection("", _nothing, None)
 
-    def _end_one(self, visits: Mapping[int, Visit]) -> bool:
+    def _end_one(self, visits: Mapping[int, Connection]) -> bool:
         """End the one that waits longest; False where the server works for all of them."""
         waiting = [
             (visit.waiting_since_s, number)

@@ -26,14 +26,14 @@ COPY_BYTES = 2**20
 
 
 @dataclass(frozen=True)
-class Room:
+class Quota:
     """How much may be written: at most so much, until only so much is free on the disk."""
 
     most_bytes: int
     free_bytes: int
 
 
-async def append(file: Path, receive: Receive, room: Room, checksum: Checksum | None) -> None:
+async def append(file: Path, receive: Receive, room: Quota, checksum: Checksum | None) -> None:
     """Put a body to the end of a file and sync it.
 
     Raises Problem: 413 over the most, 507 on a full disk, 400 where the connection was lost, and
@@ -54,7 +54,7 @@ async def append(file: Path, receive: Receive, room: Room, checksum: Checksum | 
         piece.unlink(missing_ok=True)
 
 
-async def _write_body(file: Path, receive: Receive, room: Room, hasher: Any) -> None:
+async def _write_body(file: Path, receive: Receive, room: Quota, hasher: Any) -> None:
     came = 0
     descriptor = await run_in_threadpool(_open, file)
     try:
@@ -103,7 +103,7 @@ def refuse_full_disk(place: int | Path, size_bytes: int, free_bytes: int) -> Non
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
-def _append_file(file: Path, piece: Path, room: Room) -> None:
+def _append_file(file: Path, piece: Path, room: Quota) -> None:
     try:
         with piece.open("rb") as source, os.fdopen(_open(file), "ab") as target:
             refuse_full_disk(target.fileno(), piece.stat().st_size, room.free_bytes)

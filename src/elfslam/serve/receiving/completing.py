@@ -21,7 +21,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem
-from elfslam.serve.receiving.reading import Found, read_apart
+from elfslam.serve.receiving.reading import ReadFolder, read_apart
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
@@ -120,7 +120,7 @@ def scratch(settings: ServerSettings) -> Iterator[Path]:
 
 
 def keep(
-    services: Services, come: list[Come], found: Found, begin: Begin, *, wants_map: bool
+    services: Services, come: list[Come], found: ReadFolder, begin: Begin, *, wants_map: bool
 ) -> None:
     """Keep the files of a recording and say what it is, in one commit.
 
@@ -151,7 +151,7 @@ def _receiving(session: Session, recording_id: str) -> Recording | None:
     return recording if recording.state == RecordingState.RECEIVING else None
 
 
-def _describe(session: Session, recording: Recording, come: list[Come], found: Found) -> None:
+def _describe(session: Session, recording: Recording, come: list[Come], found: ReadFolder) -> None:
     for file in come:
         size_bytes, sha256 = file.blob.size_bytes, file.blob.sha256
         row = {"name": file.name, "sha256": sha256, "size_bytes": size_bytes}

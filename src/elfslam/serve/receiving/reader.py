@@ -21,12 +21,12 @@ from elfslam.data.recordings import read_recording
 from elfslam.line.chirp import check_rate
 from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.serve.problems import is_disk_full
-from elfslam.serve.receiving.reading import DISK_FULL, Found
+from elfslam.serve.receiving.reading import DISK_FULL, ReadFolder
 from elfslam.serve.settings import Limits
 from elfslam.serve.store.zips import unpack_recording
 
 
-def find(folder: Path, limits: Limits, packed: Path | None = None) -> Found:
+def find(folder: Path, limits: Limits, packed: Path | None = None) -> ReadFolder:
     """What a folder holds, read here and now, once `packed` is in it. Raises OSError ENOSPC."""
     try:
         if packed is not None:
@@ -34,11 +34,11 @@ def find(folder: Path, limits: Limits, packed: Path | None = None) -> Found:
         recording = read_recording(folder)
         if recording.audio is not None:
             check_rate(recording.audio.rate_hz)
-        return Found(facts_of(recording))
+        return ReadFolder(facts_of(recording))
     except InputError as error:
-        return Found(refusal=_without(str(error), folder, packed))
+        return ReadFolder(refusal=_without(str(error), folder, packed))
     except MemoryError:
-        return Found(refusal="reading needs more memory than is allowed; cut it in parts")
+        return ReadFolder(refusal="reading needs more memory than is allowed; cut it in parts")
 
 
 def _unpack(packed: Path, folder: Path, limits: Limits) -> None:

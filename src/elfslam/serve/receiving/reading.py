@@ -21,14 +21,14 @@ DISK_FULL = 28
 
 
 @dataclass(frozen=True)
-class Found:
+class ReadFolder:
     """What a folder holds, or why it is no recording."""
 
     facts: dict[str, Any] = field(default_factory=dict)
     refusal: str | None = None
 
 
-def read_apart(folder: Path, limits: Limits, packed: Path | None = None) -> Found:
+def read_apart(folder: Path, limits: Limits, packed: Path | None = None) -> ReadFolder:
     """What a process of its own finds in a folder, once it has unpacked a zip into it, if one.
 
     Raises Problem 503 where that was killed, 507 where the disk is full.
@@ -40,10 +40,12 @@ def read_apart(folder: Path, limits: Limits, packed: Path | None = None) -> Foun
             command, capture_output=True, timeout=limits.reading_s, check=False, text=True
         )
     except subprocess.TimeoutExpired:
-        return Found(refusal=f"reading takes longer than {limits.reading_s:g} s; cut it in parts")
+        return ReadFolder(
+            refusal=f"reading takes longer than {limits.reading_s:g} s; cut it in parts"
+        )
     if done.returncode == DISK_FULL:
         raise disk_full()
     if done.returncode != 0:
         last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         raise Problem(503, f"the recording could not be read now ({last:.200}); complete it again")
-    return Found(**json.loads(done.stdout.splitlines()[-1]))
+    return ReadFolder(**json.loads(done.stdout.splitlines()[-1]))

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.problems import Problem, disk_full
 from elfslam.serve.receiving import tus
-from elfslam.serve.receiving.appending import Room, refuse_full_disk
+from elfslam.serve.receiving.appending import Quota, refuse_full_disk
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import sync
@@ -133,7 +133,7 @@ class Appended:
 
 def ready_to_append(
     services: Services, user: User, upload_id: str, wanted: Appended
-) -> tuple[Upload, Room]:
+) -> tuple[Upload, Quota]:
     """An upload and the room it has. Raises Problem 404, 409, 413, 507."""
     upload = _at_offset(services, user, upload_id, wanted.offset_bytes)
     if wanted.length_bytes is not None:
@@ -169,12 +169,12 @@ def _declare_length(services: Services, upload: Upload, length: int) -> None:
         _check_room(services, session, upload, length - come)
 
 
-def room_for(services: Services, upload: Upload, claimed_bytes: int) -> Room:
+def room_for(services: Services, upload: Upload, claimed_bytes: int) -> Quota:
     """The room of an upload to which so much is to be added. Raises Problem 413, 507."""
     with reading(services.sessions) as session:
         most = _check_room(services, session, upload, claimed_bytes)
     limits = services.settings.limits
-    return Room(most, limits.free_bytes)
+    return Quota(most, limits.free_bytes)
 
 
 def _check_room(services: Services, session: Session, upload: Upload, more_bytes: int) -> int:

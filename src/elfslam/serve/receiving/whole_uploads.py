@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import not_found
 from elfslam.serve.receiving.completing import Come, keep, scratch
-from elfslam.serve.receiving.reading import Found, read_apart
+from elfslam.serve.receiving.reading import ReadFolder, read_apart
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Recording, Upload, reading
@@ -45,7 +45,7 @@ def _row(services: Services, upload_id: str) -> Upload:
     return upload
 
 
-def _begin(session: Session, *, upload_id: str, found: Found) -> Recording:
+def _begin(session: Session, *, upload_id: str, found: ReadFolder) -> Recording:
     """The row of a new recording, to which the upload belongs from now on. Raises Problem 404."""
     upload = session.get(Upload, upload_id, with_for_update=True)
     if upload is None:

@@ -11,7 +11,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose, inverse
 from elfslam.base.values import Closures
-from elfslam.line.map_alignment import Alignment, align
+from elfslam.line.map_alignment import Registration, align
 from elfslam.slam.merging.members import Side, links_between, meeting_of, placed, usual_of
 from elfslam.slam.merging.parameters import MergeParameters
 
@@ -36,7 +36,7 @@ class Grouped:
 
     groups: list[Group]
     links: Links
-    pairs: dict[tuple[int, int], Alignment]
+    pairs: dict[tuple[int, int], Registration]
 
 
 def grouped(
@@ -44,7 +44,7 @@ def grouped(
 ) -> Grouped:
     """Walks of unknown starts in groups: the best pairs first, then loners against each group."""
     links: Links = {}
-    pairs: dict[tuple[int, int], Alignment] = {}
+    pairs: dict[tuple[int, int], Registration] = {}
     every = list(combinations(range(len(sides)), 2))
     for count, (a, b) in enumerate(every):
         announce(count / len(every))
@@ -69,7 +69,7 @@ def grouped(
 
 def pair_alignment(
     one: Side, other: Side, links: Closures, parameters: MergeParameters
-) -> Alignment:
+) -> Registration:
     """How two walks lie to each other."""
     meeting = meeting_of([one], other, [links], parameters)
     return align(meeting, usual_of([one, other]), parameters.alignment)
@@ -80,7 +80,7 @@ def turned_round(links: Closures) -> Closures:
     return Closures(links.j, links.i, links.score, inverse(links.i_from_j), links.covariance)
 
 
-def _off_m(group: Group, a: int, b: int, pair: Alignment, side: Side) -> float:
+def _off_m(group: Group, a: int, b: int, pair: Registration, side: Side) -> float:
     """How far a pair puts walk b from where its group has it, on average."""
     one, other = (
         compose(frame, side.poses) for frame in (pair.one_from_other, group.seen_from(a, b))

@@ -13,7 +13,7 @@ from elfslam.base.parameters import digest
 from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.line.floormap import trajectory_map
-from elfslam.line.map_alignment import Alignment, align
+from elfslam.line.map_alignment import Registration, align
 from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.groups import Group, Grouped, grouped
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
@@ -53,7 +53,7 @@ class Merged:
 
     maps: tuple[Joined, ...]
     refused: dict[str, str]
-    pairs: dict[tuple[str, str], Alignment]
+    pairs: dict[tuple[str, str], Registration]
 
 
 def merge(
@@ -94,7 +94,7 @@ def merge(
 
 def add_walk(
     floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
-) -> tuple[FloorMap, Alignment, Trajectory]:
+) -> tuple[FloorMap, Registration, Trajectory]:
     """The map with one more walk, if it certainly belongs there; its spots stay where they are.
 
     Else the map as it was: the alignment says why. Raises InputError where the encoders differ.

@@ -16,7 +16,7 @@ import pytest
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
-    Listening,
+    CarrierSense,
     Slot,
     TurnsParameters,
     after_slot,
@@ -63,7 +63,7 @@ def hearing_vectors(folder: Path) -> dict[str, Any]:
                 samples[at + delay : at + delay + 441] += gain * chirp.samples
     envelope = matched_envelope(samples.astype(np.float32), chirp)
     (folder / "envelope.f32").write_bytes(envelope.tobytes())
-    listening, slots = Listening(), []
+    listening, slots = CarrierSense(), []
     for k, due in enumerate(dues[:-1]):
         start = round((0.2 + 0.1 * k) * RATE_HZ)
         slot = Slot(start, start + 4410, due, dues[k + 1])
