@@ -83,10 +83,10 @@ def fixes(truth: Truth) -> Fixes:
     return Fixes(truth.t_s[:20], xy_m, unknown, np.full((20, 2, 2), np.nan), unknown, status)
 
 
-def test_a_report_fetches_nothing_and_escapes_names(tmp_path: Path, run: Run) -> None:
+def test_a_report_fetches_what_lies_beside_it_alone_and_escapes_names(tmp_path: Path, run: Run) -> None:
     write_report(tmp_path / "report.html", run, facts=FACTS)
     seen = outline(tmp_path / "report.html")
-    assert seen.references == []
+    assert seen.references == [page.SCRIPT]
     assert "b" not in seen.tags[: seen.tags.index("div")]
     assert "living room <b>round</b>" in seen.text
     assert "<script>alert(1)</script>" in seen.text
@@ -164,7 +164,7 @@ def test_nothing_half_written(tmp_path: Path, run: Run, monkeypatch: pytest.Monk
     path = tmp_path / "report.html"
     path.write_text("the old one")
 
-    def fail(_: page.Page, *, linked: bool) -> str:
+    def fail(_: page.Page) -> str:
         raise RuntimeError("planted")
 
     monkeypatch.setattr(page, "rendered", fail)
@@ -185,7 +185,7 @@ def test_fix_report(tmp_path: Path, floor_map: FloorMap, fixes: Fixes, truth: Tr
     assert '"name":"error"' in figures_of(path)
     assert "coverage" in seen.text
     assert "UNKNOWN_PLACE 5" in seen.text
-    assert seen.references == []
+    assert seen.references == [page.SCRIPT]
 
 
 def test_the_page_of_a_map(tmp_path: Path, floor_map: FloorMap) -> None:
