@@ -18,6 +18,8 @@ from studies.repeats import Numbers
 WIDTH = 4.0
 """Of what people walk on, in standard deviations of their lanes: 95 % of them."""
 MEDIAN, GROSS = "median (m)", "over 1 m off"
+METRES = {"type": "log", "tickvals": (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)}
+"""Errors of decimetres and of ten metres side by side."""
 NOTE = "Band: 95 %, by resampling walks."
 SHORT = (
     "world", "kind", "lane (m)", "laps", "feature", MEDIAN, GROSS, "threshold", "answered",
@@ -144,7 +146,7 @@ def _panels(title: str, rows: Sequence[Row], varied: str) -> list[Panel]:
     for measure in (MEDIAN, GROSS):
         curves = _curves(rows, varied, measure, "feature")
         figure = curves_figure(curves, varied, measure, ticks=_values(rows, varied))
-        figure.update_yaxes(rangemode="tozero")
+        figure.update_yaxes(**(METRES if measure == MEDIAN else {"rangemode": "tozero"}))
         made.append(Panel(title, figure, NOTE))
     return made
 
@@ -156,7 +158,7 @@ def _per_metre(rows: Sequence[Row]) -> list[Panel]:
         of_feature = [row for row in crowded if row["feature"] == name]
         curves = _curves(of_feature, "laps per m", MEDIAN, "world")
         figure = curves_figure(curves, "laps per metre of width", MEDIAN, ticks=(1, 2, 5, 10, 20))
-        figure.update_yaxes(rangemode="tozero")
+        figure.update_yaxes(**METRES)
         made.append(Panel(f"{name}: laps per metre", figure, "A width is four lanes (sd)."))
     return made
 
