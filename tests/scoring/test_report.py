@@ -83,7 +83,9 @@ def fixes(truth: Truth) -> Fixes:
     return Fixes(truth.t_s[:20], xy_m, unknown, np.full((20, 2, 2), np.nan), unknown, status)
 
 
-def test_a_report_fetches_what_lies_beside_it_alone_and_escapes_names(tmp_path: Path, run: Run) -> None:
+def test_a_report_fetches_what_lies_beside_it_alone_and_escapes_names(
+    tmp_path: Path, run: Run
+) -> None:
     write_report(tmp_path / "report.html", run, facts=FACTS)
     seen = outline(tmp_path / "report.html")
     assert seen.references == [page.SCRIPT]
