@@ -28,7 +28,7 @@ def test_late():
 NEVER = """
 import subprocess, sys
 def test_never():
-    subprocess.run([sys.executable, "-c", "input()"], stdin=subprocess.PIPE, timeout=0.01)
+    subprocess.run([sys.executable, "-c", "import signal; signal.pause()"], timeout=0.01)
 """
 WRONG = """
 from pathlib import Path
