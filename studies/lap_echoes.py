@@ -6,8 +6,8 @@ Where a phone was is the truth.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -19,10 +19,12 @@ from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import Encoder
 from elfslam.line.floormap import FloorMapParameters, window_means
 from elfslam.line.locate import means_between
+from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import cut_frames
-from elfslam.world.kinds import kind_named
+from elfslam.world.kinds import Kind, kind_named
 from elfslam.world.phone import render_frames, room_responses
 from elfslam.world.recorder import Stage, phone_poses, stage_of
+from elfslam.world.room import Room
 from elfslam.world.stroll import Way, lane_of, random_person, stroll_on, way_through
 from elfslam.world.walker import Motion, Walker
 from elfslam.world.world_file import World, load_world
@@ -32,6 +34,13 @@ ECHOES = 6
 """To a footstep."""
 MOVED_M = 0.3
 """Who has not come so far within a footstep stands; who stands is left out."""
+STRANGER_ALONE, PHONE, DAY, PHONE_AND_DAY = (
+    "another person", "another phone", "another day", "another phone, another day"
+)  # fmt: skip
+CHANGES: Mapping[str, tuple[str, ...]] = {
+    PHONE_AND_DAY: ("device", "day"), PHONE: ("device",), DAY: ("day",), STRANGER_ALONE: (),
+}  # fmt: skip
+"""What of the circumstances is not as it was mapped, by who asks; a person who does not map."""
 MAPPER, STRANGER = 31, 32
 """Streams of random numbers: those of each who maps, and those of who is to be located."""
 
@@ -65,12 +74,19 @@ class Places(Value):
     heading_rad: F64 = array("n")
 
 
-def venue_of(world: str, kind: str) -> Venue:
+def venue_of(world: str, kind: str, asked_by: str = PHONE_AND_DAY) -> Venue:
     """A world in the life of a kind, by names. Raises InputError and ParameterError for others."""
     there, life = load_world(world), kind_named(kind)
-    visits = life.mapping(there.room), life.asking(there.room)
+    visits = life.mapping(there.room), _asking(life, there.room, asked_by)
     mapping, asking = (stage_of(there, today, ECHO_RATE_HZ, threads=1) for today in visits)
     return Venue(there, mapping, asking, visits[0].people, _both_ways(world))
+
+
+def _asking(life: Kind, room: Room, asked_by: str) -> Circumstances:
+    """The circumstances of the mapping, but for what the one who asks changes."""
+    later = life.asking(room)
+    changed = {name: getattr(later, name) for name in CHANGES[asked_by]}
+    return replace(life.mapping(room), **changed)
 
 
 @cache

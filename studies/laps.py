@@ -2,8 +2,9 @@
 
 Each lap of the map is another person's, every other one the opposite way round, and somebody else
 asks from 0.6 s of sound for the most alike spot. Spots lie where they truly are, so that an error
-is the feature's own. A feature's threshold is the least likeness at which at most one kept answer
-in twenty is over a metre off, at ten laps in the development worlds, which count alike.
+is the feature's own. What another phone alone changes, and another day alone, is asked at ten laps.
+A feature's threshold is the least likeness at which at most one kept answer in twenty is over a
+metre off, at ten laps in the development worlds, which count alike.
 """
 
 from __future__ import annotations
@@ -30,6 +31,8 @@ from studies.lap_answers import (
     recalls,
 )
 from studies.lap_echoes import (
+    CHANGES,
+    PHONE_AND_DAY,
     footsteps_of,
     joined,
     mapped_lap,
@@ -39,7 +42,7 @@ from studies.lap_echoes import (
     venue_of,
 )
 from studies.laps_table import laps_page, laps_rows
-from studies.plain_features import compared_encoders
+from studies.plain_features import ChanceEncoder, compared_encoders
 from studies.repeats import Numbers, finished
 
 WORLDS = ("living_room", "office", "mall")
@@ -51,6 +54,8 @@ LANES_M = (0.1, 0.2, 0.3, 0.5)
 """And the world's own."""
 FEW = 4
 """Laps mapped where lanes are compared."""
+ASKED_LAPS = 10
+"""Laps mapped where phone and day change one by one."""
 LAPS = (2, 5, 10, 20, 40)
 LANE_SEEDS, LAP_SEEDS = (0, 1, 2, 3, 4), (0, 1, 2)
 THRESHOLD_LAPS = 10
@@ -75,6 +80,7 @@ class Crowd:
     lane_m: float
     seed: int
     laps: tuple[int, ...]
+    asked_by: str = PHONE_AND_DAY
 
 
 class Found(NamedTuple):
@@ -105,6 +111,7 @@ def measure_laps(
     lap_seeds: Sequence[int] = LAP_SEEDS,
     threshold_seeds: Sequence[int] = THRESHOLD_SEEDS,
     threshold_laps: int = THRESHOLD_LAPS,
+    asked_laps: int = ASKED_LAPS,
 ) -> Finding:
     """A row per world, sound, lane, laps mapped and feature; curves of errors against both.
 
@@ -112,6 +119,7 @@ def measure_laps(
     are heard by mirror images, too. `data` is not needed.
     """
     tasks = crowds(worlds, kind.name, lanes_m, lane_seeds, laps, lap_seeds)
+    tasks += one_change(worlds, kind.name, lap_seeds, asked_laps)
     tasks += crowds(mirrored, QUIET.name, lanes_m, lane_seeds, (), ()) if kind is not QUIET else []
     features = features_of(encoders or {})
     thresholds = _thresholds(
@@ -132,8 +140,8 @@ def measure_laps(
 
 
 def features_of(encoders: Mapping[str, Encoder]) -> tuple[Feature, ...]:
-    """The shipped ELF, the spectrograms, and the features that are given."""
-    named = {**compared_encoders(), **encoders}.items()
+    """The shipped ELF, the spectrograms, chance, and the features that are given."""
+    named = {**compared_encoders(), "chance": ChanceEncoder(), **encoders}.items()
     return tuple(Feature(name, encoder.identity, encoder) for name, encoder in named)
 
 
@@ -161,6 +169,17 @@ def crowds(
     ]
 
 
+def one_change(worlds: Sequence[str], kind: str, seeds: Sequence[int], laps: int) -> list[Crowd]:
+    """The world's own lanes, asked by who changes only the phone, only the day, and neither."""
+    return [
+        Crowd(world, kind, own_lane_m(world), seed, (laps,), asked_by)
+        for world in worlds
+        for asked_by in CHANGES
+        if asked_by != PHONE_AND_DAY
+        for seed in seeds
+    ]
+
+
 def measure_crowd(crowd: Crowd, *, features: Sequence[Feature], thresholds: Thresholds) -> Numbers:
     """Errors in the maps of the first so many laps, by feature, and recall beside a few of them."""
     numbers: Numbers = {}
@@ -175,7 +194,7 @@ def measure_crowd(crowd: Crowd, *, features: Sequence[Feature], thresholds: Thre
 
 def hear_crowd(crowd: Crowd, *, features: Sequence[Feature]) -> dict[str, Found]:
     """What every feature answers by each lap of the map; a lap is heard once and let go."""
-    venue = venue_of(crowd.world, crowd.kind)
+    venue = venue_of(crowd.world, crowd.kind, crowd.asked_by)
     strange = strange_laps(venue, crowd.lane_m, crowd.seed)
     asked = {
         each.name: joined([footsteps_of(lap, each.encoder) for lap in strange]) for each in features

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,8 +22,8 @@ METRES = {"type": "log", "tickvals": (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)}
 """Errors of decimetres and of ten metres side by side."""
 NOTE = "Band: 95 %, by resampling walks."
 SHORT = (
-    "world", "kind", "lane (m)", "laps", "feature", MEDIAN, GROSS, "threshold", "answered",
-    "answered, median (m)", "answered, over 1 m off",
+    "world", "kind", "asked by", "lane (m)", "laps", "feature", MEDIAN, GROSS, "threshold",
+    "answered", "answered, median (m)", "answered, over 1 m off",
 )  # fmt: skip
 
 
@@ -38,6 +38,18 @@ class Walked(Protocol):
     def lane_m(self) -> float: ...
     @property
     def laps(self) -> tuple[int, ...]: ...
+    @property
+    def asked_by(self) -> str: ...
+
+
+class Asked(NamedTuple):
+    """What a row is of."""
+
+    world: str
+    kind: str
+    asked_by: str
+    lane_m: float
+    laps: int
 
 
 def laps_rows(
@@ -45,28 +57,27 @@ def laps_rows(
     numbers: Sequence[Numbers],
     thresholds: Mapping[str, Mapping[str, float]],
 ) -> list[Row]:
-    """A row per world, sound, lane, laps mapped and feature: means over seeds, with intervals."""
-    found: dict[tuple[str, str, float, int], list[Numbers]] = {}
+    """A row per world, sound, who asks, lane, laps and feature: means over seeds, intervals."""
+    found: dict[Asked, list[Numbers]] = {}
     for crowd, each in zip(crowds, numbers, strict=True):
         for laps in crowd.laps:
-            found.setdefault((crowd.world, crowd.kind, crowd.lane_m, laps), []).append(each)
+            asked = Asked(crowd.world, crowd.kind, crowd.asked_by, crowd.lane_m, laps)
+            found.setdefault(asked, []).append(each)
     return [
-        _row(key, name, threshold, seeds)
-        for key, seeds in sorted(found.items(), key=lambda item: _order(crowds, item[0]))
-        for name, threshold in thresholds[key[1]].items()
+        _row(asked, name, threshold, seeds)
+        for asked, seeds in sorted(found.items(), key=lambda item: _order(crowds, item[0]))
+        for name, threshold in thresholds[asked.kind].items()
     ]
 
 
-def _order(crowds: Sequence[Walked], key: tuple[str, str, float, int]) -> tuple[int, float, int]:
-    """Worlds as they were given, then lanes, then laps."""
-    places = list(dict.fromkeys((crowd.world, crowd.kind) for crowd in crowds))
-    return places.index(key[:2]), key[2], key[3]
+def _order(crowds: Sequence[Walked], asked: Asked) -> tuple[int, float, int]:
+    """Worlds and who asks as they were given, then lanes, then laps."""
+    places = list(dict.fromkeys((crowd.world, crowd.kind, crowd.asked_by) for crowd in crowds))
+    return places.index(asked[:3]), asked.lane_m, asked.laps
 
 
-def _row(
-    key: tuple[str, str, float, int], name: str, threshold: float, seeds: Sequence[Numbers]
-) -> Row:
-    world, kind, lane_m, laps = key
+def _row(asked: Asked, name: str, threshold: float, seeds: Sequence[Numbers]) -> Row:
+    world, kind, asked_by, lane_m, laps = asked
 
     def each(what: str) -> list[float]:
         values = [numbers[f"{laps}|{name}|{what}"] for numbers in seeds]
@@ -75,6 +86,7 @@ def _row(
     return {
         "world": world,
         "kind": kind,
+        "asked by": asked_by,
         "lane (m)": lane_m,
         "laps": laps,
         "laps per m": round(laps / (WIDTH * lane_m), 2),
@@ -112,9 +124,9 @@ def _recall(seeds: Sequence[Numbers], prefix: str, offset: str) -> float | None:
 def laps_page(rows: Sequence[Row]) -> Page:
     """Errors and gross errors against laps and lanes, by world; laps per metre; the table."""
     panels = []
-    for world, sound in dict.fromkeys((row["world"], row["kind"]) for row in rows):
-        there = [row for row in rows if (row["world"], row["kind"]) == (world, sound)]
-        title = f"{world}, {sound}".replace("_", " ")
+    for venue in dict.fromkeys(_venue(row) for row in rows):
+        there = [row for row in rows if _venue(row) == venue]
+        title = f"{venue[0]}, {venue[1]}".replace("_", " ")
         lane_m, few = _crossing(there)
         by_laps = [row for row in there if row["lane (m)"] == lane_m]
         by_lane = [row for row in there if row["laps"] == few]
@@ -128,6 +140,10 @@ def laps_page(rows: Sequence[Row]) -> Page:
     return Page(
         "Off the line", "0.6 s of a stranger's walk by the most alike of mapped spots", panels
     )
+
+
+def _venue(row: Row) -> tuple[object, object, object]:
+    return row["world"], row["kind"], row["asked by"]
 
 
 def _crossing(rows: Sequence[Row]) -> tuple[object, object]:
@@ -167,7 +183,7 @@ def _with_many_laps(rows: Sequence[Row]) -> list[Row]:
     """The rows of lanes in which several counts of laps were mapped."""
 
     def crowd(row: Row) -> tuple[object, ...]:
-        return row["world"], row["kind"], row["lane (m)"]
+        return *_venue(row), row["lane (m)"]
 
     counts: dict[tuple[object, ...], set[object]] = {}
     for row in rows:

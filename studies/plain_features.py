@@ -5,17 +5,37 @@ The thresholds were chosen in the development worlds: `python -m studies thresho
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import cache
 
+import numpy as np
+
 from elfslam.app.settings import Settings
+from elfslam.base.arrays import F32
+from elfslam.base.values import ELF_SIZE
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
 
 ELF, PLAIN, ROOT = "ELF", "plain spectrogram", "root spectrogram"
 CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.35, PLAIN: 0.5, ROOT: 0.5}
+
+
+class ChanceEncoder:
+    """Vectors that say nothing of the place: what everybody has to beat."""
+
+    identity = "chance-1"
+
+    def embed(self, samples: F32) -> F32:
+        """Unit vectors (n, 128) in directions drawn by the bytes of each trace."""
+        drawn = [
+            np.random.default_rng(zlib.crc32(row.tobytes())).standard_normal(ELF_SIZE)
+            for row in samples
+        ]
+        rows = np.reshape(drawn, (len(samples), ELF_SIZE))
+        return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), dtype=np.float32)
 
 
 @cache

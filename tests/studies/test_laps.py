@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +15,7 @@ from elfslam.base.progress import silent
 from elfslam.baselines.generic import generic_encoders
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import PEOPLE, QUIET
+from elfslam.world.world_file import load_world
 from studies.finding import Finding
 from studies.lap_answers import (
     Answers,
@@ -26,8 +27,11 @@ from studies.lap_answers import (
     recalls,
 )
 from studies.lap_echoes import (
+    CHANGES,
     MOVED_M,
+    PHONE_AND_DAY,
     Places,
+    _asking,
     footsteps_of,
     joined,
     mapped_lap,
@@ -37,6 +41,7 @@ from studies.lap_echoes import (
     venue_of,
 )
 from studies.laps import FEW, Crowd, Feature, crowds, features_of, hear_crowd, measure_laps
+from studies.plain_features import ChanceEncoder
 
 SPECTROGRAM = generic_encoders()["spectrogram without mean"]
 VENUE = ("studio", QUIET.name)
@@ -244,23 +249,23 @@ def small(encoders: Mapping[str, Deaf], kept: Path | None = None) -> Finding:
     return measure_laps(
         None, silent, kept, encoders=encoders, kind=QUIET, worlds=("lounge",), mirrored=(),
         development=("studio",), lanes_m=(0.1,), laps=(1, 2), lane_seeds=(0,), lap_seeds=(0,),
-        threshold_seeds=(100,), threshold_laps=2,
+        threshold_seeds=(100,), threshold_laps=2, asked_laps=2,
     )  # fmt: skip
 
 
-def row_of(finding: Finding, feature: str, lane_m: float, laps: int) -> dict[str, object]:
-    (row,) = [
-        row
-        for row in finding.rows
-        if (row["feature"], row["lane (m)"], row["laps"]) == (feature, lane_m, laps)
-    ]
+def row_of(
+    finding: Finding, feature: str, lane_m: float, laps: int, asked_by: str = PHONE_AND_DAY
+) -> dict[str, object]:
+    wanted = feature, lane_m, laps, asked_by
+    names = "feature", "lane (m)", "laps", "asked by"
+    (row,) = [row for row in finding.rows if tuple(row[name] for name in names) == wanted]
     return row
 
 
 def test_a_row_for_each_feature_lane_and_count_of_laps(finding: Finding) -> None:
     ways = dict.fromkeys((row["lane (m)"], row["laps"]) for row in finding.rows)
     assert list(ways) == [(0.1, FEW), (0.3, 1), (0.3, 2), (0.3, FEW)]
-    assert len(finding.rows) == 4 * 4
+    assert len(finding.rows) == (4 + len(CHANGES) - 1) * 5
     assert row_of(finding, "deaf", 0.1, FEW)["laps per m"] == 10.0
 
 
@@ -272,6 +277,36 @@ def test_echoes_tell_places_and_the_deaf_do_not(finding: Finding) -> None:
     assert (deaf["answered"], deaf["answered, median (m)"]) == (0.0, None)
     assert float(str(elf["recall at 1 %, 0 to 0.15 m"])) > 0.5
     assert deaf["recall at 1 %, 0 to 0.15 m"] == 0.0
+
+
+def test_on_a_quiet_day_it_does_not_matter_what_would_change(finding: Finding) -> None:
+    """Who asks on a quiet day has the phone and the day of the mapping."""
+    for asked_by in CHANGES:
+        row, usual = row_of(finding, "ELF", 0.3, 2, asked_by), row_of(finding, "ELF", 0.3, 2)
+        assert {**row, "asked by": PHONE_AND_DAY} == usual
+
+
+@pytest.mark.parametrize("asked_by", CHANGES)
+def test_who_asks_changes_what_is_said_and_nothing_else(asked_by: str) -> None:
+    room = load_world("studio").room
+    mapped, later = PEOPLE.mapping(room), PEOPLE.asking(room)
+    asking = _asking(PEOPLE, room, asked_by)
+    assert (asking.device == later.device) == ("phone" in asked_by)
+    assert (asking.day == later.day) == ("day" in asked_by)
+    assert replace(asking, device=mapped.device, day=mapped.day) == mapped
+    assert mapped.device != later.device
+    assert mapped.day != later.day
+
+
+def test_chance_is_a_spot_at_random() -> None:
+    angles = evenly(300)
+    noise = np.random.default_rng(0).standard_normal((600, 2352)).astype(np.float32)
+    rows = ChanceEncoder().embed(noise)
+    np.testing.assert_allclose(np.linalg.norm(rows, axis=1), 1.0, rtol=1e-6)
+    np.testing.assert_array_equal(ChanceEncoder().embed(noise[5:6])[0], rows[5])
+    asked, spots = (replace(ring(angles), vectors=part) for part in (rows[:300], rows[300:]))
+    median_m = np.median(answers_by(asked, spots).error_m)
+    assert median_m == pytest.approx(np.sqrt(2) * 5.0, rel=0.1)
 
 
 def test_the_same_again_from_what_is_kept(finding: Finding, tmp_path: Path) -> None:
