@@ -1,5 +1,5 @@
 /**
- * Slot by slot: when other phones chirped, by the rules of elfslam.line.turns. Before an own direct
+ * Slot by slot: when other phones chirped, by the rules of elfslam.line.medium_access. Before an own direct
  * arrival and once its echoes are over nothing of ours is heard: what is loud there is somebody else's.
  */
 

@@ -1,5 +1,5 @@
 /**
- * Frames into which other phones chirped, by the rules of elfslam.line.turns: what is heard before a direct
+ * Frames into which other phones chirped, by the rules of elfslam.line.medium_access: what is heard before a direct
  * arrival, where nothing of ours sounds, and what stands out over the same moment of the frames around.
  */
 

@@ -1,4 +1,4 @@
-/** Whether what is heard can be the room's answer to the phone's own chirps: elfslam.line.trust, live. */
+/** Whether what is heard can be the room's answer to the phone's own chirps: elfslam.line.spoofing, live. */
 
 /** Into so many parts of equal length an echo trace falls. */
 const PARTS = 4;

@@ -1,11 +1,11 @@
 /**
- * Who chirps when, by the rules of elfslam.line.turns: slots in rounds, kept where nobody else is heard
+ * Who chirps when, by the rules of elfslam.line.medium_access: slots in rounds, kept where nobody else is heard
  * and given up where one is. What was heard in a slot some rounds ago tells who will chirp in it, however
  * late a phone hears. All functions are pure; chance is given to them.
  */
 
 /**
- * The parameters of elfslam.line.turns, by their names there.
+ * The parameters of elfslam.line.medium_access, by their names there.
  * @typedef {{jitter_s: number, softer_db: number, slots: number, listen: number, forget: number, check: number,
  *   check_least: number, check_alone: number, free_after: number, claim: number, keep: number, challenge: number, stir: number,
  *   follow: number, contrast: number, share: number, frames: number}} TurnsParameters
