@@ -20,8 +20,8 @@ from elfslam.world.echo_pairs import (
     CHANGED_ROOM_SHARE,
     DISTRICT_M,
     ECHO_GAP_S,
-    ECHOES,
     FARTHEST_M,
+    FOOTSTEP_ECHOES,
     MOST_ASIDE_RAD,
     MOST_PEOPLE,
     NEAREST_M,
@@ -63,7 +63,7 @@ def pairs() -> EchoPairs:
 
 
 def test_every_pair_is_two_footsteps_and_every_room_has_as_many(pairs: EchoPairs) -> None:
-    assert pairs.first.shape == pairs.second.shape == (240, ECHOES, ECHO_SAMPLES)
+    assert pairs.first.shape == pairs.second.shape == (240, FOOTSTEP_ECHOES, ECHO_SAMPLES)
     assert np.bincount(pairs.room).tolist() == [40] * 6
     assert (pairs.first_pose[:, :2] > 0).all()
     assert (np.linalg.norm(pairs.first, axis=2) > 0).all()
@@ -71,7 +71,7 @@ def test_every_pair_is_two_footsteps_and_every_room_has_as_many(pairs: EchoPairs
 
 def test_the_two_footsteps_of_a_pair_differ(pairs: EchoPairs) -> None:
     assert not (pairs.first == pairs.second).all(axis=(1, 2)).any()
-    assert len(np.unique(pairs.first.reshape(-1, ECHO_SAMPLES), axis=0)) == 240 * ECHOES
+    assert len(np.unique(pairs.first.reshape(-1, ECHO_SAMPLES), axis=0)) == 240 * FOOTSTEP_ECHOES
 
 
 def test_a_generator_gives_one_batch(pairs: EchoPairs) -> None:
@@ -187,13 +187,13 @@ def test_phones_of_one_holder_are_alike(seed: int) -> None:
     assert 1.05 <= height_m <= 1.40
     xy, yaw = generator.uniform(1.0, 5.0, (500, 2)), generator.uniform(-3.0, 3.0, 500)
     poses, pose = _random_poses(generator, xy, yaw, holder)
-    position = poses.position_m.reshape(500, ECHOES, 3)
+    position = poses.position_m.reshape(500, FOOTSTEP_ECHOES, 3)
     assert position[..., 2].mean() == pytest.approx(height_m, abs=0.01)
     assert (poses.body_distance_m == body_m).all()
-    assert poses.people_m.shape == (500 * ECHOES, 0, 2)
+    assert poses.people_m.shape == (500 * FOOTSTEP_ECHOES, 0, 2)
     ahead = poses.world_from_phone[:, :, 1]
     assert np.arcsin(ahead[:, 2]).mean() == pytest.approx(pitch_rad, abs=0.02)
-    heading = np.arctan2(ahead[:, 1], ahead[:, 0]).reshape(500, ECHOES)
+    heading = np.arctan2(ahead[:, 1], ahead[:, 0]).reshape(500, FOOTSTEP_ECHOES)
     assert wrap_angle(heading - pose[:, 2:]).std() == pytest.approx(0.04, rel=0.15)
     aside = wrap_angle(pose[:, 2] - yaw)
     assert aside.std() == pytest.approx(ASIDE_RAD, rel=0.15)
@@ -204,8 +204,8 @@ def test_echoes_of_a_footstep_are_heard_on_the_way() -> None:
     generator = generator_of(2)
     xy, yaw = generator.uniform(1.0, 5.0, (500, 2)), generator.uniform(-3.0, 3.0, 500)
     poses, pose = _random_poses(generator, xy, yaw, _random_holder(generator))
-    position = poses.position_m.reshape(500, ECHOES, 3)[..., :2]
-    velocity = poses.velocity_mps.reshape(500, ECHOES, 3)
+    position = poses.position_m.reshape(500, FOOTSTEP_ECHOES, 3)[..., :2]
+    velocity = poses.velocity_mps.reshape(500, FOOTSTEP_ECHOES, 3)
     np.testing.assert_allclose(position[:, 1], xy, atol=1e-12)
     np.testing.assert_allclose(pose[:, :2], xy)
     np.testing.assert_allclose(
@@ -311,7 +311,7 @@ def test_people_stand_about_each_footstep(visits: list[tuple[Visit, Visit]]) -> 
     xy, yaw = np.array([[2.0, 3.0], [5.0, 1.0]]), np.zeros(2)
     poses, _ = _random_poses(generator_of(0), xy, yaw, crowded.holder)
     people_m = _among_people(generator_of(0), poses, crowded).people_m
-    each = people_m.reshape(2, ECHOES, MOST_PEOPLE, 2)
+    each = people_m.reshape(2, FOOTSTEP_ECHOES, MOST_PEOPLE, 2)
     assert (each == each[:, :1]).all(), "they stay while the phone goes by"
     away_m = np.linalg.norm(each[:, 0] - xy[:, None], axis=2)
     assert 0.8 <= away_m.min() <= away_m.max() <= 5.0
@@ -329,7 +329,7 @@ def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
 
     quiet = visit._replace(device=replace(visit.device, level=0.0, noise_rms=0.01))
     noise = heard_at(quiet)
-    assert noise.shape == (4, ECHOES, ECHO_SAMPLES)
+    assert noise.shape == (4, FOOTSTEP_ECHOES, ECHO_SAMPLES)
     assert noise.std() == pytest.approx(0.01, rel=0.05)
     carpeted = visit._replace(room=changed_room(generator_of(3), visit.room))
     here, there = heard_at(visit), heard_at(carpeted)

@@ -26,7 +26,7 @@ from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
 from elfslam.world.circumstances import ENGINES
-from elfslam.world.echo_pairs import ECHOES, echo_pairs
+from elfslam.world.echo_pairs import FOOTSTEP_ECHOES, echo_pairs
 
 ABOUT = """\
 ELF encoder: turns an echo trace into a unit vector; two traces of one place have a high cosine
@@ -149,7 +149,7 @@ def card_of(
     how = Pretraining(
         software=f"elfslam {__version__}",
         seed=seed,
-        echoes=2 * ECHOES * parameters.pairs * parameters.steps,
+        echoes=2 * FOOTSTEP_ECHOES * parameters.pairs * parameters.steps,
         arithmetic=made.arithmetic,
         loss=round(last_loss(made.losses), 3),
         **training_facts(parameters),
@@ -178,7 +178,7 @@ def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: i
             "mean loss of the last tenth": f"{last_loss(losses):.3f}",
             "loss of the first step": f"{losses[0]:.3f}",
             "steps": f"{len(losses):,}",
-            "echoes": f"{2 * ECHOES * parameters.pairs * len(losses):,}",
+            "echoes": f"{2 * FOOTSTEP_ECHOES * parameters.pairs * len(losses):,}",
         },
         details={"Parameters": facts_table(asdict(parameters))},
     )

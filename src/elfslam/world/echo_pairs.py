@@ -33,7 +33,7 @@ from elfslam.world.scene import Scene, scene_of
 NEAREST_M, FARTHEST_M = 0.02, 1.0
 """Distances of pairs, evenly on a logarithmic scale: from nearly one line to other lanes. The
 paper's positives are within 0.2 m (section 5.3), and what learns by those knows no other lane."""
-ECHOES = 3
+FOOTSTEP_ECHOES = 3
 """Of a footstep, each `ECHO_GAP_S` after the one before."""
 ECHO_GAP_S = 0.2
 PASSES = 2
@@ -167,16 +167,16 @@ def _heard(
     responses = room_responses(there.scene, visit.device, poses, visit.air, engine=there.engine)
     frames = render_frames(responses, chirp, visit.device)
     samples = cut_frames(generator, frames, visit.device)
-    return samples.reshape(len(xy_m), ECHOES, ECHO_SAMPLES), pose
+    return samples.reshape(len(xy_m), FOOTSTEP_ECHOES, ECHO_SAMPLES), pose
 
 
 def _among_people(generator: np.random.Generator, poses: Poses, visit: Visit) -> Poses:
     """The poses of footsteps with people about the middle of each, who stand."""
-    middle = poses.position_m[ECHOES // 2 :: ECHOES, :2]
+    middle = poses.position_m[FOOTSTEP_ECHOES // 2 :: FOOTSTEP_ECHOES, :2]
     shape = len(middle), visit.people
     distance, angle = generator.uniform(0.8, 5.0, shape), generator.uniform(-np.pi, np.pi, shape)
     offset = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=2)
-    return replace(poses, people_m=np.repeat(middle[:, None] + offset, ECHOES, axis=0))
+    return replace(poses, people_m=np.repeat(middle[:, None] + offset, FOOTSTEP_ECHOES, axis=0))
 
 
 def _places(
@@ -229,7 +229,7 @@ def _random_poses(
     where the middle of a footstep is and which way the phone points.
     """
     height_m, pitch_rad, body_m = holder
-    shape = len(xy_m), ECHOES
+    shape = len(xy_m), FOOTSTEP_ECHOES
 
     def about(value: float | F64, scatter: float, shake: float) -> F64:
         """A value of each footstep, and how it shakes from echo to echo."""
@@ -240,7 +240,7 @@ def _random_poses(
     aside_rad = np.clip(generator.normal(0, ASIDE_RAD, shape[0]), -MOST_ASIDE_RAD, MOST_ASIDE_RAD)
     ahead = np.column_stack([np.cos(way_rad), np.sin(way_rad), np.zeros(shape[0])])
     velocity = generator.uniform(0.3, 1.5, (shape[0], 1)) * ahead
-    t_s = ECHO_GAP_S * (np.arange(ECHOES) - (ECHOES - 1) / 2)
+    t_s = ECHO_GAP_S * (np.arange(FOOTSTEP_ECHOES) - (FOOTSTEP_ECHOES - 1) / 2)
     walked = (velocity[:, None] * t_s[:, None])[..., :2]
     height = about(height_m, 0.03, 0.015)
     position = np.concatenate([xy_m[:, None] + walked, height[..., None]], axis=2)
@@ -250,9 +250,9 @@ def _random_poses(
         about(pitch_rad, 0.06, 0.03).ravel(),
         about(0.0, 0.05, 0.03).ravel(),
     )
-    echoes = shape[0] * ECHOES
+    echoes = shape[0] * FOOTSTEP_ECHOES
     poses = Poses(
-        position.reshape(-1, 3), axes, np.repeat(velocity, ECHOES, axis=0),
+        position.reshape(-1, 3), axes, np.repeat(velocity, FOOTSTEP_ECHOES, axis=0),
         np.full(echoes, body_m), np.zeros((echoes, 0, 2)),
     )  # fmt: skip
     return poses, np.column_stack([xy_m, heading_rad])

@@ -1,4 +1,4 @@
-// Turns and listening in the page against elfslam.line.turns: vectors come from test_line_turns.py.
+// Turns and listening in the page against elfslam.line.medium_access: vectors come from test_line_turns.py.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
