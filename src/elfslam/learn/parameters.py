@@ -11,7 +11,7 @@ from elfslam.base.parameters import parameter
 class PretrainParameters:
     """How the encoder is trained before it hears a real room."""
 
-    steps: int = parameter(2800, "", "batches to train on", low=1)
+    steps: int = parameter(900, "", "batches to train on", low=1)
     pairs: int = parameter(256, "", "pairs of footsteps in a batch (paper: 256 of echoes)", low=2)
     rooms: int = parameter(
         8, "", "rooms in a batch; pairs of one room are its hard negatives", low=1
