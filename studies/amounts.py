@@ -23,7 +23,6 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.world.echo_pairs import FOOTSTEP_ECHOES
 from elfslam.world.simulate import load_world, simulate
 from studies.elf import labelled_pairs
 from studies.figures.curves import Curve, curves_figure
@@ -98,7 +97,7 @@ def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncode
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
     parameters = PretrainParameters()
-    steps = max(echoes // (2 * FOOTSTEP_ECHOES * parameters.pairs), 1)
+    steps = max(echoes // (2 * parameters.pairs), 1)
     file = (folder or Path("encoders")) / f"{echoes}.onnx"
     if not file.exists():
         pretrain_on_simulated_echoes(

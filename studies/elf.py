@@ -82,7 +82,7 @@ def measure_elf(
 
 def shipped_and_generic() -> dict[str, Encoder]:
     """Every generic feature and the shipped encoder, by name."""
-    echoes = echo_pairs(np.random.default_rng([0, 17]), PRINCIPAL_ECHOES, 64).first[:, 0]
+    echoes = echo_pairs(np.random.default_rng([0, 17]), PRINCIPAL_ECHOES, 64).first
     return {
         **generic_encoders(),
         "principal components": principal_encoder(echoes),

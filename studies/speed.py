@@ -15,11 +15,10 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.progress import Announce
-from elfslam.base.values import ECHO_SAMPLES
 from elfslam.line.feature import spectrogram
 from elfslam.world.device import named_device
 from elfslam.world.diffuse import diffuse_echoes
-from elfslam.world.echo_pairs import FOOTSTEP_ECHOES, echo_pairs
+from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Engine, air_at, ends_of, image_echoes, poses_at
 from elfslam.world.room import Room
@@ -179,15 +178,14 @@ def _traced_rate(room: Room, rays: int) -> float:
 
 def _stream_rows(echoes: int, engine: str, goal_min: float, announce: Announce) -> Iterator[Row]:
     """The training stream with its spectrograms, by two processes, and what memory it took."""
-    batch = 2 * FOOTSTEP_ECHOES * PAIRS
-    steps = -(-echoes // batch)
+    steps = -(-echoes // (2 * PAIRS))
     start, done, memory = time.perf_counter(), 0, 0.0
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(2, mp_context=context) as pool:
         for _, used in pool.map(partial(_spectrograms, engine), range(steps), chunksize=8):
             done, memory = done + 1, max(memory, used)
             if done % 40 == 0:
-                announce(f"{batch * done} echoes, {engine}", 0.2 + 0.8 * done / steps)
+                announce(f"{2 * PAIRS * done} echoes, {engine}", 0.2 + 0.8 * done / steps)
     minutes = (time.perf_counter() - start) / 60
     what = f"{echoes} training echoes by {engine}"
     yield _row(f"{what}, spectrograms, 2 cores", minutes, "min", goal_min)
@@ -197,6 +195,5 @@ def _stream_rows(echoes: int, engine: str, goal_min: float, announce: Announce) 
 def _spectrograms(engine: str, step: int) -> tuple[int, float]:
     """Echoes turned into spectrograms in a step, and the most memory (bytes) used so far."""
     pairs = echo_pairs(np.random.default_rng([0, step]), PAIRS, ROOMS, engine)
-    sides = (side.reshape(-1, ECHO_SAMPLES) for side in (pairs.first, pairs.second))
-    count = sum(len(spectrogram(side)) for side in sides)
+    count = sum(len(spectrogram(side)) for side in (pairs.first, pairs.second))
     return count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0

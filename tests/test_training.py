@@ -70,6 +70,6 @@ def test_the_echoes_of_a_step_are_the_same_wherever_they_are_made() -> None:
         streams = [list(stream(pairs_of, 3, 6)) for stream in (here, elsewhere)]
     for step, batch in streams[1]:
         assert np.array_equal(batch.first, pairs_of(step).first)
-        assert np.array_equal(batch.second_pose, pairs_of(step).second_pose)
+        assert np.array_equal(batch.xy_m, pairs_of(step).xy_m)
     assert [step for step, _ in streams[0]] == [step for step, _ in streams[1]] == [3, 4, 5]
     assert not np.array_equal(streams[0][0][1].first, streams[0][1][1].first)

@@ -29,7 +29,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
     "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
     "Echoes": lambda: values.Echoes(T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros((0, 2))),
     "EchoPairs": lambda: values.EchoPairs(
-        *np.zeros((2, 3, 2, ECHO_SAMPLES)), [0, 0, 1], *np.zeros((2, 3, 3))
+        np.zeros((3, ECHO_SAMPLES)), np.zeros((3, ECHO_SAMPLES)), [0, 0, 1], np.zeros((3, 2))
     ),
     "Features": lambda: values.Features(T_S, UNIT, "stub"),
     "MeanSimilarity": lambda: values.MeanSimilarity(np.zeros((3, 2)), "stub"),

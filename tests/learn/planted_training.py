@@ -30,29 +30,22 @@ from elfslam.learn.resumable import prefetched
 from elfslam.line.feature import BINS
 
 TINY = PretrainParameters(
-    steps=6, pairs=8, width=4, components=5, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
+    steps=6, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
 )
 STEP = 3
 """Of the batch whose gradients are compared."""
 
 
 def toy_pairs(step: int) -> EchoPairs:
-    """Every place has a decaying noise of its own, and all echoes are that plus a little more."""
-    return pairs_of_noise(np.random.default_rng([9, step]), 8, 0.3)
-
-
-def pairs_of_noise(generator: np.random.Generator, count: int, noise: float) -> EchoPairs:
-    """Pairs of footsteps of two echoes each, 5 cm apart, in two rooms."""
+    """Every place has a decaying noise of its own, and both echoes are that plus a little more."""
+    generator = np.random.default_rng([9, step])
     decay = np.exp(-np.arange(ECHO_SAMPLES) / 600)
-    place = generator.standard_normal((count, 1, ECHO_SAMPLES)) * decay
-    one, other = generator.standard_normal((2, count, 2, ECHO_SAMPLES)) * decay
-    pose = np.column_stack([generator.uniform(0, 20, (count, 2)), np.zeros(count)])
+    place, one, other = generator.standard_normal((3, 8, ECHO_SAMPLES)) * decay
     return EchoPairs(
-        first=place + noise * one,
-        second=place + noise * other,
-        room=np.arange(count) % 2,
-        first_pose=pose,
-        second_pose=pose + np.array([0.05, 0.0, 0.0]),
+        first=place + 0.3 * one,
+        second=place + 0.3 * other,
+        room=np.arange(8) % 2,
+        xy_m=generator.uniform(0, 20, (8, 2)),
     )
 
 
@@ -73,9 +66,8 @@ def stepped(batch: EchoPairs, ranks: Ranks = ALONE) -> dict[str, F64]:
 
 
 def exact_loss(network: nn.Module, batch: EchoPairs, ranks: Ranks) -> Tensor:
-    """NT-Xent of the first echoes alone, in double precision."""
-    echoes = np.concatenate([batch.first[:, 0], batch.second[:, 0]])
-    both = torch.from_numpy(echoes.astype(np.float64))
+    """NT-Xent alone, in double precision."""
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second]).astype(np.float64))
     rows = rows_of_all(network(both, torch.zeros(BINS, dtype=torch.float64)), ranks)
     first, second = (half.flatten(0, 1) for half in rows.chunk(2, dim=1))
     return nt_xent(first, second, torch.zeros(len(first), len(first), dtype=torch.bool), 0.07)

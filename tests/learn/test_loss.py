@@ -1,4 +1,4 @@
-"""NT-Xent and margins against double loops; what masks and distances take out of them."""
+"""NT-Xent against a double loop, and what the mask takes out of it."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from torch import Tensor
 from torch.nn import functional
 
-from elfslam.learn.loss import margin_loss, nt_xent, spot_contrast
+from elfslam.learn.loss import margin_loss, nt_xent
 
 
 def unit_rows(count: int, size: int, seed: int) -> Tensor:
@@ -109,50 +109,52 @@ def test_it_does_not_matter_which_is_first() -> None:
     assert float(one) == pytest.approx(float(other), rel=1e-12)
 
 
-def naive_margin(similarity: Tensor, wanted: Tensor, elsewhere: Tensor, hardest: int) -> float:
-    count, total = len(similarity), 0.0
-    for i in range(count):
-        total += max(float(wanted[i] - similarity[i, i]), 0.0) ** 2
+@given(count=st.integers(2, 6), seed=st.integers(0, 1000), times=st.integers(1, 4))
+def test_a_weight_is_as_good_as_that_many_negatives(count: int, seed: int, times: int) -> None:
+    first, second = unit_rows(count, 5, seed), unit_rows(count, 5, seed + 1)
+    itself = torch.eye(count, dtype=torch.bool)
+    log_weight = torch.full((count, count), math.log(times), dtype=torch.float64).masked_fill(
+        itself, 0.0
+    )
+    rows = torch.cat([first, second])
+    expected = 0.0
+    for i in range(2 * count):
+        partner = (i + count) % (2 * count)
+        terms = torch.exp(rows @ rows[i] / 0.2)
+        others = float(terms.sum() - terms[i] - terms[partner])
+        expected -= math.log(float(terms[partner]) / (float(terms[partner]) + times * others))
+    computed = float(nt_xent(first, second, no_mask(count), 0.2, log_weight))
+    assert computed == pytest.approx(expected / (2 * count), rel=1e-9)
+
+
+def naive_margin(first: Tensor, second: Tensor, ignored: Tensor, hardest: int) -> float:
+    count = len(first)
+    rows = [*first, *second]
+    pairs, negatives = 0.0, 0.0
+    for i in range(2 * count):
+        partner = (i + count) % (2 * count)
+        pairs += max(0.55 - float(rows[i] @ rows[partner]), 0.0) ** 2
         over = [
-            max(float(similarity[i, k]) - 0.2, 0.0) ** 2 for k in range(count) if elsewhere[i, k]
+            max(float(rows[i] @ rows[k]) - 0.25, 0.0) ** 2
+            for k in range(2 * count)
+            if k not in (i, partner) and not ignored[i % count, k % count]
         ]
-        worst = sorted([*over, *[0.0] * hardest], reverse=True)[: min(hardest, count)]
-        total += sum(worst) / len(worst)
-    return total / count
+        worst = sorted([*over, *[0.0] * hardest], reverse=True)[: min(hardest, 2 * count)]
+        negatives += sum(worst) / len(worst)
+    return (pairs + negatives) / (2 * count)
 
 
 @given(count=st.integers(2, 7), seed=st.integers(0, 1000), hardest=st.integers(1, 20))
 def test_the_margins_are_the_double_loop(count: int, seed: int, hardest: int) -> None:
-    similarity = unit_rows(count, 3, seed) @ unit_rows(count, 3, seed + 1).T
-    elsewhere = random_mask(count, seed) & ~torch.eye(count, dtype=torch.bool)
-    wanted = torch.linspace(0.1, 0.9, count, dtype=torch.float64)
-    computed = margin_loss(similarity, wanted, elsewhere, low=0.2, hardest=hardest)
-    expected = naive_margin(similarity, wanted, elsewhere, hardest)
+    first, second = unit_rows(count, 3, seed), unit_rows(count, 3, seed + 1)
+    ignored = random_mask(count, seed) & ~torch.eye(count, dtype=torch.bool)
+    ignored = ignored | torch.eye(count, dtype=torch.bool)
+    computed = margin_loss(first, second, ignored, low=0.25, high=0.55, hardest=hardest)
+    expected = naive_margin(first, second, ignored, hardest)
     assert float(computed) == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
 def test_what_keeps_the_margins_costs_nothing() -> None:
-    pairs, elsewhere = torch.eye(8), ~torch.eye(8, dtype=torch.bool)
-    assert float(margin_loss(pairs, torch.full((8,), 0.6), elsewhere, low=0.2, hardest=4)) == 0.0
-
-
-def test_shares_fall_with_distance() -> None:
-    """Least is lost where similarities are as the distances want them."""
-    square_m2 = torch.tensor([[0.0, 0.04, 0.25], [0.04, 0.0, torch.inf]])
-    best = -square_m2 / (2 * 0.3**2)
-    finite = best.masked_fill(torch.isinf(best), -40.0)
-    least = float(spot_contrast(finite, square_m2, 0.3))
-    assert least == pytest.approx(
-        float(torch.distributions.Categorical(logits=finite).entropy().mean())
-    )
-    for k in range(3):
-        worse = finite + torch.nn.functional.one_hot(torch.tensor([k, k]), 3)
-        assert float(spot_contrast(worse, square_m2, 0.3)) > least
-
-
-def test_what_is_another_place_is_no_spot_at_any_distance() -> None:
-    square_m2 = torch.tensor([[0.04, torch.inf]])
-    alone = spot_contrast(torch.tensor([[1.0, -1e4]]), square_m2, 0.3)
-    rival = spot_contrast(torch.tensor([[1.0, 1.0]]), square_m2, 0.3)
-    assert float(alone) == 0.0
-    assert float(rival) == pytest.approx(math.log(2.0))
+    rows = torch.eye(8, dtype=torch.float64)
+    cost = margin_loss(rows, rows, no_mask(8), low=0.25, high=0.55, hardest=4)
+    assert float(cost) == 0.0

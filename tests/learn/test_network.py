@@ -8,13 +8,7 @@ import torch
 from torch import Tensor
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.network import (
-    PLAIN_SHARE,
-    CompactEncoder,
-    PrincipalComponents,
-    Spectrogram,
-    normalised_log,
-)
+from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log
 from elfslam.line.feature import BINS, FIRST_BIN, spectrogram
 
 NO_CALIBRATION = torch.zeros(BINS)
@@ -121,38 +115,6 @@ def test_time_is_not_averaged_away(network: CompactEncoder) -> None:
     with torch.no_grad():
         one, other = network(early, NO_CALIBRATION), network(late, NO_CALIBRATION)
     assert float(one[0] @ other[0]) < 0.999
-
-
-def test_principal_components_are_white_and_of_unit_length() -> None:
-    """Over the echoes that they were fitted to."""
-    magnitude = Spectrogram()(traces(2000, 3))
-    plain = PrincipalComponents(8)
-    plain.fit(magnitude)
-    rows = plain(magnitude)
-    np.testing.assert_allclose(torch.linalg.norm(rows, dim=1).numpy(), 1.0, atol=1e-5)
-    assert float(rows.mean(dim=0).abs().max()) < 0.02
-    np.testing.assert_allclose(8 * torch.cov(rows.T).numpy(), np.eye(8), atol=0.1)
-
-
-def test_principal_components_make_their_share_of_the_cosine() -> None:
-    torch.manual_seed(0)
-    network, samples = CompactEncoder(8, 40).eval(), traces(64, 2)
-    assert network.plain is not None
-    magnitude = network.spectrogram(samples)
-    network.plain.fit(magnitude)
-    with torch.no_grad():
-        elf, plain = network(samples, NO_CALIBRATION), network.plain(magnitude)
-    assert elf.shape == (64, ELF_SIZE)
-    np.testing.assert_allclose(torch.linalg.norm(elf, dim=1).numpy(), 1.0, atol=1e-5)
-    np.testing.assert_allclose(
-        (elf[:, -40:] @ elf[:, -40:].T).numpy(), PLAIN_SHARE * (plain @ plain.T).numpy(), atol=1e-5
-    )
-
-
-def test_few_echoes_fit_all_the_same() -> None:
-    plain = PrincipalComponents(30)
-    plain.fit(Spectrogram()(traces(5)))
-    assert torch.isfinite(plain(Spectrogram()(traces(5, 1)))).all()
 
 
 def test_the_width_sets_the_size() -> None:

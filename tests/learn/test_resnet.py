@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from planted_training import pairs_of_noise
 from torch import Tensor
 
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
+from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pretrain
@@ -81,7 +80,8 @@ def test_its_file_is_read_by_the_line(network: ResNetEncoder, tmp_path: Path) ->
 
 
 def test_pretraining_takes_it(tmp_path: Path) -> None:
-    pairs = pairs_of_noise(np.random.default_rng(0), 8, 0.3)
+    one, more = traces(8, 1).numpy(), traces(8, 2).numpy()
+    pairs = EchoPairs(one, one + 0.3 * more, np.arange(8) % 2, np.arange(16.0).reshape(8, 2))
     losses: list[float] = []
     network = pretrain(
         lambda step: pairs,

@@ -1,4 +1,4 @@
-"""Training material: pairs of near footsteps of two visits, cut as the line cuts them."""
+"""Training material: two echoes per place, closer than 20 cm, cut as the line cuts them."""
 
 from __future__ import annotations
 
@@ -6,44 +6,38 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import ParameterError
-from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, EchoPairs
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import load_encoder
+from elfslam.world import echo_pairs as module
 from elfslam.world.device import named_device, random_device
 from elfslam.world.echo_pairs import (
-    ASIDE_RAD,
     CHANGED_ROOM_SHARE,
     DISTRICT_M,
-    ECHO_GAP_S,
-    FARTHEST_M,
-    FOOTSTEP_ECHOES,
-    MOST_ASIDE_RAD,
     MOST_PEOPLE,
-    NEAREST_M,
     OTHER_PHONE_SHARE,
-    PASSES,
     PEOPLE_SHARE,
     PHONE_HEIGHT_M,
-    SIDE_MARGIN_M,
+    POSITIVE_DISTANCE_M,
     STRANGER_SHARE,
     WALL_MARGIN_M,
     Visit,
     _among_people,
     _another_visit,
-    _beside,
     _free_places,
     _heard,
     _places,
     _random_holder,
     _random_poses,
     _random_visit,
-    _shifts,
     _sounding,
+    _within,
     cut_frames,
     echo_pairs,
 )
@@ -62,62 +56,38 @@ def pairs() -> EchoPairs:
     return echo_pairs(generator_of(7), 240, 6)
 
 
-def test_every_pair_is_two_footsteps_and_every_room_has_as_many(pairs: EchoPairs) -> None:
-    assert pairs.first.shape == pairs.second.shape == (240, FOOTSTEP_ECHOES, ECHO_SAMPLES)
+def test_every_place_has_two_echoes_and_every_room_as_many(pairs: EchoPairs) -> None:
+    assert pairs.first.shape == pairs.second.shape == (240, ECHO_SAMPLES)
     assert np.bincount(pairs.room).tolist() == [40] * 6
-    assert (pairs.first_pose[:, :2] > 0).all()
-    assert (np.linalg.norm(pairs.first, axis=2) > 0).all()
+    assert (pairs.xy_m > 0).all()
+    assert (np.linalg.norm(pairs.first, axis=1) > 0).all()
 
 
-def test_the_two_footsteps_of_a_pair_differ(pairs: EchoPairs) -> None:
-    assert not (pairs.first == pairs.second).all(axis=(1, 2)).any()
-    assert len(np.unique(pairs.first.reshape(-1, ECHO_SAMPLES), axis=0)) == 240 * FOOTSTEP_ECHOES
+def test_the_two_echoes_of_a_place_differ(pairs: EchoPairs) -> None:
+    assert not (pairs.first == pairs.second).all(axis=1).any()
+    assert len(np.unique(pairs.first, axis=0)) == 240
 
 
 def test_a_generator_gives_one_batch(pairs: EchoPairs) -> None:
     again, other = echo_pairs(generator_of(7), 240, 6), echo_pairs(generator_of(8), 240, 6)
-    for name in ("first", "second", "room", "first_pose", "second_pose"):
+    for name in ("first", "second", "room", "xy_m"):
         assert getattr(again, name).tobytes() == getattr(pairs, name).tobytes()
-    assert not (other.first == pairs.first).any(axis=2).any()
+    assert not (other.first == pairs.first).any(axis=1).any()
 
 
-def test_pairs_are_near_each_other_at_every_scale(pairs: EchoPairs) -> None:
-    apart_m = np.linalg.norm(pairs.first_pose[:, :2] - pairs.second_pose[:, :2], axis=1)
-    assert apart_m.max() < FARTHEST_M
-    for low_m, high_m in ((0.02, 0.074), (0.074, 0.27), (0.27, 1.0)):
-        share = np.mean((apart_m >= low_m) & (apart_m < high_m))
-        assert share == pytest.approx(1 / 3, abs=0.12)
+@given(seed=st.integers(0, 2**32 - 1), radius_m=st.floats(0.01, 2.0))
+def test_positives_are_close_by_construction(seed: int, radius_m: float) -> None:
+    shift = _within(generator_of(seed), 100, radius_m)
+    assert shift.shape == (100, 2)
+    assert np.linalg.norm(shift, axis=1).max() < radius_m
 
 
-def test_two_pairs_are_about_a_place(pairs: EchoPairs) -> None:
-    middle = pairs.first_pose[:, :2].reshape(-1, PASSES, 2)
-    apart_m = np.linalg.norm(middle[:, 0] - middle[:, 1], axis=1)
-    assert 0 < np.median(apart_m) < apart_m.max() < FARTHEST_M
-
-
-def test_shifts_are_even_on_a_logarithmic_scale_and_have_no_direction() -> None:
-    shift = _shifts(generator_of(0), 20_000)
-    length = np.linalg.norm(shift, axis=1)
-    assert NEAREST_M <= length.min() < length.max() < FARTHEST_M
-    share = np.log(length / NEAREST_M) / np.log(FARTHEST_M / NEAREST_M)  # uniform in [0, 1]
+def test_positives_fill_the_disc_evenly() -> None:
+    shift = _within(generator_of(0), 20_000, POSITIVE_DISTANCE_M)
+    assert POSITIVE_DISTANCE_M == 0.20
+    share = (np.linalg.norm(shift, axis=1) / POSITIVE_DISTANCE_M) ** 2  # uniform in [0, 1]
     assert share.mean() == pytest.approx(0.5, abs=0.01)
-    assert share.std() == pytest.approx(1 / np.sqrt(12), abs=0.01)
-    assert np.abs((shift / length[:, None]).mean(axis=0)).max() < 0.02
-
-
-def test_footsteps_beside_a_place_are_free() -> None:
-    cupboard = box("cupboard", np.array([0.0, 0.0, 0.0]), np.array([3.0, 6.0, 2.0]))
-    room = square_room(cupboard)
-    places = np.tile([3.4, 3.0], (500, 1))
-    beside = _beside(generator_of(0), room, places)
-    assert room.is_free(beside, PHONE_HEIGHT_M, SIDE_MARGIN_M).all()
-    assert (beside != places).any(axis=1).mean() > 0.99
-
-
-def test_where_nothing_beside_is_free_the_place_itself_is_taken() -> None:
-    cupboard = box("cupboard", np.array([0.0, 0.0, 0.0]), np.array([8.0, 6.0, 2.0]))
-    places = np.tile([3.4, 3.0], (5, 1))
-    assert (_beside(generator_of(0), square_room(cupboard), places) == places).all()
+    assert np.abs(shift.mean(axis=0)).max() < 0.003
 
 
 @pytest.mark.parametrize("rooms", [1, 3, 12])
@@ -132,7 +102,7 @@ def test_the_first_rooms_do_not_know_of_later_ones() -> None:
     """A room is drawn, heard and done with before the next one is."""
     fewer, more = echo_pairs(generator_of(3), 8, 2), echo_pairs(generator_of(3), 16, 4)
     assert (more.first[:8] == fewer.first).all()
-    assert (more.second_pose[:8] == fewer.second_pose).all()
+    assert (more.xy_m[:8] == fewer.xy_m).all()
 
 
 def test_pairs_that_do_not_share_out_are_refused() -> None:
@@ -186,50 +156,52 @@ def test_phones_of_one_holder_are_alike(seed: int) -> None:
     height_m, pitch_rad, body_m = holder = _random_holder(generator)
     assert 1.05 <= height_m <= 1.40
     xy, yaw = generator.uniform(1.0, 5.0, (500, 2)), generator.uniform(-3.0, 3.0, 500)
-    poses, pose = _random_poses(generator, xy, yaw, holder)
-    position = poses.position_m.reshape(500, FOOTSTEP_ECHOES, 3)
-    assert position[..., 2].mean() == pytest.approx(height_m, abs=0.01)
+    poses = _random_poses(generator, xy, yaw, holder)
+    assert (poses.position_m[:, :2] == xy).all()
+    assert poses.position_m[:, 2].mean() == pytest.approx(height_m, abs=0.01)
     assert (poses.body_distance_m == body_m).all()
-    assert poses.people_m.shape == (500 * FOOTSTEP_ECHOES, 0, 2)
+    assert poses.people_m.shape == (500, 0, 2)
     ahead = poses.world_from_phone[:, :, 1]
     assert np.arcsin(ahead[:, 2]).mean() == pytest.approx(pitch_rad, abs=0.02)
-    heading = np.arctan2(ahead[:, 1], ahead[:, 0]).reshape(500, FOOTSTEP_ECHOES)
-    assert wrap_angle(heading - pose[:, 2:]).std() == pytest.approx(0.04, rel=0.15)
-    aside = wrap_angle(pose[:, 2] - yaw)
-    assert aside.std() == pytest.approx(ASIDE_RAD, rel=0.15)
-    assert 2 * ASIDE_RAD < np.abs(aside).max() < MOST_ASIDE_RAD + 1e-9
-
-
-def test_echoes_of_a_footstep_are_heard_on_the_way() -> None:
-    generator = generator_of(2)
-    xy, yaw = generator.uniform(1.0, 5.0, (500, 2)), generator.uniform(-3.0, 3.0, 500)
-    poses, pose = _random_poses(generator, xy, yaw, _random_holder(generator))
-    position = poses.position_m.reshape(500, FOOTSTEP_ECHOES, 3)[..., :2]
-    velocity = poses.velocity_mps.reshape(500, FOOTSTEP_ECHOES, 3)
-    np.testing.assert_allclose(position[:, 1], xy, atol=1e-12)
-    np.testing.assert_allclose(pose[:, :2], xy)
+    angle = np.angle(np.exp(1j * (np.arctan2(ahead[:, 1], ahead[:, 0]) - yaw)))
+    assert angle.std() == pytest.approx(0.12, rel=0.15)
+    speed = np.linalg.norm(poses.velocity_mps, axis=1)
+    assert (poses.velocity_mps[:, 2] == 0).all()
+    assert 1.3 < speed.max() <= 1.5
     np.testing.assert_allclose(
-        np.diff(position, axis=1), ECHO_GAP_S * velocity[:, 1:, :2], atol=1e-12
-    )
-    assert (velocity == velocity[:, :1]).all()
-    assert (velocity[..., 2] == 0).all()
-    speed = np.linalg.norm(velocity[:, 0], axis=1)
-    assert 0.3 <= speed.min() < speed.max() <= 1.5
-    way = np.arctan2(velocity[:, 0, 1], velocity[:, 0, 0])
-    assert wrap_angle(way - yaw).std() == pytest.approx(0.1, rel=0.15)
+        poses.velocity_mps[:, :2] * np.linalg.norm(ahead[:, :2], axis=1, keepdims=True),
+        speed[:, None] * ahead[:, :2], atol=1e-9,
+    )  # fmt: skip
+
+
+def test_the_second_echo_is_heard_close_by(monkeypatch: pytest.MonkeyPatch) -> None:
+    heard = []
+
+    def listen(scene, device, poses, air, engine):  # type: ignore[no-untyped-def]
+        heard.append(poses)
+        return room_responses(scene, device, poses, air, engine=engine)
+
+    monkeypatch.setattr(module, "room_responses", listen)
+    made = echo_pairs(generator_of(5), 40, 4)
+    gaps = [
+        np.linalg.norm(first.position_m[:, :2] - second.position_m[:, :2], axis=1)
+        for first, second in zip(heard[::2], heard[1::2], strict=True)
+    ]
+    assert np.concatenate(gaps).max() <= POSITIVE_DISTANCE_M
+    assert np.concatenate(gaps).mean() == pytest.approx(POSITIVE_DISTANCE_M * 2 / 3, rel=0.2)
+    places = np.concatenate([poses.position_m[:, :2] for poses in heard[::2]])
+    assert (places == made.xy_m).all()
 
 
 @pytest.mark.parametrize("name", ["spectral", "compact"])
 def test_an_encoder_tells_near_from_far(pairs: EchoPairs, name: str) -> None:
     """Within a room, pairs score above places one metre and more apart."""
     encoder = load_encoder(name)
-    first, second = (encoder.embed(side[:, 1]) for side in (pairs.first, pairs.second))
+    first, second = encoder.embed(pairs.first), encoder.embed(pairs.second)
     cosine = first @ second.T
-    distance_m = np.linalg.norm(
-        pairs.first_pose[:, None, :2] - pairs.second_pose[None, :, :2], axis=2
-    )
+    distance_m = np.linalg.norm(pairs.xy_m[:, None] - pairs.xy_m[None], axis=2)
     far = (pairs.room[:, None] == pairs.room[None]) & (distance_m > 1.0)
-    assert np.diag(cosine)[np.diag(distance_m) < 0.2].mean() > cosine[far].mean() + 0.1
+    assert np.diag(cosine).mean() > cosine[far].mean() + 0.1
 
 
 def test_random_phones_differ_by_the_ripple_of_real_ones() -> None:
@@ -306,14 +278,12 @@ def test_what_changes_between_two_visits(visits: list[tuple[Visit, Visit]]) -> N
     assert abs(np.corrcoef(people.T)[0, 1]) < 0.15, "people come and go"
 
 
-def test_people_stand_about_each_footstep(visits: list[tuple[Visit, Visit]]) -> None:
+def test_people_stand_about_the_phone(visits: list[tuple[Visit, Visit]]) -> None:
     crowded = next(visit for visit, _ in visits if visit.people == MOST_PEOPLE)
-    xy, yaw = np.array([[2.0, 3.0], [5.0, 1.0]]), np.zeros(2)
-    poses, _ = _random_poses(generator_of(0), xy, yaw, crowded.holder)
+    poses = poses_at(np.array([[2.0, 3.0, 1.2], [5.0, 1.0, 1.2]]), np.zeros(2), np.zeros(2))
     people_m = _among_people(generator_of(0), poses, crowded).people_m
-    each = people_m.reshape(2, FOOTSTEP_ECHOES, MOST_PEOPLE, 2)
-    assert (each == each[:, :1]).all(), "they stay while the phone goes by"
-    away_m = np.linalg.norm(each[:, 0] - xy[:, None], axis=2)
+    assert people_m.shape == (2, MOST_PEOPLE, 2)
+    away_m = np.linalg.norm(people_m - poses.position_m[:, None, :2], axis=2)
     assert 0.8 <= away_m.min() <= away_m.max() <= 5.0
 
 
@@ -325,11 +295,11 @@ def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:
 
     def heard_at(each: Visit) -> F32:
         there = _sounding(each.room, each.engine)
-        return _heard(generator_of(0), each, there, xy, yaw, chirp)[0]
+        return _heard(generator_of(0), each, there, xy, yaw, chirp)
 
     quiet = visit._replace(device=replace(visit.device, level=0.0, noise_rms=0.01))
     noise = heard_at(quiet)
-    assert noise.shape == (4, FOOTSTEP_ECHOES, ECHO_SAMPLES)
+    assert noise.shape == (4, ECHO_SAMPLES)
     assert noise.std() == pytest.approx(0.01, rel=0.05)
     carpeted = visit._replace(room=changed_room(generator_of(3), visit.room))
     here, there = heard_at(visit), heard_at(carpeted)
@@ -340,7 +310,6 @@ def test_the_engine_changes_the_sound_and_neither_rooms_nor_places() -> None:
     plain, diffuse = (
         echo_pairs(np.random.default_rng(3), 4, 2, engine) for engine in ("images", "diffuse")
     )
-    assert (plain.first_pose == diffuse.first_pose).all()
-    assert (plain.second_pose == diffuse.second_pose).all()
+    assert (plain.xy_m == diffuse.xy_m).all()
     assert (plain.room == diffuse.room).all()
     assert not np.allclose(plain.first, diffuse.first)

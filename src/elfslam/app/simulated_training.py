@@ -25,8 +25,7 @@ from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pret
 from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
-from elfslam.world.circumstances import ENGINES
-from elfslam.world.echo_pairs import FOOTSTEP_ECHOES, echo_pairs
+from elfslam.world.echo_pairs import echo_pairs
 
 ABOUT = """\
 ELF encoder: turns an echo trace into a unit vector; two traces of one place have a high cosine
@@ -37,8 +36,6 @@ Output: elf (n, 128), unit rows, each from its own trace alone
 Limits: made for the 10 ms chirp from 15 to 20 kHz; one trace says little, so compare means over a \
 footstep; places that look alike after half a turn of the room sound alike
 """
-OWN_ENGINES = ENGINES[:2]
-"""A second engine takes a hundred times as long."""
 BLOCK_STEPS = 20
 """Steps that make one row of the table of losses."""
 LOSS_NOTE = f"Each step, and the mean of every {BLOCK_STEPS}. Batches differ, so steps do too."
@@ -97,15 +94,12 @@ def _write_trained(
 
 def pairs_in(parameters: PretrainParameters, seed: int) -> PairsOf:
     """The batch of each step, which depends on these and the step alone, wherever it is made."""
-    return partial(
-        step_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms,
-        engine=parameters.engine,
-    )  # fmt: skip
+    return partial(step_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms)
 
 
-def step_pairs(step: int, *, seed: int, pairs: int, rooms: int, engine: str) -> EchoPairs:
+def step_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
     """Echo pairs of a step."""
-    return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms, engine)
+    return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms)
 
 
 def _trained(
@@ -149,7 +143,7 @@ def card_of(
     how = Pretraining(
         software=f"elfslam {__version__}",
         seed=seed,
-        echoes=2 * FOOTSTEP_ECHOES * parameters.pairs * parameters.steps,
+        echoes=2 * parameters.pairs * parameters.steps,
         arithmetic=made.arithmetic,
         loss=round(last_loss(made.losses), 3),
         **training_facts(parameters),
@@ -178,7 +172,7 @@ def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: i
             "mean loss of the last tenth": f"{last_loss(losses):.3f}",
             "loss of the first step": f"{losses[0]:.3f}",
             "steps": f"{len(losses):,}",
-            "echoes": f"{2 * FOOTSTEP_ECHOES * parameters.pairs * len(losses):,}",
+            "echoes": f"{2 * parameters.pairs * len(losses):,}",
         },
         details={"Parameters": facts_table(asdict(parameters))},
     )
@@ -201,11 +195,6 @@ def _check(out: Path, parameters: PretrainParameters) -> None:
     if parameters.network not in NETWORKS:
         raise ParameterError(
             f"pretrain.network: wanted {' or '.join(NETWORKS)}, got {parameters.network!r}; "
-            "correct it"
-        )
-    if parameters.engine not in OWN_ENGINES:
-        raise ParameterError(
-            f"pretrain.engine: wanted {' or '.join(OWN_ENGINES)}, got {parameters.engine!r}; "
             "correct it"
         )
     if parameters.pairs % parameters.rooms:

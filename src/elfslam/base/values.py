@@ -176,16 +176,12 @@ class FrameFacts(Value):
 
 @dataclass(frozen=True, eq=False)
 class EchoPairs(Value):
-    """Training material: echo traces of two near footsteps, their room, and where each is.
+    """Training material: two echo traces per place, the room and position of the first."""
 
-    Poses are x and y (m) in the room and the heading of the phone (rad).
-    """
-
-    first: F32 = array("n", "k", ECHO_SAMPLES, dtype=np.float32)
-    second: F32 = array("n", "k", ECHO_SAMPLES, dtype=np.float32)
+    first: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
+    second: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
     room: I64 = array("n", dtype=np.int64)
-    first_pose: F64 = array("n", 3)
-    second_pose: F64 = array("n", 3)
+    xy_m: F64 = array("n", 2)
 
 
 @dataclass(frozen=True, eq=False)

@@ -175,7 +175,7 @@ def _summed(value: Tensor) -> Tensor:
 
 def _parts(batch: EchoPairs, count: int) -> list[EchoPairs]:
     """The rows of a batch in so many even shares."""
-    size = len(batch.room) // count
+    size = len(batch.xy_m) // count
     return [
         replace(batch, **{each.name: getattr(batch, each.name)[k * size : (k + 1) * size]
                           for each in fields(batch)})

@@ -13,10 +13,6 @@ from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 FRAMES = 48
 LOG_FLOOR = 0.02
 """Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
-PLAIN_SHARE = 0.4
-"""Of the cosine, what principal components beside the learnt numbers make."""
-LEAST_POWER = 1e-6
-"""Of a component beside the strongest one: few echoes do not span them all."""
 
 
 class Spectrogram(nn.Module):
@@ -52,49 +48,16 @@ class Residual(nn.Module):
         return functional.relu(x + self.second_norm(self.second(inner)))
 
 
-class PrincipalComponents(nn.Module):
-    """Magnitudes (n, 12, 48) to whitened principal components of their square roots, unit rows.
-
-    Nothing is learnt by contrast: what an echo has of its own is kept, however it got there.
-    Zeros until it is fitted.
-    """
-
-    def __init__(self, size: int) -> None:
-        super().__init__()
-        self.register_buffer("whitener", torch.zeros(size, BINS * FRAMES))
-        self.register_buffer("offset", torch.zeros(size))
-
-    def fit(self, magnitude: Tensor) -> None:
-        """Take mean and components from these echoes (n, 12, 48)."""
-        rows, size = self._roots(magnitude).double(), len(self.get_buffer("whitener"))
-        power, axes = torch.linalg.eigh(torch.cov(rows.T, correction=0))
-        power = power.clamp_min(LEAST_POWER * float(power[-1]))
-        whitener = axes.T[-size:] / torch.sqrt(power[-size:, None])
-        self.get_buffer("whitener").copy_(whitener)
-        self.get_buffer("offset").copy_(-whitener @ rows.mean(dim=0))
-
-    def forward(self, magnitude: Tensor) -> Tensor:
-        whitener, offset = self.get_buffer("whitener"), self.get_buffer("offset")
-        components = functional.linear(self._roots(magnitude), whitener, offset)
-        return functional.normalize(components, dim=1)
-
-    def _roots(self, magnitude: Tensor) -> Tensor:
-        roots = torch.sqrt(magnitude).flatten(1)
-        return functional.normalize(roots - roots.mean(dim=1, keepdim=True), dim=1)
-
-
 class CompactEncoder(nn.Module):
     """Raw aligned samples (n, 2352) to ELFs (n, 128), unit rows.
 
     The time axis is pooled late and never averaged away: the delay of an echo is its place.
     `device_log_spectrum` (12) is subtracted from the log spectrogram; zeros mean no calibration.
-    The last `components` of the numbers are principal components, the others learnt.
     """
 
-    def __init__(self, width: int = 32, components: int = 0) -> None:
+    def __init__(self, width: int = 32) -> None:
         super().__init__()
         self.spectrogram = Spectrogram()
-        self.plain = PrincipalComponents(components) if components else None
         self.body = nn.Sequential(
             nn.Conv2d(1, width, 3, stride=(2, 1), padding=1, bias=False),
             nn.BatchNorm2d(width),
@@ -113,25 +76,17 @@ class CompactEncoder(nn.Module):
             nn.Linear(flat, ELF_SIZE),
             nn.BatchNorm1d(ELF_SIZE),
             nn.ReLU(),
-            nn.Linear(ELF_SIZE, ELF_SIZE - components),
+            nn.Linear(ELF_SIZE, ELF_SIZE),
         )
 
     def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
-        return self.outer(*self.inner(samples, device_log_spectrum))
+        return functional.normalize(self.head(self.inner(samples, device_log_spectrum)), dim=1)
 
-    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> tuple[Tensor, Tensor]:
-        """Magnitudes (n, 12, 48), and what the head is given, flat: (n, 6 * width * 12)."""
-        magnitude = self.spectrogram(samples)
-        image = normalised_log(magnitude, device_log_spectrum)
-        return magnitude, self.body(image[:, None]).flatten(1)
-
-    def outer(self, magnitude: Tensor, features: Tensor) -> Tensor:
-        """ELFs of what `inner` gives."""
-        learnt = functional.normalize(self.head(features), dim=1)
-        if self.plain is None:
-            return learnt
-        parts = (1 - PLAIN_SHARE) ** 0.5 * learnt, PLAIN_SHARE**0.5 * self.plain(magnitude)
-        return torch.cat(parts, dim=1)
+    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
+        """What the head is given, flat: (n, 6 * width * 12)."""
+        image = normalised_log(self.spectrogram(samples), device_log_spectrum)
+        features: Tensor = self.body(image[:, None])
+        return features.flatten(1)
 
 
 def normalised_log(magnitude: Tensor, device_log_spectrum: Tensor) -> Tensor:

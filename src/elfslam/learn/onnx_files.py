@@ -80,26 +80,20 @@ def network_of(content: bytes) -> CompactEncoder:
 def _rebuilt(graph: onnx.GraphProto) -> CompactEncoder:
     known = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
     folded = [node for node in graph.node if node.op_type == "Conv" and len(node.input) == 3]
-    components = len(known.get("plain.whitener", ()))
-    network = CompactEncoder(len(known[folded[0].input[1]]), components).eval()
-    if network.plain is not None:
-        network.plain.load_state_dict(_under("plain.", known))
-    network.head.load_state_dict(_under("head.", known))
+    network = CompactEncoder(len(known[folded[0].input[1]])).eval()
+    network.head.load_state_dict(
+        {
+            name.removeprefix("head."): torch.tensor(value)
+            for name, value in known.items()
+            if name.startswith("head.")
+        }
+    )
     modules = list(network.body.modules())
     convolutions = [module for module in modules if isinstance(module, nn.Conv2d)]
     norms = [module for module in modules if isinstance(module, nn.BatchNorm2d)]
     for node, convolution, norm in zip(folded, convolutions, norms, strict=True):
         _unfold(known[node.input[1]], known[node.input[2]], convolution, norm)
     return network
-
-
-def _under(prefix: str, known: Mapping[str, F32]) -> dict[str, torch.Tensor]:
-    """The state of one part of the network."""
-    return {
-        name.removeprefix(prefix): torch.tensor(value)
-        for name, value in known.items()
-        if name.startswith(prefix)
-    }
 
 
 def _unfold(weight: F32, bias: F32, convolution: nn.Conv2d, norm: nn.BatchNorm2d) -> None:

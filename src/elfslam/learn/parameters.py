@@ -11,42 +11,29 @@ from elfslam.base.parameters import parameter
 class PretrainParameters:
     """How the encoder is trained before it hears a real room."""
 
-    steps: int = parameter(900, "", "batches to train on", low=1)
-    pairs: int = parameter(256, "", "pairs of footsteps in a batch (paper: 256 of echoes)", low=2)
+    steps: int = parameter(6000, "", "batches to train on", low=1)
+    pairs: int = parameter(256, "", "positive pairs in a batch (paper: 256)", low=2)
     rooms: int = parameter(
         8, "", "rooms in a batch; pairs of one room are its hard negatives", low=1
     )
     network: str = parameter("compact", "", "compact, or resnet18 as in the paper")
     width: int = parameter(24, "", "channels of the compact one's first layer", low=4, high=64)
-    components: int = parameter(
-        48, "", "of its 128 numbers that are principal components and not learnt", low=0, high=96
-    )
-    engine: str = parameter("diffuse", "", "how rooms sound: diffuse, or by mirror images alone")
-    near_m: float = parameter(
-        0.3, "m", "how fast footsteps cease to be alike, one standard deviation", low=0.01
-    )
-    elsewhere_m: float = parameter(1.0, "m", "distance from which a place is another one", low=0.1)
-    turned_rad: float = parameter(
-        0.9, "rad", "angle from which near footsteps are neither alike nor elsewhere", low=0.1
-    )
-    temperature: float = parameter(0.07, "", "temperature of the contrast", low=0.01)
+    temperature: float = parameter(0.07, "", "temperature of NT-Xent", low=0.01)
     room_weight: float = parameter(
-        8.0, "", "how many times a place elsewhere in the room counts", low=0.01
+        8.0, "", "how many times a negative of the same room counts", low=0.01
     )
-    margin_weight: float = parameter(3.0, "", "weight of the margins beside the contrast", low=0.0)
+    margin_weight: float = parameter(3.0, "", "weight of the margins beside NT-Xent", low=0.0)
     margin_low: float = parameter(
-        0.2, "", "similarity that places elsewhere should not exceed", low=-1.0, high=1.0
+        0.25, "", "similarity that negatives should not exceed", low=-1.0, high=1.0
     )
-    margin_high: float = parameter(
-        0.6, "", "similarity that pairs of one place should reach", low=-1, high=1
-    )
-    margin_m: float = parameter(
-        0.6, "m", "how fast it falls with their distance, one standard deviation", low=0.01
-    )
-    hardest: int = parameter(12, "", "places elsewhere that are held to the margin", low=1)
+    margin_high: float = parameter(0.55, "", "similarity that pairs should reach", low=-1, high=1)
+    hardest: int = parameter(12, "", "negatives of an echo that are held to the margin", low=1)
     learning_rate: float = parameter(2e-3, "", "peak learning rate (AdamW, cosine decay)", low=1e-6)
     warmup_steps: int = parameter(100, "", "steps until the peak", low=1)
     weight_decay: float = parameter(1e-4, "", "weight decay of AdamW", low=0.0)
+    too_near_m: float = parameter(
+        0.5, "m", "places of one room this close are no negatives", low=0.0
+    )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
     threads: int = parameter(
         1, "", "threads of the network beside the simulator's; rounding depends on them", low=1

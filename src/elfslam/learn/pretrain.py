@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
-from elfslam.base.arrays import F32, F64, Bool
-from elfslam.base.geometry import wrap_angle
-from elfslam.base.values import ECHO_SAMPLES, EchoPairs
+from elfslam.base.arrays import F64
+from elfslam.base.values import EchoPairs
 from elfslam.learn.distributed import (
     ALONE,
     Ranks,
@@ -24,7 +22,7 @@ from elfslam.learn.distributed import (
     start_together,
     sum_gradients,
 )
-from elfslam.learn.loss import margin_loss, spot_contrast
+from elfslam.learn.loss import margin_loss, nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.resnet import ResNetEncoder
@@ -34,9 +32,6 @@ from elfslam.line.feature import BINS
 NETWORKS = ("compact", "resnet18")
 PairsOf = Callable[[int], EchoPairs]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
-OPENING_BATCHES = 8
-"""From which the principal components are had, before the first step."""
-LEAST_LOGIT = -1e4
 ARITHMETIC = {"cpu": "float32", "cuda": "bfloat16 on a GPU"}
 """Of the network, by where it is trained."""
 
@@ -82,9 +77,6 @@ def pretrain(
     device = training_device(has_gpu=torch.cuda.is_available())
     network, optimizer, losses = so_far(parameters, seed, checkpoint, device, ranks)
     start_together(len(losses), ranks)
-    if not losses:
-        opening = range(min(OPENING_BATCHES, parameters.steps))
-        fit_components(network, [pairs_of(step) for step in opening])
     norms_of_all(network, ranks)
     network.train()
     for step, batch in shares(stream, pairs_of, len(losses), parameters.steps, ranks):
@@ -132,16 +124,7 @@ def build_network(parameters: PretrainParameters) -> nn.Module:
     """The network that the parameters name, with random weights."""
     if parameters.network == "resnet18":
         return ResNetEncoder()
-    return CompactEncoder(parameters.width, parameters.components)
-
-
-def fit_components(network: nn.Module, batches: Sequence[EchoPairs]) -> None:
-    """Fit the principal components of a network that has some to the echoes of these batches."""
-    if isinstance(network, CompactEncoder) and network.plain is not None:
-        device = next(network.parameters()).device
-        samples = np.concatenate([side for each in batches for side in (each.first, each.second)])
-        rows = torch.from_numpy(samples.reshape(-1, ECHO_SAMPLES)).to(device)
-        network.plain.fit(network.spectrogram(rows))
+    return CompactEncoder(parameters.width)
 
 
 def training_device(*, has_gpu: bool) -> torch.device:
@@ -150,67 +133,45 @@ def training_device(*, has_gpu: bool) -> torch.device:
 
 
 def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
-    """ELFs (n, 2, 128) of the first and second footsteps of a batch, where the weights lie.
+    """ELFs of the first and then of the second echoes of a batch, where the network's weights lie.
 
-    A footstep's is the mean over its echoes, as on the line. On a GPU the network computes in
-    bfloat16; what comes out is float32 all the same.
+    On a GPU it computes in bfloat16; what comes out is float32 all the same.
     """
     device = next(network.parameters()).device
-    both = torch.from_numpy(np.stack([batch.first, batch.second], axis=1)).to(device)
+    both = torch.from_numpy(np.concatenate([batch.first, batch.second])).to(device)
     with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
-        rows: Tensor = network(both.flatten(0, 2), torch.zeros(BINS, device=device))
-    means = rows.float().reshape(*both.shape[:3], -1).mean(dim=2)
-    return functional.normalize(means, dim=2)
+        rows: Tensor = network(both, torch.zeros(BINS, device=device))
+    return rows.float()
 
 
 def pair_loss(
     network: nn.Module, batch: EchoPairs, parameters: PretrainParameters, ranks: Ranks = ALONE
 ) -> Tensor:
-    """Contrastive loss of a batch: a kernel of distance, and what is on the wrong side of margins.
+    """Contrastive loss of a batch: weighted NT-Xent, and what lies on the wrong side of margins.
 
-    Each footstep is to sound like those of the other visit in shares that fall with distance. What
-    is near and heard in another direction is neither alike nor elsewhere; elsewhere in the same
-    room counts `room_weight` times, for other rooms are easily told apart. Of several `ranks`,
-    each has its share of the batch, and all the loss of the whole.
+    Places of one room that are too near are left out of the negatives; the others of the room
+    count `room_weight` times, for other rooms are easily told apart. Of several `ranks`, each has
+    its share of the batch, and all the loss of the whole.
     """
-    first, second = rows_of_all(embedded(network, batch), ranks).flatten(0, 1).unbind(dim=1)
-    square_m2, elsewhere, aside = (
-        torch.from_numpy(each).to(first.device) for each in _relations(batch, parameters, ranks)
+    rows = rows_of_all(embedded(network, batch), ranks)
+    first, second = (half.flatten(0, 1) for half in rows.chunk(2, dim=1))
+    room, xy_m = _places_of_all(batch, ranks)
+    distance_m = np.linalg.norm(xy_m[:, None] - xy_m[None], axis=2)
+    same_room = room[:, None] == room[None]
+    near = torch.from_numpy(same_room & (distance_m < parameters.too_near_m)).to(rows.device)
+    harder = torch.from_numpy(same_room & ~np.eye(len(same_room), dtype=bool)).to(rows.device)
+    contrast = nt_xent(
+        first, second, near, parameters.temperature, math.log(parameters.room_weight) * harder
     )
-    similarity = first @ second.T
-    logits = similarity / parameters.temperature + math.log(parameters.room_weight) * elsewhere
-    logits = logits.masked_fill(aside, LEAST_LOGIT)
-    wanted = parameters.margin_high * torch.exp(
-        -square_m2.diagonal() / (2 * parameters.margin_m**2)
-    )
-    total = torch.zeros((), device=first.device)
-    for likeness, logit, square, other in (
-        (similarity, logits, square_m2, elsewhere),
-        (similarity.T, logits.T, square_m2.T, elsewhere.T),
-    ):
-        contrast = spot_contrast(logit, square, parameters.near_m)
-        margin = margin_loss(
-            likeness, wanted, other, low=parameters.margin_low, hardest=parameters.hardest
-        )
-        total = total + (contrast + parameters.margin_weight * margin) / 2
-    return total
+    margin = margin_loss(
+        first, second, near, low=parameters.margin_low, high=parameters.margin_high,
+        hardest=parameters.hardest,
+    )  # fmt: skip
+    return contrast + parameters.margin_weight * margin
 
 
-def _relations(
-    batch: EchoPairs, parameters: PretrainParameters, ranks: Ranks
-) -> tuple[F32, Bool, Bool]:
-    """How the first footsteps lie to the second ones, each (n, n).
-
-    Squared distances, infinite where they are no likely pair; whether they are far apart in one
-    room; and whether they are near each other and heard in another direction.
-    """
-    columns = [batch.room[:, None], batch.first_pose, batch.second_pose]
-    own = torch.from_numpy(np.column_stack(columns))
-    room, first, second = np.split(rows_of_all(own, ranks).flatten(0, 1).numpy(), [1, 4], axis=1)
-    same_room = room == room.T
-    distance_m = np.linalg.norm(first[:, None, :2] - second[None, :, :2], axis=2)
-    turn_rad = np.abs(wrap_angle(first[:, None, 2] - second[None, :, 2]))
-    near = same_room & (distance_m < parameters.elsewhere_m)
-    alike = (near & (turn_rad < parameters.turned_rad)) | np.eye(len(room), dtype=bool)
-    square_m2 = np.where(alike, distance_m**2, np.inf).astype(np.float32)
-    return square_m2, same_room & ~near & ~alike, near & ~alike
+def _places_of_all(batch: EchoPairs, ranks: Ranks) -> tuple[F64, F64]:
+    """Rooms (n) and positions (n, 2) of the pairs of all ranks."""
+    own = torch.from_numpy(np.column_stack([batch.room, batch.xy_m]))
+    places = rows_of_all(own, ranks).flatten(0, 1).numpy()
+    return places[:, 0], places[:, 1:]

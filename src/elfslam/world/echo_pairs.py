@@ -1,6 +1,6 @@
-"""A stream of simulated echo pairs for contrastive training: near footsteps in random rooms.
+"""A stream of simulated echo pairs for contrastive training: close poses in random rooms.
 
-The two footsteps of a pair are of two visits to the room: walls and furniture, phone, holder,
+The two members of a pair are of two visits to the room: walls and furniture, phone, holder,
 people and air may all have changed in between.
 """
 
@@ -30,18 +30,10 @@ from elfslam.world.random_world import changed_room, random_room
 from elfslam.world.room import Room
 from elfslam.world.scene import Scene, scene_of
 
-NEAREST_M, FARTHEST_M = 0.02, 1.0
-"""Distances of pairs, evenly on a logarithmic scale: from nearly one line to other lanes. The
-paper's positives are within 0.2 m (section 5.3), and what learns by those knows no other lane."""
-FOOTSTEP_ECHOES = 3
-"""Of a footstep, each `ECHO_GAP_S` after the one before."""
-ECHO_GAP_S = 0.2
-PASSES = 2
-"""Pairs about a place, so that near footsteps of one visit, too, are told apart by distance."""
+POSITIVE_DISTANCE_M = 0.20
+"""Echoes closer than this are positives (paper, section 5.3, pre-training)."""
 
 WALL_MARGIN_M = 0.4
-SIDE_MARGIN_M = 0.25
-"""From a wall or block for footsteps beside a place."""
 FRUITLESS_TRIES = 12
 PHONE_HEIGHT_M = 0.95
 """What stands higher than this is in the way of a phone."""
@@ -56,8 +48,6 @@ STRANGER_SHARE = 0.5
 """Share of rooms in which the second echo is another holder's: other height, tilt and body."""
 OTHER_PHONE_SHARE = 0.4
 CHANGED_ROOM_SHARE = 0.4
-ASIDE_RAD, MOST_ASIDE_RAD = 0.2, 0.7
-"""How far the phone points beside the way, standard deviation and most."""
 PEOPLE_SHARE = 0.4
 """Share of visits with others about, `MOST_PEOPLE` at most, at 0.8 to 5 m."""
 MOST_PEOPLE = 4
@@ -84,7 +74,7 @@ class Sounding(NamedTuple):
 def echo_pairs(
     generator: np.random.Generator, pairs: int, rooms: int, engine: str = ENGINES[0]
 ) -> EchoPairs:
-    """`pairs` pairs of footsteps near each other, as many from each of `rooms` random rooms.
+    """`pairs` places with two echoes each, an equal number from each of `rooms` random rooms.
 
     `engine` is one of ours, and changes neither rooms nor places. Raises ParameterError where
     `pairs` is no multiple of `rooms`.
@@ -95,29 +85,24 @@ def echo_pairs(
         )
     chirp = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
     batch = [_pairs_in_room(generator, pairs // rooms, chirp, engine) for _ in range(rooms)]
-    first, first_pose, second, second_pose = (
-        np.concatenate(column) for column in zip(*batch, strict=True)
-    )
-    room = np.repeat(np.arange(rooms), pairs // rooms)
-    return EchoPairs(first, second, room, first_pose, second_pose)
+    first, second, xy_m = (np.concatenate(column) for column in zip(*batch, strict=True))
+    return EchoPairs(first, second, np.repeat(np.arange(rooms), pairs // rooms), xy_m)
 
 
 def _pairs_in_room(
     generator: np.random.Generator, count: int, chirp: Chirp, engine: str
-) -> tuple[F32, F64, F32, F64]:
-    """Echoes and poses of the first and of the second footsteps."""
+) -> tuple[F32, F32, F64]:
     first = _random_visit(generator, random_room(generator), engine)
     second = _another_visit(generator, first)
     twins = generator.uniform() < TWIN_SHARE
-    xy, yaw = _places(generator, first.room, -(-count // PASSES), twins=twins)
-    xy, yaw = (np.repeat(each, PASSES, axis=0)[:count] for each in (xy, yaw))
-    xy[1::PASSES] = _beside(generator, first.room, xy[1::PASSES])
-    near = _beside(generator, first.room, xy)
+    xy, yaw = _places(generator, first.room, count, twins=twins)
+    near = xy + _within(generator, count, POSITIVE_DISTANCE_M)
     before = _sounding(first.room, engine)
     after = before if second.room is first.room else _sounding(second.room, engine)
     return (
-        *_heard(generator, first, before, xy, yaw, chirp),
-        *_heard(generator, second, after, near, yaw, chirp),
+        _heard(generator, first, before, xy, yaw, chirp),
+        _heard(generator, second, after, near, yaw, chirp),
+        xy,
     )
 
 
@@ -160,23 +145,19 @@ def _heard(
     xy_m: F64,
     yaw_rad: F64,
     chirp: Chirp,
-) -> tuple[F32, F64]:
-    """Echo traces (n, 3, 2352) of footsteps about places (n, 2) on a visit, and their poses."""
-    poses, pose = _random_poses(generator, xy_m, yaw_rad, visit.holder)
-    poses = _among_people(generator, poses, visit)
+) -> F32:
+    """Echo traces (n, 2352) at places (n, 2) on a visit."""
+    poses = _among_people(generator, _random_poses(generator, xy_m, yaw_rad, visit.holder), visit)
     responses = room_responses(there.scene, visit.device, poses, visit.air, engine=there.engine)
     frames = render_frames(responses, chirp, visit.device)
-    samples = cut_frames(generator, frames, visit.device)
-    return samples.reshape(len(xy_m), FOOTSTEP_ECHOES, ECHO_SAMPLES), pose
+    return cut_frames(generator, frames, visit.device)
 
 
 def _among_people(generator: np.random.Generator, poses: Poses, visit: Visit) -> Poses:
-    """The poses of footsteps with people about the middle of each, who stand."""
-    middle = poses.position_m[FOOTSTEP_ECHOES // 2 :: FOOTSTEP_ECHOES, :2]
-    shape = len(middle), visit.people
+    shape = len(poses.position_m), visit.people
     distance, angle = generator.uniform(0.8, 5.0, shape), generator.uniform(-np.pi, np.pi, shape)
     offset = distance[..., None] * np.stack([np.cos(angle), np.sin(angle)], axis=2)
-    return replace(poses, people_m=np.repeat(middle[:, None] + offset, FOOTSTEP_ECHOES, axis=0))
+    return replace(poses, people_m=poses.position_m[:, None, :2] + offset)
 
 
 def _places(
@@ -222,40 +203,20 @@ def _free_places(
 
 def _random_poses(
     generator: np.random.Generator, xy_m: F64, yaw_rad: F64, holder: tuple[float, float, float]
-) -> tuple[Poses, F64]:
-    """Phones of one holder at each echo (3 n) of footsteps about places (n, 2), and their poses.
-
-    They walk nearly by the yaw, and the phone points some way beside it. The poses (n, 3) are
-    where the middle of a footstep is and which way the phone points.
-    """
+) -> Poses:
+    """Phones of one holder on the way: some way about the yaw, tilted and moving forward."""
     height_m, pitch_rad, body_m = holder
-    shape = len(xy_m), FOOTSTEP_ECHOES
-
-    def about(value: float | F64, scatter: float, shake: float) -> F64:
-        """A value of each footstep, and how it shakes from echo to echo."""
-        own = generator.normal(0, scatter, (shape[0], 1))
-        return value + own + generator.normal(0, shake, shape)
-
-    way_rad = yaw_rad + generator.normal(0, 0.1, shape[0])
-    aside_rad = np.clip(generator.normal(0, ASIDE_RAD, shape[0]), -MOST_ASIDE_RAD, MOST_ASIDE_RAD)
-    ahead = np.column_stack([np.cos(way_rad), np.sin(way_rad), np.zeros(shape[0])])
-    velocity = generator.uniform(0.3, 1.5, (shape[0], 1)) * ahead
-    t_s = ECHO_GAP_S * (np.arange(FOOTSTEP_ECHOES) - (FOOTSTEP_ECHOES - 1) / 2)
-    walked = (velocity[:, None] * t_s[:, None])[..., :2]
-    height = about(height_m, 0.03, 0.015)
-    position = np.concatenate([xy_m[:, None] + walked, height[..., None]], axis=2)
-    heading_rad = yaw_rad + aside_rad
-    axes = phone_axes(
-        about(heading_rad[:, None], 0.0, 0.04).ravel(),
-        about(pitch_rad, 0.06, 0.03).ravel(),
-        about(0.0, 0.05, 0.03).ravel(),
-    )
-    echoes = shape[0] * FOOTSTEP_ECHOES
-    poses = Poses(
-        position.reshape(-1, 3), axes, np.repeat(velocity, FOOTSTEP_ECHOES, axis=0),
-        np.full(echoes, body_m), np.zeros((echoes, 0, 2)),
+    count = len(xy_m)
+    position = np.column_stack([xy_m, height_m + generator.normal(0, 0.03, count)])
+    yaw = yaw_rad + generator.normal(0, 0.12, count)
+    pitch = pitch_rad + generator.normal(0, 0.06, count)
+    roll = generator.normal(0, 0.05, count)
+    speed = generator.uniform(0.0, 1.5, count)
+    velocity = np.column_stack([speed * np.cos(yaw), speed * np.sin(yaw), np.zeros(count)])
+    return Poses(
+        position, phone_axes(yaw, pitch, roll), velocity, np.full(count, body_m),
+        np.zeros((count, 0, 2)),
     )  # fmt: skip
-    return poses, np.column_stack([xy_m, heading_rad])
 
 
 def _random_holder(generator: np.random.Generator) -> tuple[float, float, float]:
@@ -263,22 +224,11 @@ def _random_holder(generator: np.random.Generator) -> tuple[float, float, float]
     return generator.uniform(1.05, 1.40), generator.uniform(0.2, 0.65), generator.uniform(0.3, 0.4)
 
 
-def _beside(generator: np.random.Generator, room: Room, xy_m: F64) -> F64:
-    """A free place near each of some (n, 2); a place itself where a few tries find none."""
-    found, blocked = xy_m.copy(), np.ones(len(xy_m), dtype=bool)
-    for _ in range(FRUITLESS_TRIES):
-        tried = xy_m + _shifts(generator, len(xy_m))
-        taken = blocked & room.is_free(tried, PHONE_HEIGHT_M, SIDE_MARGIN_M)
-        found[taken] = tried[taken]
-        blocked &= ~taken
-    return found
-
-
-def _shifts(generator: np.random.Generator, count: int) -> F64:
-    """Shifts (count, 2) in any direction, their lengths even on a logarithmic scale."""
-    length = np.exp(generator.uniform(np.log(NEAREST_M), np.log(FARTHEST_M), count))
+def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:
+    """Shifts (count, 2) uniform in a disc."""
+    radius = radius_m * np.sqrt(generator.uniform(0, 1, count))
     angle = generator.uniform(0, 2 * np.pi, count)
-    return np.column_stack([length * np.cos(angle), length * np.sin(angle)])
+    return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])
 
 
 def cut_frames(generator: np.random.Generator, frames: F32, device: Device) -> F32:
