@@ -22,7 +22,7 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.line.feature import extract_features
 from elfslam.line.locate import trusted_one_shot
-from elfslam.line.medium_access import TurnsParameters
+from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.line.spoofing import nothing_suspect
 from elfslam.slam.front_end import hear_for_fixes, walk_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk
@@ -40,7 +40,7 @@ ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
 """Of the stranger's walk: a minute or more."""
 SEEDS = (0, 1, 2, 3, 4)
 LEVELS_DB = (0.0, 10.0, 20.0)
-JITTER_S, SOFTER_DB = TurnsParameters().jitter_s, TurnsParameters().softer_db
+JITTER_S, SOFTER_DB = MediumAccessParameters().jitter_s, MediumAccessParameters().softer_db
 OTHER_WALK = 2000
 """Added to a seed: the walk that the attacker recorded."""
 PREDICTED = "echoes of elsewhere, predicted"

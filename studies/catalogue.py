@@ -20,6 +20,7 @@ from studies.acoustic_odometry import measure_acoustic_odometry
 from studies.amounts import measure_amounts
 from studies.attacks import measure_attacks
 from studies.closure_steps import measure_closure_steps
+from studies.contention import measure_contention
 from studies.dead_reckoning import measure_dead_reckoning
 from studies.distinctness import measure_distinctness
 from studies.elf import measure_elf
@@ -56,7 +57,6 @@ from studies.spots import measure_spots
 from studies.superimposition import measure_superimposition
 from studies.thresholds import measure_thresholds
 from studies.trace import measure_trace
-from studies.turns import measure_turns
 from studies.unknown_phone import measure_unknown_phone
 
 STUDIES: Mapping[str, Study | LongStudy] = {
@@ -99,7 +99,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "superimposition": LongStudy(measure_superimposition),
     "thresholds": LongStudy(measure_thresholds),
     "trace": measure_trace,
-    "turns": LongStudy(measure_turns),
+    "contention": LongStudy(measure_contention),
     "unknown-phone": LongStudy(measure_unknown_phone),
 }
 

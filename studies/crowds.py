@@ -12,13 +12,13 @@ from elfslam.base.values import ECHO_RATE_HZ, Audio
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
     CarrierSense,
+    MediumAccessParameters,
     Slot,
-    Turns,
-    TurnsParameters,
+    SlotSchedule,
     after_slot,
     hear_slot,
+    initial_schedule,
     is_played,
-    no_turns,
 )
 from elfslam.world.interference import rumble
 from studies.crowd import Crowd, heard_by_all
@@ -34,13 +34,13 @@ JOIN_S = 2.0
 
 @dataclass
 class Phone:
-    """One phone while the crowd goes on: its clocks, its turns and its sound so far."""
+    """One phone while the crowd goes on: its clocks, its slots and its sound so far."""
 
     generator: np.random.Generator
     begins_s: float
     own: F32
     others: F32
-    turns: Turns
+    schedule: SlotSchedule
     listening: CarrierSense
     starts_s: list[float] = field(default_factory=list)
     played_s: dict[int, float] = field(default_factory=dict)
@@ -63,19 +63,21 @@ class Overheard:
 
 
 def overhear(
-    crowd: Crowd, parameters: TurnsParameters, seed: int, *, turns: bool, seconds: float
+    crowd: Crowd, parameters: MediumAccessParameters, seed: int, *, slotted: bool, seconds: float
 ) -> list[Overheard]:
-    """What each phone of a crowd records, whether they take `turns` or chirp in every slot."""
+    """What each phone of a crowd records, `slotted` by reservation or chirping at will."""
     phones = [_begin(crowd, k, parameters, seed, seconds) for k in range(len(crowd.phones))]
     steps = np.arange(0.0, seconds, STEP_S)
     queue: list[tuple[int, float]] = []
     for now_s in steps:
         for k, phone in enumerate(phones):
-            queue += [(k, at_s) for at_s in _play(crowd, phone, k, parameters, now_s, turns=turns)]
-        if turns or now_s == steps[-1]:
+            queue += [
+                (k, at_s) for at_s in _play(crowd, phone, k, parameters, now_s, slotted=slotted)
+            ]
+        if slotted or now_s == steps[-1]:
             _sound(crowd, phones, queue)
             queue = []
-        if turns:
+        if slotted:
             for k, phone in enumerate(phones):
                 _listen(crowd, phone, k, parameters, now_s)
     return [
@@ -87,7 +89,9 @@ def overhear(
     ]  # fmt: skip
 
 
-def _begin(crowd: Crowd, k: int, parameters: TurnsParameters, seed: int, seconds: float) -> Phone:
+def _begin(
+    crowd: Crowd, k: int, parameters: MediumAccessParameters, seed: int, seconds: float
+) -> Phone:
     generator = np.random.default_rng([seed, 10, k])
     count = round((seconds + 1.0) * ECHO_RATE_HZ)
     noise = rumble(count, ECHO_RATE_HZ, generator)
@@ -96,23 +100,29 @@ def _begin(crowd: Crowd, k: int, parameters: TurnsParameters, seed: int, seconds
     begins_s = float(generator.uniform(0.1, JOIN_S))
     return Phone(
         generator, begins_s, (noise + hiss).astype(np.float32), silence,
-        no_turns(parameters), CarrierSense(),
+        initial_schedule(parameters), CarrierSense(),
     )  # fmt: skip
 
 
 def _play(
-    crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now_s: float, *, turns: bool
+    crowd: Crowd,
+    phone: Phone,
+    k: int,
+    parameters: MediumAccessParameters,
+    now_s: float,
+    *,
+    slotted: bool,
 ) -> list[float]:
     """When the chirps leave the loudspeaker that are put on the clock now."""
     sounding: list[float] = []
     walking = crowd.phones[k]
     while True:
         slot = len(phone.starts_s)
-        start_s = phone.begins_s + slot * crowd.chirp.period_s + phone.turns.shift_s
+        start_s = phone.begins_s + slot * crowd.chirp.period_s + phone.schedule.shift_s
         if start_s - AHEAD_S > now_s:
             return sounding
         phone.starts_s.append(start_s)
-        if not turns or is_played(phone.turns, slot, phone.generator.uniform(), parameters):
+        if not slotted or is_played(phone.schedule, slot, phone.generator.uniform(), parameters):
             played_s = start_s + phone.generator.uniform(0.0, parameters.jitter_s)
             phone.played_s[slot] = played_s
             sounding.append(played_s / (1 + walking.clock_ppm * 1e-6) + walking.out_s)
@@ -134,7 +144,9 @@ def _sound(crowd: Crowd, phones: Sequence[Phone], queue: Sequence[tuple[int, flo
                 stream[start : start + len(frame)] += frame[:room]
 
 
-def _listen(crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now_s: float) -> None:
+def _listen(
+    crowd: Crowd, phone: Phone, k: int, parameters: MediumAccessParameters, now_s: float
+) -> None:
     """What the phone makes of the slots that it has heard whole by now."""
     walking = crowd.phones[k]
     latency_s = walking.out_s + walking.in_s
@@ -156,8 +168,8 @@ def _listen(crowd: Crowd, phone: Phone, k: int, parameters: TurnsParameters, now
         middle = there.start + _sample(parameters.jitter_s / 2)
         others_s = [(each - middle) / ECHO_RATE_HZ for each in found]
         draw = phone.generator.uniform()
-        phone.turns = after_slot(
-            phone.turns, slot, others_s, draw, parameters, played=due is not None
+        phone.schedule = after_slot(
+            phone.schedule, slot, others_s, draw, parameters, played=due is not None
         )
         phone.heard += 1
 

@@ -18,7 +18,7 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Run
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.feature import load_encoder
-from elfslam.line.map_matching import PassageParameters, followed_trajectory
+from elfslam.line.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
@@ -72,21 +72,21 @@ def measure_passages(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
-    known: PassageParameters | None = None,
+    known: MapMatchingParameters | None = None,
 ) -> Finding:
     """Errors from the told start before and after, by echoes and by steps; `data` is not needed."""
-    passages = known or PassageParameters()
+    matching = known or MapMatchingParameters()
     tasks = [FollowedWalk(world, seed, rounds) for world in worlds for seed in seeds]
-    measure = partial(_measured, parameters=passages)
+    measure = partial(_measured, parameters=matching)
     numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    panels = [_panel(FollowedWalk(world, seeds[0], rounds), passages) for world in worlds]
+    panels = [_panel(FollowedWalk(world, seeds[0], rounds), matching) for world in worlds]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)
     subtitle = "The start is known to half a metre and eleven degrees, the plan has its furniture."
     return Finding(rows, Page("Walks followed through floor plans", subtitle, [*panels, table]))
 
 
-def _measured(walk: FollowedWalk, parameters: PassageParameters) -> Numbers:
+def _measured(walk: FollowedWalk, parameters: MapMatchingParameters) -> Numbers:
     return {
         f"{name}|{key}": value
         for name, pair in pairs_of(walk, parameters)
@@ -94,7 +94,7 @@ def _measured(walk: FollowedWalk, parameters: PassageParameters) -> Numbers:
     }
 
 
-def pairs_of(walk: FollowedWalk, parameters: PassageParameters) -> Iterator[tuple[str, Pair]]:
+def pairs_of(walk: FollowedWalk, parameters: MapMatchingParameters) -> Iterator[tuple[str, Pair]]:
     """The walk by its echoes and by its steps alone, before and after."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     ground = plan_of(load_world(walk.world).room, furnished=True)
@@ -151,7 +151,7 @@ def _rows(world: str, numbers: Sequence[Numbers]) -> Iterator[Row]:
         }
 
 
-def _panel(walk: FollowedWalk, parameters: PassageParameters) -> Panel:
+def _panel(walk: FollowedWalk, parameters: MapMatchingParameters) -> Panel:
     """The first walk of a world by its steps alone, on its plan."""
     pair = dict(pairs_of(walk, parameters))[STEPS]
     drawn = floor_plan(load_world(walk.world).room)

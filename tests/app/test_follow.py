@@ -17,9 +17,9 @@ from elfslam.base.grid import FloorGrid, walked_grid
 from elfslam.base.values import NO_CLOSURES, MeanSimilarity, Odometry, Run, Trajectory
 from elfslam.data.runs import write_run
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement
-from elfslam.line.map_matching import PassageParameters
+from elfslam.line.map_matching import MapMatchingParameters
 
-KNOWN = PassageParameters(particles=300)
+KNOWN = MapMatchingParameters(particles=300)
 HALL = FloorGrid(np.ones((300, 300), dtype=bool), np.array([-15.0, -15.0]), 0.1)
 
 

@@ -631,7 +631,7 @@ def test_a_run_is_followed_through_a_plan_or_not(
     image = tmp_path / "plan.png"
     Image.fromarray(pixels).save(image)
     plan, out = f"{image}:30", tmp_path / "out"
-    quick = ("--follow", "--set", "passages.particles=500")
+    quick = ("--follow", "--set", "map_matching.particles=500")
     code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15")
     assert (code, "say the heading" in err) == (2, True)
     code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "-40,40,0")

@@ -14,14 +14,14 @@ from elfslam.base.grid import FloorGrid, walked_grid
 from elfslam.base.values import Odometry, Trajectory
 from elfslam.line.map_matching import (
     Followed,
-    PassageParameters,
+    MapMatchingParameters,
     follow_ground,
     followed_trajectory,
     gaps_of,
 )
 
 CORNERS = np.array([[0, 0], [20, 0], [20, 12], [6, 12], [6, 20.0]])
-PARAMETERS = PassageParameters(particles=1500)
+PARAMETERS = MapMatchingParameters(particles=1500)
 SURE = np.diag([0.2, 0.2, 0.05]) ** 2
 STEP_SIGMA = np.array([0.15, 0.1, 0.01])
 

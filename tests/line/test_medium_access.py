@@ -1,4 +1,4 @@
-"""Turns: whose they are, and how others' chirps are heard, on planted rounds and sounds."""
+"""Slotted medium access: whose slots are, and how others are heard, on planted sounds."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
     CarrierSense,
+    MediumAccessParameters,
     Slot,
-    Turns,
-    TurnsParameters,
+    SlotSchedule,
     after_slot,
     hear_slot,
+    initial_schedule,
     is_played,
-    no_turns,
     spoiled_frames,
 )
 
 RATE_HZ = 44_100
-PARAMETERS = TurnsParameters()
+PARAMETERS = MediumAccessParameters()
 CHIRP = make_chirp(ChirpParameters(), RATE_HZ)
 
 
-def lone(slots: int) -> Turns:
-    turns = no_turns(PARAMETERS)
+def lone(slots: int) -> SlotSchedule:
+    schedule = initial_schedule(PARAMETERS)
     for slot in range(slots):
-        turns = after_slot(turns, slot, (), 0.5, PARAMETERS, played=True)
-    return turns
+        schedule = after_slot(schedule, slot, (), 0.5, PARAMETERS, played=True)
+    return schedule
 
 
 def test_one_listens_first_and_alone_has_every_slot() -> None:
@@ -49,14 +49,19 @@ def test_who_is_alone_keeps_silent_now_and_then_to_hear_a_newcomer() -> None:
 def test_a_newcomer_who_was_not_heard_coming_is_heard_in_the_end() -> None:
     """Both believe that they are alone, and hear only in the slots that they keep silent in."""
     generator = np.random.default_rng(3)
-    turns, played = [lone(PARAMETERS.forget)] * 2, np.zeros((2000, 2), dtype=bool)
+    schedule, played = [lone(PARAMETERS.forget)] * 2, np.zeros((2000, 2), dtype=bool)
     for slot in range(len(played)):
         for k in range(2):
-            played[slot, k] = is_played(turns[k], slot, generator.uniform(), PARAMETERS)
+            played[slot, k] = is_played(schedule[k], slot, generator.uniform(), PARAMETERS)
         for k in range(2):
             heard = [0.0] * int(played[slot, 1 - k] and not played[slot, k])
-            turns[k] = after_slot(
-                turns[k], slot, heard, generator.uniform(), PARAMETERS, played=bool(played[slot, k])
+            schedule[k] = after_slot(
+                schedule[k],
+                slot,
+                heard,
+                generator.uniform(),
+                PARAMETERS,
+                played=bool(played[slot, k]),
             )
     late = played[500:]
     assert late.all(axis=1).mean() < 0.1
@@ -68,9 +73,9 @@ def test_a_disputed_slot_is_given_up_sooner_by_who_has_more() -> None:
     shares = []
     for own in (1, 4, 8):
         mine = tuple(k < own for k in range(8))
-        turns = Turns(mine, (3,) * 8, (0,) * 8, 5)
+        schedule = SlotSchedule(mine, (3,) * 8, (0,) * 8, 5)
         kept = [
-            after_slot(turns, 0, [0.01], draw, PARAMETERS, played=True).mine[0] for draw in draws
+            after_slot(schedule, 0, [0.01], draw, PARAMETERS, played=True).mine[0] for draw in draws
         ]
         shares.append(1 - np.mean(kept))
     np.testing.assert_allclose(shares, [1 / 1.5, 4 / 4.5, 8 / 8.5], atol=0.002)
@@ -80,48 +85,53 @@ def test_a_free_slot_is_taken_sooner_by_who_has_fewer() -> None:
     draws = np.linspace(0, 0.999, 1000)
     for own in (0, 3):
         mine = tuple(0 < k <= own for k in range(8))
-        turns = Turns(mine, (1,) * 8, (0,) * 8, 5)
-        taken = [after_slot(turns, 0, (), draw, PARAMETERS, played=False).mine[0] for draw in draws]
+        schedule = SlotSchedule(mine, (1,) * 8, (0,) * 8, 5)
+        taken = [
+            after_slot(schedule, 0, (), draw, PARAMETERS, played=False).mine[0] for draw in draws
+        ]
         assert np.mean(taken) == pytest.approx(PARAMETERS.claim / (1 + own), abs=0.002)
-        too_early = replace(turns, quiet=(0,) * 8)
+        too_early = replace(schedule, quiet=(0,) * 8)
         assert not after_slot(too_early, 0, (), 0.06, PARAMETERS, played=False).mine[0]
 
 
 def test_a_new_slot_is_checked_often_and_a_sure_one_seldom() -> None:
-    turns = Turns((True,) * 8, (1,) * 8, (0, 9) * 4, 5)
+    schedule = SlotSchedule((True,) * 8, (1,) * 8, (0, 9) * 4, 5)
     draws = np.linspace(0, 0.999, 1000)
     silent = [
-        1 - np.mean([is_played(turns, slot, draw, PARAMETERS) for draw in draws]) for slot in (0, 1)
+        1 - np.mean([is_played(schedule, slot, draw, PARAMETERS) for draw in draws])
+        for slot in (0, 1)
     ]
     np.testing.assert_allclose(silent, [PARAMETERS.check, PARAMETERS.check_least], atol=0.002)
-    heard = after_slot(turns, 0, (), 0.9, PARAMETERS, played=False)
+    heard = after_slot(schedule, 0, (), 0.9, PARAMETERS, played=False)
     assert heard.sure[0] == 1
     assert after_slot(heard, 8, [0.0], 0.99, PARAMETERS, played=False).sure[0] == 0
 
 
 def test_slots_move_towards_those_of_others() -> None:
-    turns = lone(20)
+    schedule = lone(20)
     for slot in range(20, 60):
-        turns = after_slot(turns, slot, [0.02 - turns.shift_s], 0.5, PARAMETERS, played=False)
-    assert turns.shift_s == pytest.approx(0.02, abs=0.003)
+        schedule = after_slot(
+            schedule, slot, [0.02 - schedule.shift_s], 0.5, PARAMETERS, played=False
+        )
+    assert schedule.shift_s == pytest.approx(0.02, abs=0.003)
 
 
 def rounds_of(phones: int, seed: int, slots: int = 1500) -> np.ndarray:
     """Phones with one clock that hear each other only while silent: who chirped (slots, phones)."""
     generator = np.random.default_rng(seed)
-    turns = [no_turns(PARAMETERS)] * phones
+    schedule = [initial_schedule(PARAMETERS)] * phones
     played = np.zeros((slots, phones), dtype=bool)
     delay = 4
     for slot in range(slots):
         for k in range(phones):
-            played[slot, k] = is_played(turns[k], slot, generator.uniform(), PARAMETERS)
+            played[slot, k] = is_played(schedule[k], slot, generator.uniform(), PARAMETERS)
         heard = slot - delay
         for k in range(phones) if heard >= 0 else ():
             own = bool(played[heard, k])
             others = int(played[heard].sum()) - own
             audible = others if not own else int(generator.uniform() < 0.06) * others
-            turns[k] = after_slot(
-                turns[k], heard, [0.0] * audible, generator.uniform(), PARAMETERS, played=own
+            schedule[k] = after_slot(
+                schedule[k], heard, [0.0] * audible, generator.uniform(), PARAMETERS, played=own
             )
     return played
 

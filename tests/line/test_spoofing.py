@@ -12,7 +12,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 from elfslam.line.spoofing import (
     REASONS,
-    TrustParameters,
+    SpoofingParameters,
     heard_chirps,
     judge,
     loudness,
@@ -20,7 +20,7 @@ from elfslam.line.spoofing import (
     off_time_s,
 )
 
-PARAMETERS = TrustParameters()
+PARAMETERS = SpoofingParameters()
 COUNT = 60
 PERIOD_S = 0.1
 LEVEL = 0.2

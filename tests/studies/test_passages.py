@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from elfslam.line.map_matching import PassageParameters
+from elfslam.line.map_matching import MapMatchingParameters
 from studies.passages import measure_passages
 
 
 def test_a_plan_puts_a_walk_right(tmp_path: Path) -> None:
     kept = tmp_path / "kept"
-    known = PassageParameters(particles=1000)
+    known = MapMatchingParameters(particles=1000)
     small = {"worlds": ("studio",), "seeds": (102,), "rounds": 2, "known": known}
     found = measure_passages(None, lambda what, share: None, kept, **small)  # type: ignore[arg-type]
     by = {row["walk by"]: row for row in found.rows}

@@ -24,7 +24,7 @@ from elfslam.line.anchoring import OK, AnchoringParameters, Placement, anchor, p
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.map_matching import (
     Followed,
-    PassageParameters,
+    MapMatchingParameters,
     follow_ground,
     followed_trajectory,
 )
@@ -57,7 +57,7 @@ def start_on(placement: Placement, lines_m: list[F64], run: Run) -> Start:
 
 
 def follow(
-    run: Run, start: Start, ground: FloorGrid, keep_off_m: float, parameters: PassageParameters
+    run: Run, start: Start, ground: FloorGrid, keep_off_m: float, parameters: MapMatchingParameters
 ) -> Followed:
     """The walk of a run through the passages of a plan; its covariance is of the plan's frame.
 
@@ -80,7 +80,7 @@ def follow_into(
     out: Path,
     source: Path,
     plan: Plan,
-    settings: tuple[AnchoringParameters, PassageParameters],
+    settings: tuple[AnchoringParameters, MapMatchingParameters],
     start: Start | None,
 ) -> Followed:
     """Bend a run through the passages of a plan, and write it as a map folder in its frame.
@@ -88,7 +88,7 @@ def follow_into(
     From `start`, or from where `anchor` places it. Raises NoAnswerError where it cannot be placed
     or followed (nothing is written then), InputError where the source is no run.
     """
-    anchoring, passages = settings
+    anchoring, map_matching = settings
     if not (settled(source) / FACTS).is_file():
         raise InputError(f"{source}: is no run; only a walk with its footsteps can be followed")
     run = read_run(source)
@@ -101,7 +101,7 @@ def follow_into(
                 "say with --start X,Y,HEADING where it begins"
             )
         start = start_on(placement, lines, run)
-    followed = follow(run, start, plan.ground, anchoring.keep_off_m, passages)
+    followed = follow(run, start, plan.ground, anchoring.keep_off_m, map_matching)
     if followed.off_share > anchoring.most_off:
         raise NoAnswerError(
             f"{source}: {followed.off_share:.0%} of it leaves the ground of the plan whichever way "

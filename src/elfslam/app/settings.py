@@ -14,7 +14,7 @@ from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, P
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.device_adaptation import PhoneParameters
-from elfslam.line.map_matching import PassageParameters
+from elfslam.line.map_matching import MapMatchingParameters
 from elfslam.slam.merging.parameters import MergeParameters
 
 
@@ -29,7 +29,7 @@ class Settings(MergeParameters):
     emr: EmrParameters = field(default_factory=EmrParameters)
     emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
     anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)
-    passages: PassageParameters = field(default_factory=PassageParameters)
+    map_matching: MapMatchingParameters = field(default_factory=MapMatchingParameters)
     pretrain: PretrainParameters = field(default_factory=PretrainParameters)
     finetune: FinetuneParameters = field(default_factory=FinetuneParameters)
     floor_level: FloorLevelParameters = field(default_factory=FloorLevelParameters)

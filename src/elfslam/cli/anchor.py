@@ -72,7 +72,7 @@ def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 |
                 "--follow: wanted --start X,Y,HEADING_RAD or none; say the heading"
             )
         start = Start(told, np.diag(np.square(TOLD_SIGMA)))
-    followed = follow_into(out, source, plan, (settings.anchoring, settings.passages), start)
+    followed = follow_into(out, source, plan, (settings.anchoring, settings.map_matching), start)
     variance = np.trace(followed.covariance[:, :2, :2], axis1=1, axis2=2).mean() / 2
     say(f"wrote {out}: followed through the plan, sigma {np.sqrt(variance):.2f} m")
 

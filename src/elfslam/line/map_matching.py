@@ -23,7 +23,7 @@ from elfslam.base.values import Odometry, Trajectory
 
 
 @dataclass(frozen=True)
-class PassageParameters:
+class MapMatchingParameters:
     """How a walk is followed through a plan."""
 
     particles: int = parameter(4000, "", "guesses of the walk", low=10, high=1_000_000)
@@ -92,7 +92,7 @@ def follow_ground(
     start: F64,
     start_covariance: F64,
     ground: FloorGrid,
-    parameters: PassageParameters,
+    parameters: MapMatchingParameters,
     generator: np.random.Generator,
 ) -> Followed:
     """The walk of `nodes` from about `start` (3, with its covariance) over standing ground.
@@ -130,7 +130,7 @@ def _first(
     start: F64,
     covariance: F64,
     drift_sigma_radps: float,
-    parameters: PassageParameters,
+    parameters: MapMatchingParameters,
     generator: np.random.Generator,
 ) -> Guesses:
     count = parameters.particles
@@ -150,7 +150,7 @@ def _moved(
     return replace(guesses, poses=compose(guesses.poses, steps))
 
 
-def _weighed(guesses: Guesses, gaps: Gaps, parameters: PassageParameters) -> Guesses:
+def _weighed(guesses: Guesses, gaps: Gaps, parameters: MapMatchingParameters) -> Guesses:
     gap = gaps.at(guesses.poses[:, :2]) / parameters.error_m
     return replace(guesses, log_weight=guesses.log_weight - parameters.say * gap**2 / 2)
 

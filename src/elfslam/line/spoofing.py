@@ -46,7 +46,7 @@ CALM = 0.5
 
 
 @dataclass(frozen=True)
-class TrustParameters:
+class SpoofingParameters:
     """From when on a frame is odd, and how many odd frames are too many."""
 
     memory_s: float = parameter(
@@ -105,7 +105,7 @@ def judge(
     facts: FrameFacts,
     echoes: Echoes,
     edges_s: F64,
-    parameters: TrustParameters,
+    parameters: SpoofingParameters,
     clean: Echoes | None = None,
 ) -> I64:
     """Number of the reason (n-1) to suspect each stretch between times (n); 0 where there is none.
@@ -126,7 +126,7 @@ def judge(
 
 
 def suspicion(
-    facts: FrameFacts, echoes: Echoes, parameters: TrustParameters, clean: Echoes | None = None
+    facts: FrameFacts, echoes: Echoes, parameters: SpoofingParameters, clean: Echoes | None = None
 ) -> Suspicion:
     """Whether stretches between times (n) are suspect (n-1), by what was heard."""
     return lambda edges_s: judge(facts, echoes, edges_s, parameters, clean) > 0
@@ -137,7 +137,7 @@ def nothing_suspect(edges_s: F64) -> Bool:
     return np.zeros(len(edges_s) - 1, dtype=np.bool_)
 
 
-def odd_frames(facts: FrameFacts, echoes: Echoes, parameters: TrustParameters) -> Bool:
+def odd_frames(facts: FrameFacts, echoes: Echoes, parameters: SpoofingParameters) -> Bool:
     """Which frames (m) are odd in which way (a column per reason but the first)."""
     known = parameters
     level = np.maximum(facts.level, 1e-12)
@@ -202,7 +202,7 @@ def heard_chirps(facts: FrameFacts, echoes: Echoes) -> F64:
 
 
 def echoes_lag(
-    chirps: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+    chirps: F64, end_s: float, parameters: SpoofingParameters, *, was_suspect: bool
 ) -> bool:
     """Whether echoes did not follow the loudness of the last chirps before then.
 
@@ -236,7 +236,7 @@ def _nearest(of_s: F64, t_s: F64) -> I64:
 
 
 def _reason(
-    odd: Bool, t_s: F64, end_s: float, parameters: TrustParameters, *, was_suspect: bool
+    odd: Bool, t_s: F64, end_s: float, parameters: SpoofingParameters, *, was_suspect: bool
 ) -> int:
     """The first reason of which too many of the frames up to then have the sign."""
     first, last = np.searchsorted(t_s, [end_s - parameters.memory_s, end_s])

@@ -13,7 +13,7 @@ from starlette.concurrency import run_in_threadpool
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
-from elfslam.line.medium_access import TurnsParameters
+from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.serve.buildings import routes as building_routes
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
@@ -55,7 +55,7 @@ class Version(BaseModel):
 
     version: str
     chirp: dict[str, object]
-    turns: dict[str, float]
+    medium_access: dict[str, float]
     limits: dict[str, float]
 
 
@@ -68,7 +68,7 @@ def version(services: Here) -> Version:
     return Version(
         version=__version__,
         chirp=played(ChirpParameters()),
-        turns=asdict(TurnsParameters()),
+        medium_access=asdict(MediumAccessParameters()),
         limits=told_limits(services.settings.limits),
     )
 

@@ -55,7 +55,7 @@ def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes
     if spoiled is not None and len(spoiled) >= 2:
         ends = np.isin(np.arange(len(spoiled)), [0, len(spoiled) - 1])  # they say how long it is
         clean = echoes_of(frames, lenient, duration_s, spoiled & ~ends)
-    return clean, suspicion(facts, every, parameters.trust, clean)
+    return clean, suspicion(facts, every, parameters.spoofing, clean)
 
 
 def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
@@ -83,7 +83,7 @@ def _frames(recording: Recording, parameters: Parameters) -> Frames:
 def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
     if not frames.scheduled:
         return None
-    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.turns)
+    return spoiled_frames(frames.envelope, frames.arrivals.samples, parameters.medium_access)
 
 
 def _duration_s(recording: Recording) -> float | None:

@@ -11,10 +11,10 @@ from elfslam.line.echo import EchoParameters
 from elfslam.line.floormap import FloorMapParameters
 from elfslam.line.graph import GraphParameters
 from elfslam.line.locate import LocateParameters
-from elfslam.line.medium_access import TurnsParameters
+from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.line.motion import MotionParameters
 from elfslam.line.segments import SegmentParameters
-from elfslam.line.spoofing import TrustParameters
+from elfslam.line.spoofing import SpoofingParameters
 from elfslam.line.track import TrackParameters
 
 
@@ -34,5 +34,5 @@ class Parameters:
     locate: LocateParameters = field(default_factory=LocateParameters)
     segments: SegmentParameters = field(default_factory=SegmentParameters)
     track: TrackParameters = field(default_factory=TrackParameters)
-    trust: TrustParameters = field(default_factory=TrustParameters)
-    turns: TurnsParameters = field(default_factory=TurnsParameters)
+    spoofing: SpoofingParameters = field(default_factory=SpoofingParameters)
+    medium_access: MediumAccessParameters = field(default_factory=MediumAccessParameters)

@@ -2,17 +2,17 @@
 
 from elfslam.line.medium_access.foreign import spoiled_frames
 from elfslam.line.medium_access.listening import CarrierSense, Slot, hear_slot
-from elfslam.line.medium_access.parameters import TurnsParameters
-from elfslam.line.medium_access.slots import Turns, after_slot, is_played, no_turns
+from elfslam.line.medium_access.parameters import MediumAccessParameters
+from elfslam.line.medium_access.slots import SlotSchedule, after_slot, initial_schedule, is_played
 
 __all__ = [
     "CarrierSense",
+    "MediumAccessParameters",
     "Slot",
-    "Turns",
-    "TurnsParameters",
+    "SlotSchedule",
     "after_slot",
     "hear_slot",
+    "initial_schedule",
     "is_played",
-    "no_turns",
     "spoiled_frames",
 ]

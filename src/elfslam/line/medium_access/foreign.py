@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from elfslam.base.arrays import F32, I64, Bool
 from elfslam.base.values import ECHO_RATE_HZ
-from elfslam.line.medium_access.parameters import TurnsParameters
+from elfslam.line.medium_access.parameters import MediumAccessParameters
 
 BIN = 16
 """Samples of the envelope of which the largest stands for all."""
@@ -75,7 +75,7 @@ def _echo(chirp: Loud, k: int) -> float:
     return float(LOUDEST_ECHO * level * FADES ** ((k - begin) / SAME)) if k - begin < SAME else 0.0
 
 
-def spoiled_frames(envelope: F32, arrivals: I64, parameters: TurnsParameters) -> Bool:
+def spoiled_frames(envelope: F32, arrivals: I64, parameters: MediumAccessParameters) -> Bool:
     """Which frames (n) other phones chirped into, by what is heard before them and in them."""
     frames = [pooled(envelope, int(each) + DIRECT * BIN, FRAME - DIRECT) for each in arrivals]
     wide = [widened(frame) for frame in frames]
@@ -96,7 +96,9 @@ def widened(bins: F32) -> F32:
     return np.asarray(ndimage.maximum_filter1d(bins, 2 * WIDER + 1, mode="nearest"))
 
 
-def stands_out(frame: F32, near: list[F32], direct: float, parameters: TurnsParameters) -> bool:
+def stands_out(
+    frame: F32, near: list[F32], direct: float, parameters: MediumAccessParameters
+) -> bool:
     """Whether a frame (b) has what the widened frames around it have not."""
     usual = np.median(np.stack(near), axis=0)
     loud = (frame > parameters.contrast * usual) & (frame > parameters.share * direct)

@@ -9,7 +9,7 @@ import numpy as np
 from elfslam.base.arrays import F32
 from elfslam.base.values import ECHO_RATE_HZ
 from elfslam.line.medium_access.foreign import BIN, GUARD, LULL, Loud, beginnings, pooled
-from elfslam.line.medium_access.parameters import TurnsParameters
+from elfslam.line.medium_access.parameters import MediumAccessParameters
 
 SLACK = 88
 """Samples about where a direct arrival is due, 2 ms."""
@@ -53,7 +53,11 @@ class Slot:
 
 
 def hear_slot(
-    listening: CarrierSense, envelope: F32, first: int, slot: Slot, parameters: TurnsParameters
+    listening: CarrierSense,
+    envelope: F32,
+    first: int,
+    slot: Slot,
+    parameters: MediumAccessParameters,
 ) -> tuple[tuple[int, ...], CarrierSense]:
     """Samples at which others' chirps arrived in a slot, where the own one leaves silence.
 
@@ -74,7 +78,7 @@ def hear_slot(
 
 
 def _in_silence(
-    now: CarrierSense, envelope: F32, first: int, end: int, parameters: TurnsParameters
+    now: CarrierSense, envelope: F32, first: int, end: int, parameters: MediumAccessParameters
 ) -> CarrierSense:
     """Listens up to a sample; nothing of ours is heard until then."""
     assert now.until is not None

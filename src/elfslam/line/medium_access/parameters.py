@@ -8,7 +8,7 @@ from elfslam.base.parameters import parameter
 
 
 @dataclass(frozen=True)
-class TurnsParameters:
+class MediumAccessParameters:
     """Rounds of slots, of which each phone keeps its share; a slot is a period of the chirp."""
 
     jitter_s: float = parameter(

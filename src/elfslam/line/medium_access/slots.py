@@ -17,13 +17,13 @@ from typing import TypeVar
 
 import numpy as np
 
-from elfslam.line.medium_access.parameters import TurnsParameters
+from elfslam.line.medium_access.parameters import MediumAccessParameters
 
 Value = TypeVar("Value")
 
 
 @dataclass(frozen=True)
-class Turns:
+class SlotSchedule:
     """Whose turn it is, by slot of the round, and what it was learnt from.
 
     `mine`: whether the slot is ours; `quiet`: rounds since another phone was heard in it; `sure`:
@@ -38,32 +38,34 @@ class Turns:
     shift_s: float = 0.0
 
 
-def no_turns(parameters: TurnsParameters) -> Turns:
+def initial_schedule(parameters: MediumAccessParameters) -> SlotSchedule:
     """Where everybody begins: listening."""
     nothing = (0,) * parameters.slots
-    return Turns(
+    return SlotSchedule(
         (False,) * parameters.slots, nothing, nothing, parameters.forget - parameters.listen
     )
 
 
-def is_played(turns: Turns, slot: int, draw: float, parameters: TurnsParameters) -> bool:
+def is_played(
+    schedule: SlotSchedule, slot: int, draw: float, parameters: MediumAccessParameters
+) -> bool:
     """Whether to chirp in a slot, counted from the beginning; `draw` is uniform in [0, 1)."""
-    if turns.alone >= parameters.forget:
+    if schedule.alone >= parameters.forget:
         return draw >= parameters.check_alone
     k = slot % parameters.slots
-    silent = max(parameters.check / (1 + turns.sure[k]), parameters.check_least)
-    return turns.mine[k] and draw >= silent
+    silent = max(parameters.check / (1 + schedule.sure[k]), parameters.check_least)
+    return schedule.mine[k] and draw >= silent
 
 
 def after_slot(
-    turns: Turns,
+    schedule: SlotSchedule,
     slot: int,
     others_s: Sequence[float],
     draw: float,
-    parameters: TurnsParameters,
+    parameters: MediumAccessParameters,
     *,
     played: bool,
-) -> Turns:
+) -> SlotSchedule:
     """What is known once a slot has been heard.
 
     `others_s` are the moments of other phones' chirps in it, counted from the middle of where the
@@ -71,28 +73,30 @@ def after_slot(
     """
     k, met = slot % parameters.slots, len(others_s) > 0
     now = replace(
-        turns,
-        quiet=_with(turns.quiet, k, 0 if met else turns.quiet[k] + 1),
-        alone=0 if met else turns.alone + 1,
-        shift_s=turns.shift_s + parameters.follow * float(np.sum(others_s)),
+        schedule,
+        quiet=_with(schedule.quiet, k, 0 if met else schedule.quiet[k] + 1),
+        alone=0 if met else schedule.alone + 1,
+        shift_s=schedule.shift_s + parameters.follow * float(np.sum(others_s)),
     )
     if now.alone >= parameters.forget:
         every = (True,) * parameters.slots
         return replace(now, mine=every, sure=(0,) * parameters.slots)
     kept = _is_kept(now, k, draw, parameters)
-    checked = turns.mine[k] and kept and not met and not played
-    sure = turns.sure[k] + 1 if checked else turns.sure[k] * int(kept and not met)
+    checked = schedule.mine[k] and kept and not met and not played
+    sure = schedule.sure[k] + 1 if checked else schedule.sure[k] * int(kept and not met)
     return replace(now, mine=_with(now.mine, k, kept), sure=_with(now.sure, k, sure))
 
 
-def _is_kept(turns: Turns, k: int, draw: float, parameters: TurnsParameters) -> bool:
+def _is_kept(
+    schedule: SlotSchedule, k: int, draw: float, parameters: MediumAccessParameters
+) -> bool:
     """Whether a slot that was just heard is ours from now on."""
-    own = sum(turns.mine)
-    if turns.mine[k]:
-        if turns.quiet[k] == 0:
+    own = sum(schedule.mine)
+    if schedule.mine[k]:
+        if schedule.quiet[k] == 0:
             return draw >= own / (own + parameters.keep)
         return draw >= parameters.stir * own / parameters.slots
-    if turns.quiet[k] >= parameters.free_after:
+    if schedule.quiet[k] >= parameters.free_after:
         return draw < parameters.claim / (1 + own)
     return own == 0 and draw < parameters.challenge
 

@@ -40,8 +40,8 @@ from elfslam.serve.store.database import (
 from elfslam.serve.store.holdings import drop_unnamed
 from elfslam.serve.store.sending import unfolded
 
-FORMAT = 1
-GROUPS = ("chirp", "echo", "motion", "locate", "track", "trust", "turns")
+FORMAT = 2
+GROUPS = ("chirp", "echo", "motion", "locate", "track", "spoofing", "medium_access")
 """The parameters that locating on a phone takes, as far as this version knows them."""
 NOT_FOR_PHONES = "phones cannot be located in this map"
 

@@ -220,7 +220,7 @@ def regular_chirps(route: Any) -> None:
     """The fake microphone chirps once per period, whatever the page plays: so must the page."""
     answer = route.fetch()
     told = answer.json()
-    told["turns"] |= {"jitter_s": 0, "forget": 0, "listen": 0, "check_alone": 0}
+    told["medium_access"] |= {"jitter_s": 0, "forget": 0, "listen": 0, "check_alone": 0}
     route.fulfill(response=answer, json=told)
 
 

@@ -234,13 +234,13 @@ test("what is suspect says why, and places nobody by echoes alone", async () => 
   const map = smallMap();
   const memory = makeMemory(3);
   memory.add([0, 0.1, 0.2, 0.3], Float32Array.of(...along(0), ...along(0), ...along(0), ...along(0)));
-  const trust = { reasonAt: (endS) => (endS < 1 ? 2 : 0) };
-  const [fix] = decideByWindows({ floorMap: map, memory, trust }).decide(0.6);
+  const spoofing = { reasonAt: (endS) => (endS < 1 ? 2 : 0) };
+  const [fix] = decideByWindows({ floorMap: map, memory, spoofing }).decide(0.6);
   assert.deepEqual([fix.status, fix.xyM, fix.reason], ["SUSPECT", null, "sound comes before its chirp"]);
   const asked = [];
   const tracker = { step: (move, sigma, scores, suspect) => asked.push(suspect) && { status: "SUSPECT", xyM: [1, 2] } };
   const steps = [{ fromS: 0, tS: 0.7, moveM: [0.7, 0, 0], sigma: [1, 1, 1] }, { fromS: 0.7, tS: 1.4, moveM: [0.7, 0, 0], sigma: [1, 1, 1] }];
-  const fixes = decideBySteps({ floorMap: map, memory, trust, tracker, footsteps: { take: () => steps } }).decide(2);
+  const fixes = decideBySteps({ floorMap: map, memory, spoofing, tracker, footsteps: { take: () => steps } }).decide(2);
   assert.deepEqual(asked, [true, false]);
   assert.deepEqual(fixes.map(({ reason }) => reason), ["sound comes before its chirp", "it sounds like a place that no step leads to"]);
 });

@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/line/echo_schedule.js";
-import { TURNS } from "../../../../src/elfslam/serve/pages/line/turns.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
 
@@ -188,7 +188,7 @@ test("own chirps are not heard as another's, whatever jumps", () => {
     const stream = makeStream(10 * RATE_HZ);
     const search = makeScheduleSearch(plan[0].start, PERIOD, PARAMETERS, { guess: samples(0.07) });
     plan.slice(1).forEach(({ start }) => search.played(start));
-    const hearing = makeHearing(RATE_HZ, PERIOD, TURNS);
+    const hearing = makeHearing(RATE_HZ, PERIOD, MEDIUM_ACCESS);
     for (let k = 0; k < 70; k += 1) {
       const played = plan.find((each) => each.k === k)?.start ?? null;
       hearing.add({ slot: k, start: samples(0.4 + 0.1 * k), played });

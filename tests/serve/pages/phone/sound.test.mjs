@@ -12,7 +12,7 @@ import { CHIRP, makeChirp, periodSamples } from "../../../../src/elfslam/serve/p
 import { analyticSignal, complexZeros, fourierOf } from "../../../../src/elfslam/serve/pages/phone/fourier.js";
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
-import { TURNS } from "../../../../src/elfslam/serve/pages/line/turns.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
 import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
@@ -238,7 +238,7 @@ test("others are heard in silent slots and in silence before the own chirp", () 
     const sound = playedSound(played, late, rateHz, 7);
     playedSound(others, late, rateHz, 7, 0.02).forEach((value, n) => { sound[n] += value; });
     const framer = makeFramer({ ...framing(rateHz, "whole"), late });
-    const hearing = makeHearing(rateHz, period, TURNS);
+    const hearing = makeHearing(rateHz, period, MEDIUM_ACCESS);
     for (const slot of slots) {
       hearing.add(slot);
       if (slot.played !== null) framer.played(slot.played);

@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { MessageChannel } from "node:worker_threads";
 
-import { TURNS } from "../../../../src/elfslam/serve/pages/line/turns.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
 import { CHIRP } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
 import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
 
@@ -75,7 +75,7 @@ for (const kind of Object.keys(FILES)) {
   test(`of a walk (${kind}) frames alone are kept, without the voice`, async () => {
     told.length = 0;
     kept.length = 0;
-    order({ do: "record", walk: "w", kind, turns: TURNS, latencyS: null });
+    order({ do: "record", walk: "w", kind, mediumAccess: MEDIUM_ACCESS, latencyS: null });
     speak();
     order({ do: "stop" });
     speak();

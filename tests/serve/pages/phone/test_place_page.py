@@ -35,7 +35,7 @@ EVENLY = """
 from elfslam.cli import main
 from elfslam.serve.maps import package
 told = package.phone_parameters()
-told["turns"] |= {"jitter_s": 0.0, "listen": 0, "forget": 0}
+told["medium_access"] |= {"jitter_s": 0.0, "listen": 0, "forget": 0}
 package.phone_parameters = lambda: told
 main()
 """

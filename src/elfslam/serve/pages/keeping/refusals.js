@@ -5,7 +5,8 @@ export const WRONG_KEY = "The server's key is not the one of the code that this 
 export const WRONG_SIGNATURE = "The map is not signed by the server's key. It was not taken.";
 export const OTHER_MAP = "The server sent another map than the one that was asked for. It was not taken.";
 export const OLDER = "The server sent an older state of the map than this phone has. It was not taken.";
-export const UNKNOWN_FORMAT = "The map is of a newer kind than this page knows. Reload the page while the server is there.";
+export const UNKNOWN_FORMAT =
+  "The map is in another format than this page reads. Reload the page while the server is there, and fetch the map again.";
 export const WRONG_PART = "A part of the map is not what the server signed. The map was not taken; try again.";
 export const NOT_HERE = "This map is not on this phone. Fetch it while the server is there.";
 export const DAMAGED = "What this phone kept of the map is damaged. Fetch it again while the server is there.";

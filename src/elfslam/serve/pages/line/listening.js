@@ -37,7 +37,7 @@ export const NOTHING_HEARD = { direct: 0, until: null, limit: 0, others: [], noi
  * Samples at which others' chirps arrived in a slot, where the own one leaves silence.
  * @param {Listening} listening
  * @param {Float32Array} envelope of the matched filter, beginning at sample `first`
- * @param {number} first @param {Slot} slot @param {import("./turns.js").TurnsParameters} parameters
+ * @param {number} first @param {Slot} slot @param {import("./medium_access.js").MediumAccessParameters} parameters
  * @returns {{others: number[], listening: Listening}}
  */
 export function hearSlot(listening, envelope, first, slot, parameters) {

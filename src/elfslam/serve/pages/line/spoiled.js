@@ -31,7 +31,7 @@ export function reachOf(sample) {
 /**
  * @param {(from: number, to: number) => Float32Array} envelope at 44.1 kHz
  * @param {number} sample of the direct arrival @param {number | null} last that of the frame before
- * @param {import("./turns.js").TurnsParameters} parameters
+ * @param {import("./medium_access.js").MediumAccessParameters} parameters
  * @returns {Looked}
  */
 export function lookAt(envelope, sample, last, parameters) {
@@ -47,7 +47,7 @@ export function lookAt(envelope, sample, last, parameters) {
 /**
  * Whether a frame is spoiled, by the frames before and behind it that are close in time.
  * @param {Looked[]} before in their order @param {Looked} frame @param {Looked[]} behind in their order
- * @param {import("./turns.js").TurnsParameters} parameters
+ * @param {import("./medium_access.js").MediumAccessParameters} parameters
  */
 export function isSpoiled(before, frame, behind, parameters) {
   const around = [...before.slice(-parameters.frames), ...behind.slice(0, parameters.frames)];
@@ -75,7 +75,7 @@ function middle(values) {
  * Keeps back spoiled echoes as they come. While others are about an echo waits for those behind it that tell
  * what is usual, or until none can come any more; else it goes on at once.
  * @param {import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}} heard
- * @param {import("./turns.js").TurnsParameters} parameters
+ * @param {import("./medium_access.js").MediumAccessParameters} parameters
  * @returns {{take: (echoes: import("./echo.js").Echo[], isAmongOthers: boolean) => import("./echo.js").Echo[]}}
  */
 export function makeSpoiled(heard, parameters) {

@@ -3,7 +3,7 @@
 import { makeChirp, periodSamples } from "./chirp.js";
 import { openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion_sensor.js";
-import { startChirps, startTurns } from "./player.js";
+import { startChirps, startSlots } from "./player.js";
 import { startSound } from "./sound.js";
 import { watchClocks } from "./walking.js";
 
@@ -12,19 +12,19 @@ import { watchClocks } from "./walking.js";
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   clocks: ReturnType<typeof watchClocks>, isMotionAllowed: boolean,
  *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
- *   playTurns: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
+ *   playSlots: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
  *     gainDb: number}) => void,
- *     parameters?: import("../line/turns.js").TurnsParameters) => ReturnType<typeof startTurns>,
+ *     parameters?: import("../line/medium_access.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
  * }} Devices
  */
 
 /**
  * Must be called from a tap. Raises Problem.
  * @param {import("./keeper.js").Keeper} keeper @param {import("./chirp.js").Chirp} chirp
- * @param {import("../line/turns.js").TurnsParameters} turns as the server takes them
+ * @param {import("../line/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
  * @returns {Promise<Devices>}
  */
-export async function openDevices(keeper, chirp, turns) {
+export async function openDevices(keeper, chirp, mediumAccess) {
   const motion = allowMotion();
   const microphone = await openMicrophone();
   const isMotionAllowed = await motion;
@@ -34,8 +34,8 @@ export async function openDevices(keeper, chirp, turns) {
   const period = periodSamples(chirp, rateHz);
   /** @type {Devices["play"]} */
   const play = (delayS, count) => startChirps(microphone.context, samples, period, delayS, count);
-  /** @type {Devices["playTurns"]} */
-  const playTurns = (delayS, tell, parameters = turns) =>
-    startTurns(microphone.context, samples, period, delayS, parameters, tell);
-  return { microphone, sound, play, playTurns, clocks: watchClocks(microphone.context), isMotionAllowed };
+  /** @type {Devices["playSlots"]} */
+  const playSlots = (delayS, tell, parameters = mediumAccess) =>
+    startSlots(microphone.context, samples, period, delayS, parameters, tell);
+  return { microphone, sound, play, playSlots, clocks: watchClocks(microphone.context), isMotionAllowed };
 }

@@ -25,7 +25,7 @@ const NEAR = 88;
 
 /**
  * @param {number} rateHz @param {number} period samples
- * @param {import("../line/turns.js").TurnsParameters} parameters
+ * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
  *   slots that are over; of those where own chirps cannot be told from others' nothing is said
  */

@@ -1,7 +1,7 @@
 /** The phone page, from the first tap to the map. */
 
 import { Problem, ask, openSession } from "../shared/api.js";
-import { TURNS } from "../line/turns.js";
+import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
 import { showSending, startSending } from "./finishing.js";
@@ -27,7 +27,7 @@ const WITHOUT_SERVER =
 
 const keeper = startKeeper();
 /** What the page knows; `phone` is there once sound and motion are allowed. */
-const page = { chirp: CHIRP, turns: TURNS, software: "elfslam", phone: null, walks: [], ending: null };
+const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], ending: null };
 
 /** Runs what a tap starts; what goes wrong is said in one line. */
 function act(work) {
@@ -52,10 +52,10 @@ async function begin() {
   try {
     await openSession(window.location, window.history);
     await ask("GET", "/api/me");
-    const { version, chirp, turns } = await ask("GET", "/api/version");
+    const { version, chirp, medium_access: mediumAccess } = await ask("GET", "/api/version");
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
-    if (turns) page.turns = only(turns, Object.keys(TURNS));
+    if (mediumAccess) page.mediumAccess = only(mediumAccess, Object.keys(MEDIUM_ACCESS));
   } catch (error) {
     const isAway = error.status === 0;
     showProblem(isAway ? WITHOUT_SERVER : error.message, isAway ? "doubt" : "fail");
@@ -85,7 +85,7 @@ async function allow() {
 /** Sound and motion, opened once. Must be called from a tap. */
 async function openPhone() {
   if (page.phone) return page.phone;
-  page.phone = { ...(await openDevices(keeper, page.chirp, page.turns)), measured: null };
+  page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null };
   watchForInterruptions(page.phone.microphone);
   navigator.storage?.persist?.();
   return page.phone;
@@ -121,7 +121,7 @@ function askName() {
 }
 
 async function walk() {
-  const { microphone, sound, playTurns, clocks, measured } = page.phone;
+  const { microphone, sound, playSlots, clocks, measured } = page.phone;
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
@@ -146,10 +146,10 @@ async function walk() {
   at("record-title").textContent = state.name;
   showView("record");
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
-  // Sound may have been opened before the server had said how turns are taken.
-  const { turns } = page;
+  // Sound may have been opened before the server had said how the air is shared.
+  const { mediumAccess } = page;
   const given = {
-    microphone, sound, keeper, clocks, turns, play: (delayS, tell) => playTurns(delayS, tell, turns), latencyS, sent,
+    microphone, sound, keeper, clocks, mediumAccess, play: (delayS, tell) => playSlots(delayS, tell, mediumAccess), latencyS, sent,
     software: page.software,
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {

@@ -1,6 +1,6 @@
 /** Plays the chirps: one source per chirp, each put on its sample of the audio clock in advance. */
 
-import { afterSlot, isPlayed, noTurns } from "../line/turns.js";
+import { afterSlot, isPlayed, initialSchedule } from "../line/medium_access.js";
 
 /** So far ahead chirps are put on the clock: a page in the background wakes up once a second. */
 const AHEAD_S = 3;
@@ -54,41 +54,41 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
  * @param {Float32Array} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first slot
- * @param {import("../line/turns.js").TurnsParameters} parameters
+ * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
  * @param {(slot: {slot: number, start: number, played: number | null, gainDb: number}) => void} tell of
  *   each slot in its order and in advance; start and played are frames of the clock, gainDb is how loud
  * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:
  *   tells what was heard in a slot; stop: gives the frame from which on nothing is played any more
  */
-export function startTurns(context, chirp, period, delayS, parameters, tell) {
+export function startSlots(context, chirp, period, delayS, parameters, tell) {
   const rateHz = context.sampleRate;
   const speaker = openSpeaker(context, chirp);
   const firstFrame = Math.ceil((context.currentTime + delayS) * rateHz);
-  let turns = noTurns(parameters);
+  let schedule = initialSchedule(parameters);
   let slot = 0;
 
-  const schedule = () => {
+  const playDue = () => {
     const now = context.currentTime * rateHz;
-    const until = now + aheadS(turns.alone >= parameters.forget) * rateHz;
+    const until = now + aheadS(schedule.alone >= parameters.forget) * rateHz;
     for (;; slot += 1) {
-      const start = firstFrame + slot * period + Math.round(turns.shiftS * rateHz);
+      const start = firstFrame + slot * period + Math.round(schedule.shiftS * rateHz);
       if (start >= until) return;
       const frame = start + Math.floor(chance() * parameters.jitter_s * rateHz);
-      const isOurs = isPlayed(turns, slot, chance(), parameters) && frame > now;
+      const isOurs = isPlayed(schedule, slot, chance(), parameters) && frame > now;
       const gainDb = chance() < 0.5 ? -(parameters.softer_db ?? 0) : 0;
       if (isOurs) speaker.play(frame, gainDb);
       tell({ slot, start, played: isOurs ? frame : null, gainDb });
     }
   };
 
-  schedule();
-  const timer = setInterval(schedule, EVERY_MS);
+  playDue();
+  const timer = setInterval(playDue, EVERY_MS);
   const stop = () => {
     clearInterval(timer);
     return speaker.stop();
   };
   const heard = (at, othersS, played) => {
-    turns = afterSlot(turns, at, othersS, played, chance(), parameters);
+    schedule = afterSlot(schedule, at, othersS, played, chance(), parameters);
   };
   return { heard, stop };
 }

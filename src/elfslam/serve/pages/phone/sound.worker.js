@@ -55,12 +55,12 @@ function answerMeasured({ due, count }) {
  * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
  * sound took from playing to hearing until now, null where nobody knows.
  */
-function startRecording({ walk, kind, turns, latencyS = null }) {
+function startRecording({ walk, kind, mediumAccess, latencyS = null }) {
   const { rateHz } = sound;
   const period = periodSamples(sound.chirp, rateHz);
   const late = latencyS === null ? null : Math.round(latencyS * rateHz);
   const framer = makeFramer({ rateHz, chirp: sound.samples, period, kind, late });
-  const hearing = makeHearing(rateHz, period, turns);
+  const hearing = makeHearing(rateHz, period, mediumAccess);
   let zero = -1;
   note = ({ slot, start, played }) => {
     if (played !== null) framer.played(played - zero);

@@ -73,14 +73,14 @@ export function makeMotionLog(onReading) {
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
  *   keeper: import("./keeper.js").Keeper, clocks: ReturnType<typeof watchClocks>,
- *   play: (delayS: number, tell: (slot: object) => void) => ReturnType<typeof import("./player.js").startTurns>,
- *   turns: import("../line/turns.js").TurnsParameters, latencyS: number | null,
+ *   play: (delayS: number, tell: (slot: object) => void) => ReturnType<typeof import("./player.js").startSlots>,
+ *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters, latencyS: number | null,
  *   sent: import("./sending.js").Sent, software: string, heard: (peak: number, isFound: boolean) => void,
  * }} given
  * @returns {Promise<{stop: () => Promise<void>}>}
  */
 export async function startWalking(given) {
-  const { microphone, sound, keeper, clocks, play, turns, latencyS, sent, software, heard } = given;
+  const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, software, heard } = given;
   const { state, walk } = sent;
   const rateHz = microphone.context.sampleRate;
   state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
@@ -95,7 +95,7 @@ export async function startWalking(given) {
   // Motion is heard a little ahead of the sound, which takes its time through the phone.
   const stopMotion = listenToMotion(log.add);
   await pause(AHEAD_MS);
-  const zero = await beginSound(sound, state, walk, turns, latencyS);
+  const zero = await beginSound(sound, state, walk, mediumAccess, latencyS);
   const chirpLog = makeChirpLog(zero, rateHz);
   const chirps = play(FIRST_CHIRP_S, (slot) => {
     sound.order({ do: "slot", slot });
@@ -164,9 +164,9 @@ function appendOrder(walk, name, text) {
   return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
 }
 
-async function beginSound(sound, { kind }, walk, turns, latencyS) {
+async function beginSound(sound, { kind }, walk, mediumAccess, latencyS) {
   const started = sound.answer("started");
-  sound.order({ do: "record", walk, kind, turns, latencyS });
+  sound.order({ do: "record", walk, kind, mediumAccess, latencyS });
   return (await started).zero;
 }
 

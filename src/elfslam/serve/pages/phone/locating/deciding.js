@@ -1,7 +1,7 @@
 /** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
 
 import { fixOf, likeness } from "../../line/locate.js";
-import { REASONS } from "../../line/trust.js";
+import { REASONS } from "../../line/spoofing.js";
 
 /**
  * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
@@ -9,10 +9,10 @@ import { REASONS } from "../../line/trust.js";
  * @typedef {{decide: (untilS: number) => import("./words.js").Fix[]}} Deciding
  */
 
-/** @typedef {{reasonAt: (endS: number) => number}} Trust number of the reason to suspect what was heard, 0 for none */
+/** @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0 for none */
 
-/** @type {Trust} */
-const TRUSTING = { reasonAt: () => 0 };
+/** @type {SpoofingCheck} */
+const UNCHECKED = { reasonAt: () => 0 };
 /** Why a tracker that is settled suspects what is heard. */
 const JUMPS = "it sounds like a place that no step leads to";
 
@@ -25,16 +25,16 @@ const LOOK_EVERY_S = 0.2;
  *   floorMap: import("../../line/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => import("../../line/motion/types.js").Step[]},
  *   tracker: {step: (move: number[], sigma: number[], scores: Float32Array | null, suspect: boolean) => import("./words.js").Fix},
- *   trust?: Trust,
+ *   spoofing?: SpoofingCheck,
  * }} given
  * @returns {Deciding}
  */
-export function decideBySteps({ floorMap, memory, footsteps, tracker, trust = TRUSTING }) {
+export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing = UNCHECKED }) {
   let waiting = [];
   let lookedS = -Infinity;
   const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
     const mean = memory.mean(fromS, tS);
-    const reason = trust.reasonAt(tS);
+    const reason = spoofing.reasonAt(tS);
     memory.forget(tS);
     const fix = tracker.step(moveM, sigma, mean && likeness(mean, floorMap), reason > 0);
     return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
@@ -53,17 +53,17 @@ export function decideBySteps({ floorMap, memory, footsteps, tracker, trust = TR
 /**
  * A fix for every window of sound, one after the other, from the first echo on.
  * @param {{floorMap: import("../../line/floor_map.js").FloorMap,
- *   memory: ReturnType<typeof import("./memory.js").makeMemory>, trust?: Trust}} given
+ *   memory: ReturnType<typeof import("./memory.js").makeMemory>, spoofing?: SpoofingCheck}} given
  * @returns {Deciding}
  */
-export function decideByWindows({ floorMap, memory, trust = TRUSTING }) {
+export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
   const { locate } = floorMap.parameters;
   let fromS = null;
   const fixOfWindow = () => {
     const toS = fromS + locate.window_s;
     const mean = memory.mean(fromS, toS);
     const fix = fixOf(mean && likeness(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
-    const reason = trust.reasonAt(toS);
+    const reason = spoofing.reasonAt(toS);
     memory.forget(toS);
     fromS = toS;
     return reason > 0 ? suspected(fix, REASONS[reason]) : fix;

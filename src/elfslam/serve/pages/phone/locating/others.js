@@ -12,7 +12,7 @@ import { makeHearing } from "../hearing.js";
 /**
  * @param {import("../../line/echo.js").EchoCutter} cutter
  * @param {number} periodS
- * @param {import("../../line/turns.js").TurnsParameters} parameters
+ * @param {import("../../line/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[],
  *   clean: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[]}} take: what
  *   was heard in the slots that are over; after the first sound only. clean: echoes without those that others

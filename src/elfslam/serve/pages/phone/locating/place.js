@@ -23,7 +23,7 @@ const SAME_S = 0.01;
  * @returns {Promise<{stop: () => void, zeroS: () => number, playedUntil: (heardS: number) => number}>} zeroS:
  *   when, on the clock of the fixes, the first chirp was heard; playedUntil: how many should have been
  */
-export async function startPlacing({ microphone, clocks, playTurns }, { floorMap, encoderBytes }, mode, told) {
+export async function startPlacing({ microphone, clocks, playSlots }, { floorMap, encoderBytes }, mode, told) {
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
   const { port1, port2 } = new MessageChannel();
   const rateHz = microphone.context.sampleRate;
@@ -37,11 +37,11 @@ export async function startPlacing({ microphone, clocks, playTurns }, { floorMap
     throw error;
   }
   const stopMotion = sendMotion(worker, clocks);
-  const chirps = playTurns(FIRST_CHIRP_S, ({ slot, start, played, gainDb }) => {
+  const chirps = playSlots(FIRST_CHIRP_S, ({ slot, start, played, gainDb }) => {
     const playedS = played === null ? null : played / rateHz;
     if (playedS !== null) latest.playedS.push(playedS);
     worker.postMessage({ do: "slot", slot: { slot, startS: start / rateHz, playedS, gainDb } });
-  }, floorMap.parameters.turns);
+  }, floorMap.parameters.medium_access);
   latest.heard = chirps.heard;
   microphone.pour("place", port2); // the schedule first, then what is heard
   const stop = () => {

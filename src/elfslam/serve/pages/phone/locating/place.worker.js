@@ -9,8 +9,7 @@ import { encoderFor, openEncoder } from "../../line/encoder.js";
 import { checkedMap } from "../../line/floor_map.js";
 import { makeFootsteps } from "../../line/motion/live.js";
 import { makeTracker } from "../../line/track.js";
-import { TURNS } from "../../line/turns.js";
-import { makeTrust } from "../../line/trust.js";
+import { makeSpoofingCheck } from "../../line/spoofing.js";
 import { makeRandom } from "../../line/tracking/random.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
 import { makeMemory } from "./memory.js";
@@ -54,15 +53,15 @@ async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = encoderFor(floorMap, await openEncoder(encoderBytes, {}));
   cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
-  others = hearOthers(cutter, parameters.chirp.period_s, parameters.turns ?? TURNS);
+  others = hearOthers(cutter, parameters.chirp.period_s, parameters.medium_access);
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
   motion = delayMotion(footsteps, cutter.latenessS);
-  const trust = parameters.trust && makeTrust(parameters.trust);
+  const spoofing = makeSpoofingCheck(parameters.spoofing);
   const deciding = mode === "track"
-    ? decideBySteps({ floorMap, memory, footsteps, trust, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
-    : decideByWindows({ floorMap, memory, trust });
-  return makePlacer({ rateHz, cutter, clean: others.clean, listener, trust, memory, deciding, onFix, onEcho });
+    ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
+    : decideByWindows({ floorMap, memory, spoofing });
+  return makePlacer({ rateHz, cutter, clean: others.clean, listener, spoofing, memory, deciding, onFix, onEcho });
 }
 
 function onFix(fix) {

@@ -12,7 +12,7 @@ const TRACE = 2352;
  *   cutter: import("../../line/echo.js").EchoCutter,
  *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
  *   clean?: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[],
- *   trust?: {take: (facts: import("../../line/trust.js").Facts[], echoes: import("../../line/echo.js").Echo[],
+ *   spoofing?: {take: (facts: import("../../line/spoofing.js").Facts[], echoes: import("../../line/echo.js").Echo[],
  *     clean: import("../../line/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   deciding: import("./deciding.js").Deciding,
@@ -21,7 +21,7 @@ const TRACE = 2352;
  * }} given clean: keeps back the echoes that others have spoiled
  * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}
  */
-export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memory, deciding, onFix, onEcho = () => {} }) {
+export function makePlacer({ rateHz, cutter, clean = same, listener, spoofing, memory, deciding, onFix, onEcho = () => {} }) {
   /** @type {import("../../line/echo.js").Echo[]} */
   let waiting = [];
   let heardS = 0;
@@ -51,7 +51,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, trust, memo
   const push = (first, samples) => {
     const echoes = cutter.push(first, samples);
     const kept = clean(echoes);
-    trust?.take(cutter.frames(), echoes, kept);
+    spoofing?.take(cutter.frames(), echoes, kept);
     heardS = (first + samples.length) / rateHz;
     echoes.forEach(onEcho);
     waiting.push(...kept);

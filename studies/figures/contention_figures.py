@@ -26,7 +26,7 @@ NOTES = {
 COLORS = (DEAD_RECKONING, WALKS[3], TRUTH, SLAM)
 
 
-def turns_page(rows: Sequence[Mapping[str, object]]) -> Page:
+def contention_page(rows: Sequence[Mapping[str, object]]) -> Page:
     """A page from a row per world, number of phones and way, with `measure` and its interval."""
     panels = []
     for world in dict.fromkeys(str(row["world"]) for row in rows):

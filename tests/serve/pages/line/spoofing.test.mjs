@@ -5,11 +5,11 @@ import { readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 
-import { loudnessOf, makeTrust, REASONS } from "../../../../src/elfslam/serve/pages/line/trust.js";
+import { loudnessOf, makeSpoofingCheck, REASONS } from "../../../../src/elfslam/serve/pages/line/spoofing.js";
 
 const folder = process.env.ELFSLAM_VECTORS;
 const { parameters, reasons, frames, echoes, endsS, found, clean, foundClean, some } = JSON.parse(
-  readFileSync(join(folder, "trust.json"), "utf8"),
+  readFileSync(join(folder, "spoofing.json"), "utf8"),
 );
 const bytes = readFileSync(join(folder, "samples.f32"));
 const all = new Float32Array(bytes.buffer.slice(bytes.byteOffset, bytes.byteOffset + bytes.byteLength));
@@ -26,7 +26,7 @@ test("loudness is the line's", () => {
 });
 
 test("all at once and frame by frame: the reasons are the line's", () => {
-  const live = makeTrust(parameters);
+  const live = makeSpoofingCheck(parameters);
   let [frame, echo] = [0, 0];
   const reasonsLive = endsS.map((endS) => {
     for (; frame < facts.length && facts[frame].dueS < endS; frame += 1) {
@@ -38,7 +38,7 @@ test("all at once and frame by frame: the reasons are the line's", () => {
     return live.reasonAt(endS);
   });
   assert.deepEqual(reasonsLive, found);
-  const whole = makeTrust(parameters);
+  const whole = makeSpoofingCheck(parameters);
   whole.take(facts, heard);
   assert.deepEqual(endsS.map(whole.reasonAt), found);
 });
@@ -47,7 +47,7 @@ test("maps of before there was a rule of loudness, and pages that do not say it,
   const { compared_chirps, lag, lag_errors, ...older } = parameters;
   const unknown = facts.map(({ gainDb, ...each }) => each);
   for (const [known, told] of [[older, facts], [parameters, unknown]]) {
-    const judge = makeTrust(known);
+    const judge = makeSpoofingCheck(known);
     judge.take(told, heard);
     assert.deepEqual(endsS.map(judge.reasonAt).filter((reason) => reason === REASONS.length - 1), []);
   }
@@ -56,7 +56,7 @@ test("maps of before there was a rule of loudness, and pages that do not say it,
 test("loudness is compared among clean echoes alone, however late they are known", () => {
   const isClean = new Set(clean);
   for (const late of [0, 2]) {
-    const live = makeTrust(parameters);
+    const live = makeSpoofingCheck(parameters);
     heard.forEach((echo, row) => {
       const known = isClean.has(row - late) ? [heard[row - late]] : [];
       live.take([], [echo], known);

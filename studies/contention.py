@@ -1,4 +1,4 @@
-"""Phones in one room, with and without taking turns: what is spoiled, and what fixes are left."""
+"""Phones in one room, with and without slotted medium access: frames spoiled, and fixes left."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from elfslam.base.values import (
 from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
 from elfslam.line.feature import extract_features
 from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
-from elfslam.line.medium_access import TurnsParameters, spoiled_frames
+from elfslam.line.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.scoring.errors import fix_distances
 from elfslam.world.simulate import load_world
 from studies.crowd import Crowd, alone, crowd_in
 from studies.crowds import Overheard, overhear
-from studies.figures.turns_figures import turns_page
+from studies.figures.contention_figures import contention_page
 from studies.finding import Finding, Row
 from studies.intervals import mean_row
 from studies.localization import shipped
@@ -71,7 +71,7 @@ class Task:
     mapping_rounds: int = MAPPING_ROUNDS
 
 
-def measure_turns(
+def measure_contention(
     data: Path | None,
     announce: Announce,
     kept: Path | None = None,
@@ -92,7 +92,7 @@ def measure_turns(
     ]
     numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
     rows = _rows(tasks, numbers)
-    return Finding(rows, turns_page(rows))
+    return Finding(rows, contention_page(rows))
 
 
 def _measured(task: Task) -> Numbers:
@@ -103,8 +103,10 @@ def _measured(task: Task) -> Numbers:
     crowds = [alone(everybody, k) for k in range(count)] if task.phones == 1 else [everybody]
     numbers: Numbers = {}
     for first, crowd in enumerate(crowds):
-        for way, turns in (("at will", False), ("in turns", True)):
-            heard = overhear(crowd, TurnsParameters(), task.seed, turns=turns, seconds=seconds)
+        for way, slotted in (("at will", False), ("in turns", True)):
+            heard = overhear(
+                crowd, MediumAccessParameters(), task.seed, slotted=slotted, seconds=seconds
+            )
             for k, phone in enumerate(heard):
                 for name, found in _of_phone(way, crowd, k, phone, mapped, seconds):
                     each = {f"{name}|{first + k}|{key}": value for key, value in found.items()}
@@ -131,7 +133,7 @@ def _of_phone(
     arrivals = frames.arrivals.samples
     settled = arrivals > SETTLED_S * ECHO_RATE_HZ
     over_db = _others_db(heard, arrivals)
-    found = spoiled_frames(frames.envelope, arrivals, TurnsParameters())
+    found = spoiled_frames(frames.envelope, arrivals, MediumAccessParameters())
     spoiled, clean = over_db > SPOILED_DB, over_db < CLEAN_DB
     span_s = seconds - SETTLED_S
     told = {

@@ -1,4 +1,4 @@
-// Turns and listening in the page against elfslam.line.medium_access: vectors come from test_line_turns.py.
+// Slots and listening in the page against elfslam.line.medium_access: vectors come from test_line_medium_access.py.
 
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -6,24 +6,24 @@ import { test } from "node:test";
 
 import { NOTHING_HEARD, hearSlot } from "../../../../src/elfslam/serve/pages/line/listening.js";
 import { isSpoiled, lookAt, makeSpoiled } from "../../../../src/elfslam/serve/pages/line/spoiled.js";
-import { TURNS, afterSlot, isPlayed, noTurns } from "../../../../src/elfslam/serve/pages/line/turns.js";
+import { MEDIUM_ACCESS, afterSlot, isPlayed, initialSchedule } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
 
 const vectors = JSON.parse(readFileSync(process.env.ELFSLAM_VECTORS, "utf8"));
 
-test("the parameters are elfslam's", () => assert.deepEqual(TURNS, vectors.parameters));
+test("the parameters are elfslam's", () => assert.deepEqual(MEDIUM_ACCESS, vectors.parameters));
 
 test("turns go on slot by slot as elfslam's do", () => {
-  for (const { parameters, slots } of vectors.turns) {
-    let turns = noTurns(parameters);
+  for (const { parameters, slots } of vectors.schedules) {
+    let schedule = initialSchedule(parameters);
     slots.forEach(({ draw, others, wanted }, slot) => {
-      const played = isPlayed(turns, slot, draw[0], parameters);
+      const played = isPlayed(schedule, slot, draw[0], parameters);
       assert.equal(played, wanted.played, `slot ${slot}`);
-      turns = afterSlot(turns, slot, others, played, draw[1], parameters);
-      assert.deepEqual(turns.mine, wanted.mine, `slot ${slot}`);
-      assert.deepEqual(turns.quiet, wanted.quiet);
-      assert.deepEqual(turns.sure, wanted.sure);
-      assert.equal(turns.alone, wanted.alone);
-      assert.ok(Math.abs(turns.shiftS - wanted.shift_s) < 1e-12);
+      schedule = afterSlot(schedule, slot, others, played, draw[1], parameters);
+      assert.deepEqual(schedule.mine, wanted.mine, `slot ${slot}`);
+      assert.deepEqual(schedule.quiet, wanted.quiet);
+      assert.deepEqual(schedule.sure, wanted.sure);
+      assert.equal(schedule.alone, wanted.alone);
+      assert.ok(Math.abs(schedule.shiftS - wanted.shift_s) < 1e-12);
     });
   }
 });
@@ -49,8 +49,8 @@ const envelope = (from, to) => Float32Array.from({ length: to - from }, (_, k) =
 
 test("frames are spoiled that elfslam says are", () => {
   const { arrivals, wanted } = spoilt;
-  const looked = arrivals.map((sample, k) => lookAt(envelope, sample, arrivals[k - 1] ?? null, TURNS));
-  const found = looked.map((frame, k) => isSpoiled(looked.slice(0, k), frame, looked.slice(k + 1), TURNS));
+  const looked = arrivals.map((sample, k) => lookAt(envelope, sample, arrivals[k - 1] ?? null, MEDIUM_ACCESS));
+  const found = looked.map((frame, k) => isSpoiled(looked.slice(0, k), frame, looked.slice(k + 1), MEDIUM_ACCESS));
   assert.deepEqual(found, wanted);
   assert.ok(wanted.filter(Boolean).length > 5 && wanted.filter((each) => !each).length > 20);
 });
@@ -59,7 +59,7 @@ test("frames are spoiled that elfslam says are", () => {
 function letThrough(isAmongOthers, block = 1000) {
   let end = 0;
   const heard = { envelope, end: () => end, sampleAt: (tS) => Math.round(tS * 44100) };
-  const spoiled = makeSpoiled(heard, TURNS);
+  const spoiled = makeSpoiled(heard, MEDIUM_ACCESS);
   const echoes = spoilt.arrivals.map((sample) => ({ tS: sample / 44100 }));
   const out = [];
   for (let given = 0; end < spoiltSound.length + 44100; ) {

@@ -1,4 +1,4 @@
-"""The study of turns: fixes from sparse echoes, and a small run that shows what turns are worth."""
+"""The study of contention: fixes from sparse echoes, and a small run: what slots are worth."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.line.locate import LocateParameters
+from studies.contention import WAYS, measure_contention, together
 from studies.finding import Finding
-from studies.turns import WAYS, measure_turns, together
 
 
 def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
@@ -20,7 +20,7 @@ def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
 
 @pytest.fixture(scope="module")
 def finding() -> Finding:
-    made = measure_turns(
+    made = measure_contention(
         None, lambda said, share: None, places=("studio",), seeds=(100,), counts=(2,),
         seconds=30.0, mapping_rounds=1,
     )  # fmt: skip

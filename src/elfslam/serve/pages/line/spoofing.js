@@ -40,12 +40,12 @@ const CALM = 0.5;
  * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words. The room's
  * echoes follow the loudness of their chirps, dB for dB; sound that somebody else plays does not. That is
  * asked of `clean` echoes alone, of those that others' chirps have not spoiled; they may come later.
- * @param {Record<string, number>} parameters the group "trust"
+ * @param {Record<string, number>} parameters the group "spoofing"
  * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[],
  *   clean?: {tS: number}[]) => void,
  *   reasonAt: (endS: number) => number}}
  */
-export function makeTrust(parameters) {
+export function makeSpoofingCheck(parameters) {
   const bounds = ["loud_first", "loud_second", "loud_third", "loud_last"].map((name) => parameters[name]);
   let loud = [];
   let recent = [];

@@ -1,4 +1,4 @@
-"""Turns in the page are those of the line, slot by slot, on vectors that the line computes."""
+"""Medium access in the page is that of the line, slot by slot, on vectors of the line."""
 
 from __future__ import annotations
 
@@ -17,32 +17,32 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
 from elfslam.line.medium_access import (
     CarrierSense,
+    MediumAccessParameters,
     Slot,
-    TurnsParameters,
     after_slot,
     hear_slot,
+    initial_schedule,
     is_played,
-    no_turns,
     spoiled_frames,
 )
 
 RATE_HZ = 44_100
-PARAMETERS = TurnsParameters()
+PARAMETERS = MediumAccessParameters()
 node = shutil.which("node")
 needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
 
-def turns_vectors(parameters: TurnsParameters, seed: int) -> dict[str, Any]:
+def schedule_vectors(parameters: MediumAccessParameters, seed: int) -> dict[str, Any]:
     generator = np.random.default_rng(seed)
-    turns, slots = no_turns(parameters), []
+    schedule, slots = initial_schedule(parameters), []
     for slot in range(400):
         draw = generator.uniform(size=2).tolist()
         busy = (slot > 30 and slot % 8 in (1, 4)) or generator.uniform() < 0.02
         others = generator.uniform(-0.03, 0.05, int(busy) * generator.integers(1, 3)).tolist()
-        played = is_played(turns, slot, draw[0], parameters)
-        turns = after_slot(turns, slot, others, draw[1], parameters, played=played)
+        played = is_played(schedule, slot, draw[0], parameters)
+        schedule = after_slot(schedule, slot, others, draw[1], parameters, played=played)
         slots.append(
-            {"draw": draw, "others": others, "wanted": {**asdict(turns), "played": played}}
+            {"draw": draw, "others": others, "wanted": {**asdict(schedule), "played": played}}
         )
     return {"parameters": asdict(parameters), "slots": slots}
 
@@ -100,22 +100,24 @@ def spoiled_vectors(folder: Path) -> dict[str, Any]:
 
 
 @needs_node
-def test_turns_in_node(tmp_path: Path) -> None:
+def test_medium_access_in_node(tmp_path: Path) -> None:
     eager = replace(PARAMETERS, slots=5, forget=20, follow=0.2, stir=0.1)
     vectors = {
         "parameters": asdict(PARAMETERS),
-        "turns": [turns_vectors(each, seed) for seed, each in enumerate((PARAMETERS, eager))],
+        "schedules": [
+            schedule_vectors(each, seed) for seed, each in enumerate((PARAMETERS, eager))
+        ],
         "spoiled": spoiled_vectors(tmp_path),
         **hearing_vectors(tmp_path),
     }
-    (tmp_path / "turns.json").write_text(json.dumps(vectors))
+    (tmp_path / "medium_access.json").write_text(json.dumps(vectors))
     done = subprocess.run(
-        [str(node), "--test", str(Path(__file__).parent / "turns.test.mjs")],
+        [str(node), "--test", str(Path(__file__).parent / "medium_access.test.mjs")],
         capture_output=True,
         text=True,
         timeout=120,
         check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(tmp_path / "turns.json")},
+        env={**os.environ, "ELFSLAM_VECTORS": str(tmp_path / "medium_access.json")},
     )
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     assert "# fail 0" in done.stdout

@@ -15,7 +15,7 @@ import pytest
 
 from elfslam.base.arrays import I64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
-from elfslam.line.spoofing import REASONS, TrustParameters, judge, loudness
+from elfslam.line.spoofing import REASONS, SpoofingParameters, judge, loudness
 
 HERE = Path(__file__).parent
 COUNT = 480
@@ -52,7 +52,7 @@ def heard(seed: int) -> tuple[FrameFacts, Echoes]:
 def vectors(seed: int) -> dict[str, Any]:
     facts, echoes = heard(seed)
     edges_s = np.arange(0.0, facts.t_due_s[-1] + 0.5, 0.55)
-    known = TrustParameters(compared_chirps=16)
+    known = SpoofingParameters(compared_chirps=16)
     columns = {
         "dueS": facts.t_due_s, "lateS": facts.late_s, "level": facts.level,
         "before": facts.before, "noise": facts.noise, "clipped": facts.clipped,
@@ -93,8 +93,8 @@ def _rows(echoes: Echoes, rows: I64) -> Echoes:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    made = tmp_path_factory.mktemp("trust")
-    (made / "trust.json").write_text(json.dumps(vectors(1)))
+    made = tmp_path_factory.mktemp("spoofing")
+    (made / "spoofing.json").write_text(json.dumps(vectors(1)))
     heard(1)[1].samples.astype("<f4").tofile(made / "samples.f32")
     return made
 
@@ -102,7 +102,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @needs_node
 def test_the_judge_is_that_of_the_line(folder: Path) -> None:
     done = subprocess.run(
-        [str(node), "--test", str(HERE / "trust.test.mjs")],
+        [str(node), "--test", str(HERE / "spoofing.test.mjs")],
         capture_output=True,
         text=True,
         timeout=120,
