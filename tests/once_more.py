@@ -30,7 +30,7 @@ def waited(report: pytest.TestReport) -> bool:
     return crash is not None and WAITED.match(crash.message) is not None
 
 
-@dataclass
+@dataclass(eq=False)
 class OnceMore:
     """Collects what failed, and runs at the end what only waited in vain."""
 
