@@ -24,6 +24,7 @@ const REMEMBERED = 15;
  * Where the search stands. `due` is where the next direct arrival is expected, null before the first.
  * @typedef {{due: number | null, peaks: number[], missed: number}} Search
  * @typedef {{sample: number, isFound: boolean, jumped: number, peak: number}} Arrival
+ * @typedef {{search: Search, arrival: Arrival | null}} Step
  */
 
 /** @type {Search} */
@@ -32,6 +33,7 @@ export const NOTHING_YET = { due: null, peaks: [], missed: 0 };
 /**
  * Which stretch of envelope the next step needs, as [first, last + 1).
  * @param {Search} search @param {number} period samples @param {number} from sample to begin with
+ * @returns {[number, number]}
  */
 export function wantedStretch(search, period, from) {
   if (search.due === null) return [from, from + period];
@@ -44,7 +46,7 @@ export function wantedStretch(search, period, from) {
  * stretch without a chirp gives null.
  * @param {Search} search @param {Float32Array} envelope @param {number} first
  * @param {number} period samples @param {number} rateHz
- * @returns {{search: Search, arrival: Arrival | null}}
+ * @returns {Step}
  */
 export function nextArrival(search, envelope, first, period, rateHz) {
   const early = Math.round(RULES.earlyS * rateHz);
@@ -55,18 +57,24 @@ export function nextArrival(search, envelope, first, period, rateHz) {
   let peak = strongest(envelope, due - slack, due + slack + 1);
   const isDue = envelope[peak] >= level;
   if (!isDue) peak = strongest(envelope);
-  if (!(envelope[peak] >= level)) return missing(search, period);
+  if (!(envelope[peak] >= level)) return missing(/** @type {Search & {due: number}} */ (search), period);
   const direct = first + earliest(envelope, peak, early, RULES.earlyShare);
   const jumped = isDue ? 0 : direct - search.due;
   return found(search, direct, jumped, envelope[peak], period);
 }
 
+/** @param {Search} search @param {Float32Array} envelope */
 function leastLevel(search, envelope) {
   const isForgotten = search.peaks.length === 0 || search.missed >= RULES.patience;
   if (isForgotten) return RULES.contrast * Math.max(median(envelope), 1e-9);
   return RULES.levelShare * median(search.peaks);
 }
 
+/**
+ * @param {Float32Array} envelope @param {number} first @param {number} period
+ * @param {number} early @param {number} level
+ * @returns {Step}
+ */
 function firstArrival(envelope, first, period, early, level) {
   const peak = strongest(envelope);
   if (!(envelope[peak] >= level)) return { search: NOTHING_YET, arrival: null };
@@ -74,6 +82,11 @@ function firstArrival(envelope, first, period, early, level) {
   return found(NOTHING_YET, direct, 0, envelope[peak], period);
 }
 
+/**
+ * @param {Search} search @param {number} sample @param {number} jumped
+ * @param {number} peak @param {number} period
+ * @returns {Step}
+ */
 function found(search, sample, jumped, peak, period) {
   const peaks = search.missed >= RULES.patience ? [] : search.peaks;
   return {
@@ -82,7 +95,11 @@ function found(search, sample, jumped, peak, period) {
   };
 }
 
-/** Where no chirp is heard the frame is kept all the same, at the time when it was due. */
+/**
+ * Where no chirp is heard the frame is kept all the same, at the time when it was due.
+ * @param {Search & {due: number}} search @param {number} period
+ * @returns {Step}
+ */
 function missing(search, period) {
   return {
     search: { ...search, due: search.due + period, missed: search.missed + 1 },

@@ -22,6 +22,8 @@ const LEAST = 1e-6;
  * }} Baseband firstIndex: where on the grid the frame of a direct arrival begins; needs: the samples
  *   [first, last + 1) that the frame from k on is made of; frame: I and Q by turns (2 x 504), from
  *   samples of which the first is sample `first` of the recording.
+ * @typedef {{offset: number, taps: Float64Array}} Phase
+ * @typedef {{size: number, cos: Float64Array, sin: Float64Array}} Mixer
  */
 
 /** @param {number} rateHz 44100 or 48000 @returns {Baseband} */
@@ -32,6 +34,7 @@ export function makeBaseband(rateHz) {
   const half = Math.round(HALF_SUPPORT_S * rateHz * up);
   const phases = makePhases(rateHz, up, half);
   const mixer = makeMixer(rateHz);
+  /** @param {number} k */
   const position = (k) => Math.floor((k * down) / up);
   const reach = Math.floor(half / up);
   return {
@@ -58,13 +61,15 @@ export function scaleOf(frame) {
   return Math.max(largest, LEAST) / LARGEST_INT16;
 }
 
+/** @param {number} direct @param {number} rateHz */
 function firstIndex(direct, rateHz) {
   return Math.max(Math.round((direct / rateHz - BASEBAND.leadS) * BASEBAND.rateHz), 0);
 }
 
 /**
  * The filter at one phase per output: taps for n = floor(position) + offset.
- * @returns {{offset: number, taps: Float64Array}[]}
+ * @param {number} rateHz @param {number} up @param {number} half
+ * @returns {Phase[]}
  */
 function makePhases(rateHz, up, half) {
   return Array.from({ length: up }, (_, phase) => {
@@ -77,18 +82,22 @@ function makePhases(rateHz, up, half) {
   });
 }
 
-/** 2 h at the time step / (rateHz up); half: steps from the middle to the end. */
+/**
+ * 2 h at the time step / (rateHz up); half: steps from the middle to the end.
+ * @param {number} step @param {number} rateHz @param {number} up @param {number} half
+ */
 export function impulseResponse(step, rateHz, up, half) {
   const x = (Math.PI * BASEBAND.rateHz * step) / (rateHz * up);
   const sinc = step === 0 ? 1 : Math.sin(x) / x;
   return ((2 * BASEBAND.rateHz) / rateHz) * sinc * kaiser(step / half);
 }
 
+/** @param {number} x in [-1, 1] */
 function kaiser(x) {
   return bessel(KAISER_SHAPE * Math.sqrt(Math.max(1 - x * x, 0))) / bessel(KAISER_SHAPE);
 }
 
-/** Modified Bessel function of the first kind, order 0, by its series. */
+/** Modified Bessel function of the first kind, order 0, by its series. @param {number} x */
 function bessel(x) {
   let term = 1;
   let sum = 1;
@@ -99,9 +108,10 @@ function bessel(x) {
   return sum;
 }
 
-/** exp(-2 pi i f n / F) over its period. */
+/** exp(-2 pi i f n / F) over its period. @param {number} rateHz @returns {Mixer} */
 function makeMixer(rateHz) {
   const size = rateHz / greatestCommonDivisor(BASEBAND.centreHz, rateHz);
+  /** @param {number} n */
   const turn = (n) => (-2 * Math.PI * ((n * BASEBAND.centreHz) % rateHz)) / rateHz;
   return {
     size,
@@ -110,6 +120,10 @@ function makeMixer(rateHz) {
   };
 }
 
+/**
+ * @param {Float32Array} samples @param {number} first @param {number} k
+ * @param {{up: number, down: number, phases: Phase[], mixer: Mixer}} given
+ */
 function filterFrame(samples, first, k, { up, down, phases, mixer }) {
   const mixed = mix(samples, first, mixer);
   const out = new Float64Array(2 * BASEBAND.frameSamples);
@@ -127,6 +141,7 @@ function filterFrame(samples, first, k, { up, down, phases, mixer }) {
   return out;
 }
 
+/** @param {Float32Array} samples @param {number} first @param {Mixer} mixer */
 function mix(samples, first, { size, cos, sin }) {
   const re = new Float64Array(samples.length);
   const im = new Float64Array(samples.length);
@@ -138,6 +153,7 @@ function mix(samples, first, { size, cos, sin }) {
   return { re, im };
 }
 
+/** @param {number} a @param {number} b @returns {number} */
 function greatestCommonDivisor(a, b) {
   return b === 0 ? a : greatestCommonDivisor(b, a % b);
 }

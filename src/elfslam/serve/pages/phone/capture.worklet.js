@@ -5,6 +5,7 @@ const BLOCK = 1024;
 class Capture extends AudioWorkletProcessor {
   constructor() {
     super();
+    /** @type {Map<string, MessagePort>} by name */
     this.sinks = new Map();
     this.block = new Float32Array(BLOCK);
     this.filled = 0;
@@ -15,6 +16,7 @@ class Capture extends AudioWorkletProcessor {
     };
   }
 
+  /** @param {Float32Array[][]} inputs by input and channel */
   process([input]) {
     const samples = input[0];
     if (this.sinks.size === 0 || !samples) return true;

@@ -17,7 +17,9 @@ export function fourierOf(size) {
     throw new RangeError(`Fourier transform: wanted a power of two, got ${size}`);
   }
   const turn = rootsOfUnity(size);
+  /** @param {Complex} x */
   const forward = (x) => butterflies(reorder(x), turn);
+  /** @param {Complex} x */
   const inverse = ({ re, im }) => {
     forward({ re: im, im: re });
     for (let k = 0; k < size; k += 1) {
@@ -61,7 +63,7 @@ export function analyticSignal(samples) {
   return out;
 }
 
-/** exp(-2 pi i k / size) for k below `count`. */
+/** exp(-2 pi i k / size) for k below `count`. @param {number} size @returns {Complex} */
 function rootsOfUnity(size, count = size / 2) {
   const roots = complexZeros(count);
   for (let k = 0; k < count; k += 1) {
@@ -71,6 +73,7 @@ function rootsOfUnity(size, count = size / 2) {
   return roots;
 }
 
+/** Samples to where the butterflies want them. @param {Complex} x @returns {Complex} */
 function reorder({ re, im }) {
   const size = re.length;
   for (let i = 1, j = 0; i < size; i += 1) {
@@ -85,6 +88,7 @@ function reorder({ re, im }) {
   return { re, im };
 }
 
+/** @param {Complex} x @param {Complex} turn roots of unity @returns {Complex} */
 function butterflies({ re, im }, turn) {
   const size = re.length;
   for (let half = 1; half < size; half *= 2) {

@@ -12,7 +12,10 @@ const FRAME_S = 0.08;
 
 /**
  * @typedef {"baseband" | "whole"} Kind how the chirp band is kept: as I and Q, or as sound
- * @typedef {{arrival: import("./arrivals.js").Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
+ * @typedef {import("./arrivals.js").Arrival & {played?: number}} Arrival played: where that was told
+ * @typedef {{arrival: Arrival, tS: number, row: string, bytes: Uint8Array}} Frame
+ * @typedef {{index: (direct: number) => number, lastNeeded: (direct: number) => number,
+ *   cut: (stream: import("./stream.js").Stream, index: number) => {tS: number, row: string, bytes: Uint8Array}}} Cutter
  * @typedef {{push: (first: number, samples: Float32Array) => {frames: Frame[], missing: number},
  *   played: (sample: number) => void, end: () => number,
  *   heard: import("./hearing.js").HeardSound}} Framer
@@ -31,6 +34,7 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   const scheduled = makeScheduled({ rateHz, chirp, period, guess: late ?? 0 });
   let search = NOTHING_YET;
   let hunted = 0;
+  /** @type {Arrival[]} */
   const waiting = [];
   let last = -1;
 
@@ -47,9 +51,10 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   };
 
   const cutReady = () => {
+    /** @type {Frame[]} */
     const frames = [];
     while (waiting.length > 0 && cutter.lastNeeded(waiting[0].sample) <= stream.end()) {
-      const arrival = waiting.shift();
+      const arrival = /** @type {Arrival} */ (waiting.shift());
       const index = cutter.index(arrival.sample);
       if (index <= last) continue;
       last = index;
@@ -58,6 +63,7 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
     return frames;
   };
 
+  /** @type {Framer["push"]} */
   const push = (first, samples) => {
     const begin = stream.end();
     const missing = stream.append(first, samples);
@@ -73,6 +79,7 @@ export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
   return { push, played: scheduled.played, end: stream.end, heard: scheduled.heard };
 }
 
+/** @param {number} rateHz @returns {Cutter} */
 function basebandCutter(rateHz) {
   const baseband = makeBaseband(rateHz);
   return {
@@ -88,11 +95,12 @@ function basebandCutter(rateHz) {
   };
 }
 
-/** Sound as it is, but for everything outside the band. */
+/** Sound as it is, but for everything outside the band. @param {number} rateHz @returns {Cutter} */
 function wholeCutter(rateHz) {
   const { reach, apply } = makeBandFilter(rateHz);
   const lead = Math.round(BASEBAND.leadS * rateHz);
   const length = Math.round(FRAME_S * rateHz);
+  /** @param {number} direct */
   const index = (direct) => Math.max(direct - lead, 0);
   return {
     index,

@@ -30,19 +30,27 @@ const NEAR = 88;
  *   slots that are over; of those where own chirps cannot be told from others' nothing is said
  */
 export function makeHearing(rateHz, period, parameters) {
+  /** @type {Told[]} */
   const waiting = [];
   let listening = NOTHING_HEARD;
   const scale = ECHO_RATE_HZ / rateHz;
+  /** @param {number} sample */
   const onLine = (sample) => Math.round(sample * scale);
   const reach = period + Math.round(2 * BEHIND_S * rateHz);
 
+  /**
+   * What was heard in a slot that is over; of both slots it is known how late they are heard.
+   * @param {HeardSound} sound @param {Told} told @param {Told} next @returns {Heard}
+   */
   const hear = (sound, told, next) => {
-    const start = told.start + sound.late(told.played ?? told.start);
+    const start = told.start + /** @type {number} */ (sound.late(told.played ?? told.start));
     const from = Math.max(start - Math.round(BEFORE_S * rateHz), 0);
     const envelope = atEchoRate(sound.envelope(from, start + period + Math.round(BEHIND_S * rateHz)), rateHz);
     // Where sound comes later than was guessed, what lies between was not listened to.
     if (listening.until !== null) listening = { ...listening, until: Math.max(listening.until, onLine(from)) };
-    const heard = (sample) => (sample === null ? null : onLine(sample + sound.late(sample)));
+    /** @param {number | null} sample */
+    const heard = (sample) =>
+      sample === null ? null : onLine(sample + /** @type {number} */ (sound.late(sample)));
     const slot = {
       start: onLine(start), end: onLine(start + period), due: heard(told.played), following: heard(next.played),
     };
@@ -54,20 +62,23 @@ export function makeHearing(rateHz, period, parameters) {
     return { slot: told.slot, othersS, played: told.played !== null };
   };
 
-  /** How late both slots are heard; undefined where it is too early to say. */
+  /** How late both slots are heard; undefined where it is too early to say. @param {HeardSound} sound */
   const lateBoth = (sound) => {
     const [told, next] = waiting.map(({ start, played }) => played ?? start);
     const both = [sound.late(told), sound.late(next)];
-    const isOver = () => sound.end() >= waiting[0].start + Math.max(...both) + reach;
+    // Where nobody will know, null counts as 0.
+    const isOver = () => sound.end() >= waiting[0].start + Math.max(.../** @type {number[]} */ (both)) + reach;
     return both.includes(undefined) || !isOver() ? undefined : both;
   };
 
+  /** @param {HeardSound} sound */
   const take = (sound) => {
+    /** @type {Heard[]} */
     const heard = [];
     while (waiting.length > 1) {
       const both = lateBoth(sound);
       if (both === undefined) break;
-      const told = waiting.shift();
+      const told = /** @type {Told} */ (waiting.shift());
       if (both.includes(null)) listening = { ...listening, until: null };
       else heard.push(hear(sound, told, waiting[0]));
     }
@@ -77,13 +88,16 @@ export function makeHearing(rateHz, period, parameters) {
   return { add: (told) => waiting.push(told), take };
 }
 
-/** How loud the first own chirp is, in a slot or behind it: it is heard a little before it comes, too. */
+/**
+ * How loud the first own chirp is, in a slot or behind it: it is heard a little before it comes, too.
+ * @param {Float32Array} envelope @param {import("../line/listening.js").Slot} slot @param {number} first
+ */
 function levelOf(envelope, { due, following }, first) {
   const at = due ?? following;
   return at === null ? 0 : envelope.slice(Math.max(at - first - NEAR, 0), at - first + NEAR).reduce((a, b) => Math.max(a, b), 0);
 }
 
-/** The larger of the two samples about each of 44.1 kHz. */
+/** The larger of the two samples about each of 44.1 kHz. @param {Float32Array} envelope @param {number} rateHz */
 function atEchoRate(envelope, rateHz) {
   if (rateHz === ECHO_RATE_HZ) return envelope;
   const step = rateHz / ECHO_RATE_HZ;

@@ -26,20 +26,39 @@ const WITHOUT_SERVER =
   "The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.";
 
 const keeper = startKeeper();
-/** What the page knows; `phone` is there once sound and motion are allowed. */
+/**
+ * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null}} Phone
+ * @typedef {import("./sending.js").Sent} Sent
+ * @typedef {ReturnType<typeof startSending>} Sending
+ */
+
+/**
+ * What the page knows; `phone` is there once sound and motion are allowed.
+ * @type {{
+ *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
+ *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters,
+ *   ending: ((why: string | null) => Promise<void>) | null,
+ *   current?: Sent, sending?: Sending, begun?: Promise<void>,
+ * }} ending: ends the walk that is being walked; current: the walk that is shown
+ */
 const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], ending: null };
 
-/** Runs what a tap starts; what goes wrong is said in one line. */
+/**
+ * Runs what a tap starts; what goes wrong is said in one line.
+ * @param {() => unknown} work @returns {(event?: Event) => Promise<void>}
+ */
 function act(work) {
   return async (event) => {
     event?.preventDefault();
-    const button = event?.submitter ?? event?.currentTarget;
+    const button = /** @type {HTMLButtonElement | null | undefined} */ (
+      /** @type {SubmitEvent | undefined} */ (event)?.submitter ?? event?.currentTarget
+    );
     if (button) button.disabled = true;
     showProblem(null);
     try {
       await work();
     } catch (error) {
-      showProblem(error.message);
+      showProblem(/** @type {Error} */ (error).message);
       if (!(error instanceof Problem || error instanceof RangeError)) console.error(error);
     } finally {
       if (button) button.disabled = false;
@@ -57,14 +76,15 @@ async function begin() {
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
     if (mediumAccess) page.mediumAccess = only(mediumAccess, Object.keys(MEDIUM_ACCESS));
   } catch (error) {
-    const isAway = error.status === 0;
-    showProblem(isAway ? WITHOUT_SERVER : error.message, isAway ? "doubt" : "fail");
+    const isAway = /** @type {Problem} */ (error).status === 0;
+    showProblem(isAway ? WITHOUT_SERVER : /** @type {Error} */ (error).message, isAway ? "doubt" : "fail");
   }
   await clearing;
 }
 
+/** @template T @param {T} values @param {string[]} names @returns {T} without what has another name */
 function only(values, names) {
-  return Object.fromEntries(names.map((name) => [name, values[name]]));
+  return /** @type {T} */ (Object.fromEntries(names.map((name) => [name, values[/** @type {keyof T} */ (name)]])));
 }
 
 /** Looks for walks that an earlier page left behind. */
@@ -73,7 +93,7 @@ async function clearUp() {
     page.walks = await findUnfinished(keeper);
     showUnfinished(page.walks, continueSending, discardWalk);
   } catch (error) {
-    showProblem(error.message);
+    showProblem(/** @type {Error} */ (error).message);
   }
 }
 
@@ -82,7 +102,7 @@ async function allow() {
   await probe();
 }
 
-/** Sound and motion, opened once. Must be called from a tap. */
+/** Sound and motion, opened once. Must be called from a tap. @returns {Promise<Phone>} */
 async function openPhone() {
   if (page.phone) return page.phone;
   page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null };
@@ -91,11 +111,15 @@ async function openPhone() {
   return page.phone;
 }
 
+/** Once the phone is opened. */
 async function probe() {
-  const { microphone, sound, play } = page.phone;
+  const phone = /** @type {Phone} */ (page.phone);
+  const { microphone, sound, play } = phone;
   showView("probe");
   showListening();
+  /** @type {number[]} */
   const times = [];
+  /** @type {number[][]} */
   const accelerations = [];
   const stop = listenToMotion((pageMs, acceleration) => {
     if (acceleration === null) return;
@@ -103,7 +127,7 @@ async function probe() {
     accelerations.push(acceleration);
   });
   const measured = await probeSound(sound, play, page.chirp.period_s);
-  page.phone.measured = measured;
+  phone.measured = measured;
   stop();
   const motion = describeMotion(times, accelerations);
   const checks = judge(describeEars(microphone), measured, motion, await freeBytes());
@@ -112,7 +136,7 @@ async function probe() {
 
 async function freeBytes() {
   const { quota, usage } = (await navigator.storage?.estimate?.()) ?? {};
-  return quota === undefined ? null : quota - usage;
+  return quota === undefined ? null : quota - /** @type {number} */ (usage);
 }
 
 function askName() {
@@ -120,19 +144,24 @@ function askName() {
   showView("name");
 }
 
+/** Once the probe has measured. */
 async function walk() {
-  const { microphone, sound, playSlots, clocks, measured } = page.phone;
+  const { microphone, sound, playSlots, clocks, measured } =
+    /** @type {Phone & {measured: import("./probe.js").Measured}} */ (page.phone);
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
   const { label, ...ears } = describeEars(microphone);
+  /** @type {import("./manifest.js").Walk} */
   const state = {
     version: 1,
     name: at("walk-name").value.trim() || usualName(now),
     device: await describeDevice(navigator),
     startPose,
     startUtc: now.toISOString(),
-    kind: document.querySelector("input[name=kind]:checked").value,
+    kind: /** @type {import("./framer.js").Kind} */ (
+      /** @type {HTMLInputElement} */ (document.querySelector("input[name=kind]:checked")).value
+    ),
     rateHz: microphone.context.sampleRate,
     chirp: page.chirp,
     capture: { microphone: label, ...ears, user_agent: navigator.userAgent },
@@ -148,6 +177,7 @@ async function walk() {
   const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
   // Sound may have been opened before the server had said how the air is shared.
   const { mediumAccess } = page;
+  /** @type {Omit<Parameters<typeof startWalking>[0], "heard">} */
   const given = {
     microphone, sound, keeper, clocks, mediumAccess, play: (delayS, tell) => playSlots(delayS, tell, mediumAccess), latencyS, sent,
     software: page.software,
@@ -160,7 +190,11 @@ async function walk() {
   page.ending = watchWalk(sent, sending, walking);
 }
 
-/** Shows a walk as it goes. Gives what ends it: a tap, or whatever makes it impossible to go on. */
+/**
+ * Shows a walk as it goes. Gives what ends it: a tap, or whatever makes it impossible to go on.
+ * @param {Sent} sent @param {Sending} sending @param {{stop: () => Promise<void>}} walking
+ * @returns {(why: string | null) => Promise<void>}
+ */
 function watchWalk(sent, sending, walking) {
   const awake = stayAwake();
   const show = () => {
@@ -169,7 +203,8 @@ function watchWalk(sent, sending, walking) {
   };
   show();
   const timer = setInterval(show, 500);
-  sending.done.catch((error) => showNetwork(error.message, false));
+  /** @type {Promise<object>} */ (/** @type {unknown} */ (sending.done))
+    .catch((error) => showNetwork(error.message, false));
   return async (why) => {
     page.ending = null;
     clearInterval(timer);
@@ -180,6 +215,7 @@ function watchWalk(sent, sending, walking) {
   };
 }
 
+/** @param {Sent} sent @param {Sending} [sending] */
 async function finish(sent, sending = startSending(sent, keeper)) {
   page.current = sent;
   page.sending = sending;
@@ -190,8 +226,12 @@ async function stop() {
   await page.ending?.(null);
 }
 
-/** A call, another app or a full phone ends the walk; what was recorded until then is kept and sent. */
+/**
+ * A call, another app or a full phone ends the walk; what was recorded until then is kept and sent.
+ * @param {import("./microphone.js").Microphone} microphone
+ */
 function watchForInterruptions({ context, track }) {
+  /** @param {string} why */
   const end = (why) => {
     page.ending?.(`${why} The walk until then is kept.`);
     locating.stopFor(why);
@@ -208,6 +248,7 @@ function watchForInterruptions({ context, track }) {
   });
 }
 
+/** @param {Sent} sent */
 async function continueSending(sent) {
   await act(async () => {
     await mend(sent, keeper, page.software);
@@ -217,6 +258,7 @@ async function continueSending(sent) {
   })();
 }
 
+/** @param {Sent} sent */
 async function discardWalk(sent) {
   if (!(await askDiscard())) return;
   await act(async () => {
@@ -236,7 +278,9 @@ function walkAgain() {
   else showView("start");
 }
 
-const locating = makeLocating({ devices: openPhone, act, problem: showProblem, paired: () => page.begun });
+const locating = makeLocating({
+  devices: openPhone, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
+});
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
@@ -247,8 +291,8 @@ at("probe-again").addEventListener("click", act(probe));
 at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
 at("stop").addEventListener("click", act(stop));
-at("send-again").addEventListener("click", act(() => finish(page.current)));
-at("discard").addEventListener("click", () => discardWalk(page.current));
+at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ (page.current))));
+at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);
 window.addEventListener("beforeunload", (event) => {
   if (page.ending) event.preventDefault();

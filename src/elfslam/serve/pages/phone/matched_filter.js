@@ -28,7 +28,10 @@ export function makeMatchedFilter(chirp, most) {
   };
 }
 
-/** The conjugate of the analytic chirp's spectrum, over the chirp's energy. */
+/**
+ * The conjugate of the analytic chirp's spectrum, over the chirp's energy.
+ * @param {Float32Array} chirp @param {number} size @param {ReturnType<typeof fourierOf>} fourier
+ */
 function kernelSpectrum(chirp, size, fourier) {
   const analytic = analyticSignal(chirp);
   const energy = chirp.reduce((sum, value) => sum + value * value, 0);
@@ -43,6 +46,10 @@ function kernelSpectrum(chirp, size, fourier) {
   return kernel;
 }
 
+/**
+ * Multiplies x by y, in place.
+ * @param {import("./fourier.js").Complex} x @param {import("./fourier.js").Complex} y
+ */
 function multiply(x, y) {
   for (let k = 0; k < x.re.length; k += 1) {
     const re = x.re[k] * y.re[k] - x.im[k] * y.im[k];
@@ -63,6 +70,7 @@ export function strongest(values, start = 0, stop = values.length) {
 /**
  * The first local peak at most `early` samples before `peak` that is at least `share` as strong, or
  * `peak`: an echo may be louder than the direct sound.
+ * @param {ArrayLike<number>} envelope @param {number} peak @param {number} early @param {number} share
  */
 export function earliest(envelope, peak, early, share) {
   for (let k = Math.max(peak - early, 1); k < peak; k += 1) {

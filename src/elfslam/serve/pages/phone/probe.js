@@ -13,6 +13,8 @@ const SUBBAND_HZ = 1000;
 const CLIPPED = 0.98;
 
 /**
+ * @typedef {{first: number, period: number, count: number}} Played samples: when the chirps were due
+ * @typedef {{delay: number, peak: number, floor: number}} Frame of the envelope, from one chirp to the next
  * @typedef {{lowHz: number, levelDb: number, snrDb: number}} Subband
  * @typedef {{
  *   peak: number, contrast: number, heard: number, frames: number, jitterS: number, latencyS: number,
@@ -25,13 +27,14 @@ const CLIPPED = 0.98;
  * @param {Float32Array} samples what was heard
  * @param {number} rateHz
  * @param {Float32Array} chirp
- * @param {{first: number, period: number, count: number}} played samples: when the chirps were due
+ * @param {Played} played
  * @param {number[]} bandHz
  * @returns {Measured}
  */
 export function measure(samples, rateHz, chirp, played, bandHz) {
   const envelope = wholeEnvelope(samples, chirp);
   const frames = framesOf(envelope, played, Math.round(RULES.earlyS * rateHz));
+  /** @param {Frame} frame */
   const isHeard = (frame) => frame.peak >= RULES.contrast * Math.max(frame.floor, 1e-9);
   // Sound may take longer than a period through the phone: its first chirp is the first that is heard.
   const late = Math.max(frames.findIndex(isHeard), 0);
@@ -51,7 +54,10 @@ export function measure(samples, rateHz, chirp, played, bandHz) {
   };
 }
 
-/** Direct sound in every whole period since the first chirp was played. */
+/**
+ * Direct sound in every whole period since the first chirp was played.
+ * @param {Float32Array} envelope @param {Played} played @param {number} early @returns {Frame[]}
+ */
 function framesOf(envelope, { first, period }, early) {
   const count = Math.max(Math.floor((envelope.length - first) / period), 0);
   return Array.from({ length: count }, (_, c) => {
@@ -62,14 +68,17 @@ function framesOf(envelope, { first, period }, early) {
   });
 }
 
+/** @param {Float32Array} envelope @param {number} start @param {number} period */
 function frameFloor(envelope, start, period) {
   return median(envelope.subarray(start, start + period));
 }
 
+/** @param {Float32Array} samples @param {Float32Array} chirp */
 function wholeEnvelope(samples, chirp) {
   return makeMatchedFilter(chirp, samples.length)(samples);
 }
 
+/** @param {Float32Array} samples @param {(value: number) => boolean} test */
 function shareOf(samples, test) {
   let count = 0;
   for (const value of samples) count += test(value) ? 1 : 0;
@@ -79,6 +88,9 @@ function shareOf(samples, test) {
 /**
  * Power by frequency while the chirp is heard, over that of the noise: while nothing was played, or at the
  * end of each frame, whichever is less; other phones and echoes are no noise of this one.
+ * @param {Float32Array} samples @param {number} rateHz @param {Played} played
+ * @param {number} delay samples from playing to hearing @param {number[]} bandHz
+ * @returns {Subband[]}
  */
 function subbandsOf(samples, rateHz, played, delay, [lowHz, highHz]) {
   const lag = Number.isFinite(delay) ? delay : 0;
@@ -105,6 +117,7 @@ function subbandsOf(samples, rateHz, played, delay, [lowHz, highHz]) {
   });
 }
 
+/** By frequency. @param {Float32Array} samples @param {number[]} starts */
 function meanPower(samples, starts) {
   const { forward } = fourierOf(SPECTRUM);
   const power = new Float64Array(SPECTRUM / 2);
@@ -120,16 +133,20 @@ function meanPower(samples, starts) {
   return power.map((value) => value / Math.max(whole.length, 1) / (SPECTRUM / 2) ** 2);
 }
 
+/** @param {number} n */
 function fade(n) {
   const edge = Math.min(n + 0.5, SPECTRUM - n - 0.5) / FADE;
   return edge < 1 ? Math.sin((Math.PI / 2) * edge) ** 2 : 1;
 }
 
+/** @param {Float64Array} power @param {number} edgeHz @param {number} rateHz */
 function bandPower(power, edgeHz, rateHz) {
+  /** @param {number} hz */
   const bin = (hz) => Math.round((hz * SPECTRUM) / rateHz);
   return power.subarray(bin(edgeHz), bin(edgeHz + SUBBAND_HZ)).reduce((sum, value) => sum + value, 0);
 }
 
+/** @param {number} ratio of powers */
 function decibels(ratio) {
   return 10 * Math.log10(Math.max(ratio, 1e-20));
 }

@@ -19,6 +19,7 @@ const PARAMETERS = {
 
 /**
  * @typedef {import("./arrivals.js").Arrival & {played: number}} Arrival
+ * @typedef {import("../line/echo_schedule.js").Scheduled} Scheduled
  */
 
 /**
@@ -32,29 +33,38 @@ const PARAMETERS = {
 export function makeScheduled({ rateHz, chirp, period, guess }) {
   const envelopeOf = makeEnvelope(chirp);
   const envelope = makeStream(HEARD_S * rateHz);
+  /** @type {import("../line/echo_schedule.js").ScheduleSearch | null} */
   let search = null;
   let hasHeard = false;
 
+  /** @param {number} sample */
   const played = (sample) => {
     if (search) search.played(sample);
     else search = makeScheduleSearch(sample, period, PARAMETERS, { rateHz, guess });
   };
 
-  /** Chirps that were played before any was heard went somewhere else. */
+  /** Chirps that were played before any was heard went somewhere else. @param {Scheduled} arrival */
   const isKept = ({ sample, isFound }) => {
     hasHeard ||= isFound;
     return hasHeard && sample >= 0;
   };
 
+  /** @param {Float32Array} samples */
   const push = (samples) => {
     envelope.append(envelope.end(), envelopeOf.push(samples));
+    /** @type {Scheduled[]} */
     const arrivals = [];
-    for (let more = []; more; more = search?.next(envelope, false)) arrivals.push(...more.filter(isKept));
+    for (
+      let more = /** @type {Scheduled[] | null | undefined} */ ([]);
+      more;
+      more = /** @type {Scheduled[] | null | undefined} */ (search?.next(envelope, false))
+    ) arrivals.push(...more.filter(isKept));
     const needed = Math.min(search?.needs() ?? Infinity, envelope.end() - HEARD_S * rateHz);
     envelope.forget(needed - 2 * period);
     return arrivals.map(({ level, isFound, ...arrival }) => ({ ...arrival, isFound, peak: isFound ? level : 0 }));
   };
 
+  /** @type {import("./hearing.js").HeardSound} */
   const heard = {
     envelope: envelope.slice,
     end: envelope.end,

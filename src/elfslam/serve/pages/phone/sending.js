@@ -22,6 +22,12 @@ const LEAST_WAIT_S = 1;
  *   save: (reserve?: number) => Promise<void>,
  * }} Sent a walk on its way: its key, what is known of it, how much of each file is there
  * @typedef {{sent: Record<string, number>, trouble: string | null}} Progress
+ * @typedef {import("./keeper.js").Keeper} Keeper
+ * @typedef {Problem & {wasMoving?: boolean, retryAfterS?: number}} Setback wasMoving: bytes were accepted before it
+ * @typedef {{name: string, size_bytes: number, sha256: string}} SentFile
+ * @typedef {{getStatus: () => number, getBody: () => string,
+ *   getHeader: (name: string) => string | undefined}} Answer of the server, as the upload library gives it
+ * @typedef {Error & {originalRequest?: object, originalResponse?: Answer | null}} UploadError
  */
 
 /** Thrown where trying again is of no use. */
@@ -29,17 +35,21 @@ export class Stuck extends Error {}
 
 /**
  * @param {Sent} sent
- * @param {import("./keeper.js").Keeper} keeper
+ * @param {Keeper} keeper
  * @param {string[]} names of the files, `recording.json` last
  * @param {(progress: Progress) => void} tell
  * @param {AbortSignal} signal
  * @returns {Promise<object>} the recording as the server has it. Raises Stuck.
  */
 export async function sendWalk(sent, keeper, names, tell, signal) {
+  /** @type {Progress} */
   const progress = { sent: {}, trouble: null };
+  /** @param {Partial<Progress>} change */
   const report = (change) => tell(Object.assign(progress, change));
+  /** @param {string} name @param {number} bytes */
   const note = (name, bytes) =>
     report({ sent: { ...progress.sent, [name]: bytes }, trouble: null });
+  /** @template T @param {() => Promise<T>} work */
   const tried = (work) => persist(work, report, signal);
   await tried(() => createRecording(sent));
   const filled = await Promise.all(
@@ -55,16 +65,17 @@ export async function sendWalk(sent, keeper, names, tell, signal) {
   return tried(() => complete(sent, files));
 }
 
+/** @param {Sent} sent @param {SentFile[]} files */
 async function complete(sent, files) {
   const path = `/api/recordings/${sent.state.recording}/complete`;
   try {
     return await ask("POST", path, { files, map: true });
   } catch (error) {
-    if (error.status === 404) throw deletedThere();
-    if (error.status !== 409) throw error;
+    if (/** @type {Problem} */ (error).status === 404) throw deletedThere();
+    if (/** @type {Problem} */ (error).status !== 409) throw error;
     sent.state.uploads = {};
     await sent.save();
-    throw new Stuck(`${error.message} Try again: the walk is then sent anew.`);
+    throw new Stuck(`${/** @type {Problem} */ (error).message} Try again: the walk is then sent anew.`);
   }
 }
 
@@ -72,7 +83,11 @@ function deletedThere() {
   return new Stuck("The server has deleted this walk. Discard it here too, or record it again.");
 }
 
-/** Do the work again and again until it is done. */
+/**
+ * Do the work again and again until it is done.
+ * @template T @param {() => Promise<T>} work
+ * @param {(change: Partial<Progress>) => void} report @param {AbortSignal} signal
+ */
 async function persist(work, report, signal) {
   for (let attempt = 0; ; attempt += 1) {
     signal.throwIfAborted();
@@ -82,9 +97,11 @@ async function persist(work, report, signal) {
       return result;
     } catch (error) {
       if (signal.aborted) throw error;
-      if (error.wasMoving) attempt = 0;
-      if (!(error instanceof Problem)) throw error instanceof Stuck ? error : new Stuck(error.message);
-      const trouble = troubleOf(error.status, error.message, attempt, error.retryAfterS);
+      if (/** @type {Setback} */ (error).wasMoving) attempt = 0;
+      if (!(error instanceof Problem)) throw error instanceof Stuck
+        ? error
+        : new Stuck(/** @type {Error} */ (error).message);
+      const trouble = troubleOf(error.status, error.message, attempt, /** @type {Setback} */ (error).retryAfterS);
       if (trouble.retryS === null) throw new Stuck(trouble.said);
       report({ trouble: trouble.said });
       await patience(Math.max(trouble.retryS, LEAST_WAIT_S), signal);
@@ -92,7 +109,10 @@ async function persist(work, report, signal) {
   }
 }
 
-/** Waits, but no longer than until the network is back. */
+/**
+ * Waits, but no longer than until the network is back.
+ * @param {number} seconds @param {AbortSignal} signal @returns {Promise<void>}
+ */
 function patience(seconds, signal) {
   return new Promise((resolve) => {
     const done = () => {
@@ -107,21 +127,28 @@ function patience(seconds, signal) {
   });
 }
 
+/** @param {Sent} sent */
 async function createRecording(sent) {
   const { state } = sent;
   if (state.recording !== null) return;
+  /** @type {{name: string, device: string, start_pose?: number[]}} */
   const body = { name: state.name, device: state.device };
   if (state.startPose !== null) body.start_pose = state.startPose;
   state.recording = (await ask("POST", "/api/recordings", body)).id;
   await sent.save();
 }
 
-/** One attempt at one file, from wherever the server has got to. */
+/**
+ * One attempt at one file, from wherever the server has got to.
+ * @param {Sent} sent @param {Keeper} keeper @param {string} name
+ * @param {(name: string, bytes: number) => void} note @param {AbortSignal} signal
+ * @returns {Promise<void>}
+ */
 function sendFile(sent, keeper, name, note, signal) {
   const { state } = sent;
   let isMoving = false;
   return new Promise((resolve, reject) => {
-    const upload = new globalThis.tus.Upload(name, {
+    const upload = new /** @type {any} */ (globalThis).tus.Upload(name, {
       ...(state.uploads[name] ? { uploadUrl: state.uploads[name] } : { endpoint: ENDPOINT }),
       metadata: { recording: state.recording, filename: name },
       uploadLengthDeferred: true,
@@ -134,7 +161,7 @@ function sendFile(sent, keeper, name, note, signal) {
         state.uploads[name] = upload.url;
         sent.save().catch(reject);
       },
-      onChunkComplete: (_, accepted) => {
+      onChunkComplete: (/** @type {number} */ _, /** @type {number} */ accepted) => {
         isMoving = true;
         note(name, accepted);
       },
@@ -142,7 +169,7 @@ function sendFile(sent, keeper, name, note, signal) {
         note(name, sent.sizes[name] ?? 0);
         resolve();
       },
-      onError: (error) => reject(problemOf(error, state, name, isMoving)),
+      onError: (/** @type {UploadError} */ error) => reject(problemOf(error, state, name, isMoving)),
     });
     signal.addEventListener("abort", () => {
       upload.abort();
@@ -152,7 +179,11 @@ function sendFile(sent, keeper, name, note, signal) {
   });
 }
 
-/** What the upload library reports, as a Problem; an upload that the server dropped is forgotten. */
+/**
+ * What the upload library reports, as a Problem; an upload that the server dropped is forgotten.
+ * @param {UploadError} error @param {import("./manifest.js").Walk} state
+ * @param {string} name @param {boolean} wasMoving
+ */
 function problemOf(error, state, name, wasMoving) {
   if (!("originalRequest" in error)) return error;
   const response = error.originalResponse;
@@ -168,17 +199,22 @@ function problemOf(error, state, name, wasMoving) {
   });
 }
 
+/** Empty where the body says nothing, or is none. @param {string | undefined} body @returns {string} */
 function detailIn(body) {
   try {
-    return JSON.parse(body).detail ?? "";
+    return JSON.parse(/** @type {string} */ (body)).detail ?? "";
   } catch {
     return "";
   }
 }
 
-/** A file that grows while it is read; it is done when the walk is over and all of it was given. */
+/**
+ * A file that grows while it is read; it is done when the walk is over and all of it was given.
+ * @param {Sent} sent @param {Keeper} keeper @param {string} name @param {AbortSignal} signal
+ */
 function sourceOf(sent, keeper, name, signal) {
   const size = sizeOf(sent, name);
+  /** @param {number} start @param {number} end */
   const slice = async (start, end) => {
     await moreThan(start, size, () => sent.state.isOver, signal);
     const stop = Math.min(end, size());
@@ -190,8 +226,13 @@ function sourceOf(sent, keeper, name, signal) {
   return { size: null, slice, close: () => {} };
 }
 
+/** @param {Sent} sent @param {string} name */
 const sizeOf = (sent, name) => () => sent.sizes[name] ?? 0;
 
+/**
+ * Waits until there is more than so much of it, or the walk is over.
+ * @param {number} start @param {() => number} size @param {() => boolean} isOver @param {AbortSignal} signal
+ */
 async function moreThan(start, size, isOver, signal) {
   const since = performance.now();
   while (!isOver()) {
@@ -201,6 +242,7 @@ async function moreThan(start, size, isOver, signal) {
   }
 }
 
+/** @param {Sent} sent @param {Keeper} keeper @param {string} name @returns {Promise<SentFile>} */
 async function describeFile(sent, keeper, name) {
   const size = sent.sizes[name] ?? 0;
   const bytes = await keeper.ask({ do: "read", walk: sent.walk, name, start: 0, end: size });

@@ -9,14 +9,24 @@ import { makeHearing } from "./hearing.js";
 import { measure } from "./probe.js";
 import { FRAME_HEADERS, wavHeader } from "./sound_files.js";
 
-/** @type {{rateHz: number, chirp: import("./chirp.js").Chirp, samples: Float32Array} | null} */
-let sound = null;
-let keeper = null;
+/**
+ * @typedef {import("./framer.js").Kind} Kind
+ * @typedef {import("./hearing.js").Told} Told
+ * @typedef {{rateHz: number, chirp: import("./chirp.js").Chirp}} Played
+ * @typedef {[name: string, bytes: Uint8Array][]} Parts of files
+ */
+
+/** Both are there from the page's first order on, `open`. */
+let sound = /** @type {Played & {samples: Float32Array}} */ (/** @type {unknown} */ (null));
+let keeper = /** @type {MessagePort} */ (/** @type {unknown} */ (null));
+/** @type {(first: number, samples: Float32Array) => void} */
 let take = (_first, _samples) => {};
 let finish = () => {};
+/** @type {(slot: Told) => void} */
 let note = (_slot) => {};
 
 const orders = {
+  /** @param {Played & {source: MessagePort, store: MessagePort}} order */
   open({ rateHz, chirp, source, store }) {
     sound = { rateHz, chirp, samples: makeChirp(chirp, rateHz) };
     keeper = store;
@@ -25,12 +35,14 @@ const orders = {
   listen: startListening,
   measure: answerMeasured,
   record: startRecording,
+  /** @param {{slot: Told}} order */
   slot: ({ slot }) => note(slot),
   stop: () => finish(),
 };
 
-self.onmessage = ({ data }) => orders[data.do](data);
+self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.do)](data);
 
+/** @type {{first: number, blocks: Float32Array[]}} */
 let heard = { first: 0, blocks: [] };
 
 function startListening() {
@@ -41,7 +53,10 @@ function startListening() {
   };
 }
 
-/** `due` is the frame of the context's clock at which the first of `count` chirps was played. */
+/**
+ * `due` is the frame of the context's clock at which the first of `count` chirps was played.
+ * @param {{due: number, count: number}} order
+ */
 function answerMeasured({ due, count }) {
   take = () => {};
   const samples = joined(heard.blocks);
@@ -54,6 +69,8 @@ function answerMeasured({ due, count }) {
 /**
  * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
  * sound took from playing to hearing until now, null where nobody knows.
+ * @param {{walk: string, kind: Kind, latencyS?: number | null,
+ *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters}} order
  */
 function startRecording({ walk, kind, mediumAccess, latencyS = null }) {
   const { rateHz } = sound;
@@ -89,29 +106,40 @@ function startRecording({ walk, kind, mediumAccess, latencyS = null }) {
 
 const FILES = { baseband: ["baseband.csv", "baseband.iq"], whole: ["frames.csv", "frames.wav"] };
 
+/** @param {string} walk @param {Kind} kind */
 function keepHeaders(walk, kind) {
   const [table, file] = FILES[kind];
   const header = kind === "whole" ? wavHeader(sound.rateHz) : new Uint8Array(0);
   keep(walk, [[table, new TextEncoder().encode(FRAME_HEADERS[kind])], [file, header]]);
 }
 
-/** The row goes before its frame: what is found after a crash can be told from it. */
+/**
+ * The row goes before its frame: what is found after a crash can be told from it. How late the chirp came is
+ * NaN where nobody told when it was played.
+ * @param {string} walk @param {Kind} kind @param {import("./framer.js").Frame} frame
+ */
 function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
   const [table, file] = FILES[kind];
   keep(walk, [[table, new TextEncoder().encode(row)], [file, bytes]]);
   const directS = arrival.sample / sound.rateHz;
   const jumpedS = arrival.jumped / sound.rateHz;
-  const lateS = (arrival.sample - arrival.played) / sound.rateHz;
+  const lateS = (arrival.sample - /** @type {number} */ (arrival.played)) / sound.rateHz;
   self.postMessage({ is: "frame", tS, directS, lateS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
 }
 
+/** @type {Record<string, number>} */
 let sizes = {};
 
+/** @param {string} walk @param {Parts} parts */
 function keep(walk, parts) {
   for (const [name, bytes] of parts) sizes[name] = (sizes[name] ?? 0) + bytes.length;
-  keeper.postMessage({ do: "append", walk, parts }, parts.map(([, bytes]) => bytes.buffer));
+  keeper.postMessage(
+    { do: "append", walk, parts },
+    parts.map(([, bytes]) => /** @type {ArrayBuffer} */ (bytes.buffer)),
+  );
 }
 
+/** @param {Float32Array[]} blocks */
 function joined(blocks) {
   const out = new Float32Array(blocks.reduce((sum, block) => sum + block.length, 0));
   let at = 0;

@@ -26,7 +26,21 @@ const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
 const CHIRPS_HEADER = "t_s,gain_db\n";
 
-/** Reads both clocks again and again. @returns {{line: () => import("./clocks.js").Line, stop: () => void}} */
+/**
+ * @typedef {import("./manifest.js").Facts} Facts
+ * @typedef {import("./sending.js").Sent} Sent
+ * @typedef {import("./keeper.js").Keeper} Keeper
+ * @typedef {import("./sound.js").Sound} Sound
+ * @typedef {import("../line/medium_access.js").MediumAccessParameters} MediumAccessParameters
+ * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock
+ * @typedef {{pageMs: number, acceleration: number[] | null, turning: number[] | null}} Reading
+ */
+
+/**
+ * Reads both clocks again and again.
+ * @param {AudioContext} context
+ * @returns {{line: () => import("./clocks.js").Line, stop: () => void}}
+ */
 export function watchClocks(context) {
   const pairs = [readClocks(context, performance.now())];
   const timer = setInterval(() => {
@@ -41,14 +55,17 @@ export function watchClocks(context) {
  * @param {(tS: number, acceleration: number[]) => void} onReading
  */
 export function makeMotionLog(onReading) {
+  /** @type {Reading[]} */
   let waiting = [];
   let last = { acceleration: -Infinity, turning: -Infinity };
+  /** @param {"acceleration" | "turning"} kind @param {number} tS @param {number[] | null} values */
   const row = (kind, tS, values) => {
     if (values === null || tS < Math.max(last[kind] + LEAST_STEP_S, 0)) return "";
     last = { ...last, [kind]: tS };
     return tableRow(tS, values);
   };
   return {
+    /** @param {number} pageMs @param {number[] | null} acceleration @param {number[] | null} turning */
     add: (pageMs, acceleration, turning) => waiting.push({ pageMs, acceleration, turning }),
     /**
      * Rows of both tables up to now; those later than `untilS` wait.
@@ -56,6 +73,7 @@ export function makeMotionLog(onReading) {
      */
     take: (timeOf, untilS = Infinity) => {
       const rows = { "accelerometer.csv": "", "gyroscope.csv": "" };
+      /** @param {Reading} reading */
       const isLater = ({ pageMs }) => timeOf(pageMs) > untilS;
       for (const { pageMs, acceleration, turning } of waiting.filter((each) => !isLater(each))) {
         const tS = timeOf(pageMs);
@@ -71,11 +89,11 @@ export function makeMotionLog(onReading) {
 
 /**
  * @param {{
- *   microphone: import("./microphone.js").Microphone, sound: import("./sound.js").Sound,
- *   keeper: import("./keeper.js").Keeper, clocks: ReturnType<typeof watchClocks>,
- *   play: (delayS: number, tell: (slot: object) => void) => ReturnType<typeof import("./player.js").startSlots>,
- *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters, latencyS: number | null,
- *   sent: import("./sending.js").Sent, software: string, heard: (peak: number, isFound: boolean) => void,
+ *   microphone: import("./microphone.js").Microphone, sound: Sound,
+ *   keeper: Keeper, clocks: ReturnType<typeof watchClocks>,
+ *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./player.js").startSlots>,
+ *   mediumAccess: MediumAccessParameters, latencyS: number | null,
+ *   sent: Sent, software: string, heard: (peak: number, isFound: boolean) => void,
  * }} given
  * @returns {Promise<{stop: () => Promise<void>}>}
  */
@@ -84,6 +102,7 @@ export async function startWalking(given) {
   const { state, walk } = sent;
   const rateHz = microphone.context.sampleRate;
   state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
+  /** @param {string} name @param {string} text */
   const keep = (name, text) => keeper.ask(appendOrder(walk, name, text));
   await sent.save();
 
@@ -126,6 +145,7 @@ export async function startWalking(given) {
     if (!isKnown && !(state.facts.seconds > LATENCY_PATIENCE_S)) return;
     const line = clocks.line();
     const lateS = (late.latencyS() ?? 0) - zero / rateHz;
+    /** @param {number} pageMs */
     const timeOf = (pageMs) => soundTime(line, pageMs) + lateS;
     const rows = log.take(timeOf, isKnown ? soundUntilS() : Infinity);
     for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
@@ -150,7 +170,10 @@ export async function startWalking(given) {
   return { stop };
 }
 
-/** Nothing more is added: the manifest is written, and the walk may be finished by any page. */
+/**
+ * Nothing more is added: the manifest is written, and the walk may be finished by any page.
+ * @param {Sent} sent @param {Keeper} keeper @param {string} software
+ */
 export async function closeWalk(sent, keeper, software) {
   const order = appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software));
   sent.sizes["recording.json"] = order.parts[0][1].length;
@@ -160,16 +183,26 @@ export async function closeWalk(sent, keeper, software) {
   await sent.save();
 }
 
+/**
+ * @param {string} walk @param {string} name @param {string} text
+ * @returns {{do: "append", walk: string, parts: [string, Uint8Array][]}}
+ */
 function appendOrder(walk, name, text) {
   return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
 }
 
+/**
+ * @param {Sound} sound @param {import("./manifest.js").Walk} state @param {string} walk
+ * @param {MediumAccessParameters} mediumAccess @param {number | null} latencyS
+ * @returns {Promise<number>} the frame of the clock at which the recording began
+ */
 async function beginSound(sound, { kind }, walk, mediumAccess, latencyS) {
   const started = sound.answer("started");
   sound.order({ do: "record", walk, kind, mediumAccess, latencyS });
   return (await started).zero;
 }
 
+/** @param {Facts} facts @param {{tS: number, jumpedS: number, isFound: boolean}} frame */
 function noteFrame(facts, { tS, jumpedS, isFound }) {
   facts.frames += 1;
   if (!isFound) facts.missed += 1;
@@ -182,10 +215,12 @@ function noteFrame(facts, { tS, jumpedS, isFound }) {
  * @param {number} rateHz
  */
 export function makeChirpLog(zero, rateHz) {
+  /** @type {{frame: number, gainDb: number}[]} */
   let chirps = [];
   return {
+    /** @param {number} frame @param {number} gainDb */
     add: (frame, gainDb) => chirps.push({ frame, gainDb }),
-    /** Rows of those that began before a frame of the clock. */
+    /** Rows of those that began before a frame of the clock. @param {number} before */
     take: (before) => {
       const begun = chirps.filter(({ frame }) => frame < before);
       chirps = chirps.filter(({ frame }) => frame >= before);
@@ -199,8 +234,11 @@ export function makeChirpLog(zero, rateHz) {
  * loses sound.
  */
 export function makeLateness() {
+  /** @type {number[]} */
   let recent = [];
+  /** @type {number | null} */
   let lastS = null;
+  /** @param {number} directS @param {number} lateS */
   const add = (directS, lateS) => {
     recent = [...recent, lateS].slice(-RECENT);
     lastS = directS;
@@ -212,6 +250,10 @@ export function makeLateness() {
   };
 }
 
+/**
+ * @param {AudioContext} context @param {number} zero frame of the clock at which the recording began
+ * @param {Sent} sent @param {() => Promise<void>} flush
+ */
 function everySecond(context, zero, sent, flush) {
   let count = 0;
   return setInterval(async () => {
@@ -226,11 +268,13 @@ function everySecond(context, zero, sent, flush) {
   }, FLUSH_EVERY_MS);
 }
 
+/** @param {Sent} sent @param {Record<string, number>} sizes */
 async function untilKept(sent, sizes) {
   const isKept = () => Object.entries(sizes).every(([name, size]) => (sent.sizes[name] ?? 0) >= size);
   for (let k = 0; k < 100 && !isKept(); k += 1) await pause(50);
 }
 
+/** @param {number} milliseconds @returns {Promise<void>} */
 function pause(milliseconds) {
   return new Promise((resolve) => setTimeout(resolve, milliseconds));
 }
