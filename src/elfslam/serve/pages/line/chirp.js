@@ -37,6 +37,7 @@ export function checkRate(rateHz) {
   }
 }
 
+/** @param {string} kind */
 function checkKind(kind) {
   if (kind !== "chirp") {
     throw new RangeError(
@@ -45,12 +46,13 @@ function checkKind(kind) {
   }
 }
 
-/** Turns of the logarithmic sweep since its start. */
+/** Turns of the logarithmic sweep since its start. @param {ChirpParameters} parameters @param {number} tS */
 function turns({ band_low_hz: lowHz, band_high_hz: highHz, duration_s: durationS }, tS) {
   const ratio = highHz / lowHz;
   return ((lowHz * durationS) / Math.log(ratio)) * (ratio ** (tS / durationS) - 1);
 }
 
+/** @param {number} edgeS @param {number} fadeS */
 function fade(edgeS, fadeS) {
   return fadeS === 0 ? 1 : 0.5 - 0.5 * Math.cos(Math.PI * Math.min(edgeS / fadeS, 1));
 }

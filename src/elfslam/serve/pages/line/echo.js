@@ -18,11 +18,15 @@ const HEARD = 4 * ECHO_RATE_HZ;
 const UNASKED = 1000;
 
 /**
+ * @typedef {import("./echo_arrivals.js").Arrival} Arrival
+ * @typedef {import("./echo_arrivals.js").EchoParameters} EchoParameters
+ * @typedef {import("./echo_facts.js").FrameFacts} FrameFacts
+ * @typedef {import("./echo_schedule.js").ScheduleSearch} ScheduleSearch
  * @typedef {{tS: number, samples: Float32Array, directLevel: number,
  *   facts: {lateS: number, jumpedS: number}}} Echo tS: of the direct arrival, on the clock of the samples
  *   that came in; samples (2352) at 44.1 kHz; lateS: after it was due; jumpedS: where it came off its time
  * @typedef {{push: (first: number, samples: Float32Array) => Echo[], end: () => Echo[],
- *   frames: () => import("./echo_facts.js").FrameFacts[],
+ *   frames: () => FrameFacts[],
  *   played: (tS: number, gainDb?: number) => void,
  *   latenessS: () => number | null,
  *   heard: import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}}} EchoCutter
@@ -40,8 +44,9 @@ const UNASKED = 1000;
  *
  * Times are those of the clock that counts the samples. Python, that knows recordings only as what is
  * left of them, puts lost stretches back; a page is told which samples it lost.
- * @param {{rateHz: number, chirp: Float32Array, parameters: {chirp: Object, echo: Object}}} given chirp:
- *   as it is played at `rateHz`, 44100 or 48000; parameters: groups as elfslam names them
+ * @param {{rateHz: number, chirp: Float32Array,
+ *   parameters: {chirp: {period_s: number}, echo: EchoParameters}}} given chirp: as it is
+ *   played at `rateHz`, 44100 or 48000; parameters: groups as elfslam names them
  * @returns {EchoCutter}
  */
 export function makeEchoCutter({ rateHz, chirp, parameters }) {
@@ -50,13 +55,19 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   const period = Math.round(parameters.chirp.period_s * ECHO_RATE_HZ);
   const [sound, envelope] = [makeStream(ECHO_RATE_HZ), makeStream(ECHO_RATE_HZ)];
   const byPeriod = makePeriodSearch(period, parameters.echo);
+  /** @type {ScheduleSearch | null} */
   let bySchedule = null;
   const facts = makeFacts();
+  /** @type {[[number, number | undefined][], Arrival[], FrameFacts[]]} */
   let [told, waiting, known] = [[], [], []];
   let latest = -1;
-  /** How loud chirps were played that are not heard yet, by their samples. */
+  /**
+   * How loud chirps were played that are not heard yet, by their samples.
+   * @type {Map<number | undefined, number | undefined>}
+   */
   const gains = new Map();
 
+  /** @param {number} tS @param {number} [gainDb] */
   const played = (tS, gainDb) => {
     if (!input.hasBegun()) {
       told.push([tS, gainDb]);
@@ -68,17 +79,22 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     else bySchedule = makeScheduleSearch(sample, period, parameters.echo);
   };
 
+  /** @returns {import("./echo_arrivals.js").Search} */
   const search = () => {
     const isScheduled = bySchedule && (byPeriod.due() ?? Infinity) >= bySchedule.first;
-    return isScheduled ? bySchedule : byPeriod;
+    return isScheduled ? /** @type {ScheduleSearch} */ (bySchedule) : byPeriod;
   };
 
+  /** @param {Float32Array} samples @param {boolean} isOver */
   const take = (samples, isOver) => {
     sound.append(sound.end(), samples);
     envelope.append(envelope.end(), envelopeOf.push(samples));
     if (isOver) envelope.append(envelope.end(), envelopeOf.end());
+    /** @type {Arrival[]} */
     const arrivals = [];
-    for (let more = []; more; more = search().next(envelope, isOver)) arrivals.push(...more.filter(isLater));
+    for (let more = /** @type {Arrival[] | null} */ ([]); more; more = search().next(envelope, isOver)) {
+      arrivals.push(...more.filter(isLater));
+    }
     waiting.push(...arrivals.filter(({ isFound }) => isFound));
     const louder = arrivals.map(withGain);
     known = [...known, ...facts.take(louder, { sound, envelope }, isOver)].slice(-UNASKED);
@@ -87,13 +103,14 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     return echoes;
   };
 
-  /** A chirp that was found untold may be told of after all. */
+  /** A chirp that was found untold may be told of after all. @param {Arrival} arrival */
   const isLater = ({ sample }) => {
     if (sample <= latest) return false;
     latest = sample;
     return true;
   };
 
+  /** @param {Arrival} arrival */
   const withGain = (arrival) => {
     const gainDb = gains.get(arrival.played);
     gains.delete(arrival.played);
@@ -106,6 +123,7 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     return ready.map(cut).filter(({ samples }) => samples.some((value) => value !== 0));
   };
 
+  /** @param {Arrival} arrival @returns {Echo} */
   const cut = ({ sample, due, level, jumped }) => ({
     tS: input.startS() + sample / ECHO_RATE_HZ,
     samples: sound.slice(sample + DISCARDED_SAMPLES, endOf(sample)),
@@ -121,6 +139,7 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     sound.forget(Math.min(before, waiting[0]?.sample ?? Infinity));
   };
 
+  /** @param {number} first @param {Float32Array} samples */
   const push = (first, samples) => {
     const blocks = input.push(first, samples);
     told.splice(0).forEach(([tS, gainDb]) => played(tS, gainDb));
@@ -134,6 +153,7 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
     return late === null ? null : late / ECHO_RATE_HZ;
   };
 
+  /** @type {EchoCutter["heard"]} */
   const heard = {
     envelope: envelope.slice,
     end: envelope.end,
@@ -143,15 +163,18 @@ export function makeEchoCutter({ rateHz, chirp, parameters }) {
   return { push, played, frames, latenessS, heard, end: () => take(input.end(), true) };
 }
 
+/** @param {number} sample */
 function endOf(sample) {
   return sample + DISCARDED_SAMPLES + ECHO_SAMPLES;
 }
 
-/** The samples at 44.1 kHz, without gaps and in blocks of a second at most. */
+/** The samples at 44.1 kHz, without gaps and in blocks of a second at most. @param {number} rateHz */
 function makeInput(rateHz) {
   const resampler = makeResampler(rateHz);
+  /** @type {number | null} */
   let start = null;
   let next = 0;
+  /** @param {number} first @param {Float32Array} samples */
   const push = (first, samples) => {
     start ??= first;
     const blocks = [];
@@ -163,5 +186,6 @@ function makeInput(rateHz) {
     next += blocks.reduce((sum, block) => sum + block.length, 0);
     return blocks.map(resampler.push);
   };
-  return { push, end: resampler.end, hasBegun: () => start !== null, startS: () => start / rateHz };
+  const startS = () => /** @type {number} */ (start) / rateHz;
+  return { push, end: resampler.end, hasBegun: () => start !== null, startS };
 }

@@ -17,8 +17,10 @@ export function makeEnvelope(template) {
   const size = powerOfTwo(4 * template.length);
   const filter = makeMatchedFilter(template, size);
   const block = size - template.length + 1;
+  /** @type {Float32Array} */
   let held = new Float32Array(0);
 
+  /** @param {Float32Array} samples */
   const push = (samples) => {
     held = joined(held, samples);
     const blocks = Math.max(Math.floor((held.length - template.length + 1) / block), 0);
@@ -38,7 +40,10 @@ export function makeEnvelope(template) {
   return { push, end };
 }
 
-/** The template as scipy.signal.resample takes it from one rate to a lower one: by its spectrum. */
+/**
+ * The template as scipy.signal.resample takes it from one rate to a lower one: by its spectrum.
+ * @param {Float32Array} chirp @param {number} rateHz @returns {Float32Array}
+ */
 export function atEchoRate(chirp, rateHz) {
   const count = Math.round((chirp.length * ECHO_RATE_HZ) / rateHz);
   if (count === chirp.length) return chirp;
@@ -55,6 +60,7 @@ export function atEchoRate(chirp, rateHz) {
   return out;
 }
 
+/** @param {Float32Array} samples @param {number} highest frequency */
 function lowSpectrum(samples, highest) {
   const spectrum = complexZeros(highest + 1);
   for (let f = 0; f <= highest; f += 1) {

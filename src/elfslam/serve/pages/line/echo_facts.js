@@ -9,6 +9,12 @@ const OVER = Math.round(0.065 * ECHO_RATE_HZ);
 const FULL_SCALE = 0.999;
 
 /**
+ * @typedef {import("../phone/stream.js").Stream} Stream
+ * @typedef {{sound: Stream, envelope: Stream}} Heard
+ * @typedef {import("./echo_arrivals.js").Arrival & {gainDb?: number}} Played
+ */
+
+/**
  * Of the envelope of the matched filter: `level` of the direct sound, `before` the largest in the quiet
  * stretch before it over that, `noise` the typical there, `tail` the largest once its echoes are over.
  * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, tail: number,
@@ -19,31 +25,37 @@ const FULL_SCALE = 0.999;
 
 /**
  * Facts of chirps as they become complete, which is when the next one has come or has been missed.
- * @returns {{take: (arrivals: import("./echo_arrivals.js").Arrival[],
- *   heard: {sound: import("../phone/stream.js").Stream, envelope: import("../phone/stream.js").Stream},
- *   isOver: boolean) => FrameFacts[], needs: () => number}}
+ * @returns {{take: (arrivals: Played[], heard: Heard, isOver: boolean) => FrameFacts[], needs: () => number}}
  */
 export function makeFacts() {
+  /** @type {number | null} */
   let before = null;
+  /** @type {Played[]} */
   const waiting = [];
 
+  /** @param {Played[]} arrivals @param {Heard} heard @param {boolean} isOver */
   const take = (arrivals, heard, isOver) => {
     waiting.push(...arrivals);
     const facts = [];
     while (waiting.length > 0 && isComplete(heard.sound, isOver)) {
       const [arrival, next] = waiting;
       facts.push(factsOf(arrival, before, next, heard));
-      before = waiting.shift().sample;
+      before = /** @type {Played} */ (waiting.shift()).sample;
     }
     return facts;
   };
 
+  /** @param {Stream} sound @param {boolean} isOver */
   const isComplete = (sound, isOver) =>
     isOver || (waiting.length > 1 && sound.end() >= waiting[0].sample + OVER);
 
   return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
 }
 
+/**
+ * @param {Played} arrival @param {number | null} before @param {Played | undefined} next @param {Heard} heard
+ * @returns {FrameFacts}
+ */
 function factsOf({ sample, due, level, isFound, gainDb }, before, next, { sound, envelope }) {
   const dueS = due / ECHO_RATE_HZ;
   const lateS = isFound ? (sample - due) / ECHO_RATE_HZ : NaN;
@@ -65,14 +77,17 @@ function factsOf({ sample, due, level, isFound, gainDb }, before, next, { sound,
   };
 }
 
+/** @param {Stream} stream @param {number} from @param {number} to */
 function between(stream, from, to) {
   return stream.slice(from, Math.max(Math.min(to, stream.end()), from));
 }
 
+/** @param {Float32Array} values */
 function most(values) {
   return values.reduce((highest, value) => Math.max(highest, value), 0);
 }
 
+/** @param {Float32Array} values */
 function middle(values) {
   if (values.length === 0) return 0;
   const half = values.length >> 1;

@@ -28,6 +28,9 @@ const APART_S = 0.02;
 const REMEMBERED = 100;
 
 /**
+ * @typedef {import("./echo_arrivals.js").EchoParameters} EchoParameters
+ * @typedef {import("./schedule_votes.js").Vote} Vote
+ * @typedef {import("../phone/stream.js").Stream} Stream
  * @typedef {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void,
  *   late: (sample: number) => number | null | undefined, lateNow: () => number | null}} ScheduleSearch
  *   played: tells of the next chirp, before it is heard; late: how many samples late what is played at a
@@ -39,8 +42,7 @@ const REMEMBERED = 100;
 /**
  * @param {number} first the sample at which the first chirp is played
  * @param {number} period samples
- * @param {{slack_s: number, early_s: number, latest_s: number, early_share: number,
- *   level_share: number, contrast: number}} parameters the group `echo`
+ * @param {EchoParameters} parameters
  * @param {{rateHz?: number, guess?: number}} given guess: samples by which chirps are late, where none was
  *   heard yet
  * @returns {ScheduleSearch}
@@ -54,12 +56,17 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
   const levelBefore = makeLevel(period, parameters, Math.max(first - 10 * period, 0));
   /** Chirps that are not settled; the first `held` of them are in doubt. */
   let [told, held, last] = [[first], 0, first];
-  /** How late chirps are heard, null where that is unknown; when one was heard last; as late as the last. */
+  /**
+   * How late chirps are heard, null where that is unknown; when one was heard last; as late as the last.
+   * @type {[number | null, number | null, number[]]}
+   */
   let [late, before, recent] = [null, null, []];
   /** Up to there the sound was searched for a time that is unknown; the last direct arrival. */
   let [reached, arrived] = [first, -Infinity];
+  /** @type {{start: number, by: number | null}[]} */
   let settled = [];
 
+  /** @param {Stream} envelope @param {boolean} isOver @returns {Scheduled[] | null} */
   const next = (envelope, isOver) => {
     if (late === null) return begin(envelope, isOver);
     if (held === told.length) return isOver && held > 0 ? settle(envelope, late) : null;
@@ -71,14 +78,17 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
     return decide(envelope, Math.min(due + half, envelope.end()));
   };
 
-  /** What is loud where a chirp is due; null where nothing is. */
+  /** What is loud where a chirp is due; null where nothing is. @param {Stream} envelope @param {number} due */
   const peakAt = (envelope, due) => {
     if (due < slack || due >= envelope.end() - slack) return null;
     const peak = strongestIn(envelope, due - slack, due + slack + 1);
     return peak.value >= levelBefore(envelope, due - slack) ? peak : null;
   };
 
-  /** Sound keeps its order: what was heard up to the last arrival is none of these chirps. */
+  /**
+   * Sound keeps its order: what was heard up to the last arrival is none of these chirps.
+   * @param {Stream} envelope @param {number[]} chirps @param {number} until
+   */
   const votes = (envelope, chirps, until) => {
     const from = Math.max(arrived + apart, chirps[0], 0);
     const values = envelope.slice(from, Math.max(until, from));
@@ -86,27 +96,35 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
     return votesOf(chirps, peaks, { until, latest, alike: slack >> 1 });
   };
 
-  /** Whether chirps were lost or the time has jumped, once one more was looked for where it was due. */
+  /**
+   * Whether chirps were lost or the time has jumped, once one more was looked for where it was due.
+   * @param {Stream} envelope @param {number} until
+   */
   const decide = (envelope, until) => {
     const chirps = told.slice(0, held);
-    const heard = chirps.filter((start) => peakAt(envelope, start + late)).length;
-    const others = votes(envelope, chirps, until).filter((vote) => Math.abs(vote.late - late) > slack);
-    const rival = bestOf(others, ({ hits }) => hits, late);
+    const usual = /** @type {number} */ (late);
+    const heard = chirps.filter((start) => peakAt(envelope, start + usual)).length;
+    const others = votes(envelope, chirps, until).filter((vote) => Math.abs(vote.late - usual) > slack);
+    const rival = bestOf(others, ({ hits }) => hits, usual);
     const rivals = rival?.hits ?? 0;
-    const wanted = rival && Math.abs(rival.late - late) <= half ? JUMPED : JUMPED_FAR;
-    if (rivals >= Math.max(wanted, heard + AHEAD)) {
-      const isOver = (start) => start + rival.late + slack < until;
+    const wanted = rival && Math.abs(rival.late - usual) <= half ? JUMPED : JUMPED_FAR;
+    if (rival && rivals >= Math.max(wanted, heard + AHEAD)) {
+      const isOver = (/** @type {number} */ start) => start + rival.late + slack < until;
       return settle(envelope, rival.late, chirps.filter(isOver).length);
     }
-    if (heard > 0 && (heard >= rivals || held >= TOGETHER)) return settle(envelope, late);
+    if (heard > 0 && (heard >= rivals || held >= TOGETHER)) return settle(envelope, usual);
     if (held >= TOGETHER) [late, held, recent, reached] = [null, 0, [], told[0]];
     return [];
   };
 
+  /** @param {number[]} chirps */
   const isEven = (chirps) =>
     chirps.every((start) => Math.abs(start - chirps[0] - period * Math.round((start - chirps[0]) / period)) <= slack);
 
-  /** Looks further and further for the time from playing to hearing; null where sound must come first. */
+  /**
+   * Looks further and further for the time from playing to hearing; null where sound must come first.
+   * @param {Stream} envelope @param {boolean} isOver @returns {Scheduled[] | null}
+   */
   const begin = (envelope, isOver) => {
     while (told.length >= FEWEST || (isOver && told.length > 0)) {
       const chirps = told.slice(0, TOGETHER);
@@ -123,8 +141,9 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
     return null;
   };
 
+  /** @param {Stream} envelope @param {number} time @returns {Scheduled[]} */
   const settle = (envelope, time, count = held) => {
-    const old = late;
+    const old = /** @type {number} */ (late);
     if (Math.abs(time - old) > slack) recent = [];
     [late, held] = [time, 0];
     let isOld = true;
@@ -133,26 +152,33 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
       isOld &&= !peak;
       const earlier = isOld ? peakAt(envelope, start + old) : null;
       const due = start + (isOld ? old : time);
-      return peak || earlier ? found(envelope, peak ?? earlier, start, due) : missed(envelope, start, due);
+      const heard = peak ?? earlier;
+      return heard ? found(envelope, heard, start, due) : missed(envelope, start, due);
     });
   };
 
+  /**
+   * @param {Stream} envelope @param {{sample: number}} peak @param {number} start @param {number} due
+   * @returns {Scheduled}
+   */
   const found = (envelope, peak, start, due) => {
     const { sample, level } = directIn(envelope, peak);
     const by = due - start;
     const jumped = before !== null && Math.abs(by - before) > slack ? by - before : 0;
     [before, arrived] = [by, sample];
     recent = [...recent.filter((each) => Math.abs(each - by) <= slack), sample - start].slice(-RECENT);
-    if (Math.abs(late - by) <= slack) late = before = Math.round(median(recent));
+    if (Math.abs(/** @type {number} */ (late) - by) <= slack) late = before = Math.round(median(recent));
     remember(start, sample - start);
     return { sample, due, level, jumped, isFound: true, played: start };
   };
 
+  /** @param {Stream} envelope @param {number} start @param {number} due @returns {Scheduled} */
   const missed = (envelope, start, due) => {
     remember(start, null);
     return { ...missedAt(envelope, due, slack), played: start };
   };
 
+  /** @param {Stream} envelope @returns {Scheduled[]} */
   const passOver = (envelope) => {
     const chirps = told.splice(0, TOGETHER / 2);
     reached = told[0] ?? reached;
@@ -162,16 +188,19 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
     });
   };
 
+  /** @param {number} start @param {number | null} by */
   const remember = (start, by) => {
     settled = [...settled, { start, by }].slice(-REMEMBERED);
   };
 
+  /** @param {number} sample */
   const lateAt = (sample) => {
     if (told.length > 0 && told[0] <= sample) return undefined;
     const nearest = settled.findLast(({ start }) => start <= sample) ?? settled[0];
     return nearest ? nearest.by : guess;
   };
 
+  /** @param {number} sample */
   const played = (sample) => {
     told.push(sample);
     last = sample;
@@ -185,7 +214,7 @@ export function makeScheduleSearch(first, period, parameters, { rateHz = ECHO_RA
 /**
  * The time on which chirps agree; null where they do not yet. The earliest of equals: an even rhythm fits
  * whole periods later as well.
- * @param {import("./schedule_votes.js").Vote[]} all @param {number} slack @param {number} ahead
+ * @param {Vote[]} all @param {number} slack @param {number} ahead
  */
 function clearest(all, slack, ahead) {
   const best = bestOf(all, leadOf, 0);

@@ -13,8 +13,21 @@ const VENDORED = new URL("../vendor/onnxruntime-web/", import.meta.url).href;
  */
 
 /**
+ * onnxruntime, as far as it is used here.
+ * @typedef {{
+ *   Tensor: new (type: string, data: Float32Array, dims: number[]) => object,
+ *   InferenceSession: {create: (bytes: Uint8Array, options: object) => Promise<Session>},
+ *   env: {wasm: {wasmPaths: string, numThreads: number}, logLevel: string},
+ * }} Runtime
+ * @typedef {{
+ *   run: (feeds: {samples: object}) => Promise<{elf: {data: Float32Array}}>,
+ *   inputNames: string[], outputNames: string[], inputMetadata: {name: string, shape?: (number | string)[]}[],
+ * }} Session
+ */
+
+/**
  * An encoder from the bytes of its file. Throws RangeError where they are none.
- * @param {Uint8Array} bytes
+ * @param {Uint8Array<ArrayBuffer>} bytes
  * @param {{wasmFolder?: string}} given the address of the runtime's folder, with a slash behind
  * @returns {Promise<Encoder>}
  */
@@ -22,11 +35,13 @@ export async function openEncoder(bytes, { wasmFolder = VENDORED } = {}) {
   const runtime = await openRuntime(wasmFolder);
   const session = await openSession(runtime, bytes);
 
+  /** @param {Float32Array} samples @param {number} n */
   const embedSome = async (samples, n) => {
     const { elf } = await session.run({ samples: new runtime.Tensor("float32", samples, [n, ECHO_SAMPLES]) });
     return elf.data;
   };
 
+  /** @param {Float32Array} samples @param {number} n */
   const embed = async (samples, n) => {
     checkTraces(samples, n);
     const parts = [];
@@ -58,13 +73,16 @@ export function encoderFor(floorMap, encoder) {
   return encoder;
 }
 
-/** @param {Uint8Array} bytes @returns {Promise<string>} hexadecimal */
+/** @param {BufferSource} bytes @returns {Promise<string>} hexadecimal */
 export async function sha256(bytes) {
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", bytes));
   return Array.from(digest, (byte) => byte.toString(16).padStart(2, "0")).join("");
 }
 
-/** The runtime, without threads: those want headers that forbid much else, and memory. */
+/**
+ * The runtime, without threads: those want headers that forbid much else, and memory.
+ * @param {string} wasmFolder @returns {Promise<Runtime>}
+ */
 async function openRuntime(wasmFolder) {
   const runtime = await import(`${wasmFolder}ort.wasm.min.mjs`);
   runtime.env.wasm.wasmPaths = wasmFolder;
@@ -73,6 +91,7 @@ async function openRuntime(wasmFolder) {
   return runtime;
 }
 
+/** @param {Runtime} runtime @param {Uint8Array} bytes @returns {Promise<Session>} */
 async function openSession(runtime, bytes) {
   const options = { executionProviders: ["wasm"], logSeverityLevel: 3 };
   let session;
@@ -91,12 +110,14 @@ async function openSession(runtime, bytes) {
   return session;
 }
 
+/** @param {Float32Array} elf */
 function checkElf(elf) {
   if (elf.length !== ELF_SIZE) {
     throw new RangeError(`encoder: wanted ${ELF_SIZE} numbers for an echo, got ${elf.length}; make the map again`);
   }
 }
 
+/** @param {Float32Array} samples @param {number} n */
 function checkTraces(samples, n) {
   if (samples.length !== n * ECHO_SAMPLES) {
     throw new RangeError(

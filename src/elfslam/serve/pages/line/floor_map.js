@@ -5,9 +5,18 @@ export const ELF_SIZE = 128;
 /**
  * @typedef {{
  *   xyM: Float32Array, headingRad: Float32Array, covarianceM2: Float32Array, weight?: Float32Array,
- *   vectors: Float32Array, encoder: string, parameters: Object,
+ *   vectors: Float32Array, encoder: string, parameters: MapParameters,
  * }} FloorMap xyM (m, 2); covarianceM2 (m, 3): xx, xy, yy; vectors (m, 128): the stored means, as they
  *   are; parameters: groups as elfslam names them
+ * @typedef {{
+ *   chirp: import("./chirp.js").ChirpParameters,
+ *   echo: import("./echo_arrivals.js").EchoParameters,
+ *   locate: import("./locate.js").LocateParameters,
+ *   medium_access: import("./medium_access.js").MediumAccessParameters,
+ *   motion: import("./motion/types.js").MotionParameters,
+ *   spoofing: import("./spoofing.js").SpoofingParameters,
+ *   track: import("./track.js").TrackParameters,
+ * }} MapParameters
  */
 
 /** @param {FloorMap} floorMap @returns {number} how many spots it has */

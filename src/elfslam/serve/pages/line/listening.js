@@ -25,9 +25,11 @@ const REMEMBERED = 8;
 
 /**
  * What was heard so far; samples are those of a line at 44.1 kHz.
- * @typedef {{direct: number, until: number | null, limit: number, others: [number, number][],
+ * @typedef {{direct: number, until: number | null, limit: number, others: Beginning[],
  *   noises: number[]}} Listening
+ * @typedef {Listening & {until: number}} Begun
  * @typedef {{start: number, end: number, due: number | null, following: number | null}} Slot
+ * @typedef {[number, number]} Beginning bin or sample of another's chirp, and its level
  */
 
 /** @type {Listening} */
@@ -41,7 +43,7 @@ export const NOTHING_HEARD = { direct: 0, until: null, limit: 0, others: [], noi
  * @returns {{others: number[], listening: Listening}}
  */
 export function hearSlot(listening, envelope, first, slot, parameters) {
-  let now = listening.until === null ? { ...listening, until: slot.start } : listening;
+  let now = /** @type {Begun} */ (listening.until === null ? { ...listening, until: slot.start } : listening);
   if (slot.due !== null) {
     const arrival = arrivalIn(envelope, slot.due - first) + first;
     now = { ...now, direct: envelope[arrival - first] };
@@ -55,20 +57,29 @@ export function hearSlot(listening, envelope, first, slot, parameters) {
   return { others: here, listening: { ...now, limit } };
 }
 
-/** Listens up to a sample; nothing of ours is heard until then. */
+/**
+ * Listens up to a sample; nothing of ours is heard until then.
+ * @param {Begun} now @param {Float32Array} envelope @param {number} first @param {number} end
+ * @param {import("./medium_access.js").MediumAccessParameters} parameters @returns {Begun}
+ */
 function inSilence(now, envelope, first, end, parameters) {
   const begin = now.until;
   const bins = pooled(envelope, begin - first, Math.floor((end - begin) / BIN));
   if (bins.length === 0) return now;
   const noises = [...now.noises, middle(bins)].slice(-STRETCHES);
   const least = Math.max(parameters.share * now.direct, NOISE * Math.min(...noises));
+  /** @type {Beginning[]} */
   const before = now.others.map(([sample, level]) => [Math.floor((sample - begin) / BIN), level]);
+  /** @type {Beginning[]} */
   const found = beginnings(bins, least, before).map(([k, level]) => [begin + k * BIN, level]);
   const others = [...now.others, ...found].slice(-REMEMBERED);
   return { ...now, until: begin + bins.length * BIN, others, noises };
 }
 
-/** The largest of every 16 samples from `first` on; zero beyond the ends. */
+/**
+ * The largest of every 16 samples from `first` on; zero beyond the ends.
+ * @param {Float32Array} envelope @param {number} first @param {number} count of bins
+ */
 export function pooled(envelope, first, count) {
   const bins = new Float32Array(Math.max(count, 0));
   for (let k = 0; k < bins.length; k += 1) {
@@ -79,13 +90,16 @@ export function pooled(envelope, first, count) {
   return bins;
 }
 
-/** Where others' chirps begin: bin and level of each. What their echoes may be is none. */
+/**
+ * Where others' chirps begin: bin and level of each. What their echoes may be is none.
+ * @param {Float32Array} bins @param {number} least @param {Beginning[]} before
+ */
 function beginnings(bins, least, before) {
   const found = [...before];
   const isNew = () => found.length > before.length;
   bins.forEach((level, k) => {
     if (!(level > least)) return;
-    const last = found.at(-1);
+    const last = /** @type {Beginning} */ (found.at(-1)); // where one is new
     if (isNew() && k - last[0] <= DIRECT) {
       if (level > last[1]) found[found.length - 1] = [k, level];
     } else if (level > Math.max(0, ...found.map((chirp) => echoAt(chirp, k)))) {
@@ -95,10 +109,12 @@ function beginnings(bins, least, before) {
   return found.slice(before.length);
 }
 
+/** @param {Beginning} chirp @param {number} k */
 function echoAt([begin, level], k) {
   return k - begin < SAME ? LOUDEST_ECHO * level * FADES ** ((k - begin) / SAME) : 0;
 }
 
+/** @param {Float32Array} envelope @param {number} due */
 function arrivalIn(envelope, due) {
   let best = Math.max(due - SLACK, 0);
   for (let k = best; k < Math.min(due + SLACK + 1, envelope.length); k += 1) {
@@ -107,6 +123,7 @@ function arrivalIn(envelope, due) {
   return best;
 }
 
+/** @param {Float32Array} values */
 function middle(values) {
   const sorted = Float32Array.from(values).sort();
   const half = sorted.length >> 1;

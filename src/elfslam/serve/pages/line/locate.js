@@ -7,11 +7,13 @@ import { ELF_SIZE } from "./floor_map.js";
  * @typedef {{tS: number, xyM: [number, number] | null, headingRad: number,
  *   covarianceM2: [number, number, number] | null, score: number, status: Status}} Fix
  *   covarianceM2: xx, xy, yy
+ * @typedef {{unknown_below: number, temperature: number, near_m: number, ambiguous_below: number,
+ *   sigma_floor_m: number, window_s: number, fewest_echoes: number}} LocateParameters the group `locate`
  */
 
 /**
  * The mean (128) of the unit vectors from row `from` to `to`, without the last; not renormalised.
- * @param {Float32Array} vectors (n, 128)
+ * @param {Float32Array} vectors (n, 128) @param {number} from @param {number} to
  */
 export function meanOf(vectors, from, to) {
   const sum = new Float64Array(ELF_SIZE);
@@ -37,6 +39,7 @@ export function meansBetween(tS, vectors, edgesS, fewest) {
   return means;
 }
 
+/** @param {ArrayLike<number>} tS @param {number} whenS */
 function firstAtOrAfter(tS, whenS) {
   let [low, high] = [0, tS.length];
   while (low < high) {
@@ -75,8 +78,7 @@ export function likeness(mean, { vectors }) {
  * and the covariance its spread there, plus the spot's own.
  * @param {Float32Array | null} scores (m)
  * @param {import("./floor_map.js").FloorMap} floorMap
- * @param {{unknown_below: number, temperature: number, near_m: number, ambiguous_below: number,
- *   sigma_floor_m: number}} parameters the group `locate`
+ * @param {LocateParameters} parameters
  * @param {number} tS the middle of the echoes used
  * @returns {Fix}
  */
@@ -91,24 +93,29 @@ export function fixOf(scores, floorMap, parameters, tS = NaN) {
   const { xyM, headingRad, spread } = meanPlace(floorMap, belief, used);
   const [xx, xy, yy] = floorMap.covarianceM2.subarray(3 * best, 3 * best + 3);
   const floorM2 = parameters.sigma_floor_m ** 2;
+  /** @type {[number, number, number]} */
   const covarianceM2 = [spread[0] + xx + floorM2, spread[1] + xy, spread[2] + yy + floorM2];
   return { tS, xyM, headingRad, covarianceM2, score: scores[best], status: clear ? "OK" : "AMBIGUOUS" };
 }
 
+/** @param {number} tS @param {number} score @param {Status} status @returns {Fix} */
 function nowhere(tS, score, status) {
   return { tS, xyM: null, headingRad: NaN, covarianceM2: null, score, status };
 }
 
+/** @param {Float32Array} values */
 function greatest(values) {
   let best = 0;
   for (let k = 1; k < values.length; k += 1) if (values[k] > values[best]) best = k;
   return best;
 }
 
+/** @param {Float32Array} scores @param {number} highest @param {number} temperature */
 function beliefOf(scores, highest, temperature) {
   return Float64Array.from(scores, (score) => Math.exp((score - highest) / temperature));
 }
 
+/** @param {import("./floor_map.js").FloorMap} floorMap @param {number} spot @param {number} nearM */
 function spotsNear({ xyM }, spot, nearM) {
   const near = [];
   for (let k = 0; 2 * k < xyM.length; k += 1) {
@@ -118,16 +125,21 @@ function spotsNear({ xyM }, spot, nearM) {
   return near;
 }
 
+/** @param {Float64Array} values @param {Iterable<number>} indices */
 function sumOf(values, indices) {
   let sum = 0;
   for (const k of indices) sum += values[k];
   return sum;
 }
 
-/** Where belief lies among some spots, its spread there (xx, xy, yy), and where it faces. */
+/**
+ * Where belief lies among some spots, its spread there (xx, xy, yy), and where it faces.
+ * @param {import("./floor_map.js").FloorMap} floorMap @param {Float64Array} belief @param {number[]} used
+ * @returns {{xyM: [number, number], headingRad: number, spread: number[]}}
+ */
 function meanPlace({ xyM, headingRad }, belief, used) {
   const total = sumOf(belief, used);
-  const mean = (valueOf) => used.reduce((sum, k) => sum + belief[k] * valueOf(k), 0) / total;
+  const mean = (/** @type {(k: number) => number} */ valueOf) => used.reduce((sum, k) => sum + belief[k] * valueOf(k), 0) / total;
   const x = mean((k) => xyM[2 * k]);
   const y = mean((k) => xyM[2 * k + 1]);
   const spread = [

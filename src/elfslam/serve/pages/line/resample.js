@@ -20,10 +20,12 @@ export function makeResampler(rateHz) {
   checkRate(rateHz);
   if (rateHz === ECHO_RATE_HZ) return { push: (samples) => samples, end: () => new Float32Array(0) };
   const bank = filterBank();
+  /** @type {Float32Array} */
   let held = new Float32Array(bank.before);
   let heldFirst = -bank.before;
   let made = 0;
 
+  /** @param {Float32Array} samples */
   const push = (samples) => {
     held = joined(held, samples);
     const count = finalCount(heldFirst + held.length - bank.after);
@@ -34,6 +36,7 @@ export function makeResampler(rateHz) {
     return out;
   };
 
+  /** @param {number} before */
   const forget = (before) => {
     const count = Math.min(before - heldFirst, held.length);
     if (count <= 0) return;
@@ -50,7 +53,7 @@ export function makeResampler(rateHz) {
   return { push, end };
 }
 
-/** How many outgoing samples lie before incoming sample `next`. */
+/** How many outgoing samples lie before incoming sample `next`. @param {number} next */
 function finalCount(next) {
   return Math.ceil((next * UP) / DOWN);
 }
@@ -67,6 +70,7 @@ function filterBank() {
       rows[phase * width + j + before] = UP * (taps[HALF + phase - j * UP] ?? 0);
     }
   }
+  /** @param {number} k @param {Float32Array} held @param {number} heldFirst */
   const at = (k, held, heldFirst) => {
     const whole = Math.floor((k * DOWN) / UP);
     const row = (k * DOWN - whole * UP) * width;
@@ -97,7 +101,7 @@ function lowpass() {
   return taps.map((tap) => tap / sum);
 }
 
-/** The modified Bessel function of order zero. */
+/** The modified Bessel function of order zero. @param {number} x */
 function bessel(x) {
   let term = 1;
   let sum = 1;

@@ -42,7 +42,10 @@ export function votesOf(played, peaks, { until, latest, alike }) {
   });
 }
 
-/** From a sample to the peak nearest to it; null where none is near. */
+/**
+ * From a sample to the peak nearest to it; null where none is near.
+ * @param {number} sample @param {number[]} peaks @param {number} alike
+ */
 function differenceTo(sample, peaks, alike) {
   let best = null;
   for (const peak of peaks) {
@@ -63,6 +66,9 @@ export function leadOf({ hits, due }) {
  * @returns {Vote | null}
  */
 export function bestOf(votes, worth, late) {
+  /** @param {Vote} a @param {Vote} b */
   const before = (a, b) => worth(b) - worth(a) || Math.abs(a.late - late) - Math.abs(b.late - late);
-  return votes.reduce((best, vote) => (best === null || before(vote, best) < 0 ? vote : best), null);
+  return votes.reduce(
+    (best, vote) => (best === null || before(vote, best) < 0 ? vote : best), /** @type {Vote | null} */ (null),
+  );
 }

@@ -18,6 +18,11 @@ const NEAR = 0.45 * ECHO_RATE_HZ;
 const FEWEST = 2;
 
 /**
+ * @typedef {import("./echo.js").Echo} Echo
+ * @typedef {import("./medium_access.js").MediumAccessParameters} MediumAccessParameters
+ */
+
+/**
  * A frame as others' chirps are looked for in it.
  * @typedef {{sample: number, direct: number, bins: Float32Array, wide: Float32Array, isEarly: boolean}} Looked
  *   isEarly: another's chirp is heard before it
@@ -31,10 +36,11 @@ export function reachOf(sample) {
 /**
  * @param {(from: number, to: number) => Float32Array} envelope at 44.1 kHz
  * @param {number} sample of the direct arrival @param {number | null} last that of the frame before
- * @param {import("./medium_access.js").MediumAccessParameters} parameters
+ * @param {MediumAccessParameters} parameters
  * @returns {Looked}
  */
 export function lookAt(envelope, sample, last, parameters) {
+  /** @param {number} from @param {number} count */
   const binsFrom = (from, count) => pooled(envelope(from, from + Math.max(count, 0) * BIN), 0, count);
   const direct = envelope(sample, sample + 1)[0];
   const bins = binsFrom(sample + DIRECT * BIN, FRAME - DIRECT);
@@ -47,7 +53,7 @@ export function lookAt(envelope, sample, last, parameters) {
 /**
  * Whether a frame is spoiled, by the frames before and behind it that are close in time.
  * @param {Looked[]} before in their order @param {Looked} frame @param {Looked[]} behind in their order
- * @param {import("./medium_access.js").MediumAccessParameters} parameters
+ * @param {MediumAccessParameters} parameters
  */
 export function isSpoiled(before, frame, behind, parameters) {
   const around = [...before.slice(-parameters.frames), ...behind.slice(0, parameters.frames)];
@@ -55,16 +61,18 @@ export function isSpoiled(before, frame, behind, parameters) {
   return frame.isEarly || (near.length >= FEWEST && standsOut(frame, near, parameters));
 }
 
+/** @param {Looked} frame @param {Looked[]} near @param {MediumAccessParameters} parameters */
 function standsOut({ bins, direct }, near, { contrast, share }) {
   const least = Math.fround(share * direct);
   return bins.some((value, k) => value > least && value > Math.fround(contrast * middle(near.map(({ wide }) => wide[k]))));
 }
 
-/** The largest of the bins around each: what may be heard there in the next frame. */
+/** The largest of the bins around each: what may be heard there in the next frame. @param {Float32Array} bins */
 function widened(bins) {
   return bins.map((_, k) => bins.subarray(Math.max(k - WIDER, 0), k + WIDER + 1).reduce((a, b) => Math.max(a, b), 0));
 }
 
+/** @param {number[]} values */
 function middle(values) {
   const sorted = values.sort((a, b) => a - b);
   const half = sorted.length >> 1;
@@ -75,13 +83,13 @@ function middle(values) {
  * Keeps back spoiled echoes as they come. While others are about an echo waits for those behind it that tell
  * what is usual, or until none can come any more; else it goes on at once.
  * @param {import("../phone/hearing.js").HeardSound & {sampleAt: (tS: number) => number}} heard
- * @param {import("./medium_access.js").MediumAccessParameters} parameters
- * @returns {{take: (echoes: import("./echo.js").Echo[], isAmongOthers: boolean) => import("./echo.js").Echo[]}}
+ * @param {MediumAccessParameters} parameters
+ * @returns {{take: (echoes: Echo[], isAmongOthers: boolean) => Echo[]}}
  */
 export function makeSpoiled(heard, parameters) {
   /** @type {Looked[]} */
   let past = [];
-  /** @type {{echo: import("./echo.js").Echo, looked: Looked | null, isOut: boolean}[]} */
+  /** @type {{echo: Echo, looked: Looked | null, isOut: boolean}[]} */
   let frames = [];
 
   const look = () => {
@@ -96,15 +104,17 @@ export function makeSpoiled(heard, parameters) {
 
   const behind = () => frames.slice(1).flatMap(({ looked }) => looked ?? []);
 
+  /** @param {typeof frames} frames */
   const isReady = ([frame]) =>
     frame?.looked && (behind().length >= parameters.frames || heard.end() > reachOf(frame.looked.sample) + NEAR);
 
+  /** @param {Echo[]} echoes @param {boolean} isAmongOthers */
   const take = (echoes, isAmongOthers) => {
     frames.push(...echoes.map((echo) => ({ echo, looked: null, isOut: false })));
     look();
     const clean = [];
     while (isReady(frames)) {
-      const { echo, looked, isOut } = frames[0];
+      const { echo, looked, isOut } = /** @type {{echo: Echo, looked: Looked, isOut: boolean}} */ (frames[0]);
       const isBad = isAmongOthers && isSpoiled(past, looked, behind(), parameters);
       if (!isOut && !isBad) clean.push(echo);
       frames = frames.slice(1);

@@ -32,6 +32,11 @@ const CALM = 0.5;
  *   gainDb?: number}} Facts of one chirp, as echo_facts.js gives them; gainDb: how loud it was played, where
  *   that is known
  * @typedef {{dueS: number, odd: boolean[]}} Judged whether a frame is odd, for each reason but the first
+ * @typedef {{dueS: number, gainDb: number, hissDb: number, partsDb: number[], arrivedS: number}} Chirp
+ * @typedef {{compared_chirps?: number, lag?: number, lag_errors?: number, clear_db?: number}} FollowingParameters
+ * @typedef {FollowingParameters & {memory_s: number, odd_share: number, calm_share: number,
+ *   fewest_frames: number, off_time_s: number, before: number, noise: number, loud_first: number,
+ *   loud_second: number, loud_third: number, loud_last: number, clipped: number}} SpoofingParameters
  */
 
 /**
@@ -40,20 +45,27 @@ const CALM = 0.5;
  * to then, 0 where there is none, more strictly behind a suspect one; `REASONS` has it in words. The room's
  * echoes follow the loudness of their chirps, dB for dB; sound that somebody else plays does not. That is
  * asked of `clean` echoes alone, of those that others' chirps have not spoiled; they may come later.
- * @param {Record<string, number>} parameters the group "spoofing"
+ * @param {SpoofingParameters} parameters the group "spoofing"
  * @returns {{take: (facts: Facts[], echoes: {tS: number, samples: Float32Array}[],
  *   clean?: {tS: number}[]) => void,
  *   reasonAt: (endS: number) => number}}
  */
 export function makeSpoofingCheck(parameters) {
-  const bounds = ["loud_first", "loud_second", "loud_third", "loud_last"].map((name) => parameters[name]);
+  const names = /** @type {const} */ (["loud_first", "loud_second", "loud_third", "loud_last"]);
+  const bounds = names.map((name) => parameters[name]);
+  /** @type {{tS: number, rms: number[]}[]} */
   let loud = [];
+  /** @type {number[]} */
   let recent = [];
   /** @type {Judged[]} */
   let frames = [];
   const following = makeFollowing(parameters);
   let last = 0;
 
+  /**
+   * @param {Facts[]} facts @param {{tS: number, samples: Float32Array}[]} echoes
+   * @param {{tS: number}[]} clean
+   */
   const take = (facts, echoes, clean = echoes) => {
     loud.push(...echoes.map(({ tS, samples }) => ({ tS, rms: loudnessOf(samples) })));
     following.addClean(clean.map(({ tS }) => tS));
@@ -64,6 +76,7 @@ export function makeSpoofingCheck(parameters) {
     }
   };
 
+  /** @param {Facts} facts @param {number[]} rms */
   const oddIn = ({ lateS, level, before, noise, clipped }, rms) => {
     const off = offTime(lateS);
     const floor = Math.max(level, 1e-12);
@@ -76,6 +89,7 @@ export function makeSpoofingCheck(parameters) {
     ];
   };
 
+  /** @param {number} lateS */
   const offTime = (lateS) => {
     if (Number.isNaN(lateS)) return Infinity;
     const off = recent.length > 0 ? Math.abs(lateS - median(recent)) : 0;
@@ -83,7 +97,7 @@ export function makeSpoofingCheck(parameters) {
     return off;
   };
 
-  /** Of each part of the echo trace over the direct level. */
+  /** Of each part of the echo trace over the direct level. @param {Facts} facts */
   const loudnessOver = ({ dueS, lateS, level }) => {
     const arrivedS = dueS + (Number.isNaN(lateS) ? 0 : lateS);
     loud = loud.filter(({ tS }) => tS >= arrivedS - SAME_S);
@@ -91,6 +105,7 @@ export function makeSpoofingCheck(parameters) {
     return rms.map((value) => value / Math.max(level, 1e-12));
   };
 
+  /** @param {number} endS */
   const reasonAt = (endS) => {
     const seen = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s && dueS < endS);
     frames = frames.filter(({ dueS }) => dueS >= endS - parameters.memory_s);
@@ -100,9 +115,10 @@ export function makeSpoofingCheck(parameters) {
     return last;
   };
 
+  /** @param {Judged[]} seen */
   const reasonIn = (seen) => {
     const limit = last > 0 ? parameters.calm_share : parameters.odd_share;
-    const share = (reason) => seen.filter(({ odd }) => odd[reason - 1]).length / seen.length;
+    const share = (/** @type {number} */ reason) => seen.filter(({ odd }) => odd[reason - 1]).length / seen.length;
     const ofFrames = REASONS.slice(0, LAGGING);
     return Math.max(ofFrames.findIndex((_, reason) => reason > 0 && share(reason) >= limit), 0);
   };
@@ -113,14 +129,16 @@ export function makeSpoofingCheck(parameters) {
  * Whether echoes follow the loudness of their chirps. Over the direct sound the room's are alike however loud
  * the chirp; what is added to them is over a soft one's the louder, and so is noise: parts of the trace near it
  * do not count. Maps that were made before there was this rule lack its parameters: then nothing is said.
- * @param {{compared_chirps?: number, lag?: number, lag_errors?: number, clear_db?: number}} parameters
+ * @param {FollowingParameters} parameters
  * @returns {{add: (facts: Facts, rms: number[]) => void, addClean: (timesS: number[]) => void,
  *   lagsAt: (endS: number, wasSuspect: boolean) => boolean}} add: rms of each part of its echo trace over the
  *   direct level; addClean: when the direct sound of clean echoes came; lagsAt: by the last chirps before then
  */
 function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_errors: errors, clear_db: clearDb }) {
+  /** @type {[Chirp[], Chirp[], number[]]} */
   let [chirps, waiting, clean] = [[], [], []];
 
+  /** @param {Facts} facts @param {number[]} rms */
   const add = ({ dueS, lateS, level, noise, gainDb }, rms) => {
     if (gainDb === undefined || count === Infinity || Number.isNaN(lateS) || rms.some((value) => value === 0)) return;
     const hissDb = decibels(Math.max((HISS * noise) / Math.max(level, 1e-12), 1e-12));
@@ -128,6 +146,7 @@ function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_erro
     settle();
   };
 
+  /** @param {number[]} timesS */
   const addClean = (timesS) => {
     clean = [...clean, ...timesS].slice(-MOST_WAITING);
     settle();
@@ -143,21 +162,25 @@ function makeFollowing({ compared_chirps: count = Infinity, lag: least, lag_erro
     }
   };
 
+  /** @param {number} endS @param {boolean} wasSuspect */
   const lagsAt = (endS, wasSuspect) => {
     const first = chirps.findIndex(({ dueS }) => dueS >= endS);
     const last = first < 0 ? chirps.length : first;
     if (last <= count) return false;
     chirps = chirps.slice(last - count - 1);
-    const { lag, error } = lagOf(chirps.slice(0, count + 1), clearDb);
-    const limit = Math.max(least, errors * error);
+    const { lag, error } = lagOf(chirps.slice(0, count + 1), /** @type {number} */ (clearDb));
+    const limit = Math.max(/** @type {number} */ (least), /** @type {number} */ (errors) * error);
     return lag >= (wasSuspect ? CALM * limit : limit);
   };
   return { add, addClean, lagsAt };
 }
 
-/** dB per dB of their chirps that echoes lack, and its standard error; NaN where nothing tells. */
+/**
+ * dB per dB of their chirps that echoes lack, and its standard error; NaN where nothing tells.
+ * @param {Chirp[]} chirps @param {number} clearDb
+ */
 function lagOf(chirps, clearDb) {
-  const over = (part) => median(chirps.map(({ partsDb, hissDb }) => partsDb[part] - hissDb));
+  const over = (/** @type {number} */ part) => median(chirps.map(({ partsDb, hissDb }) => partsDb[part] - hissDb));
   const clear = chirps[0].partsDb.map((_, part) => part).filter((part) => over(part) >= clearDb);
   const played = changes(chirps.map(({ gainDb }) => gainDb));
   const echoes = changes(chirps.map(({ partsDb }) => sum(clear.map((part) => partsDb[part])) / clear.length));
@@ -167,14 +190,17 @@ function lagOf(chirps, clearDb) {
   return { lag, error: Math.sqrt(rest / spread) };
 }
 
+/** @param {number[]} values */
 function changes(values) {
   return values.slice(1).map((value, k) => value - values[k]);
 }
 
+/** @param {number} value */
 function decibels(value) {
   return 20 * Math.log10(value);
 }
 
+/** @param {number[]} values */
 function sum(values) {
   return values.reduce((total, value) => total + value, 0);
 }
@@ -194,6 +220,7 @@ export function loudnessOf(samples) {
   return squares.map((sum) => Math.sqrt(sum / size) / SHARPENED);
 }
 
+/** @param {number[]} values */
 function median(values) {
   const sorted = Float64Array.from(values).sort();
   const half = sorted.length >> 1;

@@ -14,6 +14,14 @@ import { halfwayBetween, movedBy } from "./tracking/poses.js";
  * @typedef {import("./tracking/fix.js").Fix} Fix
  * @typedef {import("./tracking/fix.js").Spots} Spots
  * @typedef {import("./tracking/random.js").Random} Random
+ * @typedef {import("./locate.js").Status} Status
+ * @typedef {{cloud: Cloud, middle: Float64Array}} Guessed middle: poses in the middle of the step
+ * @typedef {{
+ *   ambiguous_below: number, heading_reach_rad: number, jump: number, length_noise: number, memory: number,
+ *   near_m: number, neighbours: number, particles: number, reach_m: number, regained: number,
+ *   renewed: number, scale_sigma: number, settled: number, sigma_floor_m: number, temperature: number,
+ *   turn_sigma_rad: number, unexplained: number, unknown_below: number,
+ * }} TrackParameters the group "track", as far as pages need it
  */
 
 /**
@@ -21,7 +29,7 @@ import { halfwayBetween, movedBy } from "./tracking/poses.js";
  * how alike each spot (m) is to what was heard meanwhile, or null (or NaN) where nothing was; it gives a Fix.
  * What is suspect, or says of a settled walker what no step explains, is SUSPECT and moves nothing.
  * @param {Spots} floorMap
- * @param {Record<string, number>} parameters the group "track"
+ * @param {TrackParameters} parameters
  * @param {Random} random
  * @returns {{step: (move: ArrayLike<number>, sigma: ArrayLike<number>, scores: Float32Array | null,
  *   isSuspect?: boolean) => Fix}}
@@ -35,6 +43,10 @@ export function makeTracker(floorMap, parameters, random) {
   let settled = 0;
   let isDoubting = false;
 
+  /**
+   * @param {ArrayLike<number>} move @param {ArrayLike<number>} sigma @param {Float32Array | null} given
+   * @returns {Fix}
+   */
   const step = (move, sigma, given, isSuspect = false) => {
     const scores = given && !Number.isNaN(given[0]) && !isSuspect ? given : null;
     if (cloud === null && scores === null) return nowhere(NaN, isSuspect ? "SUSPECT" : "NO_ECHO");
@@ -52,19 +64,27 @@ export function makeTracker(floorMap, parameters, random) {
     settled += fix.status === "OK" ? 1 : 0;
     return fix;
   };
+  /** @param {Guessed} after @param {Float32Array} scores */
   const isJump = ({ cloud: { scale, weight }, middle }, scores) => {
     if (settled < parameters.settled) return false;
     const further = furtherLikeness({ poses: middle, scale, weight }, floorMap, scores, parameters.near_m);
     return further > (isDoubting ? parameters.regained : parameters.jump);
   };
+  /**
+   * Without a cloud before there are scores.
+   * @param {Cloud | null} before @param {ArrayLike<number>} move @param {ArrayLike<number>} sigma
+   * @param {Float32Array | null} scores @returns {Guessed}
+   */
   const guessed = (before, move, sigma, scores) => {
     if (before === null) {
-      const first = drawn(floorMap, scores, move, parameters.particles, parameters, random);
+      const heard = /** @type {Float32Array} */ (scores);
+      const first = drawn(floorMap, heard, move, parameters.particles, parameters, random);
       return { cloud: first, middle: movedBy(first.poses, [-move[0] / 2, -move[1] / 2, -move[2] / 2]) };
     }
     const after = moved(before, move, sigma, parameters, random);
     return { cloud: after, middle: halfwayBetween(before.poses, after.poses) };
   };
+  /** @param {Cloud} guesses @param {Float32Array | null} scores @param {Status} unheard @returns {Fix} */
   const fixed = (guesses, scores, unheard) => {
     const place = placeOf(guesses, parameters, unheard === "SUSPECT" ? reachOf : undefined);
     const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
@@ -81,6 +101,7 @@ export function makeTracker(floorMap, parameters, random) {
   return { step };
 }
 
+/** @param {number} past @param {number} likeness @param {number} memory */
 function remembered(past, likeness, memory) {
   return memory * (Number.isNaN(past) ? likeness : past) + (1 - memory) * likeness;
 }

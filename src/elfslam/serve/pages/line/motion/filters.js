@@ -26,20 +26,23 @@ export function bandPass(lowHz, highHz, rateHz) {
   });
 }
 
-/** One of each conjugate pair of poles of the analog band-pass. */
+/** @typedef {{re: number, im: number}} Pole */
+
+/** One of each conjugate pair of poles of the analog band-pass. @param {number} width @param {number} centre2 */
 function analogPoles(width, centre2) {
   const half = (width / 2) * Math.SQRT1_2;
   const root = squareRoot({ re: -centre2, im: -2 * half * half });
   return [{ re: root.re - half, im: root.im + half }, { re: -root.re - half, im: half - root.im }];
 }
 
+/** @param {Pole} value */
 function squareRoot({ re, im }) {
   const size = Math.sqrt(Math.hypot(re, im));
   const half = Math.atan2(im, re) / 2;
   return { re: size * Math.cos(half), im: size * Math.sin(half) };
 }
 
-/** A pole in the plane of z, and its pair's share of the gain. */
+/** A pole in the plane of z, and its pair's share of the gain. @param {Pole} pole */
 function bilinear({ re, im }) {
   const below = (4 - re) ** 2 + im ** 2;
   return {
@@ -64,11 +67,12 @@ export function zeroPhase(sections, values, padding, mirror) {
   return back.slice(padding, padding + values.length);
 }
 
-/** Samples that scipy.signal.sosfiltfilt mirrors when not told how many. */
+/** Samples that scipy.signal.sosfiltfilt mirrors when not told how many. @param {Section[]} sections */
 export function usualPadding(sections) {
   return 3 * (2 * sections.length + 1);
 }
 
+/** @param {Float64Array} values @param {number} padding @param {"even" | "odd"} mirror */
 function mirrored(values, padding, mirror) {
   const count = values.length;
   if (count <= padding) {
@@ -85,12 +89,14 @@ function mirrored(values, padding, mirror) {
   return out;
 }
 
+/** @param {Section[]} sections @param {Float64Array} values */
 function filtered(sections, values) {
   let out = values;
   for (const section of sections) out = throughSection(section, out);
   return out;
 }
 
+/** @param {Section} section @param {Float64Array} values */
 function throughSection({ b, a }, values) {
   const out = new Float64Array(values.length);
   const settled = (b[0] + b[1] + b[2]) / (1 + a[0] + a[1]);
@@ -135,10 +141,12 @@ export function runningMedian(values, size) {
   });
 }
 
+/** @param {number} k @param {number} count */
 function nearest(k, count) {
   return Math.min(Math.max(k, 0), count - 1);
 }
 
+/** @param {number} k @param {number} count */
 function reflected(k, count) {
   const period = 2 * count;
   const turned = ((k % period) + period) % period;

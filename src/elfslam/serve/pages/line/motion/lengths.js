@@ -4,12 +4,14 @@ import { runningMedian } from "./filters.js";
 import { bounceRms } from "./footsteps.js";
 import { differences, halfways, interpolateAll } from "./series.js";
 
+/** @typedef {import("./types.js").MotionParameters} MotionParameters */
+
 /** The usual interval is the median of so many. */
 export const STEPS_AROUND = 5;
 
 /**
  * @param {import("./types.js").Level} levelled @param {Float64Array} bounce
- * @param {Float64Array} footstepsS times (n)
+ * @param {Float64Array} footstepsS times (n) @param {MotionParameters} parameters
  * @returns {Float64Array} lengths (n-1), m, of the steps between the footsteps
  */
 export function lengthsBetween({ tS, rateHz }, bounce, footstepsS, parameters) {
@@ -24,7 +26,10 @@ export function lengthsBetween({ tS, rateHz }, bounce, footstepsS, parameters) {
   });
 }
 
-/** A power law in bounce and cadence; a cadence out of the band is that of someone who stops and goes. */
+/**
+ * A power law in bounce and cadence; a cadence out of the band is that of someone who stops and goes.
+ * @param {number} bounceMps2 @param {number} cadenceHz @param {MotionParameters} parameters
+ */
 function walkedM(bounceMps2, cadenceHz, parameters) {
   const inBandHz = clipped(cadenceHz, parameters.cadence_low_hz, parameters.cadence_high_hz);
   const lengthM = parameters.step_length_m
@@ -33,6 +38,7 @@ function walkedM(bounceMps2, cadenceHz, parameters) {
   return clipped(lengthM, parameters.shortest_step_m, parameters.longest_step_m);
 }
 
+/** @param {number} value @param {number} low @param {number} high */
 function clipped(value, low, high) {
   return Math.min(Math.max(value, low), high);
 }

@@ -8,6 +8,7 @@ import { columnsOf, differences, interpolateAll, median, roundHalfEven } from ".
  * @typedef {import("./types.js").Axes} Axes
  * @typedef {import("./types.js").Level} Level
  * @typedef {import("./types.js").Rest} Rest
+ * @typedef {import("./types.js").MotionParameters} MotionParameters
  */
 
 export const GRAVITY_MPS2 = 9.81;
@@ -17,7 +18,7 @@ export const NO_REST = { sumRadps: [0, 0, 0], count: 0 };
 
 /**
  * The sensors evenly sampled at their own rate, with what points up at each time.
- * @param {Imu} imu @param {Record<string, number>} parameters the group "motion"
+ * @param {Imu} imu @param {MotionParameters} parameters
  * @param {Rest} rested rates of turn at rest before these rows
  * @returns {Level}
  */
@@ -36,7 +37,10 @@ export function rateOf(tS) {
   return 1 / median(differences(tS));
 }
 
-/** Running mean over a window of time. @param {Float64Array} values @returns {Float64Array} */
+/**
+ * Running mean over a window of time.
+ * @param {Float64Array} values @param {number} windowS @param {number} rateHz @returns {Float64Array}
+ */
 export function averaged(values, windowS, rateHz) {
   return runningMean(values, Math.max(1, roundHalfEven(windowS * rateHz)), "nearest");
 }
@@ -46,6 +50,7 @@ export function evenlySampled({ tS, accelMps2, gyroRadps }) {
   const rateHz = rateOf(tS);
   const count = Math.trunc((tS[tS.length - 1] - tS[0]) * rateHz) + 1;
   const even = Float64Array.from({ length: count }, (_, k) => tS[0] + k / rateHz);
+  /** @param {ArrayLike<number>} rows */
   const onGrid = (rows) => columnsOf(rows).map((column) => interpolateAll(even, tS, column));
   return { tS: even, accel: onGrid(accelMps2), gyro: onGrid(gyroRadps) };
 }
@@ -71,7 +76,10 @@ function meanOf({ sumRadps, count }) {
   return sumRadps.map((sum) => (count ? sum / count : 0));
 }
 
-/** @param {Imu} imu  Throws where it is too short, sampled too slowly or interrupted. */
+/**
+ * Throws where it is too short, sampled too slowly or interrupted.
+ * @param {Imu} imu @param {MotionParameters} parameters
+ */
 export function checkImu({ tS }, parameters) {
   const durationS = tS.length > 1 ? tS[tS.length - 1] - tS[0] : 0;
   if (durationS < parameters.least_duration_s) {
@@ -97,7 +105,8 @@ export function checkImu({ tS }, parameters) {
 /**
  * The gyroscope carries the phone into a frame that barely moves, where a slow low-pass without delay
  * leaves of the acceleration only gravity, however the phone is turned meanwhile.
- * @param {Axes} accel @param {Axes} gyro @returns {Axes} unit vectors that point up, in phone axes
+ * @param {Axes} accel @param {Axes} gyro @param {number} rateHz @param {MotionParameters} parameters
+ * @returns {Axes} unit vectors that point up, in phone axes
  */
 function upInPhone(accel, gyro, rateHz, parameters) {
   const count = accel[0].length;
@@ -113,7 +122,10 @@ function upInPhone(accel, gyro, rateHz, parameters) {
   return up;
 }
 
-/** How the phone has turned since the first row, as quaternions x y z w. @returns {Float64Array} (4n) */
+/**
+ * How the phone has turned since the first row, as quaternions x y z w.
+ * @param {Axes} gyro @param {number} rateHz @returns {Float64Array} (4n)
+ */
 function turnsSinceFirst([gx, gy, gz], rateHz) {
   const turns = new Float64Array(4 * gx.length);
   turns[3] = 1;
@@ -128,7 +140,11 @@ function turnsSinceFirst([gx, gy, gz], rateHz) {
   return turns;
 }
 
-/** Writes the quaternion at `to`: the one before it, and then a turn a b c d. */
+/**
+ * Writes the quaternion at `to`: the one before it, and then a turn a b c d.
+ * @param {Float64Array} turns @param {number} to
+ * @param {number} a @param {number} b @param {number} c @param {number} d
+ */
 function turnOn(turns, to, a, b, c, d) {
   const x = turns[to - 4];
   const y = turns[to - 3];
@@ -140,7 +156,10 @@ function turnOn(turns, to, a, b, c, d) {
   turns[to + 3] = w * d - x * a - y * b - z * c;
 }
 
-/** Rows turned by quaternions, or back where `sense` is -1. @param {Axes} rows @returns {Axes} */
+/**
+ * Rows turned by quaternions, or back where `sense` is -1.
+ * @param {Float64Array} turns @param {Axes} rows @param {number} sense @returns {Axes}
+ */
 function turned(turns, [vx, vy, vz], sense) {
   const out = [0, 1, 2].map(() => new Float64Array(vx.length));
   for (let k = 0; k < vx.length; k += 1) {
@@ -161,7 +180,7 @@ function turned(turns, [vx, vy, vz], sense) {
 /**
  * Rows inside stretches where the phone hardly shakes or turns for long enough. One in a hand turns
  * slowly for as long as it is held, which is no bias: its tremor tells.
- * @param {Axes} accel @param {Axes} gyro @param {number} rateHz
+ * @param {Axes} accel @param {Axes} gyro @param {number} rateHz @param {MotionParameters} parameters
  * @returns {boolean[]}
  */
 export function stillRows(accel, gyro, rateHz, parameters) {
@@ -170,6 +189,7 @@ export function stillRows(accel, gyro, rateHz, parameters) {
     const mean = runningMean(axis, window, "reflect");
     return axis.map((value, k) => value - mean[k]);
   }));
+  /** @param {Axes} rows @param {number} k */
   const length = ([x, y, z], k) => Math.sqrt(x[k] * x[k] + y[k] * y[k] + z[k] * z[k]);
   const isCalm = Array.from(accel[0], (_, k) => (
     length(shake, k) < parameters.still_accel_mps2
@@ -179,7 +199,10 @@ export function stillRows(accel, gyro, rateHz, parameters) {
   return inRunsOf(isCalm, window);
 }
 
-/** True where it is true for `least` rows on end. @param {boolean[]} isTrue @returns {boolean[]} */
+/**
+ * True where it is true for `least` rows on end.
+ * @param {boolean[]} isTrue @param {number} least @returns {boolean[]}
+ */
 export function inRunsOf(isTrue, least) {
   const out = new Array(isTrue.length).fill(false);
   let begun = 0;

@@ -16,6 +16,8 @@ import { interpolate } from "./series.js";
  * @typedef {import("./types.js").Level} Level
  * @typedef {import("./types.js").Rest} Rest
  * @typedef {import("./types.js").Step} Step
+ * @typedef {import("./types.js").MotionParameters} MotionParameters
+ * @typedef {{tS: number[], accelMps2: number[], gyroRadps: number[]}} Rows an Imu that grows
  * @typedef {{footstepsS: number[], headingRad: number, turnedRad: number, rest: Rest}} Past
  *   the last footsteps given out, where the walker headed at the last of them, how far the phone had turned
  *   as the window begins, and its gyroscope at rest before that
@@ -33,14 +35,16 @@ function beginning(rest = NO_REST) {
  * Footsteps of readings as they come. `push` takes a reading (s, m/s2 with gravity, rad/s, phone axes), one
  * that is not later than the last is left out; `take` gives the steps that became final, once each. After a
  * gap of more than `longest_gap_s` the walk begins anew. Readings slower than `least_rate_hz` give no steps.
- * @param {Record<string, number>} parameters the group "motion"
- * @returns {{push: (tS: number, accelMps2: ArrayLike<number>, gyroRadps: ArrayLike<number>) => void,
+ * @param {MotionParameters} parameters
+ * @returns {{push: (tS: number, accelMps2: Iterable<number>, gyroRadps: Iterable<number>) => void,
  *   take: (nowS?: number) => Step[]}} readings after `nowS` are not looked at
  */
 export function makeFootsteps(parameters) {
+  /** @type {Rows} */
   let rows = { tS: [], accelMps2: [], gyroRadps: [] };
   let past = beginning();
 
+  /** @param {number} tS @param {Iterable<number>} accelMps2 @param {Iterable<number>} gyroRadps */
   const push = (tS, accelMps2, gyroRadps) => {
     const lastS = rows.tS[rows.tS.length - 1] ?? -Infinity;
     if (!(tS > lastS)) return;
@@ -65,6 +69,7 @@ export function makeFootsteps(parameters) {
   return { push, take };
 }
 
+/** @param {Rows} rows @param {number} nowS @returns {Rows} */
 function readUntil(rows, nowS) {
   let count = rows.tS.length;
   while (count > 0 && rows.tS[count - 1] > nowS) count -= 1;
@@ -73,19 +78,24 @@ function readUntil(rows, nowS) {
   return { tS: tS.slice(0, count), accelMps2: accelMps2.slice(0, 3 * count), gyroRadps: gyroRadps.slice(0, 3 * count) };
 }
 
+/** @param {Rows} rows @param {number} from @returns {Rows} */
 function rowsFrom(rows, from) {
   if (from === 0) return rows;
   const { tS, accelMps2, gyroRadps } = rows;
   return { tS: tS.slice(from), accelMps2: accelMps2.slice(3 * from), gyroRadps: gyroRadps.slice(3 * from) };
 }
 
+/** @param {number[]} tS @param {MotionParameters} parameters */
 function isEnough(tS, parameters) {
   return tS.length > 1
     && tS[tS.length - 1] - tS[0] >= parameters.least_duration_s
     && rateOf(tS) >= parameters.least_rate_hz;
 }
 
-/** The gyroscope at rest before these readings and in them. @returns {Rest} */
+/**
+ * The gyroscope at rest before these readings and in them.
+ * @param {Rows} window @param {Past} past @param {MotionParameters} parameters @returns {Rest}
+ */
 function restedIn(window, past, parameters) {
   if (!isEnough(window.tS, parameters)) return past.rest;
   const { accel, gyro, tS } = evenlySampled(window);
@@ -95,7 +105,8 @@ function restedIn(window, past, parameters) {
 
 /**
  * Footsteps found after the last one given out: what lies closer to it is that one again.
- * @param {ArrayLike<number>} foundS @param {number[]} givenS @returns {number[]}
+ * @param {ArrayLike<number>} foundS @param {number[]} givenS @param {{least_interval_s: number}} parameters
+ * @returns {number[]}
  */
 export function notGiven(foundS, givenS, parameters) {
   if (givenS.length === 0) return Array.from(foundS);
@@ -105,7 +116,7 @@ export function notGiven(foundS, givenS, parameters) {
 
 /**
  * The steps that became final, the footsteps to remember and the heading at the last.
- * @param {Level} levelled @param {Past} past
+ * @param {Level} levelled @param {Past} past @param {MotionParameters} parameters
  * @returns {{steps: Step[], footstepsS: number[], headingRad: number}}
  */
 function wentOn(levelled, past, parameters) {
@@ -129,11 +140,14 @@ function wentOn(levelled, past, parameters) {
   };
 }
 
-/** Headings at the footsteps, and at any time; those that were given out and left the window keep theirs. */
+/**
+ * Headings at the footsteps, and at any time; those that were given out and left the window keep theirs.
+ * @param {Level} levelled @param {number[]} footstepsS @param {Past} past @param {MotionParameters} parameters
+ */
 function headingsOf(levelled, footstepsS, past, parameters) {
   const { tS } = levelled;
   const smooth = smoothHeading(levelled, parameters);
-  const when = (atS) => past.turnedRad + interpolate(atS, tS, smooth);
+  const when = (/** @type {number} */ atS) => past.turnedRad + interpolate(atS, tS, smooth);
   const leftS = tS[0] + parameters.heading_window_s / 2;
   const at = footstepsS.map((footstepS, k) => (
     k < past.footstepsS.length && footstepS < leftS ? past.headingRad : when(footstepS)
@@ -141,7 +155,11 @@ function headingsOf(levelled, footstepsS, past, parameters) {
   return { at, when };
 }
 
-/** @returns {Step} between footsteps k and k + 1; the first of a walk may point aside */
+/**
+ * @param {number} k @param {number[]} footstepsS @param {Float64Array} lengthsM
+ * @param {ReturnType<typeof headingsOf>} headings @param {MotionParameters} parameters
+ * @returns {Step} between footsteps k and k + 1; the first of a walk may point aside
+ */
 function stepAt(k, footstepsS, lengthsM, { at, when }, parameters) {
   const [fromS, tS] = [footstepsS[k], footstepsS[k + 1]];
   const sigmaRad = k ? parameters.heading_sigma_rad : settingOffSigmaRad(parameters);
@@ -155,7 +173,7 @@ function stepAt(k, footstepsS, lengthsM, { at, when }, parameters) {
 
 /**
  * How many readings are older than the window, and what is remembered of them.
- * @param {ArrayLike<number>} tS of the readings @param {Level} levelled @param {Past} past
+ * @param {number[]} tS of the readings @param {Level} levelled @param {Past} past @param {MotionParameters} parameters
  * @returns {{from: number, turnedRad: number, rest: Rest}}
  */
 function slid(tS, levelled, past, parameters) {

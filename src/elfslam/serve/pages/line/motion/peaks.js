@@ -13,7 +13,7 @@ export function findPeaks(values, distance, least) {
   return { peaks: kept.map(({ peak }) => peak), prominences: kept.map(({ prominence }) => prominence) };
 }
 
-/** The middle of each stretch of equal values that is higher than what lies beside it. */
+/** The middle of each stretch of equal values that is higher than what lies beside it. @param {Float64Array} values */
 function localMaxima(values) {
   const maxima = [];
   const last = values.length - 1;
@@ -29,6 +29,7 @@ function localMaxima(values) {
   return maxima;
 }
 
+/** @param {number[]} peaks @param {Float64Array} values @param {number} distance */
 function farApart(peaks, values, distance) {
   const isKept = new Array(peaks.length).fill(true);
   const byHeight = peaks.map((_, k) => k).sort((a, b) => values[peaks[b]] - values[peaks[a]]);
@@ -40,9 +41,12 @@ function farApart(peaks, values, distance) {
   return peaks.filter((_, k) => isKept[k]);
 }
 
-/** How far one must come down, on the higher side, before it goes higher than the peak. */
+/**
+ * How far one must come down, on the higher side, before it goes higher than the peak.
+ * @param {Float64Array} values @param {number} peak
+ */
 function prominenceOf(values, peak) {
-  const lowest = (step) => {
+  const lowest = (/** @type {number} */ step) => {
     let low = values[peak];
     for (let k = peak; k >= 0 && k < values.length && values[k] <= values[peak]; k += step) {
       if (values[k] < low) low = values[k];

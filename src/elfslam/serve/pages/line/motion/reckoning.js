@@ -6,10 +6,12 @@ import { lengthsBetween } from "./lengths.js";
 import { checkImu, level } from "./level.js";
 import { halfways, interpolateAll, wrapAngle } from "./series.js";
 
+/** @typedef {import("./types.js").MotionParameters} MotionParameters */
+
 /**
  * One node per footstep, with the sigma of each move.
  * @param {import("./types.js").Imu} imu
- * @param {Record<string, number>} parameters the group "motion"
+ * @param {MotionParameters} parameters
  * @param {number[]} startPose where the walker stood, and faced, as the recording began
  * @returns {import("./types.js").Odometry}
  * Throws where the recording is too short, too slow, interrupted, or holds too few footsteps.
@@ -45,25 +47,29 @@ export function movesBetween(tS, headingRad, footstepsS, lengthsM) {
   return moves;
 }
 
-/** @returns {number[]} forward m, left m, turn rad */
+/**
+ * @param {number} lengthM @param {number} asideRad @param {number} turnRad
+ * @returns {number[]} forward m, left m, turn rad
+ */
 export function moveOf(lengthM, asideRad, turnRad) {
   return [lengthM * Math.cos(asideRad), lengthM * Math.sin(asideRad), turnRad];
 }
 
 /**
  * The sigma of a move.
- * @param {number} lengthM @param {number} headingRad the sigma of its turn
+ * @param {number} lengthM @param {number} headingRad the sigma of its turn @param {MotionParameters} parameters
  * @returns {number[]}
  */
 export function sigmaOf(lengthM, headingRad, parameters) {
   return [parameters.forward_sigma * lengthM, parameters.lateral_sigma * lengthM, headingRad];
 }
 
-/** Of the first step, which may point aside, too. */
+/** Of the first step, which may point aside, too. @param {MotionParameters} parameters */
 export function settingOffSigmaRad(parameters) {
   return Math.hypot(parameters.heading_sigma_rad, parameters.setting_off_sigma_rad);
 }
 
+/** @param {Float64Array} lengthsM @param {MotionParameters} parameters */
 function stepSigma(lengthsM, parameters) {
   const sigma = new Float64Array(3 * lengthsM.length);
   lengthsM.forEach((lengthM, k) => {
@@ -73,7 +79,10 @@ function stepSigma(lengthsM, parameters) {
   return sigma;
 }
 
-/** Pose of the first footstep: half a step from where the walker stood. */
+/**
+ * Pose of the first footstep: half a step from where the walker stood.
+ * @param {number[]} start @param {number | null} turnedRad @param {number} lengthM
+ */
 function firstPose(start, turnedRad, lengthM) {
   if (turnedRad === null) return start;
   const ahead = start[2] + turnedRad / 2;
@@ -84,7 +93,7 @@ function firstPose(start, turnedRad, lengthM) {
   ];
 }
 
-/** Poses (3 (n+1)) reached from a start by moves (3n). */
+/** Poses (3 (n+1)) reached from a start by moves (3n). @param {number[]} start @param {Float64Array} moves */
 function chained(start, moves) {
   const poses = new Float64Array(moves.length + 3);
   let [x, y, heading] = start;

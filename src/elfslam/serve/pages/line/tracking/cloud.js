@@ -1,11 +1,15 @@
 /** Guesses of where the walker is: how they are shared out, drawn again and gathered. */
 
 /**
+ * @typedef {import("./random.js").Random} Random
  * @typedef {{poses: Float64Array, scale: Float64Array, weight: Float64Array}} Cloud
  *   pose (3p), how much longer the steps are than reckoned (p), and weight (p), of sum 1
  */
 
-/** Even shares of [0, 1), all shifted by one draw. @param {number} count @returns {Float64Array} */
+/**
+ * Even shares of [0, 1), all shifted by one draw.
+ * @param {number} count @param {Random} random @returns {Float64Array}
+ */
 export function strata(count, random) {
   const shift = random.uniform();
   return Float64Array.from({ length: count }, (_, k) => (k + shift) / Math.max(count, 1));
@@ -58,24 +62,33 @@ export function byCell({ poses, weight }, sizeM) {
  */
 export function densest({ poses, weight }, nearM) {
   const heaviest = heaviestCell(poses, weight, nearM);
-  const isInside = (k) => cellOf(poses, k, nearM) === heaviest;
+  const isInside = (/** @type {number} */ k) => cellOf(poses, k, nearM) === heaviest;
   const first = middleOf(poses, weight, isInside);
   return middleOf(poses, weight, (k) => isNear(poses, k, first, nearM));
 }
 
-/** @returns {boolean} whether guess k lies within a distance of a place */
+/**
+ * @param {Float64Array} poses @param {number} k @param {[number, number]} place @param {number} nearM
+ * @returns {boolean} whether guess k lies within a distance of a place
+ */
 export function isNear(poses, k, [x, y], nearM) {
   return Math.sqrt((poses[3 * k] - x) ** 2 + (poses[3 * k + 1] - y) ** 2) <= nearM;
 }
 
 const CELLS = 2 ** 24;
 
-/** One number per cell that grows with x, then with y. */
+/**
+ * One number per cell that grows with x, then with y.
+ * @param {Float64Array} poses @param {number} k @param {number} sizeM
+ */
 function cellOf(poses, k, sizeM) {
   return Math.floor(poses[3 * k] / sizeM) * CELLS + Math.floor(poses[3 * k + 1] / sizeM);
 }
 
-/** Of cells of equal weight the first in x, then in y. */
+/**
+ * Of cells of equal weight the first in x, then in y.
+ * @param {Float64Array} poses @param {Float64Array} weight @param {number} sizeM
+ */
 function heaviestCell(poses, weight, sizeM) {
   const weights = new Map();
   for (let k = 0; k < weight.length; k += 1) {
@@ -89,6 +102,10 @@ function heaviestCell(poses, weight, sizeM) {
   return best;
 }
 
+/**
+ * @param {Float64Array} poses @param {Float64Array} weight @param {(k: number) => boolean} isInside
+ * @returns {[number, number]}
+ */
 function middleOf(poses, weight, isInside) {
   let [x, y, sum] = [0, 0, 0];
   for (let k = 0; k < weight.length; k += 1) {

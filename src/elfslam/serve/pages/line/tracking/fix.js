@@ -4,15 +4,16 @@ import { densest, isNear } from "./cloud.js";
 
 /**
  * @typedef {import("./cloud.js").Cloud} Cloud
- * @typedef {{xyM: ArrayLike<number>, headingRad: ArrayLike<number>, covarianceM2: ArrayLike<number>}} Spots
+ * @typedef {import("../locate.js").Status} Status
+ * @typedef {{xyM: ArrayLike<number>, headingRad: ArrayLike<number>, covarianceM2: Float32Array}} Spots
  *   (2m), (m) and (3m: xx, xy, yy), as in a floor map
- * @typedef {{xyM: [number, number] | null, headingRad: number, covarianceM2: number[] | null, score: number,
- *   status: string}} Fix without its time, which is that of the footstep
+ * @typedef {{xyM: [number, number] | null, headingRad: number, covarianceM2: [number, number, number] | null,
+ *   score: number, status: Status}} Fix without its time, which is that of the footstep
  * @typedef {{near: number[], belief: number, xyM: [number, number], headingRad: number}} Place
  *   guesses near it, their weight, middle and heading
  */
 
-/** @param {number} score @param {string} status @returns {Fix} of a place that cannot be told */
+/** @param {number} score @param {Status} status @returns {Fix} of a place that cannot be told */
 export function nowhere(score, status) {
   return { xyM: null, headingRad: NaN, covarianceM2: null, score, status };
 }
@@ -61,9 +62,9 @@ export function aroundOf({ xyM, headingRad }, [x, y], scores, nearM) {
 }
 
 /**
- * @param {Cloud} cloud @param {Place} place @param {number[]} ownM2 covariance of the spot closest to it
+ * @param {Cloud} cloud @param {Place} place @param {Float32Array} ownM2 covariance of the spot closest to it
  * @param {{sigma_floor_m: number}} known
- * @returns {number[]} xx, xy, yy: the spread of the guesses near it, the spot's own and the least
+ * @returns {[number, number, number]} xx, xy, yy: the spread of the guesses near it, the spot's own and the least
  */
 export function covarianceOf({ poses, weight }, { near, belief, xyM }, ownM2, known) {
   let [xx, xy, yy] = ownM2;

@@ -8,9 +8,14 @@ import { composeInto } from "./poses.js";
  * @typedef {import("./cloud.js").Cloud} Cloud
  * @typedef {import("./random.js").Random} Random
  * @typedef {import("./fix.js").Spots} Spots
+ * @typedef {import("../track.js").TrackParameters} TrackParameters
+ * @typedef {ReturnType<typeof import("./nearest.js").nearestIn>} Nearest
  */
 
-/** Spots where distance is counted in sigmas of position and heading. @param {Spots} floorMap @returns {Float64Array} (4m) */
+/**
+ * Spots where distance is counted in sigmas of position and heading.
+ * @param {Spots} floorMap @param {TrackParameters} known @returns {Float64Array} (4m)
+ */
 export function placesOf({ xyM, headingRad }, { reach_m: reachM, heading_reach_rad: reachRad }) {
   const places = new Float64Array(4 * headingRad.length);
   for (let k = 0; k < headingRad.length; k += 1) {
@@ -20,7 +25,11 @@ export function placesOf({ xyM, headingRad }, { reach_m: reachM, heading_reach_r
   return places;
 }
 
-/** Each guess moved by the step, with errors of its own. @param {Cloud} cloud @returns {Cloud} */
+/**
+ * Each guess moved by the step, with errors of its own.
+ * @param {Cloud} cloud @param {ArrayLike<number>} move @param {ArrayLike<number>} sigma
+ * @param {TrackParameters} known @param {Random} random @returns {Cloud}
+ */
 export function moved({ poses, scale, weight }, move, sigma, known, random) {
   const noise = Float64Array.from({ length: poses.length }, () => random.normal());
   const turn = Math.hypot(sigma[2], known.turn_sigma_rad);
@@ -37,7 +46,7 @@ export function moved({ poses, scale, weight }, move, sigma, known, random) {
 /**
  * Weights times likelihood: the best of the spots around, as near as it is.
  * @param {Cloud} cloud @param {Float64Array} middle poses in the middle of the step
- * @param {Float32Array} scores @param {ReturnType<typeof import("./nearest.js").nearestIn>} nearest
+ * @param {Float32Array} scores @param {Nearest} nearest @param {TrackParameters} known
  * @returns {Cloud}
  */
 export function weighed({ poses, scale, weight }, middle, scores, nearest, known) {
@@ -48,9 +57,13 @@ export function weighed({ poses, scale, weight }, middle, scores, nearest, known
   return { poses, scale, weight: raised.map((value) => value / sum) };
 }
 
+/**
+ * @param {Float64Array} middle @param {Float32Array} scores @param {Nearest} nearest
+ * @param {TrackParameters} known
+ */
 function logLikelihood(middle, scores, nearest, known) {
   const temperature = Math.fround(known.temperature);
-  const explained = (spot) => Math.fround(scores[spot] / temperature);
+  const explained = (/** @type {number} */ spot) => Math.fround(scores[spot] / temperature);
   const granted = known.unexplained / known.temperature;
   // A spot further than that explains less than is granted where no spot is near.
   const furthest = Math.sqrt(2 * Math.max(greatest(scores) / temperature - granted, 0)) + 1e-6;
@@ -68,7 +81,8 @@ function logLikelihood(middle, scores, nearest, known) {
 
 /**
  * Guesses from the echoes alone, after the step in whose middle they were heard.
- * @param {Spots} floorMap @param {Float32Array} scores @param {ArrayLike<number>} move @param {Random} random
+ * @param {Spots} floorMap @param {Float32Array} scores @param {ArrayLike<number>} move @param {number} count
+ * @param {TrackParameters} known @param {Random} random
  * @returns {Cloud}
  */
 export function drawn({ xyM, headingRad }, scores, move, count, known, random) {
@@ -87,7 +101,11 @@ export function drawn({ xyM, headingRad }, scores, move, count, known, random) {
   return { poses, scale, weight: evenWeights(count) };
 }
 
-/** As many guesses, where they weigh, and some drawn from the echoes alone. @returns {Cloud} */
+/**
+ * As many guesses, where they weigh, and some drawn from the echoes alone.
+ * @param {Cloud} cloud @param {Spots} floorMap @param {Float32Array} scores @param {ArrayLike<number>} move
+ * @param {TrackParameters} known @param {Random} random @returns {Cloud}
+ */
 export function renewed(cloud, floorMap, scores, move, known, random) {
   const count = known.particles;
   const fresh = roundHalfEven(known.renewed * count);

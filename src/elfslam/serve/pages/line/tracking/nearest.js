@@ -15,7 +15,9 @@ const LEAF = 12;
  */
 export function treeOf(points) {
   const order = Int32Array.from({ length: points.length / AXES }, (_, k) => k);
+  /** @type {number[]} */
   const nodes = [];
+  /** @type {number[]} */
   const children = [];
   grow(points, order, 0, order.length, nodes, children);
   const sorted = new Float64Array(points.length);
@@ -23,7 +25,12 @@ export function treeOf(points) {
   return { order, points: sorted, nodes: Float64Array.from(nodes), children: Int32Array.from(children) };
 }
 
-/** Cuts the longest side of a box in its middle point until few are left. @returns {number} the node */
+/**
+ * Cuts the longest side of a box in its middle point until few are left.
+ * @param {Float64Array} points @param {Int32Array} order @param {number} start @param {number} stop
+ * @param {number[]} nodes @param {number[]} children
+ * @returns {number} the node
+ */
 function grow(points, order, start, stop, nodes, children) {
   const node = children.length / 2;
   nodes.push(0, 0, 0);
@@ -41,6 +48,7 @@ function grow(points, order, start, stop, nodes, children) {
   return node;
 }
 
+/** @param {Float64Array} points @param {Int32Array} order @param {number} start @param {number} stop */
 function widestAxis(points, order, start, stop) {
   let best = 0;
   let widest = -1;
@@ -69,6 +77,7 @@ export function nearestIn({ order, points, nodes, children }, count) {
   const at = new Float64Array(AXES);
   let within = Infinity;
 
+  /** @param {number} start @param {number} stop */
   const look = (start, stop) => {
     for (let k = start; k < stop; k += 1) {
       let square = 0;
@@ -76,6 +85,7 @@ export function nearestIn({ order, points, nodes, children }, count) {
       if (square < within) insert(order[k], square);
     }
   };
+  /** @param {number} index @param {number} square */
   const insert = (index, square) => {
     let place = Math.min(answer.found, count - 1);
     for (; place > 0 && squares[place - 1] > square; place -= 1) {
@@ -87,6 +97,7 @@ export function nearestIn({ order, points, nodes, children }, count) {
     answer.found = Math.min(answer.found + 1, count);
     if (answer.found === count) within = Math.min(within, squares[count - 1]);
   };
+  /** @param {number} node @returns {void} */
   const descend = (node) => {
     const first = children[2 * node];
     if (first < 0) return look(-1 - first, children[2 * node + 1]);
