@@ -139,7 +139,8 @@ function sumOf(values, indices) {
  */
 function meanPlace({ xyM, headingRad }, belief, used) {
   const total = sumOf(belief, used);
-  const mean = (/** @type {(k: number) => number} */ valueOf) => used.reduce((sum, k) => sum + belief[k] * valueOf(k), 0) / total;
+  /** @param {(k: number) => number} valueOf */
+  const mean = (valueOf) => used.reduce((sum, k) => sum + belief[k] * valueOf(k), 0) / total;
   const x = mean((k) => xyM[2 * k]);
   const y = mean((k) => xyM[2 * k + 1]);
   const spread = [
