@@ -1,7 +1,8 @@
 """How alike a place must be to be told: fixes of strangers in development worlds by threshold.
 
-A threshold too high leaves most windows unanswered on another phone's day; one too low answers
-where nobody has mapped. Both are counted for people, surveyors and a quiet day.
+A threshold too high leaves most queries unanswered on another phone's day; one too low answers
+where nobody has mapped. Both are counted for people, surveyors and a quiet day, for one shot, eight
+footsteps and the tracker, which have thresholds of their own.
 """
 
 from __future__ import annotations
@@ -26,8 +27,7 @@ from studies.repeats import Numbers, finished
 from studies.thresholds import SEEDS, WORLDS
 
 ROUNDS = 2
-UNKNOWN_BELOW = (0.4, 0.45, 0.5, 0.55, 0.6, 0.65, 0.7, 0.75, 0.78, 0.8)
-TEMPERATURES = (0.005, 0.01, 0.02)
+UNKNOWN_BELOW = (0.4, 0.5, 0.55, 0.58, 0.6, 0.62, 0.65, 0.68, 0.7, 0.75, 0.78)
 
 
 @dataclass(frozen=True)
@@ -65,14 +65,13 @@ def _measured(walk: FixWalk) -> Numbers:
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
     lost = stranger(strange, walk.seed, 1, shipped(), mapped, kind=kind)
     numbers: Numbers = {}
-    for temperature in TEMPERATURES:
+    for mode in Mode:
         for least in UNKNOWN_BELOW:
-            known = replace(Settings().locate, unknown_below=least, temperature=temperature)
-            settings = replace(Settings(), locate=known)
-            fixes = located(mapped, other, Mode.ONE_SHOT, settings)
+            settings = known_above(least)
+            fixes = located(mapped, other, mode, settings)
             found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
-            wrongly = located(mapped, lost, Mode.ONE_SHOT, settings).status == FixStatus.OK
-            key = f"{temperature:g}|{least:g}"
+            wrongly = located(mapped, lost, mode, settings).status == FixStatus.OK
+            key = f"{mode.value}|{least:g}"
             numbers[f"{key}|answered"] = found["answered"]
             numbers[f"{key}|median (m)"] = found["median"]
             numbers[f"{key}|over 1 m off"] = found["gross"]
@@ -80,16 +79,27 @@ def _measured(walk: FixWalk) -> Numbers:
     return numbers
 
 
+def known_above(least: float) -> Settings:
+    """The settings with one least likeness for all three ways of locating."""
+    usual = Settings()
+    return replace(
+        usual,
+        locate=replace(usual.locate, unknown_below=least),
+        segments=replace(usual.segments, unknown_below=least),
+        track=replace(usual.track, unknown_below=least),
+    )
+
+
 def _rows(tasks: Sequence[FixWalk], numbers: Sequence[Numbers]) -> list[Row]:
     rows: list[Row] = []
     for kind in dict.fromkeys(task.kind for task in tasks):
         some = [n for task, n in zip(tasks, numbers, strict=True) if task.kind == kind]
         for key in dict.fromkeys(name.rsplit("|", 1)[0] for name in some[0]):
-            temperature, least = key.split("|")
+            mode, least = key.split("|")
             rows.append(
                 {
                     "kind": kind,
-                    "temperature": float(temperature),
+                    "mode": mode,
                     "unknown below": float(least),
                     **{what: _mean(some, f"{key}|{what}") for what in WHAT},
                 }

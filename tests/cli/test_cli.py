@@ -640,7 +640,7 @@ def test_a_run_is_followed_through_a_plan_or_not(
     code, _, err = elfslam("anchor", mapped, plan, out, *quick, "--start", "15,15,0")
     assert (code, "followed through the plan" in err) == (0, True)
     there, before = read_map(out), read_map(mapped)
-    assert np.abs(there.xy_m - before.xy_m - 15).max() < 3
+    assert np.abs(there.xy_m - before.xy_m - 15).max() < 4
     assert there.payloads[0].encoder == before.payloads[0].encoder
     assert (out / "followed.tum").is_file()
     code, _, err = elfslam("anchor", out, plan, tmp_path / "again", *quick)

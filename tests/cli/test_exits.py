@@ -190,7 +190,7 @@ def test_a_folder_of_recordings_none_of_which_can_be_mapped_is_refused(
 WITHOUT_EXTRAS = {
     "parameters": None,
     "demo {new}/demo --set closure.threshold=2": None,
-    "simulate studio {new}/simulated --rounds 1 --engine pyroomacoustics": "acoustics",
+    "simulate studio {new}/simulated --rounds 1 --kind quiet --engine pyroomacoustics": "acoustics",
     "simulate studio {new}/simulated --rounds 1": None,
     "import sensorlogger {new}/simulated {new}/imported": None,
     "phyphox {new}/elfslam.phyphox": None,

@@ -8,26 +8,31 @@ from typing import Any
 
 import pytest
 
+from elfslam.base.choices import Mode
 from elfslam.base.values import NO_CLOSURES
 from elfslam.slam import pipeline
 from studies import headline
 from studies.headline import FIGURES, MAPPED, RECKONED, TASKS, Figure, Task, judged, main
 
-SMALL = (Task("studio", 100, rounds=2, locate=True),)
+SMALL = (Task("studio", 100, rounds=4, modes=(Mode.ONE_SHOT, Mode.TRACK)),)
 QUIET: Callable[..., Any] = lambda what, share: None  # noqa: E731
 
 
 def test_every_figure_is_measured_by_some_walk() -> None:
-    names = {(task.world, name) for task in TASKS for name in (RECKONED, MAPPED)}
-    names |= {(task.world, mode.value) for task in TASKS if task.locate for mode in headline.MODES}
-    assert {(figure.world, figure.name) for figure in FIGURES} == names
+    walks = {(task.world, task.kind, task.modes) for task in TASKS}
+    names = {(*walk, name) for *walk, _ in walks for name in (RECKONED, MAPPED)}
+    names |= {(*walk, mode.value) for *walk, modes in walks for mode in modes}
+    assert {(figure.world, figure.kind, figure.name) for figure in FIGURES} == names
     assert len(FIGURES) == len(names)
 
 
-@pytest.mark.parametrize("figure", FIGURES, ids=lambda figure: f"{figure.world} {figure.name}")
+@pytest.mark.parametrize(
+    "figure", FIGURES, ids=lambda each: f"{each.world} {each.kind} {each.name}"
+)
 def test_a_figure_twice_as_bad_is_red(figure: Figure) -> None:
     def verdict(value_m: float) -> object:
-        return judged({(figure.world, figure.name): value_m}, [figure])[0]["verdict"]
+        found = {(figure.world, figure.kind, figure.name): value_m}
+        return judged(found, [figure])[0]["verdict"]
 
     assert verdict(figure.expected_m) == headline.OK
     assert verdict(2 * figure.expected_m) == headline.RED
@@ -38,8 +43,9 @@ def test_closures_switched_off_turn_it_red(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found = headline.measure_headline(QUIET, tasks=SMALL)
-    assert found["studio", MAPPED] < 0.5 * found["studio", RECKONED]
-    figures = [Figure(world, name, value_m) for (world, name), value_m in found.items()]
+    mapped_m, reckoned_m = (found["studio", "surveyor", name] for name in (MAPPED, RECKONED))
+    assert mapped_m < 0.5 * reckoned_m
+    figures = [Figure(*named, value_m) for named, value_m in found.items()]
     monkeypatch.setattr(headline, "FIGURES", figures)
     measure = headline.measure_headline
     monkeypatch.setattr(

@@ -43,8 +43,8 @@ def test_where_nothing_closes_no_share_is_right() -> None:
 def test_walks_without_an_answer_count_for_no_error() -> None:
     found = {"answered": 0.0, "median (m)": float("nan"), "over 1 m off": float("nan")}
     numbers = [
-        {f"0.01|0.8|{what}": value for what, value in {**found, "elsewhere": 0.0}.items()},
-        {f"0.01|0.8|{what}": 0.5 for what in fix_thresholds.WHAT},
+        {f"track|0.8|{what}": value for what, value in {**found, "elsewhere": 0.0}.items()},
+        {f"track|0.8|{what}": 0.5 for what in fix_thresholds.WHAT},
     ]
     [row] = fix_thresholds._rows([FixWalk("studio", "people", seed) for seed in (0, 1)], numbers)
     assert (row["answered"], row["median (m)"], row["elsewhere"]) == (0.25, 0.5, 0.25)
@@ -62,9 +62,11 @@ def test_a_small_run_has_a_row_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     assert len(finding.rows) == len(compared_encoders()) * len(thresholds.THRESHOLDS)
     elf = [row for row in finding.rows if row["feature"] == ELF]
     assert min(float(str(row["map over dead reckoning"])) for row in elf) < 0.7
-    monkeypatch.setattr(fix_thresholds, "TEMPERATURES", (0.01,))
+    monkeypatch.setattr(fix_thresholds, "UNKNOWN_BELOW", (0.4, 0.6, 0.78))
     fixes = measure_fix_thresholds(None, lambda what, share: None, **quick).rows
-    assert len(fixes) == 3 * len(fix_thresholds.UNKNOWN_BELOW)
+    assert len(fixes) == 3 * 3 * 3
     for kind in ("people", "surveyor", "quiet"):
-        shares = [float(str(row["answered"])) for row in fixes if row["kind"] == kind]
-        assert shares == sorted(shares, reverse=True)
+        for mode in ("one-shot", "trajectory", "track"):
+            row = [each for each in fixes if (each["kind"], each["mode"]) == (kind, mode)]
+            shares = [float(str(each["answered"])) for each in row]
+            assert shares == sorted(shares, reverse=True)

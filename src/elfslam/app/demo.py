@@ -1,4 +1,4 @@
-"""The demonstration: map ten simulated walks, locate ten others in the maps, show one of each."""
+"""The demonstration: map ten surveys, locate others in the maps, show one of each."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from elfslam.app.anchor import floor_plan
 from elfslam.app.map import write_reported_run
 from elfslam.base.arrays import F64
+from elfslam.base.choices import Mode
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
 from elfslam.data.fixes_files import write_fixes
@@ -31,6 +32,7 @@ from elfslam.scoring.report import write_fix_report, write_report
 from elfslam.scoring.tables import methods
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import locate, map_by_echoes
+from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import World, load_world
 
@@ -40,6 +42,12 @@ MAPPING_ROUNDS = 5
 LOCATING_ROUNDS = 2
 LOCATING_SEED = 1000
 """Added to a seed: the walk to be located is another person's."""
+LOCATED = (
+    (SURVEYOR, Mode.ONE_SHOT, "on the mapped line, one-shot (0.6 s)"),
+    (SURVEYOR, Mode.TRACK, "on the mapped line, tracker"),
+    (PEOPLE, Mode.TRACK, "people crossing it, tracker"),
+)
+"""Who is located how in each map: all of them on another day with another phone."""
 
 Row = dict[str, object]
 
@@ -49,8 +57,8 @@ class Collected:
     """Errors in metres of each walk, by method and alignment; fixes by status."""
 
     mapping: dict[tuple[str, str], list[F64]] = field(default_factory=dict)
-    fixes: list[F64] = field(default_factory=list)
-    statuses: dict[str, int] = field(default_factory=dict)
+    fixes: dict[str, list[F64]] = field(default_factory=dict)
+    queries: dict[str, int] = field(default_factory=dict)
 
 
 def run_demo(
@@ -64,21 +72,28 @@ def run_demo(
 ) -> tuple[list[Row], list[Row]]:
     """Write the first walk's recording, run, fixes and reports to `out`; give the two tables.
 
-    The first table has errors of dead reckoning and SLAM over all seeds, the second those of
-    one-shot localization with the share of windows that got a fix. `announce` hears what is being
-    done and the share done.
+    The first table has errors of dead reckoning and SLAM over all seeds, the second those of who is
+    located how, with the share of queries that got a fix. `announce` hears what is being done and
+    the share done.
     """
     for name in ("walk", "stranger", "run"):
         refuse_occupied(out / name, None)
     world, collected = load_world(WORLD), Collected()
     for count, seed in enumerate(seeds):
         announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))
-        walk = _declared(*simulate(world, seed, rounds=MAPPING_ROUNDS))
-        stranger = simulate(world, seed + LOCATING_SEED, rounds=LOCATING_ROUNDS)
+        walk = _declared(*_walked(world, seed, SURVEYOR))
         run = map_by_echoes(walk[0], encoder, parameters)
         assert run.floor_map is not None
-        fixes = locate(stranger[0], run.floor_map, encoder, parameters)
-        _collect(collected, run, walk[1], fixes, stranger[1])
+        _collect_errors(collected, run, walk[1])
+        others = {
+            kind.name: _asked(world, seed + LOCATING_SEED, kind) for kind in (SURVEYOR, PEOPLE)
+        }
+        shown: list[Fixes] = []
+        for kind, mode, name in LOCATED:
+            recording, truth = others[kind.name]
+            fixes = locate(recording, run.floor_map, encoder, parameters, mode=mode)
+            _collect_fixes(collected, name, fixes, truth, alignment_of(run.trajectory, walk[1]))
+            shown.append(fixes)
         if seed == seeds[0]:
             content = encoder.content if isinstance(encoder, OnnxEncoder) else None
             described = {
@@ -86,9 +101,26 @@ def run_demo(
                 "parameters": as_dict(parameters),
                 "parameters_digest": digest(parameters),
             }
-            _write_example(out, world, walk, stranger, run, fixes, described, content)
+            stranger = others[SURVEYOR.name]
+            _write_example(out, world, walk, stranger, run, shown[0], described, content)
     announce("done", 1.0)
     return _mapping_rows(collected), _fix_rows(collected)
+
+
+def _walked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
+    """A walk to be mapped."""
+    return simulate(
+        world, seed, rounds=MAPPING_ROUNDS, walker=kind.walker,
+        circumstances=kind.mapping(world.room),
+    )  # fmt: skip
+
+
+def _asked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
+    """A walk to be located."""
+    return simulate(
+        kind.asking_place(world, seed), seed, rounds=LOCATING_ROUNDS, walker=kind.walker,
+        circumstances=kind.asking(world.room),
+    )  # fmt: skip
 
 
 def _declared(recording: Recording, truth: Truth) -> tuple[Recording, Truth]:
@@ -97,18 +129,20 @@ def _declared(recording: Recording, truth: Truth) -> tuple[Recording, Truth]:
     return replace(recording, start_pose=(x_m, y_m, heading_rad)), truth
 
 
-def _collect(collected: Collected, run: Run, truth: Truth, fixes: Fixes, fix_truth: Truth) -> None:
+def _collect_errors(collected: Collected, run: Run, truth: Truth) -> None:
     for method, (t_s, poses) in methods(run).items():
         declared = placed_errors(t_s, poses, truth, AS_DECLARED)
         aligned = position_errors(t_s, poses, truth, Alignment.ALIGNED)
         collected.mapping.setdefault((method, "declared start"), []).append(declared)
         collected.mapping.setdefault((method, Alignment.ALIGNED.value), []).append(aligned)
-    world_from_map = alignment_of(run.trajectory, truth)
-    status, errors = fix_distances(fixes, fix_truth, world_from_map)
-    collected.fixes.append(errors[status == FixStatus.OK])
-    for kind in FixStatus:
-        count = int((fixes.status == kind).sum())
-        collected.statuses[kind.name] = collected.statuses.get(kind.name, 0) + count
+
+
+def _collect_fixes(
+    collected: Collected, name: str, fixes: Fixes, truth: Truth, world_from_map: F64
+) -> None:
+    status, errors = fix_distances(fixes, truth, world_from_map)
+    collected.fixes.setdefault(name, []).append(errors[status == FixStatus.OK])
+    collected.queries[name] = collected.queries.get(name, 0) + len(status)
 
 
 def _mapping_rows(collected: Collected) -> list[Row]:
@@ -119,9 +153,14 @@ def _mapping_rows(collected: Collected) -> list[Row]:
 
 
 def _fix_rows(collected: Collected) -> list[Row]:
-    total = sum(collected.statuses.values())
-    answered = collected.statuses[FixStatus.OK.name] / total
-    return [{"method": "ELF one-shot, 0.6 s", **_statistics(collected.fixes), "answered": answered}]
+    return [
+        {
+            "who and how": name,
+            **_statistics(walks),
+            "answered": sum(len(walk) for walk in walks) / collected.queries[name],
+        }
+        for name, walks in collected.fixes.items()
+    ]
 
 
 def _statistics(walks: list[F64]) -> Row:

@@ -59,16 +59,16 @@ def simulate(
     world: str = "living_room",
     seed: int = 0,
     *,
-    kind: str = "quiet",
+    kind: str = "surveyor",
     asking: bool = False,
     **walk: Any,
 ) -> tuple[Recording, Truth]:
     """A simulated walk with a phone, and its truth. Same world and seed, same bytes.
 
-    `world` is a built-in name or a TOML file. `kind` is people, surveyor or quiet; who is `asking`
-    comes on another day with another phone, by other ways. `walk` holds keywords of
-    `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`, `reverse=True`. Raises
-    InputError and ParameterError.
+    `world` is a built-in name or a TOML file. `kind` is surveyor (who keeps to the line), people or
+    quiet; who is `asking` comes on another day with another phone, people by other ways. `walk`
+    holds keywords of `world.simulate.simulate`, such as `rounds=5`, `rate_hz=48_000`,
+    `reverse=True`. Raises InputError and ParameterError.
     """
     from elfslam.world.kinds import kind_named
     from elfslam.world.simulate import simulate as simulate_walk

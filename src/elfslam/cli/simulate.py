@@ -13,7 +13,7 @@ from elfslam.cli.options import Seed
 from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
-from elfslam.world.kinds import KINDS, QUIET, kind_named
+from elfslam.world.kinds import KINDS, SURVEYOR, kind_named
 from elfslam.world.sensors import parse_sensors
 from elfslam.world.simulate import WALKERS, describe_chirp, simulate
 from elfslam.world.world_file import load_world, world_names
@@ -28,7 +28,7 @@ def simulate_command(
     reverse: Annotated[bool, typer.Option("--reverse", help="The other way round.")] = False,
     kind: Annotated[
         str, typer.Option(help=f"Of walk: {', '.join(KINDS)}; the options below change it.")
-    ] = QUIET.name,
+    ] = SURVEYOR.name,
     asking: Annotated[
         bool, typer.Option("--asking", help="As who asks in a map: another day, phone and way.")
     ] = False,

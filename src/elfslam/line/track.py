@@ -35,7 +35,7 @@ class TrackParameters:
     )
     neighbours: int = parameter(4, "", "nearest spots that explain a guess", low=1, high=100)
     unexplained: float = parameter(
-        0.6, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
+        0.5, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
     )
     renewed: float = parameter(
         0.02, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
@@ -57,7 +57,7 @@ class TrackParameters:
         high=0.99,
     )
     unknown_below: float = parameter(
-        0.68, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.62, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     jump: float = parameter(
         0.35,
@@ -74,7 +74,7 @@ class TrackParameters:
         high=3.0,
     )
     settled: int = parameter(
-        4, "", "OK fixes until a place out of reach is SUSPECT", low=1, high=1_000_000
+        6, "", "OK fixes until a place out of reach is SUSPECT", low=1, high=1_000_000
     )
     near_m: float = parameter(
         1.0, "m", "guesses this close to the best place are one place", low=0.05, high=100.0

@@ -83,7 +83,7 @@ def _refuse(scene: Scene, ends: Ends, people_m: F64, reach: Reach) -> None:
     found = [name for name, is_there in unknown.items() if is_there]
     if found:
         raise InputError(
-            f"pyroomacoustics models no {', '.join(found)}; leave them out or take image_echoes"
+            f"pyroomacoustics models no {', '.join(found)}; take --kind quiet or another engine"
         )
     outline_m = scene.face_a[: scene.outer]
     if not all(inside(outline_m, end[:, :2]).all() for end in (ends.speaker, ends.microphone)):

@@ -4,6 +4,12 @@
  * which stays whole until nobody uses it. Nothing under /api passes through here.
  */
 
+/**
+ * @typedef {{path: string, sha256: string}} Listed a file of the page, as the server lists it
+ * @typedef {{cache: Cache, sha256: string}} Older the same in an older version
+ */
+
+const worker = /** @type {ServiceWorkerScope} */ (/** @type {unknown} */ (self));
 const PREFIX = "elfslam-pages-";
 const LIST = "/precache.json";
 const PAGE = "/";
@@ -12,23 +18,24 @@ const DESK = "/desk";
 const NOT_OURS = ["/api", DESK, "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
 const AT_ONCE = 6;
 /** Windows of the desk, as far as this worker saw them open: asking for a client could wait for what waits for us. */
+/** @type {Set<string>} */
 const deskClients = new Set();
 
-self.addEventListener("install", (event) => event.waitUntil(keepAll()));
-self.addEventListener("activate", (event) => event.waitUntil(begin()));
-self.addEventListener("message", (event) => {
+worker.addEventListener("install", (event) => event.waitUntil(keepAll()));
+worker.addEventListener("activate", (event) => event.waitUntil(begin()));
+worker.addEventListener("message", (event) => {
   if (event.data === "begin") event.waitUntil(beginUnlessOthersWalk());
 });
-self.addEventListener("fetch", (event) => {
+worker.addEventListener("fetch", (event) => {
   const { method, url } = event.request;
   const { origin, pathname } = new URL(url);
   if (pathname.startsWith(DESK)) deskClients.add(event.resultingClientId);
-  if (method !== "GET" || origin !== self.location.origin || deskClients.has(event.clientId)) return;
+  if (method !== "GET" || origin !== worker.location.origin || deskClients.has(event.clientId)) return;
   if (NOT_OURS.some((start) => pathname.startsWith(start))) return;
   event.respondWith(answer(event.request, pathname === ALSO_PAGE ? PAGE : pathname));
 });
 
-/** What is kept; what is not comes from the server. */
+/** What is kept; what is not comes from the server. @param {Request} request @param {string} path */
 async function answer(request, path) {
   const kept = await (await caches.open(PREFIX + VERSION)).match(path);
   return kept ?? fetch(request);
@@ -37,6 +44,7 @@ async function answer(request, path) {
 /** Fetch the page as the server lists it, or as an older version had it; all of it, or nothing. */
 async function keepAll() {
   const listed = await fetch(LIST, { cache: "no-store" });
+  /** @type {{version: string, files: Listed[]}} */
   const list = await listed.clone().json();
   if (list.version !== VERSION) throw new Error("the page changed while it was fetched");
   const older = await olderFiles();
@@ -58,20 +66,24 @@ async function keepAll() {
 
 /** The files of the versions before this one: digest and cache by path. */
 async function olderFiles() {
+  /** @type {Map<string, Older>} */
   const found = new Map();
   for (const name of await olderCaches()) {
     const cache = await caches.open(name);
     const listed = await cache.match(LIST);
+    /** @type {Listed[]} */
     const files = listed ? (await listed.json()).files : [];
     for (const { path, sha256 } of files) found.set(path, { cache, sha256 });
   }
   return found;
 }
 
+/** @param {Older | undefined} older @param {Listed} file */
 async function kept(older, { path, sha256 }) {
   return older?.sha256 === sha256 ? older.cache.match(path) : undefined;
 }
 
+/** @param {Listed} file */
 async function fetched({ path, sha256 }) {
   const response = await fetch(path, { cache: "no-cache" });
   if (!response.ok) throw new Error(`${path}: ${response.status}`);
@@ -84,13 +96,13 @@ async function fetched({ path, sha256 }) {
 async function begin() {
   const older = await olderCaches();
   for (const name of older) await caches.delete(name);
-  await self.clients.claim();
+  await worker.clients.claim();
   if (older.length > 0) (await pages()).forEach((page) => page.postMessage("changed"));
 }
 
 /** The windows that show the phone page. */
 async function pages() {
-  const windows = await self.clients.matchAll({ type: "window", includeUncontrolled: true });
+  const windows = await worker.clients.matchAll({ type: "window", includeUncontrolled: true });
   return windows.filter(({ url }) => !new URL(url).pathname.startsWith(DESK));
 }
 
@@ -100,5 +112,5 @@ async function olderCaches() {
 
 /** The page asks for it when nothing goes on there; another window may be on a walk. */
 async function beginUnlessOthersWalk() {
-  if ((await pages()).length <= 1) self.skipWaiting();
+  if ((await pages()).length <= 1) worker.skipWaiting();
 }

@@ -128,6 +128,15 @@ test("the way of the sound is known from its first chirp, and followed where it 
   assert.ok(Math.abs(late.endS() - (0.56 + 3.9 + 0.075)) < 1e-9);
 });
 
+test("a chirp that was heard before any was told of says nothing of the way of the sound", () => {
+  const late = makeLateness();
+  late.add(0.52, null);
+  assert.equal(late.latencyS(), null);
+  assert.ok(Math.abs(late.endS() - (0.52 + 0.075)) < 1e-9);
+  late.add(0.62, 0.27);
+  assert.equal(late.latencyS(), 0.27);
+});
+
 test("chirps are written down once they have begun, and those called back never", () => {
   const log = makeChirpLog(48000, 48000);
   for (const [frame, gainDb] of [[60000, 0], [64801, -4], [69600, 0], [74400, -4]]) log.add(frame, gainDb);

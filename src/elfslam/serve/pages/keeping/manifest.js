@@ -12,10 +12,12 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  * @typedef {{sha256: string, size_bytes: number}} Part
  * @typedef {{
  *   format: number, map: string, name: string, revision: number, made_utc: string,
- *   encoder: Part & {identity: string}, parameters: Record<string, Record<string, any>>,
+ *   encoder: Part & {identity: string}, parameters: import("../line/floor_map.js").MapParameters,
  *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
- *   floor_plan?: Part & {type: string, width_px: number, height_px: number, placement: any},
+ *   floor_plan?: Plan,
  * }} Manifest
+ * @typedef {Part & {type: string, width_px: number, height_px: number,
+ *   placement: import("../shared/map/placement.js").Placement | null}} Plan
  * @typedef {{manifest: string, signature: string}} Signed the exact text, and base64 of r and s
  */
 

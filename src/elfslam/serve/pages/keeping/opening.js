@@ -7,23 +7,29 @@ import { DAMAGED, NOT_HERE } from "./refusals.js";
 import { spotsOf } from "./tiles.js";
 
 /**
+ * @typedef {import("./manifest.js").Manifest} Manifest
+ * @typedef {import("./manifest.js").Part} Part
+ * @typedef {import("./manifest.js").Plan} Plan
+ * @typedef {import("./store.js").Store} Store
  * @typedef {import("./tiles.js").Spots & {
- *   encoder: string, parameters: Record<string, Record<string, any>>,
+ *   encoder: string, parameters: import("../line/floor_map.js").MapParameters,
  * }} FloorMap
  * @typedef {{
  *   map: string, name: string, revision: number, madeUtc: string, spots: number,
  *   tiles: {square: [number, number], spots: number}[],
- *   floorPlan: null | {bytes: Uint8Array, type: string, widthPx: number, heightPx: number, placement: any},
+ *   floorPlan: null | {bytes: Uint8Array<ArrayBuffer>, type: string, widthPx: number, heightPx: number,
+ *     placement: Plan["placement"]},
  * }} Facts
- * @typedef {{floorMap: FloorMap, encoderBytes: Uint8Array, facts: Facts}} Opened
+ * @typedef {{floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, facts: Facts}} Opened
  */
 
 /**
- * @param {import("./store.js").Store} store @param {string} name of the kept manifest
+ * @param {Store} store @param {string} name of the kept manifest
  * @param {string} prefix of the names of parts @param {string} mapId
  * @returns {Promise<Opened>} Raises Problem where it is not here or not whole.
  */
 export async function opened(store, name, prefix, mapId) {
+  /** @type {import("./packages.js").Kept | undefined} */
   const kept = await store.read(name);
   if (kept === undefined) throw new Problem(NOT_HERE, 0);
   try {
@@ -38,7 +44,9 @@ export async function opened(store, name, prefix, mapId) {
 /** What earlier versions of the server wrote behind an encoder's name. */
 const AS_PHONE = "+as-";
 
+/** @param {Store} store @param {string} prefix @param {Manifest} manifest @returns {Promise<Opened>} */
 async function readAll(store, prefix, manifest) {
+  /** @param {Part} part */
   const bytesOf = (part) => wholePart(store, prefix + part.sha256, part.sha256);
   const tiles = [];
   for (const tile of manifest.tiles) tiles.push(await bytesOf(tile));
@@ -62,13 +70,18 @@ async function readAll(store, prefix, manifest) {
   return { floorMap, encoderBytes: await bytesOf(manifest.encoder), facts };
 }
 
+/** @param {Plan} plan @param {(part: Part) => Promise<Uint8Array<ArrayBuffer>>} bytesOf */
 async function planOf(plan, bytesOf) {
   const { type, width_px: widthPx, height_px: heightPx, placement } = plan;
   return { bytes: await bytesOf(plan), type, widthPx, heightPx, placement };
 }
 
-/** A damaged part is dropped, so that the next update fetches it. */
+/**
+ * A damaged part is dropped, so that the next update fetches it.
+ * @param {Store} store @param {string} name @param {string} sha256
+ */
 async function wholePart(store, name, sha256) {
+  /** @type {Uint8Array<ArrayBuffer> | undefined} */
   const bytes = await store.read(name);
   if (bytes !== undefined && (await sha256Hex(bytes)) === sha256) return bytes;
   if (bytes !== undefined) await store.remove([name]);

@@ -13,11 +13,14 @@ const AT_ONCE = 4;
 const MOST_WAITS = 20;
 
 /**
- * @typedef {import("./manifest.js").Signed & {spki: Uint8Array}} Kept a signed manifest and the key that signed it
+ * @typedef {import("./manifest.js").Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key that signed it
  * @typedef {{map: string, name: string, revision: number, madeUtc: string, spots: number, sizeBytes: number}} Held
- * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number, sizeBytes: number}} Updated
+ * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number,
+ *   sizeBytes: number}} Updated
  * @typedef {{doneBytes: number, totalBytes: number}} Progress of what has to be fetched
  * @typedef {(path: string) => Promise<Response>} Ask
+ * @typedef {import("./manifest.js").Part} Part
+ * @typedef {import("./store.js").Store} Store
  * @typedef {{
  *   list: () => Promise<Held[]>,
  *   update: (mapId: string, onProgress?: (progress: Progress) => void) => Promise<Updated>,
@@ -26,7 +29,7 @@ const MOST_WAITS = 20;
  * }} Packages all raise Problem with one line for people
  */
 
-/** @param {import("./store.js").Store} store @param {Ask} [ask] @returns {Packages} */
+/** @param {Store} store @param {Ask} [ask] @returns {Packages} */
 export function openPackages(store, ask = askServer) {
   return {
     list: () => list(store),
@@ -36,6 +39,7 @@ export function openPackages(store, ask = askServer) {
   };
 }
 
+/** @param {Store} store @returns {Promise<Held[]>} */
 async function list(store) {
   const kept = await manifests(store);
   return kept.map((told) => ({
@@ -48,12 +52,18 @@ async function list(store) {
   }));
 }
 
+/**
+ * @param {Store} store @param {Ask} ask @param {string} mapId @param {(progress: Progress) => void} onProgress
+ * @returns {Promise<Updated>}
+ */
 async function update(store, ask, mapId, onProgress) {
   const key = await pinnedKey(store);
   if (key === null) throw new Problem(NO_KEY, 0);
+  /** @type {import("./manifest.js").Signed} */
   const signed = await read(ask, `/api/maps/${encodeURIComponent(mapId)}/package`);
   const spki = await trustedKey((await read(ask, "/api/key")).spki, key);
   const manifest = await verified(signed, spki, mapId);
+  /** @type {Kept | undefined} */
   const before = await store.read(MAP + mapId);
   refuseOlder(before, signed, manifest);
   const parts = unique(partsOf(manifest));
@@ -73,12 +83,20 @@ async function update(store, ask, mapId, onProgress) {
   };
 }
 
+/**
+ * @param {Kept | undefined} before @param {import("./manifest.js").Signed} signed
+ * @param {import("./manifest.js").Manifest} manifest
+ */
 function refuseOlder(before, signed, manifest) {
   if (before === undefined || before.manifest === signed.manifest) return;
   if (!(manifest.revision > JSON.parse(before.manifest).revision)) throw new Problem(OLDER, 0);
 }
 
-/** Each part is kept as soon as it is known to be right: what was cut off goes on where it was. */
+/**
+ * Each part is kept as soon as it is known to be right: what was cut off goes on where it was.
+ * @param {Store} store @param {Ask} ask @param {string} mapId @param {Part[]} parts
+ * @param {(progress: Progress) => void} onProgress
+ */
 async function fetchAll(store, ask, mapId, parts, onProgress) {
   const totalBytes = sizeOf(parts);
   let doneBytes = 0;
@@ -91,6 +109,7 @@ async function fetchAll(store, ask, mapId, parts, onProgress) {
       onProgress({ doneBytes, totalBytes });
     }
   };
+  /** @param {unknown} error */
   const stop = (error) => {
     waiting.length = 0;
     throw error;
@@ -100,6 +119,7 @@ async function fetchAll(store, ask, mapId, parts, onProgress) {
   if (failed) throw failed.reason;
 }
 
+/** @param {Ask} ask @param {string} mapId @param {Part} part */
 async function fetchPart(ask, mapId, { sha256, size_bytes }) {
   const path = `/api/maps/${encodeURIComponent(mapId)}/package/${encodeURIComponent(sha256)}`;
   const bytes = new Uint8Array(await (await answer(ask, path)).arrayBuffer().catch(noAnswer));
@@ -107,29 +127,33 @@ async function fetchPart(ask, mapId, { sha256, size_bytes }) {
   return bytes;
 }
 
+/** @param {Store} store @param {string} mapId */
 async function remove(store, mapId) {
   await store.remove([MAP + mapId]);
   await sweep(store);
 }
 
-/** Drop the parts that no map needs any more; maps share what they have in common. */
+/** Drop the parts that no map needs any more; maps share what they have in common. @param {Store} store */
 async function sweep(store) {
   const needed = new Set((await manifests(store)).flatMap(partsOf).map((part) => PART + part.sha256));
   const names = await store.names();
   await store.remove(names.filter((name) => name.startsWith(PART) && !needed.has(name)));
 }
 
-/** @returns {Promise<import("./manifest.js").Manifest[]>} */
+/** @param {Store} store @returns {Promise<import("./manifest.js").Manifest[]>} */
 async function manifests(store) {
   const names = (await store.names()).filter((name) => name.startsWith(MAP));
+  /** @type {(Kept | undefined)[]} */
   const kept = await Promise.all(names.map((name) => store.read(name)));
   return kept.filter((each) => each !== undefined).map((each) => JSON.parse(each.manifest));
 }
 
+/** @param {Part[]} parts */
 function unique(parts) {
   return [...new Map(parts.map((part) => [part.sha256, part])).values()];
 }
 
+/** @param {Part[]} parts */
 function sizeOf(parts) {
   return unique(parts).reduce((sum, part) => sum + part.size_bytes, 0);
 }
@@ -139,11 +163,12 @@ function askServer(path) {
   return fetch(path, { headers: { Accept: "application/json, application/octet-stream" } });
 }
 
+/** @param {Ask} ask @param {string} path */
 async function read(ask, path) {
   return (await answer(ask, path)).json().catch(noAnswer);
 }
 
-/** The server's answer; waits where it asks for patience. Raises Problem. */
+/** The server's answer; waits where it asks for patience. Raises Problem. @param {Ask} ask @param {string} path */
 async function answer(ask, path) {
   for (let waits = 0; ; waits += 1) {
     const response = await ask(path).catch(noAnswer);
@@ -154,6 +179,7 @@ async function answer(ask, path) {
   }
 }
 
+/** @returns {never} */
 function noAnswer() {
   throw new Problem(NO_ANSWER, 0);
 }

@@ -21,7 +21,7 @@ export async function openStore(name = DATABASE) {
   const reading = () => database.transaction(VALUES).objectStore(VALUES);
   return {
     read: (key) => settled(reading().get(key)),
-    names: () => settled(reading().getAllKeys()),
+    names: () => /** @type {Promise<string[]>} */ (settled(reading().getAllKeys())),
     write: (key, value) => changed(database, (values) => values.put(value, key)),
     remove: (keys) => changed(database, (values) => keys.forEach((key) => values.delete(key))),
     alone: (work) => (navigator.locks ? navigator.locks.request(name, work) : work()),
@@ -31,17 +31,25 @@ export async function openStore(name = DATABASE) {
 /** The same in memory. @returns {Store} */
 export function memoryStore() {
   const kept = new Map();
+  /** @type {Promise<unknown>} */
   let last = Promise.resolve();
   return {
     read: async (key) => kept.get(key),
     names: async () => [...kept.keys()],
     write: async (key, value) => void kept.set(key, value),
     remove: async (keys) => keys.forEach((key) => kept.delete(key)),
-    alone: (work) => (last = last.catch(() => {}).then(work)),
+    alone: (work) => {
+      const worked = last.catch(() => {}).then(work);
+      last = worked;
+      return worked;
+    },
   };
 }
 
-/** Ends when the change is on the disk. */
+/**
+ * Ends when the change is on the disk.
+ * @param {IDBDatabase} database @param {(values: IDBObjectStore) => void} change @returns {Promise<void>}
+ */
 function changed(database, change) {
   return new Promise((resolve, reject) => {
     const transaction = database.transaction(VALUES, "readwrite", { durability: "strict" });
@@ -51,6 +59,7 @@ function changed(database, change) {
   });
 }
 
+/** @template T @param {IDBRequest<T>} request @returns {Promise<T>} */
 function settled(request) {
   return new Promise((resolve, reject) => {
     request.onsuccess = () => resolve(request.result);

@@ -5,8 +5,10 @@
  */
 
 const HEAD_BYTES = 4;
-const WHOLE = { walk: 1, order: 1 };
-const NUMBERS = { xyM: 2, headingRad: 1, covarianceM2: 3, weight: 1 };
+/** @type {["walk" | "order", number][]} what a tile holds, in its order, and how many of a spot */
+const WHOLE = [["walk", 1], ["order", 1]];
+/** @type {["xyM" | "headingRad" | "covarianceM2" | "weight", number][]} */
+const NUMBERS = [["xyM", 2], ["headingRad", 1], ["covarianceM2", 3], ["weight", 1]];
 const TILE_SPOT_BYTES = 4 * 9;
 const FEATURES = 128;
 const STRETCH_SPOT_BYTES = 4 + 2 * FEATURES;
@@ -19,19 +21,19 @@ const NO_FEATURES = "Spots of the map have no features.";
  *   xyM: Float32Array, headingRad: Float32Array, covarianceM2: Float32Array, weight: Float32Array,
  *   walk: Uint32Array, order: Uint32Array, vectors: Float32Array,
  * }} Spots
- * @typedef {{walk: number, bytes: Uint8Array}} Stretch
+ * @typedef {{walk: number, bytes: Uint8Array<ArrayBuffer>}} Stretch
  */
 
 /**
  * The spots of all tiles, tile after tile. Raises RangeError for a part that is cut off or missing.
- * @param {Uint8Array[]} tiles @param {Stretch[]} stretches @returns {Spots}
+ * @param {Uint8Array<ArrayBuffer>[]} tiles @param {Stretch[]} stretches @returns {Spots}
  */
 export function spotsOf(tiles, stretches) {
   const counts = tiles.map((tile) => countOf(tile, TILE_SPOT_BYTES));
   const total = counts.reduce((sum, count) => sum + count, 0);
-  const spots = { vectors: new Float32Array(FEATURES * total) };
-  for (const [name, width] of Object.entries(WHOLE)) spots[name] = new Uint32Array(width * total);
-  for (const [name, width] of Object.entries(NUMBERS)) spots[name] = new Float32Array(width * total);
+  const spots = /** @type {Spots} */ ({ vectors: new Float32Array(FEATURES * total) });
+  for (const [name, width] of WHOLE) spots[name] = new Uint32Array(width * total);
+  for (const [name, width] of NUMBERS) spots[name] = new Float32Array(width * total);
   let first = 0;
   tiles.forEach((tile, k) => {
     fill(spots, first, aligned(tile), counts[k]);
@@ -41,15 +43,17 @@ export function spotsOf(tiles, stretches) {
   return spots;
 }
 
+/** @param {Spots} spots @param {number} first @param {Uint8Array<ArrayBuffer>} tile @param {number} count */
 function fill(spots, first, tile, count) {
   let at = tile.byteOffset + HEAD_BYTES;
-  for (const [name, width] of Object.entries({ ...WHOLE, ...NUMBERS })) {
-    const Numbers = spots[name].constructor;
+  for (const [name, width] of [...WHOLE, ...NUMBERS]) {
+    const Numbers = spots[name] instanceof Uint32Array ? Uint32Array : Float32Array;
     spots[name].set(new Numbers(tile.buffer, at, width * count), width * first);
     at += 4 * width * count;
   }
 }
 
+/** @param {Spots} spots @param {Stretch[]} stretches */
 function fillFeatures({ walk, order, vectors }, stretches) {
   const rows = new Map(Array.from(order, (each, row) => [walk[row] * WALK + each, row]));
   let filled = 0;
@@ -68,6 +72,7 @@ function fillFeatures({ walk, order, vectors }, stretches) {
   if (filled !== order.length) throw new RangeError(NO_FEATURES);
 }
 
+/** @param {Uint8Array} bytes @param {number} spotBytes */
 function countOf(bytes, spotBytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
   const count = bytes.length < HEAD_BYTES ? NaN : view.getUint32(0, true);
@@ -75,12 +80,12 @@ function countOf(bytes, spotBytes) {
   return count;
 }
 
-/** The same bytes where numbers may begin. */
+/** The same bytes where numbers may begin. @param {Uint8Array<ArrayBuffer>} bytes */
 function aligned(bytes) {
   return bytes.byteOffset % 4 === 0 ? bytes : bytes.slice();
 }
 
-/** A half-precision number: browsers without Float16Array are many. */
+/** A half-precision number: browsers without Float16Array are many. @param {number} half its bits */
 export function wholeOf(half) {
   const sign = half & 0x8000 ? -1 : 1;
   const exponent = (half >> 10) & 31;

@@ -13,7 +13,7 @@ export const ACCEPTED_RATES_HZ = [44100, 48000];
  * One excitation with a peak of 1.
  * @param {ChirpParameters} parameters
  * @param {number} rateHz one of ACCEPTED_RATES_HZ
- * @returns {Float32Array}
+ * @returns {Float32Array<ArrayBuffer>}
  */
 export function makeChirp(parameters, rateHz) {
   checkRate(rateHz);

@@ -31,8 +31,10 @@ const REMEMBERED = 100;
  * @typedef {import("./echo_arrivals.js").EchoParameters} EchoParameters
  * @typedef {import("./schedule_votes.js").Vote} Vote
  * @typedef {import("../phone/stream.js").Stream} Stream
- * @typedef {import("./echo_arrivals.js").Search & {first: number, played: (sample: number) => void,
- *   late: (sample: number) => number | null | undefined, lateNow: () => number | null}} ScheduleSearch
+ * @typedef {Omit<import("./echo_arrivals.js").Search, "next"> & {
+ *   next: (envelope: Stream, isOver: boolean) => Scheduled[] | null, first: number,
+ *   played: (sample: number) => void, late: (sample: number) => number | null | undefined,
+ *   lateNow: () => number | null}} ScheduleSearch
  *   played: tells of the next chirp, before it is heard; late: how many samples late what is played at a
  *   sample is heard, undefined where that is not settled yet and null where its chirp was not; lateNow: as
  *   far as is known by now, null before the first chirp

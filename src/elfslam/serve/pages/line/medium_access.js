@@ -7,8 +7,8 @@
 /**
  * The parameters of elfslam.line.medium_access, by their names there.
  * @typedef {{jitter_s: number, softer_db: number, slots: number, listen: number, forget: number, check: number,
- *   check_least: number, check_alone: number, free_after: number, claim: number, keep: number, challenge: number, stir: number,
- *   follow: number, contrast: number, share: number, frames: number}} MediumAccessParameters
+ *   check_least: number, check_alone: number, free_after: number, claim: number, keep: number, challenge: number,
+ *   stir: number, follow: number, contrast: number, share: number, frames: number}} MediumAccessParameters
  * Whose turn it is, by slot of the round: whether it is ours; rounds since another phone was heard in it;
  * how often we kept silent in it, as it is ours, and heard nobody. alone: slots since another was heard.
  * @typedef {{mine: boolean[], quiet: number[], sure: number[], alone: number, shiftS: number}} SlotSchedule

@@ -64,7 +64,9 @@ export function isSpoiled(before, frame, behind, parameters) {
 /** @param {Looked} frame @param {Looked[]} near @param {MediumAccessParameters} parameters */
 function standsOut({ bins, direct }, near, { contrast, share }) {
   const least = Math.fround(share * direct);
-  return bins.some((value, k) => value > least && value > Math.fround(contrast * middle(near.map(({ wide }) => wide[k]))));
+  /** @param {number} k */
+  const usual = (k) => middle(near.map(({ wide }) => wide[k]));
+  return bins.some((value, k) => value > least && value > Math.fround(contrast * usual(k)));
 }
 
 /** The largest of the bins around each: what may be heard there in the next frame. @param {Float32Array} bins */

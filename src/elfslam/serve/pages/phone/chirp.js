@@ -19,7 +19,7 @@ const FADE_S = 0.001;
  * One excitation with a peak of 1.
  * @param {Chirp} chirp
  * @param {number} rateHz one of ACCEPTED_RATES_HZ
- * @returns {Float32Array}
+ * @returns {Float32Array<ArrayBuffer>}
  */
 export function makeChirp({ band_hz: [lowHz, highHz], ...told }, rateHz) {
   return chirpOf({ fade_s: FADE_S, ...told, band_low_hz: lowHz, band_high_hz: highHz }, rateHz);

@@ -46,10 +46,8 @@ export function soundTime(line, pageMs) {
  * @returns {Pair}
  */
 export function readClocks(context, nowMs) {
-  const stamp = context.getOutputTimestamp?.() ?? {};
-  if (stamp.contextTime > 0 && stamp.performanceTime > 0) {
-    return { pageMs: stamp.performanceTime, soundS: stamp.contextTime };
-  }
+  const { contextTime = 0, performanceTime = 0 } = context.getOutputTimestamp?.() ?? {};
+  if (contextTime > 0 && performanceTime > 0) return { pageMs: performanceTime, soundS: contextTime };
   return { pageMs: nowMs, soundS: context.currentTime - (context.outputLatency ?? 0) };
 }
 
@@ -61,6 +59,7 @@ export function eventTime(stampMs, nowMs) {
   return Math.abs(nowMs - stampMs) < 1000 ? stampMs : nowMs;
 }
 
+/** @param {number[]} values */
 function mean(values) {
   return values.reduce((sum, value) => sum + value, 0) / values.length;
 }

@@ -9,6 +9,14 @@ import {
   totalBytes,
 } from "./view.js";
 
+/**
+ * @typedef {import("./sending.js").Progress} Progress
+ * @typedef {import("./sending.js").Sent} Sent
+ * @typedef {{created_utc: string, doing: string, kind: string, problem: string | null, share: number | null} & (
+ *   {state: "done", gave: {map: string}} | {state: "queued" | "running" | "failed" | "cancelled"}
+ * )} Job as far as the page needs it
+ */
+
 const GLANCE_MS = 1500;
 const MOST_FAILURES = 40;
 
@@ -20,25 +28,26 @@ export function filesOf({ kind }) {
 
 /**
  * A walk on its way to the server, whatever the page shows meanwhile.
- * @param {import("./sending.js").Sent} sent
- * @param {import("./keeper.js").Keeper} keeper
+ * @param {Sent} sent @param {import("./keeper.js").Keeper} keeper
  */
 export function startSending(sent, keeper) {
-  const sending = { progress: { sent: {}, trouble: null }, tell: () => {}, stop: () => {}, done: null };
+  /** @type {{progress: Progress, tell: (progress: Progress) => void}} */
+  const shown = { progress: { sent: {}, trouble: null }, tell: () => {} };
   const controller = new AbortController();
+  /** @param {Progress} progress */
   const heard = (progress) => {
-    sending.progress = progress;
-    sending.tell(progress);
+    shown.progress = progress;
+    shown.tell(progress);
   };
-  sending.done = sendWalk(sent, keeper, filesOf(sent.state), heard, controller.signal);
-  sending.done.catch(() => {}); // whoever shows the end hears of it
-  sending.stop = () => controller.abort(new DOMException("stopped", "AbortError"));
-  return sending;
+  const done = sendWalk(sent, keeper, filesOf(sent.state), heard, controller.signal);
+  done.catch(() => {}); // whoever shows the end hears of it
+  const stop = () => controller.abort(new DOMException("stopped", "AbortError"));
+  return Object.assign(shown, { done, stop });
 }
 
 /**
  * Shows a walk until its map is there.
- * @param {import("./sending.js").Sent} sent @param {import("./keeper.js").Keeper} keeper
+ * @param {Sent} sent @param {import("./keeper.js").Keeper} keeper
  * @param {ReturnType<typeof startSending>} sending
  */
 export async function showSending(sent, keeper, sending) {
@@ -56,7 +65,8 @@ export async function showSending(sent, keeper, sending) {
   showProgress(sent, sending.progress);
   try {
     await sending.done;
-  } catch (error) {
+  } catch (thrown) {
+    const error = /** @type {Error} */ (thrown);
     if (error.name === "AbortError") return;
     showFinishing("Not sent yet.", 0);
     showFinishTrouble(error.message);
@@ -64,9 +74,10 @@ export async function showSending(sent, keeper, sending) {
     return;
   }
   await keeper.ask({ do: "remove", walk: sent.walk });
-  await followMap(sent.state.recording);
+  await followMap(/** @type {string} */ (sent.state.recording));
 }
 
+/** @param {Sent} walk @param {Progress} progress */
 function showProgress({ sizes, state }, { sent, trouble }) {
   const total = totalBytes(sizes);
   const there = totalBytes(sent);
@@ -78,7 +89,10 @@ function showProgress({ sizes, state }, { sent, trouble }) {
   showFinishing(said, isAll ? null : there / Math.max(total, 1));
 }
 
-/** Follows the job that makes the map. What fails here is not lost: the walk is on the server. */
+/**
+ * Follows the job that makes the map. What fails here is not lost: the walk is on the server.
+ * @param {string} recording
+ */
 async function followMap(recording) {
   showFinishTrouble(null);
   showStage("Making the map");
@@ -94,12 +108,14 @@ async function followMap(recording) {
   }
 }
 
+/** @param {string} recording @returns {Promise<Job | null>} */
 async function latestJob(recording) {
+  /** @type {Job[]} */
   const jobs = await ask("GET", `/api/jobs?recording=${encodeURIComponent(recording)}`);
   return jobs.filter((job) => job.kind === "map").sort((a, b) => (a.created_utc < b.created_utc ? 1 : -1))[0] ?? null;
 }
 
-/** @returns {boolean} whether there is nothing more to wait for */
+/** @param {Job} job @returns {boolean} whether there is nothing more to wait for */
 function showJob(job) {
   if (job.state === "done") {
     showStage("The map is ready");

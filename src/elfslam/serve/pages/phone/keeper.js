@@ -8,18 +8,24 @@
  *   onKept: (heard: (news: {walk: string, sizes: Record<string, number>}) => void) => void,
  *   onProblem: (heard: (problem: KeepingProblem) => void) => void,
  * }} Keeper
+ * @typedef {{id: number, result?: unknown, problem?: KeepingProblem}} Answer
+ * @typedef {{resolve: (result: unknown) => void, reject: (error: Error) => void}} Waiting
  */
 
 /** @returns {Keeper} */
 export function startKeeper() {
   const worker = new Worker(new URL("./keeper.worker.js", import.meta.url), { type: "module" });
+  /** @type {Map<number, Waiting>} */
   const waiting = new Map();
+  /** @type {Parameters<Keeper["onKept"]>[0][]} */
   const keptListeners = [];
+  /** @type {Parameters<Keeper["onProblem"]>[0][]} */
   const problemListeners = [];
   let count = 0;
 
+  /** @param {Answer} answer */
   const answered = ({ id, result, problem }) => {
-    const { resolve, reject } = waiting.get(id);
+    const { resolve, reject } = /** @type {Waiting} */ (waiting.get(id));
     waiting.delete(id);
     if (problem) {
       problemListeners.forEach((heard) => heard(problem));
@@ -35,6 +41,7 @@ export function startKeeper() {
     if (data.is === "problem") problemListeners.forEach((heard) => heard(data.problem));
   };
 
+  /** @type {Keeper["ask"]} */
   const ask = (order) =>
     new Promise((resolve, reject) => {
       count += 1;

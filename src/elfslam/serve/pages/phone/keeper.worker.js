@@ -8,20 +8,38 @@ import { openFileShelf } from "./shelf_files.js";
 
 const STATE = "walk.json";
 
+/**
+ * @typedef {import("./shelf_files.js").Kept} Kept
+ * @typedef {import("./manifest.js").Walk} Walk
+ * @typedef {{walk: string, name: string, parts: [name: string, bytes: Uint8Array][], state: Walk, reserve: number,
+ *   start: number, end: number, size: number}} Given what orders are about; each looks at what it needs
+ * @typedef {{do: keyof typeof orders, id: number} & Given} Order
+ * @typedef {import("./keeper.js").Answer} Answer
+ */
+
 /** @type {Promise<import("./shelf_files.js").Shelf>} */
 const shelf = openFileShelf().then((found) => found ?? openDatabaseShelf());
-/** @type {Map<string, import("./shelf_files.js").Kept>} by walk and name */
+/** @type {Map<string, Kept>} by walk and name */
 const open = new Map();
 
+/** @param {string} walk @param {string} name */
 async function kept(walk, name) {
   const key = `${walk}/${name}`;
-  if (!open.has(key)) open.set(key, await (await shelf).open(walk, name));
-  return open.get(key);
+  const file = open.get(key) ?? (await (await shelf).open(walk, name));
+  open.set(key, file);
+  return file;
 }
 
-/** All parts are kept, or none. */
+/** Those of a walk that are open. @param {string} walk */
+function openOf(walk) {
+  return [...open].filter(([key]) => key.startsWith(`${walk}/`));
+}
+
+/** All parts are kept, or none. @param {Given} given */
 async function append({ walk, parts }) {
+  /** @type {Record<string, number>} */
   const sizes = {};
+  /** @type {[file: Kept, size: number][]} */
   const before = [];
   try {
     for (const [name, bytes] of parts) {
@@ -42,6 +60,7 @@ async function list() {
   const walks = [];
   for (const walk of await (await shelf).walks()) {
     const names = (await (await shelf).names(walk)).filter((name) => name !== STATE);
+    /** @type {Record<string, number>} */
     const sizes = {};
     for (const name of names) sizes[name] = (await kept(walk, name)).size;
     walks.push({ walk, state: await readState(walk), sizes });
@@ -49,6 +68,7 @@ async function list() {
   return walks;
 }
 
+/** @param {string} walk @returns {Promise<Walk | null>} */
 async function readState(walk) {
   const file = await kept(walk, STATE);
   try {
@@ -58,9 +78,10 @@ async function readState(walk) {
   }
 }
 
+/** @param {Given} given */
 async function remove({ walk }) {
-  for (const key of [...open.keys()].filter((name) => name.startsWith(`${walk}/`))) {
-    open.get(key).close();
+  for (const [key, file] of openOf(walk)) {
+    file.close();
     open.delete(key);
   }
   await (await shelf).remove(walk);
@@ -70,30 +91,35 @@ const orders = {
   append,
   list,
   remove,
+  /** @param {Given} given */
   save: async ({ walk, state, reserve }) => {
     const text = JSON.stringify(state) + " ".repeat(reserve);
     await (await kept(walk, STATE)).replace(new TextEncoder().encode(text));
   },
+  /** @param {Given} given */
   read: async ({ walk, name, start, end }) => (await kept(walk, name)).read(start, end),
+  /** @param {Given} given */
   truncate: async ({ walk, name, size }) => (await kept(walk, name)).truncate(size),
+  /** @param {Given} given */
   flush: async ({ walk }) => {
-    const mine = [...open.keys()].filter((name) => name.startsWith(`${walk}/`));
-    for (const key of mine) await open.get(key).flush();
+    for (const [, file] of openOf(walk)) await file.flush();
   },
 };
 
 let last = Promise.resolve();
 
+/** @param {Order} order @param {(answer: Answer) => void} answer */
 function carryOut(order, answer) {
   last = last.then(async () => {
     try {
       answer({ id: order.id, result: await orders[order.do](order) });
     } catch (error) {
-      answer({ id: order.id, problem: describe(error) });
+      answer({ id: order.id, problem: describe(/** @type {Error} */ (error)) });
     }
   });
 }
 
+/** @param {Error | null | undefined} error @returns {import("./keeper.js").KeepingProblem} */
 function describe(error) {
   const isFull = error?.name === "QuotaExceededError";
   const isElsewhere = error?.name === "NoModificationAllowedError";
@@ -105,13 +131,14 @@ function describe(error) {
 
 self.onmessage = ({ data }) => {
   if (data.do === "serve") {
-    data.port.onmessage = ({ data: order }) => carryOut(order, reportProblem);
+    const port = /** @type {MessagePort} */ (data.port);
+    port.onmessage = ({ data: order }) => carryOut(order, reportProblem);
     return;
   }
   carryOut(data, (answer) => self.postMessage({ is: "answer", ...answer }));
 };
 
-/** The sound's worker waits for no answer; what goes wrong there is the page's to know. */
+/** The sound's worker waits for no answer; what goes wrong there is the page's to know. @param {Answer} answer */
 function reportProblem({ problem }) {
   if (problem) self.postMessage({ is: "problem", problem });
 }

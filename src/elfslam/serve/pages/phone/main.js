@@ -179,8 +179,8 @@ async function walk() {
   const { mediumAccess } = page;
   /** @type {Omit<Parameters<typeof startWalking>[0], "heard">} */
   const given = {
-    microphone, sound, keeper, clocks, mediumAccess, play: (delayS, tell) => playSlots(delayS, tell, mediumAccess), latencyS, sent,
-    software: page.software,
+    microphone, sound, keeper, clocks, mediumAccess, latencyS, sent, software: page.software,
+    play: (delayS, tell) => playSlots(delayS, tell, mediumAccess),
   };
   const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
     showView("name");
@@ -203,8 +203,7 @@ function watchWalk(sent, sending, walking) {
   };
   show();
   const timer = setInterval(show, 500);
-  /** @type {Promise<object>} */ (/** @type {unknown} */ (sending.done))
-    .catch((error) => showNetwork(error.message, false));
+  sending.done.catch((error) => showNetwork(error.message, false));
   return async (why) => {
     page.ending = null;
     clearInterval(timer);

@@ -11,6 +11,7 @@ const UNTOUCHED = {
   channelCount: 1,
 };
 
+/** @type {Record<string, string>} by the name of the error */
 const REFUSALS = {
   NotAllowedError: "The microphone is not allowed. Allow it for this page in the browser's settings, and try again.",
   NotFoundError: "No microphone was found.",
@@ -37,13 +38,15 @@ export async function openMicrophone() {
     await resumed;
     checkRate(context.sampleRate);
     return await connect(context, stream);
-  } catch (error) {
+  } catch (thrown) {
+    const error = /** @type {Error} */ (thrown);
     stream?.getTracks().forEach((track) => track.stop());
     await context.close();
     throw new Problem(REFUSALS[error.name] ?? error.message, 0);
   }
 }
 
+/** @param {AudioContext} context @param {MediaStream} stream @returns {Promise<Microphone>} */
 async function connect(context, stream) {
   await context.audioWorklet.addModule(new URL("./capture.worklet.js", import.meta.url));
   const capture = new AudioWorkletNode(context, "capture", {
@@ -63,6 +66,7 @@ async function connect(context, stream) {
     source.disconnect();
     await context.close();
   };
+  /** @type {Microphone["pour"]} */
   const pour = (to, sink) => capture.port.postMessage({ to, sink }, sink ? [sink] : []);
   return { context, track, pour, close };
 }

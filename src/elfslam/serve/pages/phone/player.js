@@ -16,7 +16,7 @@ const LEVEL = 0.8;
 /**
  * Chirps once per period.
  * @param {AudioContext} context
- * @param {Float32Array} chirp samples at the context's rate
+ * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first chirp
  * @param {number} [count] chirps in all; without it they go on until stopped
@@ -51,7 +51,7 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
  * Chirps by turns: at a random moment of each slot of one period that is ours, each by chance at full level or
  * softer. Nobody else can know.
  * @param {AudioContext} context
- * @param {Float32Array} chirp samples at the context's rate
+ * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first slot
  * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
@@ -87,12 +87,14 @@ export function startSlots(context, chirp, period, delayS, parameters, tell) {
     clearInterval(timer);
     return speaker.stop();
   };
+  /** @param {number} at the slot @param {number[]} othersS @param {boolean} played */
   const heard = (at, othersS, played) => {
     schedule = afterSlot(schedule, at, othersS, played, chance(), parameters);
   };
   return { heard, stop };
 }
 
+/** @param {boolean} isAlone */
 function aheadS(isAlone) {
   if (document.hidden) return AHEAD_S;
   return isAlone ? SEEN_AHEAD_S : AMONG_OTHERS_AHEAD_S;
@@ -103,13 +105,18 @@ function chance() {
   return crypto.getRandomValues(new Uint32Array(1))[0] / 2 ** 32;
 }
 
-/** play: puts a chirp on a frame of the clock, so loud (dB); stop: calls back those that do not sound yet. */
+/**
+ * play: puts a chirp on a frame of the clock, so loud (dB); stop: calls back those that do not sound yet.
+ * @param {AudioContext} context @param {Float32Array<ArrayBuffer>} chirp
+ */
 function openSpeaker(context, chirp) {
   const buffer = context.createBuffer(1, chirp.length, context.sampleRate);
   buffer.copyToChannel(chirp, 0);
   const gain = new GainNode(context, { gain: LEVEL });
   gain.connect(context.destination);
+  /** @type {Map<AudioBufferSourceNode, number>} */
   const due = new Map();
+  /** @param {number} frame */
   const play = (frame, gainDb = 0) => {
     const source = new AudioBufferSourceNode(context, { buffer });
     const softer = new GainNode(context, { gain: 10 ** (gainDb / 20) });

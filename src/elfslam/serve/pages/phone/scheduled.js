@@ -57,7 +57,7 @@ export function makeScheduled({ rateHz, chirp, period, guess }) {
     for (
       let more = /** @type {Scheduled[] | null | undefined} */ ([]);
       more;
-      more = /** @type {Scheduled[] | null | undefined} */ (search?.next(envelope, false))
+      more = search?.next(envelope, false)
     ) arrivals.push(...more.filter(isKept));
     const needed = Math.min(search?.needs() ?? Infinity, envelope.end() - HEARD_S * rateHz);
     envelope.forget(needed - 2 * period);

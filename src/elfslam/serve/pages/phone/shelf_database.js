@@ -3,13 +3,21 @@
 const DATABASE = "elfslam";
 const PIECES = "pieces";
 
+/**
+ * @typedef {(mode: IDBTransactionMode) => IDBObjectStore} Store
+ * @typedef {[walk: string, name: string, start: number]} Key of a piece
+ * @typedef {{start: number, bytes: Uint8Array}} Piece
+ */
+
 /** @returns {Promise<import("./shelf_files.js").Shelf>} */
 export async function openDatabaseShelf() {
   const opening = indexedDB.open(DATABASE, 1);
   opening.onupgradeneeded = () => opening.result.createObjectStore(PIECES);
   const database = await settled(opening);
+  /** @type {Store} */
   const store = (mode) => database.transaction(PIECES, mode, { durability: "strict" }).objectStore(PIECES);
-  const keys = (range) => settled(store("readonly").getAllKeys(range));
+  /** @param {IDBKeyRange} [range] */
+  const keys = (range) => /** @type {Promise<Key[]>} */ (settled(store("readonly").getAllKeys(range)));
   return {
     walks: async () => unique((await keys()).map(([walk]) => walk)),
     names: async (walk) => unique((await keys(allOf(walk))).map(([, name]) => name)),
@@ -21,9 +29,16 @@ export async function openDatabaseShelf() {
 /** No piece is longer: what a read or a cut has to look at. */
 const LONGEST_PIECE = 1 << 16;
 
+/**
+ * @param {Store} store @param {string} walk @param {string} name @param {number} size
+ * @returns {import("./shelf_files.js").Kept}
+ */
 function keptAs(store, walk, name, size) {
+  /** @param {number} start */
   const within = (start) => IDBKeyRange.bound([walk, name, start], [walk, name, []]);
+  /** @param {Uint8Array} bytes @param {number} start */
   const put = (bytes, start) => settled(store("readwrite").put(bytes.slice(), [walk, name, start]));
+  /** @type {import("./shelf_files.js").Kept} */
   const kept = {
     size,
     append: async (bytes) => {
@@ -43,7 +58,8 @@ function keptAs(store, walk, name, size) {
       const tail = await kept.read(start, wanted);
       await settled(store("readwrite").delete(within(start)));
       const pieces = await piecesOf(store, within(0));
-      const end = pieces.length === 0 ? 0 : pieces.at(-1).start + pieces.at(-1).bytes.length;
+      const last = pieces.at(-1);
+      const end = last ? last.start + last.bytes.length : 0;
       kept.size = end;
       await kept.append(tail.subarray(end - start));
     },
@@ -55,24 +71,26 @@ function keptAs(store, walk, name, size) {
   return kept;
 }
 
+/** @param {Store} store @param {IDBKeyRange} range @returns {Promise<Piece[]>} those that begin before `end` */
 async function piecesOf(store, range, end = Infinity) {
   const reading = store("readonly");
   const [keys, pieces] = await Promise.all([
     settled(reading.getAllKeys(range)),
     settled(reading.getAll(range)),
   ]);
-  return keys
+  return /** @type {Key[]} */ (keys)
     .map(([, , start], k) => ({ start, bytes: pieces[k] }))
     .filter((piece) => piece.start < end);
 }
 
+/** @param {Store} store @param {string} walk @param {string} name */
 async function sizeOf(store, walk, name) {
   const reading = store("readonly").openCursor(allOf(walk, name), "prev");
   const cursor = await settled(reading);
-  return cursor === null ? 0 : cursor.key[2] + cursor.value.length;
+  return cursor === null ? 0 : /** @type {Key} */ (cursor.key)[2] + cursor.value.length;
 }
 
-/** Bytes [start, end) of pieces that follow each other. */
+/** Bytes [start, end) of pieces that follow each other. @param {Piece[]} pieces @param {number} start @param {number} end */
 export function joined(pieces, start, end) {
   const out = new Uint8Array(end - start);
   for (const piece of pieces) {
@@ -83,14 +101,17 @@ export function joined(pieces, start, end) {
   return out;
 }
 
+/** @param {...string} path */
 function allOf(...path) {
   return IDBKeyRange.bound(path, [...path, []]);
 }
 
+/** @param {string[]} names */
 function unique(names) {
   return [...new Set(names)];
 }
 
+/** @template T @param {IDBRequest<T>} request @returns {Promise<T>} */
 function settled(request) {
   return new Promise((resolve, reject) => {
     request.onsuccess = () => resolve(request.result);

@@ -46,13 +46,16 @@ function shelfIn(folder) {
   };
 }
 
+/** @param {FileSystemDirectoryHandle} folder */
 async function keysOf(folder) {
   const names = [];
   for await (const name of folder.keys()) names.push(name);
   return names;
 }
 
+/** @param {FileSystemSyncAccessHandle} handle @returns {Kept} */
 function keptIn(handle) {
+  /** @param {Uint8Array} bytes @param {number} at */
   const write = (bytes, at) => {
     const written = handle.write(bytes, { at });
     if (written !== bytes.length) {

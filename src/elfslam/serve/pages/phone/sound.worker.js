@@ -115,7 +115,7 @@ function keepHeaders(walk, kind) {
 
 /**
  * The row goes before its frame: what is found after a crash can be told from it. How late the chirp came is
- * NaN where nobody told when it was played.
+ * null where nobody told when it was played.
  * @param {string} walk @param {Kind} kind @param {import("./framer.js").Frame} frame
  */
 function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
@@ -123,7 +123,7 @@ function keepFrame(walk, kind, { arrival, tS, row, bytes }) {
   keep(walk, [[table, new TextEncoder().encode(row)], [file, bytes]]);
   const directS = arrival.sample / sound.rateHz;
   const jumpedS = arrival.jumped / sound.rateHz;
-  const lateS = (arrival.sample - /** @type {number} */ (arrival.played)) / sound.rateHz;
+  const lateS = arrival.played === undefined ? null : (arrival.sample - arrival.played) / sound.rateHz;
   self.postMessage({ is: "frame", tS, directS, lateS, jumpedS, isFound: arrival.isFound, peak: arrival.peak });
 }
 

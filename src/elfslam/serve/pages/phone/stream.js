@@ -16,6 +16,7 @@ export function makeStream(capacity) {
   let start = 0;
   let end = 0;
 
+  /** @param {number} count */
   const makeRoom = (count) => {
     if (end - start + count <= line.length) return;
     const wanted = Math.max(line.length, 2 * (end - start + count));
@@ -24,6 +25,7 @@ export function makeStream(capacity) {
     line = longer;
   };
 
+  /** @type {Stream["append"]} */
   const append = (first, samples) => {
     const missing = Math.max(first - end, 0);
     const late = Math.max(end - first, 0);
@@ -35,6 +37,7 @@ export function makeStream(capacity) {
     return missing;
   };
 
+  /** @type {Stream["slice"]} */
   const slice = (from, to) => {
     const out = new Float32Array(to - from);
     const known = Math.max(from, start);
@@ -44,6 +47,7 @@ export function makeStream(capacity) {
     return out;
   };
 
+  /** @type {Stream["forget"]} */
   const forget = (before) => {
     const count = Math.min(Math.max(before - start, 0), end - start);
     if (count < capacity) return;

@@ -7,10 +7,17 @@ import { closeWalk } from "./walking.js";
 const WHOLE_FRAME_S = 0.08;
 
 /**
- * @param {import("./keeper.js").Keeper} keeper
- * @returns {Promise<import("./sending.js").Sent[]>} walks that hold anything; empty ones are cleared away
+ * @typedef {import("./keeper.js").Keeper} Keeper
+ * @typedef {import("./manifest.js").Walk} Walk
+ * @typedef {import("./sending.js").Sent} Sent
+ */
+
+/**
+ * @param {Keeper} keeper
+ * @returns {Promise<Sent[]>} walks that hold anything; empty ones are cleared away
  */
 export async function findUnfinished(keeper) {
+  /** @type {{walk: string, state: Walk | null, sizes: Record<string, number>}[]} */
   const found = await keeper.ask({ do: "list" });
   const walks = [];
   for (const { walk, state, sizes } of found) {
@@ -23,22 +30,30 @@ export async function findUnfinished(keeper) {
 /** Bytes held beside the state of a walk, so that it can be closed when the phone is full. */
 const RESERVE = 1 << 15;
 
-/** @returns {import("./sending.js").Sent} */
+/**
+ * @param {Keeper} keeper @param {string} walk @param {Walk} state @param {Record<string, number>} sizes
+ * @returns {Sent}
+ */
 export function makeSent(keeper, walk, state, sizes) {
   const save = (reserve = state.isOver ? 0 : RESERVE) => keeper.ask({ do: "save", walk, state, reserve });
   return { walk, state, sizes, save };
 }
 
-/** A walk that nobody stopped is cut to what is whole, and closed. */
+/**
+ * A walk that nobody stopped is cut to what is whole, and closed.
+ * @param {Sent} sent @param {Keeper} keeper @param {string} software
+ */
 export async function mend(sent, keeper, software) {
   const { walk, state, sizes } = sent;
   if (state.isOver) return;
   const { table, file, headerBytes } = SOUND_FILES[state.kind];
+  /** @param {string} name */
   const text = async (name) => {
     const bytes = await keeper.ask({ do: "read", walk, name, start: 0, end: sizes[name] ?? 0 });
     return new TextDecoder().decode(bytes);
   };
   const frames = await text(table);
+  /** @type {Record<string, string>} */
   const tables = {};
   for (const name of TABLE_FILES) tables[name] = await text(name);
   const frameBytes = frameBytesOf(state);
@@ -46,6 +61,7 @@ export async function mend(sent, keeper, software) {
     { table: frames, frameBytes, headerBytes, fileBytes: sizes[file] ?? 0 },
     tables,
   );
+  /** @param {string} name @param {number | undefined} size */
   const cut = async (name, size) => {
     if (size === undefined) return;
     await keeper.ask({ do: "truncate", walk, name, size });
@@ -59,6 +75,7 @@ export async function mend(sent, keeper, software) {
   await closeWalk(sent, keeper, software);
 }
 
+/** @param {Walk} state */
 function frameBytesOf({ kind, rateHz }) {
   if (kind === "baseband") return 4 * BASEBAND.frameSamples;
   return 2 * Math.round(WHOLE_FRAME_S * rateHz);

@@ -10,7 +10,8 @@ const SPOKEN = { pass: "In order", doubt: "In doubt", fail: "Not in order" };
 
 /** Shows one view and moves the reader to its heading. @param {string} id */
 export function showView(id) {
-  for (const view of document.querySelectorAll(".view")) view.hidden = view.id !== id;
+  const views = /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(".view"));
+  for (const view of views) view.hidden = view.id !== id;
   at("unfinished").hidden = id !== "start" || at("unfinished-walks").children.length === 0;
   const heading = at(`${id}-title`);
   document.title = `${heading.textContent} · elfslam`;
@@ -26,7 +27,10 @@ export function showProblem(said, verdict = "fail") {
   if (said !== null) window.scrollTo(0, 0);
 }
 
-/** @param {string} tag @param {object} properties @param {(Node | string)[]} [children] */
+/**
+ * @param {string} tag @param {{data?: Record<string, string>, [property: string]: unknown}} properties
+ * @param {(Node | string)[]} [children]
+ */
 export function make(tag, properties, children = []) {
   const { data = {}, ...rest } = properties;
   const element = Object.assign(document.createElement(tag), rest);
@@ -62,6 +66,7 @@ export function showChecks(checks, summary, subbands) {
   at("probe-again").classList.toggle("primary", summary.verdict === "fail");
 }
 
+/** @param {import("./verdicts.js").Check} check */
 function checkLine({ name, verdict, said }) {
   const sign = make("span", { className: "sign", ariaHidden: "true" }, [SIGNS[verdict]]);
   const spoken = make("span", { className: "visually-hidden" }, [`${SPOKEN[verdict]}: `]);
@@ -71,6 +76,7 @@ function checkLine({ name, verdict, said }) {
 
 const TALLEST_DB = 90;
 
+/** @param {import("./probe.js").Subband} subband */
 function bandColumn({ lowHz, snrDb }) {
   const verdict = snrDb < 6 ? "fail" : snrDb < 15 ? "doubt" : "pass";
   const bar = make("span", {});
@@ -80,6 +86,7 @@ function bandColumn({ lowHz, snrDb }) {
   return make("div", { data: { verdict } }, [value, column, `${lowHz / 1000} kHz`]);
 }
 
+/** @param {import("./probe.js").Subband[]} subbands */
 function bandsSpoken(subbands) {
   const parts = subbands.map((band) => `${Math.round(band.snrDb)} at ${band.lowHz / 1000} kilohertz`);
   return `Decibels above the noise: ${parts.join(", ")}`;
@@ -148,17 +155,15 @@ export function offer(...ids) {
   for (const id of ["see-map", "send-again", "discard", "another"]) at(id).hidden = !ids.includes(id);
 }
 
-/**
- * @param {import("./sending.js").Sent[]} walks
- * @param {(sent: import("./sending.js").Sent) => void} onSend
- * @param {(sent: import("./sending.js").Sent) => void} onDiscard
- */
+/** @typedef {import("./sending.js").Sent} Sent */
+/** @param {Sent[]} walks @param {(sent: Sent) => void} onSend @param {(sent: Sent) => void} onDiscard */
 export function showUnfinished(walks, onSend, onDiscard) {
   at("unfinished-title").textContent = walks.length > 1 ? "Unfinished walks" : "An unfinished walk";
   at("unfinished-walks").replaceChildren(...walks.map((sent) => unfinishedCard(sent, onSend, onDiscard)));
   at("unfinished").hidden = walks.length === 0 || at("start").hidden;
 }
 
+/** @param {Sent} sent @param {(sent: Sent) => void} onSend @param {(sent: Sent) => void} onDiscard */
 function unfinishedCard(sent, onSend, onDiscard) {
   const { name, startUtc, facts } = sent.state;
   const bytes = totalBytes(sent.sizes);

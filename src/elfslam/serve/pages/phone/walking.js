@@ -238,9 +238,9 @@ export function makeLateness() {
   let recent = [];
   /** @type {number | null} */
   let lastS = null;
-  /** @param {number} directS @param {number} lateS */
+  /** @param {number} directS @param {number | null} lateS null where nobody told when the chirp was played */
   const add = (directS, lateS) => {
-    recent = [...recent, lateS].slice(-RECENT);
+    if (lateS !== null) recent = [...recent, lateS].slice(-RECENT);
     lastS = directS;
   };
   return {

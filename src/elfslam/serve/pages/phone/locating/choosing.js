@@ -11,21 +11,28 @@ import { askRemove, showMaps, showMapsTrouble, showOffline, showProgress } from 
 const NO_SERVER = "The server does not answer. The maps on this phone work without it.";
 
 /**
+ * @typedef {import("../../keeping/packages.js").Packages} Packages
+ * @typedef {import("./maps.js").MapRow} MapRow
+ * @typedef {import("./maps.js").OfferedMap} OfferedMap
+ */
+
+/**
  * @param {{act: (work: () => Promise<void>) => (event?: Event) => Promise<void>,
- *   chosen: (row: import("./maps.js").MapRow, packages: import("../../keeping/packages.js").Packages) => Promise<void>,
+ *   chosen: (row: MapRow, packages: Packages) => Promise<void>,
  *   paired: () => Promise<void>}} given paired: when the server knows this phone, or does not answer
  * @returns {{list: () => Promise<void>}}
  */
 export function makeChoosing({ act, chosen, paired }) {
-  /** @type {import("../../keeping/packages.js").Packages | null} */
-  let packages = null;
+  /** @type {Packages | null} */
+  let opened = null;
   /** @type {import("./near.js").NearMap[]} */
   let near = [];
 
   async function list() {
     showView("maps");
     showOffline();
-    packages ??= openPackages(await openStore());
+    const packages = (opened ??= openPackages(await openStore()));
+    const does = deedsOn(packages);
     const kept = await packages.list();
     showMaps(rowsOf(kept, null), does);
     await paired();
@@ -37,7 +44,8 @@ export function makeChoosing({ act, chosen, paired }) {
     showMaps(rowsOf(kept, offered), does);
   }
 
-  async function get({ id }) {
+  /** @param {MapRow} row @param {Packages} packages */
+  async function get({ id }, packages) {
     try {
       await packages.update(id, (progress) => showProgress(id, progress));
     } finally {
@@ -52,23 +60,25 @@ export function makeChoosing({ act, chosen, paired }) {
       near = await floorsNear(navigator.geolocation);
       await list();
     } catch (error) {
-      showMapsTrouble(error.message);
+      showMapsTrouble(/** @type {Error} */ (error).message);
     } finally {
       at("maps-near").disabled = false;
     }
   }
 
-  async function remove({ id }) {
+  /** @param {MapRow} row @param {Packages} packages */
+  async function remove({ id }, packages) {
     if (!(await askRemove())) return;
     await packages.remove(id);
     await list();
   }
 
-  const does = {
+  /** @param {Packages} packages @returns {import("./place_view.js").Deeds} */
+  const deedsOn = (packages) => ({
     open: (row, event) => act(() => chosen(row, packages))(event),
-    get: (row, event) => act(() => get(row))(event),
-    remove: (row, event) => act(() => remove(row))(event),
-  };
+    get: (row, event) => act(() => get(row, packages))(event),
+    remove: (row, event) => act(() => remove(row, packages))(event),
+  });
   at("maps-near").addEventListener("click", act(lookAround));
   return { list };
 }
@@ -80,17 +90,19 @@ export function makeChoosing({ act, chosen, paired }) {
 async function offeredMaps(kept, near) {
   const offers = offersOf(await ask("GET", "/api/maps"), near, kept);
   const held = new Set(kept.map(({ map }) => map));
-  const withRevision = async (offer) => (held.has(offer.id) ? { ...offer, revision: await revisionOf(offer.id) } : offer);
+  /** @param {OfferedMap} offer @returns {Promise<OfferedMap>} */
+  const withRevision = async (offer) =>
+    held.has(offer.id) ? { ...offer, revision: await revisionOf(offer.id) } : offer;
   return (await Promise.all(offers.map(withRevision))).filter(({ revision }) => revision !== null);
 }
 
-/** Null where the server has no such map any more. */
+/** Null where the server has no such map any more. @param {string} id @returns {Promise<number | null>} */
 async function revisionOf(id) {
   try {
     const { manifest } = await ask("GET", `/api/maps/${encodeURIComponent(id)}/package`);
     return JSON.parse(manifest).revision;
   } catch (error) {
-    if (error.status === 404) return null;
+    if (/** @type {import("../../shared/api.js").Problem} */ (error).status === 404) return null;
     throw error;
   }
 }

@@ -6,10 +6,15 @@ import { REASONS } from "../../line/spoofing.js";
 /**
  * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
  * the memory.
- * @typedef {{decide: (untilS: number) => import("./words.js").Fix[]}} Deciding
+ * @typedef {{decide: (untilS: number) => Fix[]}} Deciding
  */
 
-/** @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0 for none */
+/**
+ * @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0
+ *   for none
+ * @typedef {import("./words.js").Fix} Fix
+ * @typedef {import("../../line/motion/types.js").Step} Step
+ */
 
 /** @type {SpoofingCheck} */
 const UNCHECKED = { reasonAt: () => 0 };
@@ -23,15 +28,17 @@ const LOOK_EVERY_S = 0.2;
  * A fix at each footstep.
  * @param {{
  *   floorMap: import("../../line/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
- *   footsteps: {take: (nowS: number) => import("../../line/motion/types.js").Step[]},
- *   tracker: {step: (move: number[], sigma: number[], scores: Float32Array | null, suspect: boolean) => import("./words.js").Fix},
+ *   footsteps: {take: (nowS: number) => Step[]},
+ *   tracker: ReturnType<typeof import("../../line/track.js").makeTracker>,
  *   spoofing?: SpoofingCheck,
  * }} given
  * @returns {Deciding}
  */
 export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing = UNCHECKED }) {
+  /** @type {Step[]} */
   let waiting = [];
   let lookedS = -Infinity;
+  /** @param {Step} step @returns {Fix} */
   const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
     const mean = memory.mean(fromS, tS);
     const reason = spoofing.reasonAt(tS);
@@ -39,6 +46,7 @@ export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing =
     const fix = tracker.step(moveM, sigma, mean && likeness(mean, floorMap), reason > 0);
     return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
   };
+  /** @param {number} untilS */
   const decide = (untilS) => {
     if (untilS - lookedS < LOOK_EVERY_S) return [];
     lookedS = untilS;
@@ -58,26 +66,32 @@ export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing =
  */
 export function decideByWindows({ floorMap, memory, spoofing = UNCHECKED }) {
   const { locate } = floorMap.parameters;
-  let fromS = null;
-  const fixOfWindow = () => {
-    const toS = fromS + locate.window_s;
+  /** @type {number | null} */
+  let nextS = null;
+  /** @param {number} fromS @param {number} toS */
+  const fixOfWindow = (fromS, toS) => {
     const mean = memory.mean(fromS, toS);
     const fix = fixOf(mean && likeness(mean, floorMap), floorMap, locate, (fromS + toS) / 2);
     const reason = spoofing.reasonAt(toS);
     memory.forget(toS);
-    fromS = toS;
     return reason > 0 ? suspected(fix, REASONS[reason]) : fix;
   };
+  /** @param {number} untilS */
   const decide = (untilS) => {
-    fromS ??= memory.firstS();
+    nextS ??= memory.firstS();
+    /** @type {Fix[]} */
     const fixes = [];
-    while (fromS !== null && fromS + locate.window_s <= untilS) fixes.push(fixOfWindow());
+    while (nextS !== null && nextS + locate.window_s <= untilS) {
+      const fromS = nextS;
+      nextS += locate.window_s;
+      fixes.push(fixOfWindow(fromS, nextS));
+    }
     return fixes;
   };
   return { decide };
 }
 
-/** @param {import("./words.js").Fix} fix @param {string} reason @returns {import("./words.js").Fix} */
+/** @param {Fix} fix @param {string} reason @returns {Fix} */
 function suspected({ tS, score }, reason) {
   return { tS, xyM: null, headingRad: NaN, covarianceM2: null, score, status: "SUSPECT", reason };
 }

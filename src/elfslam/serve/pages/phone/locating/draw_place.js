@@ -5,6 +5,7 @@ import { toScreen } from "../../shared/map/projection.js";
 import { ellipseOf } from "./ellipse.js";
 
 /** @typedef {import("./place_map.js").Shown} Shown */
+/** @typedef {CanvasRenderingContext2D} Context */
 /** @typedef {{surface: string, ink: string, soft: string, line: string, accent: string, accentSoft: string,
  *   doubt: string, bad: string}} Palette */
 
@@ -15,7 +16,7 @@ const TRAIL_PX = 4;
 /** Older pieces of the trail fade to this. */
 const FAINT = 0.35;
 
-/** @param {CanvasRenderingContext2D} context @param {Shown} shown @param {Palette} palette
+/** @param {Context} context @param {Shown} shown @param {Palette} palette
  * @param {number} density device pixels per pixel */
 export function drawPlace(context, shown, palette, density) {
   const { size, ground, trail } = shown;
@@ -30,6 +31,7 @@ export function drawPlace(context, shown, palette, density) {
   if (trail.placed) drawWalker(context, shown, trail.placed, palette);
 }
 
+/** @param {Context} context @param {Shown} shown @param {Shown["ground"]} ground @param {Palette} palette */
 function drawGround(context, shown, { cover, walks }, palette) {
   context.globalAlpha = shown.plan ? 0.45 : 0.85;
   context.fillStyle = palette.accentSoft;
@@ -38,6 +40,7 @@ function drawGround(context, shown, { cover, walks }, palette) {
   stroke(context, walks, palette.accent, 1, shown, 0.3);
 }
 
+/** @param {Context} context @param {Shown} shown @param {Palette} palette */
 function drawTrail(context, shown, palette) {
   const { pieces } = shown.trail;
   pieces.forEach((piece, at) => {
@@ -49,12 +52,16 @@ function drawTrail(context, shown, palette) {
   });
 }
 
-/** In the colour of what is known, and where it is in doubt with a broken line: not by colour alone. */
+/**
+ * In the colour of what is known, and where it is in doubt with a broken line: not by colour alone.
+ * @param {Context} context @param {Shown} shown @param {import("./words.js").Fix} fix of a place
+ * @param {Palette} palette
+ */
 function drawWalker(context, { view, size, trail }, fix, palette) {
   const isLost = trail.fix !== fix;
   const isSure = !isLost && fix.status === "OK";
   const colour = isSure ? palette.accent : isLost || fix.status === "SUSPECT" ? palette.bad : palette.doubt;
-  const [x, y] = toScreen(view, size, fix.xyM);
+  const [x, y] = toScreen(view, size, /** @type {[number, number]} */ (fix.xyM));
   context.save();
   context.translate(x, y);
   if (isLost) context.globalAlpha = 0.55;
@@ -64,7 +71,12 @@ function drawWalker(context, { view, size, trail }, fix, palette) {
   context.restore();
 }
 
+/**
+ * @param {Context} context @param {ReturnType<typeof ellipseOf>} ellipse @param {number} pxPerM
+ * @param {string} colour @param {boolean} isSure
+ */
 function drawEllipse(context, { majorM, minorM, turnRad }, pxPerM, colour, isSure) {
+  /** @param {number} metres */
   const half = (metres) => Math.max(metres * pxPerM, DOT_PX + 3);
   const alpha = context.globalAlpha;
   context.beginPath();
@@ -81,7 +93,10 @@ function drawEllipse(context, { majorM, minorM, turnRad }, pxPerM, colour, isSur
   context.globalAlpha = alpha;
 }
 
-/** Where the phone faces: a beam that fades. */
+/**
+ * Where the phone faces: a beam that fades.
+ * @param {Context} context @param {number} headingRad @param {string} colour in hexadecimal
+ */
 function drawBeam(context, headingRad, colour) {
   const alpha = context.globalAlpha;
   const fade = context.createRadialGradient(0, 0, DOT_PX, 0, 0, BEAM_PX);
@@ -97,6 +112,7 @@ function drawBeam(context, headingRad, colour) {
   context.globalAlpha = alpha;
 }
 
+/** @param {Context} context @param {string} colour @param {string} surface @param {boolean} isSure */
 function drawDot(context, colour, surface, isSure) {
   context.beginPath();
   context.arc(0, 0, DOT_PX, 0, 2 * Math.PI);

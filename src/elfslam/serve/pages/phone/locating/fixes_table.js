@@ -7,6 +7,7 @@ export function tableOfFixes(fixes, zeroS) {
   return HEADER + fixes.map((fix) => rowOf(fix, zeroS)).join("");
 }
 
+/** @param {import("./words.js").Fix} fix @param {number} zeroS */
 function rowOf({ tS, xyM, headingRad, covarianceM2, status }, zeroS) {
   const sigma = covarianceM2 ? Math.sqrt((covarianceM2[0] + covarianceM2[2]) / 2) : NaN;
   const numbers = [...(xyM ?? [NaN, NaN]), headingRad, sigma];

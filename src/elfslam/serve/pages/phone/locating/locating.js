@@ -34,6 +34,7 @@ export function makeLocating({ devices, act, problem, paired }) {
   const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
   const choosing = makeChoosing({ act, chosen: open, paired });
 
+  /** @param {import("./maps.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
   async function open(row, packages) {
     const opening = devices(); // before anything is waited for: it needs the tap
     opening.catch(() => {});
@@ -48,7 +49,9 @@ export function makeLocating({ devices, act, problem, paired }) {
     await start();
   }
 
+  /** Once a map is open. */
   async function start() {
+    if (!here.kept || !here.map) return;
     stop();
     here.trail = NO_TRAIL;
     here.map.setTrail(NO_TRAIL);
@@ -58,7 +61,8 @@ export function makeLocating({ devices, act, problem, paired }) {
     if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
     const awake = stayAwake();
     const shown = showFixes(here, mode());
-    const placing = await startPlacing(opened, here.kept, mode(), { ...shown.told, problem: stopFor }).catch((error) => {
+    const told = { ...shown.told, problem: stopFor };
+    const placing = await startPlacing(opened, here.kept, mode(), told).catch((error) => {
       awake.stop();
       at("place-start").disabled = false;
       tell(STOPPED);
@@ -113,6 +117,10 @@ function tell(words) {
   speak(words);
 }
 
+/**
+ * @param {ReturnType<typeof mountPlaceMap>} map
+ * @param {import("../../keeping/opening.js").Facts["floorPlan"]} plan
+ */
 async function showPlan(map, plan) {
   if (!plan?.placement) return;
   const address = URL.createObjectURL(new Blob([plan.bytes], { type: plan.type }));
@@ -123,5 +131,6 @@ async function showPlan(map, plan) {
 
 /** @returns {"track" | "one-shot"} */
 function mode() {
-  return document.querySelector("input[name=place-mode]:checked").value;
+  const chosen = /** @type {HTMLInputElement} */ (document.querySelector("input[name=place-mode]:checked"));
+  return /** @type {"track" | "one-shot"} */ (chosen.value);
 }

@@ -4,7 +4,8 @@
  * @typedef {{id: string, name: string, isHere: boolean, isOld: boolean, canGet: boolean,
  *   sizeBytes: number | null, when: string | null}} MapRow isOld: the server has a newer one; when: made, ISO
  * @typedef {{map: string, name: string, revision: number, madeUtc: string, sizeBytes: number}} KeptMap
- * @typedef {{id: string, name: string, created_utc?: string, revision?: number}} OfferedMap
+ * @typedef {{id: string, name: string, created_utc?: string, revision?: number | null}} OfferedMap revision: null
+ *   where the server has it no more
  */
 
 /**
@@ -28,7 +29,7 @@ export function rowsOf(kept, offered) {
   const held = new Set(kept.map(({ map }) => map));
   const here = kept.map((one) => keptRow(one, offered?.find(({ id }) => id === one.map)));
   const there = (offered ?? []).filter(({ id }) => !held.has(id)).map(offeredRow);
-  const dated = there.filter(({ when }) => when !== null);
+  const dated = /** @type {(MapRow & {when: string})[]} */ (there.filter(({ when }) => when !== null));
   return [
     ...here.sort((a, b) => a.name.localeCompare(b.name)),
     ...there.filter(({ when }) => when === null),
@@ -36,11 +37,13 @@ export function rowsOf(kept, offered) {
   ];
 }
 
+/** @param {KeptMap} kept @param {OfferedMap | undefined} offer @returns {MapRow} */
 function keptRow({ map, name, revision, madeUtc, sizeBytes }, offer) {
   const isOld = (offer?.revision ?? revision) > revision;
   return { id: map, name, isHere: true, isOld, canGet: offer !== undefined, sizeBytes, when: madeUtc };
 }
 
+/** @param {OfferedMap} offer @returns {MapRow} */
 function offeredRow({ id, name, created_utc }) {
   return { id, name, isHere: false, isOld: false, canGet: true, sizeBytes: null, when: created_utc ?? null };
 }

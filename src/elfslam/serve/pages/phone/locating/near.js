@@ -9,9 +9,11 @@ const [LEAST_M, MOST_M] = [1, 2000];
 const NOT_ALLOWED = 1;
 
 export const NO_POSITION = "This browser tells no page where the phone is. Choose the place from the list.";
-export const REFUSED = "The page may not know where the phone is: allow it in the browser's settings, or choose from the list.";
+export const REFUSED =
+  "The page may not know where the phone is: allow it in the browser's settings, or choose from the list.";
 export const LOST = "The phone does not know where it is. Go near a window and try again, or choose from the list.";
-export const NOTHING_NEAR = "No map of a place near here is published. Choose from the list, or walk through the place to map it.";
+export const NOTHING_NEAR =
+  "No map of a place near here is published. Choose from the list, or walk through the place to map it.";
 
 /** @typedef {{id: string, name: string, revision: number}} NearMap */
 
@@ -26,17 +28,24 @@ export async function floorsNear(geolocation) {
   return floors;
 }
 
-/** What the server is asked. The altitude stays here: browsers count it from another zero than maps do. */
+/**
+ * What the server is asked. The altitude stays here: browsers count it from another zero than maps do.
+ * @param {{coords: {latitude: number, longitude: number, accuracy: number}}} position
+ */
 export function questionOf({ coords: { latitude, longitude, accuracy } }) {
   const sigma = Math.min(Math.max(accuracy / SIGMAS, LEAST_M), MOST_M);
   return { position: { latitude_deg: latitude, longitude_deg: longitude, sigma_m: sigma } };
 }
 
-/** @param {{candidates: {building: string, floor: number, map: string, revision: number}[]}} answer @returns {NearMap[]} */
+/**
+ * @param {{candidates: {building: string, floor: number, map: string, revision: number}[]}} answer
+ * @returns {NearMap[]}
+ */
 export function floorsOf({ candidates }) {
   return candidates.map(({ building, floor, map, revision }) => ({ id: map, name: nameOf(building, floor), revision }));
 }
 
+/** @param {string} building @param {number} floor */
 function nameOf(building, floor) {
   return floor === 0 ? `${building}, ground floor` : `${building}, floor ${floor}`;
 }
@@ -45,6 +54,7 @@ function nameOf(building, floor) {
 function positionBy(geolocation) {
   if (!geolocation) throw new Problem(NO_POSITION, 0);
   return new Promise((resolve, reject) => {
+    /** @param {GeolocationPositionError} error */
     const failed = ({ code }) => reject(new Problem(code === NOT_ALLOWED ? REFUSED : LOST, 0));
     geolocation.getCurrentPosition(resolve, failed, PATIENCE);
   });

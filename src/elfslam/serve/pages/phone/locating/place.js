@@ -6,6 +6,7 @@ import { soundTime } from "../clocks.js";
 const MOTION_EVERY_MS = 150;
 const FIRST_CHIRP_S = 0.25;
 const SAME_S = 0.01;
+const TOO_OLD = "This browser cannot run the part of the page that locates. Use a newer one.";
 
 /**
  * @typedef {{
@@ -13,11 +14,13 @@ const SAME_S = 0.01;
  *   echo: (echo: {tS: number, facts: object}) => void,
  *   problem: (said: string) => void,
  * }} Told
+ * @typedef {{latenessS: number | null, playedS: number[],
+ *   heard: (slot: number, othersS: number[], played: boolean) => void}} Latest
  */
 
 /**
  * @param {import("../devices.js").Devices} devices
- * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array}} kept
+ * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array<ArrayBuffer>}} kept
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
  * @returns {Promise<{stop: () => void, zeroS: () => number, playedUntil: (heardS: number) => number}>} zeroS:
@@ -27,6 +30,7 @@ export async function startPlacing({ microphone, clocks, playSlots }, { floorMap
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
   const { port1, port2 } = new MessageChannel();
   const rateHz = microphone.context.sampleRate;
+  /** @type {Latest} */
   const latest = { latenessS: null, playedS: [], heard: () => {} };
   const ready = untilReady(worker, told, latest);
   worker.postMessage({ do: "open", rateHz, floorMap, encoderBytes, mode, source: port1 }, [port1]);
@@ -58,10 +62,10 @@ export async function startPlacing({ microphone, clocks, playSlots }, { floorMap
   };
 }
 
-/** @param {Worker} worker @param {Told} told @returns {Promise<void>} */
+/** @param {Worker} worker @param {Told} told @param {Latest} latest @returns {Promise<void>} */
 function untilReady(worker, told, latest) {
   return new Promise((resolve, reject) => {
-    worker.onerror = () => reject(new Error("This browser cannot run the part of the page that locates. Use a newer one."));
+    worker.onerror = () => reject(new Error(TOO_OLD));
     worker.onmessage = ({ data }) => {
       if (data.is === "ready") resolve();
       if (data.is === "fix") told.fix(data.fix);
@@ -78,8 +82,12 @@ function untilReady(worker, told, latest) {
   });
 }
 
-/** Every reading with the time of the sound that was being played. @returns {() => void} stops */
+/**
+ * Every reading with the time of the sound that was being played.
+ * @param {Worker} worker @param {import("../devices.js").Devices["clocks"]} clocks @returns {() => void} stops
+ */
 function sendMotion(worker, clocks) {
+  /** @type {{pageMs: number, acceleration: number[] | null, turning: number[] | null}[]} */
   let readings = [];
   const stop = listenToMotion((pageMs, acceleration, turning) => readings.push({ pageMs, acceleration, turning }));
   const timer = setInterval(() => {

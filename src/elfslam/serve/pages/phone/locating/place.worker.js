@@ -20,13 +20,25 @@ import { makePlacer } from "./placer.js";
 /** Of the tracker's draws. */
 const SEED = 0;
 
+/**
+ * @typedef {import("../../line/floor_map.js").FloorMap} FloorMap
+ * @typedef {import("../../line/echo.js").EchoCutter} EchoCutter
+ * @typedef {ReturnType<typeof hearOthers>} Others
+ * @typedef {"track" | "one-shot"} Mode
+ */
+
+/** @type {ReturnType<typeof delayMotion>} */
 let motion = { push() {} };
+/** @type {Pick<EchoCutter, "played" | "latenessS">} */
 let cutter = { played() {}, latenessS: () => null };
+/** @type {Pick<Others, "add" | "take">} */
 let others = { add() {}, take: () => [] };
 
 const orders = {
   open: openMap,
+  /** @param {{readings: import("./motion_delay.js").Reading[]}} order */
   motion: ({ readings }) => motion.push(readings),
+  /** @param {{slot: import("./others.js").Slot & {gainDb: number}}} order */
   slot({ slot }) {
     others.add(slot);
     if (slot.playedS === null) return;
@@ -34,8 +46,12 @@ const orders = {
   },
 };
 
-self.onmessage = ({ data }) => orders[data.do](data);
+self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.do)](data);
 
+/**
+ * @param {{rateHz: number, floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, mode: Mode,
+ *   source: MessagePort}} order
+ */
 async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
   try {
     const placer = await placerFor(rateHz, checkedMap(floorMap), encoderBytes, mode);
@@ -49,29 +65,43 @@ async function openMap({ rateHz, floorMap, encoderBytes, mode, source }) {
   }
 }
 
+/**
+ * @param {number} rateHz @param {FloorMap} floorMap @param {Uint8Array<ArrayBuffer>} encoderBytes
+ * @param {Mode} mode
+ */
 async function placerFor(rateHz, floorMap, encoderBytes, mode) {
   const { parameters } = floorMap;
   const listener = encoderFor(floorMap, await openEncoder(encoderBytes, {}));
-  cutter = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
-  others = hearOthers(cutter, parameters.chirp.period_s, parameters.medium_access);
+  const echoes = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });
+  const around = hearOthers(echoes, parameters.chirp.period_s, parameters.medium_access);
+  [cutter, others] = [echoes, around];
   const memory = makeMemory(parameters.locate.fewest_echoes);
   const footsteps = makeFootsteps(parameters.motion);
   motion = delayMotion(footsteps, cutter.latenessS);
   const spoofing = makeSpoofingCheck(parameters.spoofing);
   const deciding = mode === "track"
-    ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: makeTracker(floorMap, parameters.track, makeRandom(SEED)) })
+    ? decideBySteps({ floorMap, memory, footsteps, spoofing, tracker: trackerOf(floorMap) })
     : decideByWindows({ floorMap, memory, spoofing });
-  return makePlacer({ rateHz, cutter, clean: others.clean, listener, spoofing, memory, deciding, onFix, onEcho });
+  const { clean } = around;
+  return makePlacer({ rateHz, cutter: echoes, clean, listener, spoofing, memory, deciding, onFix, onEcho });
 }
 
+/** @param {FloorMap} floorMap */
+function trackerOf(floorMap) {
+  return makeTracker(floorMap, floorMap.parameters.track, makeRandom(SEED));
+}
+
+/** @param {import("./words.js").Fix} fix */
 function onFix(fix) {
   self.postMessage({ is: "fix", fix });
 }
 
+/** @param {import("../../line/echo.js").Echo} echo */
 function onEcho({ tS, facts }) {
   self.postMessage({ is: "echo", tS, facts, latenessS: cutter.latenessS() });
 }
 
+/** @param {unknown} error */
 function tellProblem(error) {
-  self.postMessage({ is: "problem", said: error.message });
+  self.postMessage({ is: "problem", said: /** @type {Error} */ (error).message });
 }

@@ -11,17 +11,19 @@ import { drawPlace } from "./draw_place.js";
 import { groundOf } from "./ground_of_map.js";
 import { NO_TRAIL } from "./trail.js";
 
+/** @typedef {import("../../shared/map/projection.js").View} View */
 /**
  * What is on the canvas.
  * @typedef {object} Shown
- * @property {import("../../shared/map/projection.js").View} view
+ * @property {View} view
  * @property {import("../../shared/map/projection.js").Size} size
  * @property {import("./ground_of_map.js").Ground} ground
  * @property {import("../../shared/map/ground.js").Plan | null} plan
  * @property {import("./trail.js").Trail} trail
  */
 
-const HELP = "Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.";
+const HELP =
+  "Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.";
 /** Once the walker is found, no more of the map is shown than this. */
 const AROUND_M = 8;
 const MARGIN_PX = 28;
@@ -54,6 +56,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
     scale.show(shown.view);
   }
 
+  /** @param {boolean} isWanted */
   function setFollowing(isWanted) {
     isFollowing = isWanted;
     follow.setAttribute("aria-pressed", String(isWanted));
@@ -61,13 +64,14 @@ export function mountPlaceMap(floorMap, name, { say }) {
     redraw();
   }
 
-  /** Zooming keeps the walker in the middle while they are followed. */
+  /** Zooming keeps the walker in the middle while they are followed. @param {View} view */
   function zoomTo(view) {
     shown.view = view;
     if (isFollowing) centre();
     redraw();
   }
 
+  /** @param {View} view */
   function moveTo(view) {
     if (view.px_per_m === shown.view.px_per_m) setFollowing(false);
     zoomTo(view);
@@ -81,10 +85,11 @@ export function mountPlaceMap(floorMap, name, { say }) {
   function showAll() {
     setFollowing(false);
     const planned = shown.plan ? boundsOf(corners(shown.plan.placement, shown.plan.aspect)) : null;
-    shown.view = fit(around(ground.bounds_m, planned), shown.size, MARGIN_PX);
+    shown.view = fit(around(ground.bounds_m, planned) ?? ground.bounds_m, shown.size, MARGIN_PX);
     redraw();
   }
 
+  /** @param {Shown["trail"]} trail */
   function setTrail(trail) {
     const isFound = !shown.trail.placed && trail.placed;
     shown.trail = trail;
@@ -98,8 +103,10 @@ export function mountPlaceMap(floorMap, name, { say }) {
     shown.view = { ...shown.view, px_per_m: Math.max(shown.view.px_per_m, nearest) };
   }
 
-  onGestures(canvas, { look: () => shown, turnTo: moveTo, fit: showAll, point() {}, leave() {}, grab: () => null, drop() {}, step() {} });
-  canvas.addEventListener("keydown", (event) => {
+  onGestures(canvas, {
+    look: () => shown, turnTo: moveTo, fit: showAll, point() {}, leave() {}, grab: () => null, drop() {}, step() {},
+  });
+  canvas.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     if (event.key === "Enter") say();
     if (event.key === "f" || event.key === "F") setFollowing(!isFollowing);
   });
@@ -115,6 +122,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
       palette = paletteOf(document.documentElement);
     },
   });
+  /** @param {import("../../shared/map/ground.js").Plan} plan */
   const setPlan = (plan) => {
     shown.plan = plan;
     redraw();
@@ -125,6 +133,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
 /** The colours of the page as they are now. @param {Element} element @returns {import("./draw_place.js").Palette} */
 function paletteOf(element) {
   const style = getComputedStyle(element);
+  /** @param {string} name */
   const colour = (name) => style.getPropertyValue(name).trim();
   return {
     surface: colour("--surface"), ink: colour("--ink"), soft: colour("--ink-soft"), line: colour("--line"),

@@ -6,6 +6,12 @@ import { WAITING, placeSpoken, wordsOf } from "./words.js";
 
 const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
 
+/**
+ * @typedef {import("./maps.js").MapRow} MapRow
+ * @typedef {(row: MapRow, event: Event) => void} Deed
+ * @typedef {{open: Deed, get: Deed, remove: Deed}} Deeds what the buttons of a map do
+ */
+
 /** @param {import("./words.js").Words} words */
 export function showWords({ verdict, title, line }) {
   const status = at("place-status");
@@ -62,19 +68,18 @@ export function showMapsTrouble(said) {
   at("maps-trouble").firstElementChild.textContent = said ?? "";
 }
 
-/**
- * @param {import("./maps.js").MapRow[]} rows
- * @param {{open: (row: import("./maps.js").MapRow) => void, get: (row: import("./maps.js").MapRow) => void,
- *   remove: (row: import("./maps.js").MapRow) => void}} does
- */
+/** @param {MapRow[]} rows @param {Deeds} does */
 export function showMaps(rows, does) {
   at("maps-list").replaceChildren(...rows.map((row) => mapCard(row, does)));
   at("maps-none").hidden = rows.length > 0;
 }
 
+/** @param {MapRow} row @param {Deeds} does */
 function mapCard(row, does) {
+  /** @param {string} words @param {string} className @param {Deed} deed */
   const button = (words, className, deed) => {
-    const inside = make("button", { type: "button", className, onclick: (event) => deed(row, event) }, [words]);
+    const onclick = (/** @type {Event} */ event) => deed(row, event);
+    const inside = make("button", { type: "button", className, onclick }, [words]);
     inside.append(make("span", { className: "visually-hidden" }, [` ${row.name}`]));
     return inside;
   };
@@ -82,7 +87,7 @@ function mapCard(row, does) {
     row.isHere && button("Find me here", "primary big", does.open),
     row.canGet && button(row.isHere ? "Update" : "Get this map", row.isHere ? "" : "primary", does.get),
     row.isHere && button("Remove", "danger", does.remove),
-  ].filter(Boolean);
+  ].filter((each) => each !== false);
   return make("li", { className: "card map-card", data: { map: row.id } }, [
     make("div", { className: "row apart" }, [make("h2", {}, [row.name]), badge(row)]),
     make("p", { className: "soft" }, [factsOf(row)]),
@@ -94,11 +99,13 @@ function mapCard(row, does) {
   ]);
 }
 
+/** @param {MapRow} row */
 function badge({ isHere, isOld }) {
   const [verdict, said] = isOld ? ["doubt", "Update"] : isHere ? ["pass", "On this phone"] : ["wait", "On the server"];
   return make("span", { className: "badge", data: { verdict } }, [said]);
 }
 
+/** @param {MapRow} row */
 function factsOf({ sizeBytes, when }) {
   return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
 }
@@ -112,12 +119,13 @@ export function showOffline() {
 
 /** @param {string} id @param {import("../../keeping/packages.js").Progress | null} progress */
 export function showProgress(id, progress) {
-  const box = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);
+  const found = document.querySelector(`[data-progress="${CSS.escape(id)}"]`);
+  const box = /** @type {HTMLElement | null} */ (found);
   if (!box) return;
   box.hidden = progress === null;
   if (progress === null) return;
   const [bar, said] = box.children;
-  bar.value = progress.totalBytes > 0 ? progress.doneBytes / progress.totalBytes : 1;
+  /** @type {HTMLProgressElement} */ (bar).value = progress.totalBytes > 0 ? progress.doneBytes / progress.totalBytes : 1;
   said.textContent = `${formatBytes(progress.doneBytes)} of ${formatBytes(progress.totalBytes)}`;
 }
 

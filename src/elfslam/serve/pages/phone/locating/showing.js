@@ -9,32 +9,42 @@ const SPEAK_AFTER_MS = 1500;
 const CLOCK_MS = 500;
 
 /**
+ * @typedef {import("./words.js").Fix} Fix
+ * @typedef {(heardS: number) => number} PlayedUntil how many chirps should have been heard
+ */
+
+/**
  * @param {import("./locating.js").Here} here @param {"track" | "one-shot"} mode
- * @returns {{told: {fix: (fix: import("./words.js").Fix) => void, echo: (echo: {tS: number}) => void},
- *   begin: (playedUntil: (heardS: number) => number) => void, end: () => void, fixes: () => import("./words.js").Fix[]}}
+ * @returns {{told: {fix: (fix: Fix) => void, echo: (echo: {tS: number}) => void},
+ *   begin: (playedUntil: PlayedUntil) => void, end: () => void, fixes: () => Fix[]}}
  */
 export function showFixes(here, mode) {
-  /** @type {import("./words.js").Fix[]} */
+  /** @type {Fix[]} */
   const fixes = [];
   const echoes = { count: 0, lastS: NaN };
   const speaker = makeSpeaker(WAITING[mode]);
   let timer = 0;
 
+  /** @param {Fix} found */
   const fix = (found) => {
     fixes.push(found);
     here.trail = withFix(here.trail, found);
-    here.map.setTrail(here.trail);
+    here.map?.setTrail(here.trail);
     showWords(wordsOf(found));
     speaker.consider(wordsOf(found));
   };
+  /** @param {{tS: number}} echo */
   const echo = ({ tS }) => {
     echoes.lastS = tS;
     echoes.count += 1;
   };
+  /** @param {PlayedUntil} playedUntil */
   const begin = (playedUntil) => {
     const beganMs = performance.now();
     const show = () => showPlaceFacts({
-      seconds: (performance.now() - beganMs) / 1000, fixes: here.trail.count, heardShare: heardShare(echoes, playedUntil),
+      seconds: (performance.now() - beganMs) / 1000,
+      fixes: here.trail.count,
+      heardShare: heardShare(echoes, playedUntil),
     });
     show();
     timer = setInterval(show, CLOCK_MS);
@@ -46,7 +56,10 @@ export function showFixes(here, mode) {
   return { told: { fix, echo }, begin, end, fixes: () => fixes };
 }
 
-/** Of the chirps that were played until the last that was heard. */
+/**
+ * Of the chirps that were played until the last that was heard.
+ * @param {{count: number, lastS: number}} echoes @param {PlayedUntil} playedUntil
+ */
 function heardShare({ count, lastS }, playedUntil) {
   return count === 0 ? null : Math.min(count / Math.max(playedUntil(lastS), 1), 1);
 }
@@ -55,6 +68,7 @@ function heardShare({ count, lastS }, playedUntil) {
 function makeSpeaker(first) {
   let said = first.verdict;
   let timer = 0;
+  /** @param {import("./words.js").Words} words */
   const consider = (words) => {
     clearTimeout(timer);
     if (words.verdict === said) return;
