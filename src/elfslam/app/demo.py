@@ -43,11 +43,11 @@ LOCATING_ROUNDS = 2
 LOCATING_SEED = 1000
 """Added to a seed: the walk to be located is another person's."""
 LOCATED = (
-    (SURVEYOR, Mode.ONE_SHOT, "on the mapped line, one-shot (0.6 s)"),
-    (SURVEYOR, Mode.TRACK, "on the mapped line, tracker"),
-    (PEOPLE, Mode.TRACK, "people crossing it, tracker"),
+    (SURVEYOR, Mode.ONE_SHOT, "same line, one-shot"),
+    (SURVEYOR, Mode.TRACK, "same line, tracker"),
+    (PEOPLE, Mode.TRACK, "people, tracker"),
 )
-"""Who is located how in each map: all of them on another day with another phone."""
+"""Who is located how: on another day with another phone, people on ways that cross the line."""
 
 Row = dict[str, object]
 
@@ -155,7 +155,7 @@ def _mapping_rows(collected: Collected) -> list[Row]:
 def _fix_rows(collected: Collected) -> list[Row]:
     return [
         {
-            "who and how": name,
+            "who, how": name,
             **_statistics(walks),
             "answered": sum(len(walk) for walk in walks) / collected.queries[name],
         }

@@ -13,7 +13,8 @@ const AT_ONCE = 4;
 const MOST_WAITS = 20;
 
 /**
- * @typedef {import("./manifest.js").Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key that signed it
+ * @typedef {import("./manifest.js").Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key
+ *   that signed it
  * @typedef {{map: string, name: string, revision: number, madeUtc: string, spots: number, sizeBytes: number}} Held
  * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number,
  *   sizeBytes: number}} Updated

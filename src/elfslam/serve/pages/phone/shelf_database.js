@@ -90,7 +90,10 @@ async function sizeOf(store, walk, name) {
   return cursor === null ? 0 : /** @type {Key} */ (cursor.key)[2] + cursor.value.length;
 }
 
-/** Bytes [start, end) of pieces that follow each other. @param {Piece[]} pieces @param {number} start @param {number} end */
+/**
+ * Bytes [start, end) of pieces that follow each other.
+ * @param {Piece[]} pieces @param {number} start @param {number} end
+ */
 export function joined(pieces, start, end) {
   const out = new Uint8Array(end - start);
   for (const piece of pieces) {

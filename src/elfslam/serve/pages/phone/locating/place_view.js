@@ -125,8 +125,9 @@ export function showProgress(id, progress) {
   box.hidden = progress === null;
   if (progress === null) return;
   const [bar, said] = box.children;
-  /** @type {HTMLProgressElement} */ (bar).value = progress.totalBytes > 0 ? progress.doneBytes / progress.totalBytes : 1;
-  said.textContent = `${formatBytes(progress.doneBytes)} of ${formatBytes(progress.totalBytes)}`;
+  const { doneBytes, totalBytes } = progress;
+  /** @type {HTMLProgressElement} */ (bar).value = totalBytes > 0 ? doneBytes / totalBytes : 1;
+  said.textContent = `${formatBytes(doneBytes)} of ${formatBytes(totalBytes)}`;
 }
 
 /** Asks before a map is removed. @returns {Promise<boolean>} */
