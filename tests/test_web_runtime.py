@@ -32,13 +32,6 @@ def test_every_package_is_held_by_its_content_and_not_by_a_place(folder: Path) -
     assert "omit-lockfile-registry-resolved=true" in (folder / ".npmrc").read_text()
 
 
-def test_the_list_of_untyped_pages_names_files() -> None:
-    listed = (TOOLS / "untyped.txt").read_text().split()
-    pages = ROOT / "src" / "elfslam" / "serve" / "pages"
-    assert listed == sorted(listed)
-    assert [name for name in listed if not (pages / name).is_file()] == []
-
-
 def test_the_page_carries_the_pinned_runtime_with_its_licence() -> None:
     pages = ROOT / "src" / "elfslam" / "serve" / "pages"
     vendored = pages / "vendor" / "onnxruntime-web"
