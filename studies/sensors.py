@@ -149,11 +149,13 @@ def _mall(data: Path, count: int) -> Iterator[Floor]:
 
 
 def _gait(recordings: Sequence[Recording]) -> Statistics:
-    rates, peaks, gyro, turning = [], [], [], []
+    rates, uneven, peaks, gyro, turning = [], [], [], [], []
     for recording in recordings:
         imu = recording.imu
         assert imu is not None
-        rates.append(1 / np.median(np.diff(find_footsteps(imu, MotionParameters()))))
+        footsteps_t_s = find_footsteps(imu, MotionParameters())
+        rates.append(1 / np.median(np.diff(footsteps_t_s)))
+        uneven.append(unevenness(footsteps_t_s))
         strength = np.linalg.norm(imu.accel_mps2, axis=1)
         peaks.append(np.percentile(strength, 99) - np.median(strength))
         size = int(np.searchsorted(imu.t_s, imu.t_s[0] + STILL_S))
@@ -163,10 +165,22 @@ def _gait(recordings: Sequence[Recording]) -> Statistics:
         turning.append(np.median(seconds))
     return {
         ("step rate, median", "Hz"): float(np.median(rates)),
+        ("interval between steps, scatter", "share"): float(np.median(uneven)),
         ("acceleration above rest, 99th percentile", "m/s2"): float(np.median(peaks)),
         ("gyroscope scatter, quietest second", "rad/s"): float(np.median(gyro)),
         ("gyroscope scatter, median second", "rad/s"): float(np.median(turning)),
     }
+
+
+def unevenness(footsteps_t_s: F64) -> float:
+    """Scatter of the intervals between steps, as a share of their median.
+
+    By the middle two thirds of the differences between one interval and the next, which neither
+    pauses nor a changing pace widen.
+    """
+    intervals_s = np.diff(footsteps_t_s)
+    low, high = np.percentile(np.diff(intervals_s) / np.sqrt(2), (16, 84))
+    return float((high - low) / 2 / np.median(intervals_s))
 
 
 def _reckoning(walks: Sequence[tuple[Recording, Truth]]) -> Statistics:

@@ -18,6 +18,7 @@ from studies.sensors import (
     compare_sensors,
     hall,
     statistics,
+    unevenness,
 )
 
 CADENCE_HZ = 1.8
@@ -62,6 +63,7 @@ def test_what_was_planted_comes_out() -> None:
     found = statistics([[walk_of(seed) for seed in range(4)]])
     assert found["walks", ""] == 4
     assert found["step rate, median", "Hz"] == pytest.approx(CADENCE_HZ, rel=0.02)
+    assert found["interval between steps, scatter", "share"] < 0.01
     peak = found["acceleration above rest, 99th percentile", "m/s2"]
     assert peak == pytest.approx(BOUNCE_MPS2, abs=0.1)
     assert found["gyroscope scatter, quietest second", "rad/s"] == 0.0
@@ -70,6 +72,15 @@ def test_what_was_planted_comes_out() -> None:
     assert found["entries last seen more than 5 s before", "share"] == 0.5
     assert found["RSSI spread at one place", "dB"] == pytest.approx(3.0, rel=0.15)
     assert found["field magnitude, mean", "uT"] == pytest.approx(46.5, abs=1.0)
+
+
+def test_uneven_steps_are_told_from_pauses_and_from_another_pace() -> None:
+    generator = np.random.default_rng(0)
+    noise = 1 + 0.06 * generator.standard_normal(4000)
+    pace = np.linspace(0.5, 0.6, 4000)
+    pauses = np.where(np.arange(4000) % 50 == 0, 5.0, 0.0)
+    assert unevenness(np.cumsum(0.55 * noise)) == pytest.approx(0.06, rel=0.05)
+    assert unevenness(np.cumsum(pace * noise + pauses)) == pytest.approx(0.06, rel=0.1)
 
 
 def test_the_trend_of_a_signal_is_a_spread_over_distance() -> None:
@@ -186,6 +197,7 @@ def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str
         assert_near(rows[name], "surveyor in hall", factor)
     for name, factor in (
         ("step rate, median", 1.15),
+        ("interval between steps, scatter", 1.4),
         ("acceleration above rest, 99th percentile", 1.5),
         ("gyroscope scatter, median second", 1.5),
     ):

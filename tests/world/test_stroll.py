@@ -117,6 +117,16 @@ def test_whoever_walks_looks_where_they_go() -> None:
     assert ((velocity * ahead).sum(axis=1)[fast] > 0).mean() > 0.98
 
 
+def test_whoever_changes_lanes_looks_where_they_go() -> None:
+    """Where furniture narrows the way, lanes slant; nobody walks sideways there."""
+    even = {"sway_m": 0.0, "wander_m": 0.0, "step_noise": 0.0, "rhythm_noise": 0.0}
+    motion = motion_of(5, room=replace(HALL, blocks=(PILLAR,)), lane_m=1.5, **even)
+    velocity = np.gradient(motion.position_m[:, :2], 1 / KINEMATICS_RATE_HZ, axis=0)
+    left = np.column_stack([-np.sin(motion.heading_rad), np.cos(motion.heading_rad)])
+    sideways = (velocity * left).sum(axis=1)[ground_speed(motion) > 0.6]
+    assert np.abs(sideways).max() < 0.1
+
+
 def test_phones_are_taken_up_anew() -> None:
     still, often = motion_of(), motion_of(grips_per_min=4.0)
     assert np.ptp(often.pitch_rad) > np.ptp(still.pitch_rad) + np.deg2rad(5)
@@ -168,13 +178,50 @@ def test_a_phone_points_aside_and_comes_back() -> None:
     assert abs(np.rad2deg(aside.mean())) < 3
 
 
-def test_steps_err_each_for_itself() -> None:
-    """Lengths of single steps scatter as told."""
-    motion = motion_of(step_noise=0.15)
-    moments = np.searchsorted(motion.steps, np.arange(20, motion.steps[-1] - 20))
+def footfalls(motion: Motion) -> F64:
+    """Times of the steps of somebody under way."""
+    return np.interp(np.arange(20, motion.steps[-1] - 20), motion.steps, motion.t_s)
+
+
+def lengths_of(motion: Motion) -> F64:
     way = np.cumsum(ground_speed(motion)) / KINEMATICS_RATE_HZ
-    lengths = np.diff(way[moments])
-    assert 0.08 < lengths.std() / lengths.mean() < 0.25
+    return np.diff(np.interp(footfalls(motion), motion.t_s, way))
+
+
+def test_steps_err_each_for_itself() -> None:
+    """Lengths scatter by two thirds of what is told, whatever the rhythm."""
+    even = {"rhythm_noise": 0.0, "sway_m": 0.0, "wander_m": 0.0}
+    lengths, intervals = [], []
+    for noise in (0.0, 0.15):
+        motion = motion_of(step_noise=noise, **even)
+        lengths.append(lengths_of(motion))
+        intervals.append(np.diff(footfalls(motion)))
+    beside = [np.diff(rows).std() / np.sqrt(2) / rows.mean() for rows in lengths]
+    assert beside[1] == pytest.approx(2 / 3 * 0.15, abs=0.02)
+    assert beside[0] < 0.02
+    assert intervals[1].std() == pytest.approx(intervals[0].std(), rel=0.1)
+
+
+def test_the_rhythm_of_steps_is_as_uneven_as_told() -> None:
+    for noise in (0.0, 0.06):
+        times = footfalls(motion_of(step_noise=0.0, rhythm_noise=noise))
+        uneven = np.diff(np.diff(times)).std() / np.sqrt(2) / np.diff(times).mean()
+        assert uneven == pytest.approx(2 / 3 * noise, abs=0.01)
+
+
+@pytest.mark.parametrize("lane_m", [0.0, 0.8])
+def test_whoever_walks_outside_a_bend_takes_more_steps_and_not_longer_ones(lane_m: float) -> None:
+    """Round corners, in any lane, steps stay as long as they are on the straight legs."""
+    even = {"step_noise": 0.0, "rhythm_noise": 0.0, "sway_m": 0.0, "wander_m": 0.0}
+    for seed in range(4):
+        motion = motion_of(seed, lane_m=lane_m, **even)
+        lengths = lengths_of(motion)
+        bending = np.abs(np.diff(np.interp(footfalls(motion), motion.t_s, motion.heading_rad)))
+        assert (bending > 0.3).sum() > 10
+        corner = lengths[bending > 0.3].mean() / lengths[bending < 0.05].mean()
+        assert corner == pytest.approx(1.0, abs=0.12)
+        assert lengths.min() > 0.6 * lengths.mean()
+        assert lengths.max() < 1.4 * lengths.mean()
 
 
 @pytest.mark.parametrize(("world", "lane_m"), [("studio", 0.3), ("office", 0.5), ("mall", 0.8)])

@@ -8,6 +8,7 @@ studies sensors`).
 
 from __future__ import annotations
 
+from dataclasses import fields
 from typing import NamedTuple
 
 import numpy as np
@@ -22,6 +23,7 @@ from elfslam.world.walker import (
     Motion,
     Straying,
     Walker,
+    by_step,
     motion_along,
     on_lap,
     random_walker,
@@ -38,6 +40,12 @@ WIDEST_M = 2.4
 PROBE_M = 0.1
 BESIDE = 160
 """Points of a lap, a centimetre apart, over which one makes room for what is beside the way."""
+INSIDE = 1 / 3
+"""How far into a bend one cuts, as a share of its radius."""
+SLOW_M = 0.3 / KINEMATICS_RATE_HZ
+"""Whoever goes on by less than this from moment to moment makes no way aside."""
+STEP_TO_STEP_S = 0.1
+"""How gently the length of one step goes over into that of the next."""
 STOP_S = (1.0, 8.0)
 TURN_S = 1.2
 WAY_BACK_M = (2.0, 6.0)
@@ -47,10 +55,14 @@ COVER_SHARE = 0.25
 
 
 class Way(NamedTuple):
-    """A lap (k, 2) through a room, its length, and how far right and left of it one can go."""
+    """A lap (k, 2) through a room, its length, how it bends, and how far beside it one can go.
+
+    `curvature_pm` (k) is positive where it turns left; `free_m` (k, 2) is right and left of it.
+    """
 
     lap_xy: F64
     lap_m: float
+    curvature_pm: F64
     free_m: F64
 
 
@@ -74,7 +86,8 @@ def random_person(
         rock_rad=np.deg2rad(generator.uniform(2.0, 5.0)),
         tremor_rad=np.deg2rad(generator.uniform(0.2, 0.5)),
         step_noise=generator.uniform(0.1, 0.2),
-        impact=generator.uniform(0.045, 0.06),
+        rhythm_noise=generator.uniform(0.05, 0.07),
+        impact=generator.uniform(0.06, 0.075),
         lane_m=lane_m,
         aside_rad=np.deg2rad(7.5),
         stops_per_min=generator.uniform(0.0, 0.6),
@@ -103,25 +116,62 @@ def stroll(
 def way_through(room: Room, route_m: F64) -> Way:
     """The way along a closed route (k, 2), for as many who stroll on it as may come."""
     lap_xy, lap_m = smooth_lap(route_m)
-    return Way(lap_xy, lap_m, _free_beside(lap_xy, room))
+    middle = np.arange(len(lap_xy), dtype=np.float64)
+    turned = on_lap(lap_xy, middle + 0.5)[1] - on_lap(lap_xy, middle - 0.5)[1]
+    curvature_pm = turned * len(lap_xy) / lap_m
+    return Way(lap_xy, lap_m, curvature_pm, _free_beside(lap_xy, curvature_pm, room))
 
 
 def stroll_on(person: Walker, way: Way, rounds: int, generator: np.random.Generator) -> Motion:
     """The motion of somebody who strays on `rounds` laps of a way, as `stroll`."""
-    velocity, turned = _velocity(person, rounds * way.lap_m, generator)
-    count = len(velocity)
-    wanted = person.lane_m * smooth_noise(generator, count, LANE_S)
-    aside_rad = person.aside_rad * smooth_noise(generator, count, ASIDE_S)
+    pace, turned = _velocity(person, rounds * way.lap_m, generator)
+    velocity = _by_uneven_steps(person, pace, generator)
+    count, laps = len(pace), np.cumsum(velocity) / way.lap_m / KINEMATICS_RATE_HZ
     regrips = _regrips(person, count, generator)
+    left_m = _within(way, laps, person.lane_m * smooth_noise(generator, count, LANE_S))
+    longer, slant = _beside(way, laps, left_m)
     straying = Straying(
-        left_m=_within(way.free_m, np.cumsum(velocity) / way.lap_m, wanted),
-        turned_rad=turned,
-        aside_rad=aside_rad,
+        pace_mps=np.abs(pace),
+        left_m=left_m,
+        turned_rad=turned + slant,
+        aside_rad=person.aside_rad * smooth_noise(generator, count, ASIDE_S),
         pitch_rad=_grips(regrips, count, np.deg2rad(6.0), generator),
         lower_m=_grips(_regrips(person, count, generator), count, 0.05, generator),
         covered_db=_covered(person, regrips, count, generator),
     )
-    return motion_along(person, way.lap_xy, way.lap_m, velocity, straying, generator)
+    planned, at = np.arange(count), _moments(longer)
+    rows = (getattr(straying, each.name) for each in fields(straying))
+    lasting = Straying(*(np.interp(at, planned, row) for row in rows))
+    along = np.interp(at, planned, velocity / longer)
+    return motion_along(person, way.lap_xy, way.lap_m, along, lasting, generator)
+
+
+def _by_uneven_steps(person: Walker, pace: F64, generator: np.random.Generator) -> F64:
+    """Velocity (n) whose steps err in length, at the same rhythm; all in all as far."""
+    if not person.step_noise:
+        return pace
+    gently = STEP_TO_STEP_S * KINEMATICS_RATE_HZ
+    uneven = pace * (
+        1 + person.step_noise * gaussian_filter1d(by_step(generator, len(pace)), gently)
+    )
+    return np.asarray(uneven * (pace.sum() / uneven.sum()))
+
+
+def _beside(way: Way, laps: F64, left_m: F64) -> tuple[F64, F64]:
+    """How much longer a lane is than the lap beside it, and how it slants (n, rad), by moment."""
+    ahead_m = np.gradient(laps) * way.lap_m
+    slope = np.gradient(left_m) / np.maximum(np.abs(ahead_m), SLOW_M)
+    straight = 1 - _on_way(way.curvature_pm, laps) * left_m
+    return np.hypot(straight, slope), np.sign(ahead_m) * np.arctan2(slope, straight)
+
+
+def _moments(longer: F64) -> F64:
+    """Which plan's moment each moment is, if each of the plan's (n) lasts so many times longer.
+
+    A lane outside a bend is a longer way than the lap: it takes more steps, not longer ones.
+    """
+    passed = np.cumsum(longer) - longer[0]
+    return np.interp(np.arange(int(passed[-1]) + 1), passed, np.arange(len(longer)))
 
 
 def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> tuple[F64, F64]:
@@ -193,8 +243,8 @@ def _from_grip_to_grip(regrips: F64, values: F64, count: int) -> F64:
     return np.asarray(gaussian_filter1d(steps, GRIP_S * KINEMATICS_RATE_HZ / 2, mode="nearest"))
 
 
-def _free_beside(lap_xy: F64, room: Room) -> F64:
-    """How far one can go to the right and to the left of each point of the lap (k, 2), in m."""
+def _free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
+    """How far one goes to the right and to the left of each point of the lap (k, 2), in m."""
     _, heading = on_lap(lap_xy, np.arange(len(lap_xy), dtype=np.float64))
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
     free = np.zeros((len(lap_xy), 2))
@@ -203,14 +253,20 @@ def _free_beside(lap_xy: F64, room: Room) -> F64:
         for far in np.arange(PROBE_M, WIDEST_M, PROBE_M):
             open_so_far &= standing_room(room, lap_xy + sign * far * left)
             free[open_so_far, column] = far
+        inward = np.maximum(sign * curvature_pm, 1e-3)
+        free[:, column] = np.minimum(free[:, column], INSIDE / inward)
     least = minimum_filter1d(free, BESIDE, axis=0, mode="wrap")
     return np.asarray(gaussian_filter1d(least, BESIDE / 4, axis=0, mode="wrap"))
 
 
-def _within(free_m: F64, laps: F64, wanted_m: F64) -> F64:
+def _within(way: Way, laps: F64, wanted_m: F64) -> F64:
     """A lane (n) that keeps to the free floor at each moment, bent softly where it is narrow."""
-    index = np.arange(len(free_m) + 1)
-    at = (laps / KINEMATICS_RATE_HZ % 1.0) * len(free_m)
-    right, left = (np.interp(at, index, np.append(side, side[0])) for side in free_m.T)
+    right, left = (_on_way(side, laps) for side in way.free_m.T)
     most = np.maximum(np.where(wanted_m > 0, left, right), 1e-3)
     return np.asarray(np.where(wanted_m > 0, 1.0, -1.0) * most * np.tanh(np.abs(wanted_m) / most))
+
+
+def _on_way(values: F64, laps: F64) -> F64:
+    """What belongs to the points of a lap (k), at places on it (n) in laps."""
+    at = laps % 1.0 * len(values)
+    return np.asarray(np.interp(at, np.arange(len(values) + 1), np.append(values, values[0])))

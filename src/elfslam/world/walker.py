@@ -21,8 +21,9 @@ class Walker:
     """A person: gait and the way the phone is held; by default a surveyor, who keeps to the line.
 
     `step_factor` is the true step length over the typical one at the same cadence; at the same
-    speed it enters as its square root. It is hidden from the line. Besides it, each step errs by
-    `step_noise` of its length. `impact` is how hard a foot comes down, as a share of the bounce.
+    speed it enters as its square root. It is hidden from the line. Besides it, speed errs from
+    step to step by `step_noise`, and the time that a step takes by `rhythm_noise`. `impact` is how
+    hard a foot comes down, as a share of the bounce.
     Others stray (`stroll.py`): `lane_m` is the standard deviation of the lane that they keep to,
     `aside_rad` that of the angle at which they hold the phone, and they stop, walk back a bit and
     change their grip so many times a minute; `cover_share` of the new grips cover a port.
@@ -42,6 +43,7 @@ class Walker:
     tremor_rad: float = np.deg2rad(0.15)
     body_distance_m: float = 0.35
     step_noise: float = 0.0
+    rhythm_noise: float = 0.0
     impact: float = 0.0
     lane_m: float = 0.0
     aside_rad: float = 0.0
@@ -53,13 +55,15 @@ class Walker:
 
 @dataclass(frozen=True, eq=False)
 class Straying(Value):
-    """What a walker does beside following the route (n): zeros for a surveyor.
+    """What a walker does beside following the route (n): but the pace, zeros for a surveyor.
 
-    `left_m` is the lane, to the left of the route; `turned_rad` the way back (pi) or on (0);
-    `aside_rad`, `pitch_rad` and `lower_m` are how the phone is held, and `covered_db` what the hand
-    takes of the sound at its loudspeaker.
+    `pace_mps` is how fast they mean to go, which sets the steps; `left_m` is the lane, to the left
+    of the route; `turned_rad` is what the lane slants, and pi on the way back; `aside_rad`,
+    `pitch_rad` and `lower_m` are how the phone is held, and `covered_db` what the hand takes of the
+    sound at its loudspeaker.
     """
 
+    pace_mps: F64 = array("n")
     left_m: F64 = array("n")
     turned_rad: F64 = array("n")
     aside_rad: F64 = array("n")
@@ -117,7 +121,7 @@ def walk(
     moving = speed[:count] * (np.arange(count) < end)
     moving = gaussian_filter1d(moving, 0.15 / dt_s)
     none = np.zeros(count)
-    straying = Straying(none, none, none, none, none, none)
+    straying = Straying(moving, none, none, none, none, none, none)
     return motion_along(walker, lap_xy, lap_m, moving, straying, generator)
 
 
@@ -131,18 +135,18 @@ def motion_along(
 ) -> Motion:
     """The motion of somebody who goes along a lap (k, 2) at a velocity (n), and strays from it."""
     count, dt_s = len(velocity), 1 / KINEMATICS_RATE_HZ
-    distance, speed = np.cumsum(velocity) * dt_s, np.abs(velocity)
+    distance = np.cumsum(velocity) * dt_s
     share = distance / lap_m * len(lap_xy)
     xy, heading = on_lap(lap_xy, share)
     beside = np.column_stack([-np.sin(heading), np.cos(heading)]) * straying.left_m[:, None]
     heading = heading + straying.turned_rad
     xy = gaussian_filter1d(xy, 0.04 / dt_s, axis=0, mode="nearest")
     heading = gaussian_filter1d(heading, 0.04 / dt_s, mode="nearest")
-    cadence = cadence_hz(walker, speed)
-    if walker.step_noise:
-        cadence = cadence / (1 + walker.step_noise * _by_step(generator, count, dt_s))
+    cadence = cadence_hz(walker, straying.pace_mps)
+    if walker.rhythm_noise:
+        cadence = cadence / (1 + walker.rhythm_noise * by_step(generator, count))
     steps = np.cumsum(cadence) * dt_s
-    gait = np.minimum(speed / walker.speed_mps, 1.0)
+    gait = np.minimum(straying.pace_mps / walker.speed_mps, 1.0)
     left = np.column_stack([-np.sin(heading), np.cos(heading)])
     forward = np.column_stack([np.cos(heading), np.sin(heading)])
     wander = walker.wander_m * smooth_noise(generator, count, 6.0)
@@ -204,10 +208,14 @@ def on_lap(lap_xy: F64, share: F64) -> tuple[F64, F64]:
     return xy, np.interp(at, index, turns) + lap * (turns[-1] - turns[0])
 
 
-def _by_step(generator: np.random.Generator, count: int, dt_s: float) -> F64:
-    """Unit-variance noise that changes with every step; no step is off by more than twice."""
-    knots = generator.standard_normal(int(count * dt_s * TYPICAL_CADENCE_HZ) + 2)
-    at = (np.arange(count) * dt_s * TYPICAL_CADENCE_HZ).astype(int)
+def by_step(generator: np.random.Generator, count: int) -> F64:
+    """Unit-variance noise (n) that changes as often as steps; none is off by more than twice.
+
+    It keeps no step with the feet: most steps share two of its values, and scatter two thirds as
+    much.
+    """
+    at = (np.arange(count) * TYPICAL_CADENCE_HZ / KINEMATICS_RATE_HZ).astype(int)
+    knots = generator.standard_normal(count and at[-1] + 1)
     return np.asarray(np.clip(knots[at], -2.0, 2.0))
 
 
