@@ -207,6 +207,18 @@ def test_a_turn_while_setting_off_is_a_turn_of_the_whole_walk():
     assert angles[1] - angles[0] == pytest.approx(1.0, abs=0.1)
 
 
+def test_a_soft_step_before_the_first_that_is_found_hides_no_turn():
+    """Whoever sets off softly has turned, too; only a phone that never rested is another case."""
+    imu = walk(20, turns=[(-0.5, 1.0)], bounce_mps2=6.0)
+    softly = imu.accel_mps2.copy()
+    stir = (imu.t_s > 1.9) & (imu.t_s < 2.5)
+    softly[stir, 2] -= 1.6 * np.sin(2 * np.pi * CADENCE_HZ * (imu.t_s[stir] - 1.9))
+    stirred = Imu(imu.t_s, softly, imu.gyro_radps)
+    assert len(find_footsteps(stirred, PARAMETERS)) == len(find_footsteps(imu, PARAMETERS))
+    ends = [dead_reckon(one, PARAMETERS).world_from_body[-1] for one in (imu, stirred)]
+    assert ends[1] == pytest.approx(ends[0], abs=0.3)
+
+
 def test_a_recording_that_begins_in_mid_walk_begins_at_the_start_pose():
     imu = walk(40)
     walking = imu.t_s > REST_S + 2.0

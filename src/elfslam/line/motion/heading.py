@@ -10,7 +10,7 @@ from elfslam.line.motion.footsteps import vertical_bounce
 from elfslam.line.motion.level import Level, averaged, evenly_sampled, level, rate_of, still_bias
 from elfslam.line.motion.parameters import MotionParameters
 
-SETTING_OFF_S, REST_S = 0.6, 1.0
+SETTING_OFF_S, REST_S = 0.6, 0.5
 """Before the first footfall a foot is lifted; before that, a phone may be at rest."""
 
 
@@ -33,14 +33,15 @@ def turned_since_rest(
 ) -> float | None:
     """How far (rad) the walker has turned by the first footstep since the recording began.
 
-    None where the phone was not at rest for a second before.
+    None where the phone was not at rest for the first half second. Whoever sets off softly has
+    gone a step or two, and may have turned, by the first footstep that is found.
     """
-    rest = levelled.t_s < footstep_s - SETTING_OFF_S
-    if rest.sum() < REST_S * levelled.rate_hz:
+    rest = round(REST_S * levelled.rate_hz)
+    if (levelled.t_s < footstep_s - SETTING_OFF_S).sum() < rest:
         return None
-    if np.abs(vertical_bounce(levelled, parameters)[rest]).max() > parameters.least_bounce_mps2:
+    if np.abs(vertical_bounce(levelled, parameters)[:rest]).max() > parameters.least_bounce_mps2:
         return None
-    facing_rad = phone_turn(levelled)[: round(REST_S * levelled.rate_hz)].mean()
+    facing_rad = phone_turn(levelled)[:rest].mean()
     heading_rad = np.interp(footstep_s, levelled.t_s, smooth_heading(levelled, parameters))
     return float(heading_rad - facing_rad)
 

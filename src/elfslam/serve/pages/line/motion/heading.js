@@ -5,7 +5,7 @@ import { interpolate, roundHalfEven } from "./series.js";
 
 /** Before the first footfall a foot is lifted; before that, a phone may be at rest. */
 const SETTING_OFF_S = 0.6;
-const REST_S = 1.0;
+const REST_S = 0.5;
 
 /** @typedef {import("./types.js").Level} Level */
 
@@ -29,17 +29,18 @@ export function phoneTurn({ gyro, up, rateHz }) {
 
 /**
  * How far (rad) the walker has turned by the first footstep since the recording began; null where the
- * phone was not at rest for a second before.
+ * phone was not at rest for the first half second.
  * @param {Level} levelled @param {Float64Array} bounce @param {number} footstepS
  * @param {{heading_window_s: number, least_bounce_mps2: number}} parameters
  * @returns {number | null}
  */
 export function turnedSinceRest(levelled, bounce, footstepS, parameters) {
   const { tS, rateHz } = levelled;
-  const rest = bounce.filter((_, k) => tS[k] < footstepS - SETTING_OFF_S);
-  if (rest.length < REST_S * rateHz) return null;
-  if (rest.some((value) => Math.abs(value) > parameters.least_bounce_mps2)) return null;
-  const begun = phoneTurn(levelled).subarray(0, roundHalfEven(REST_S * rateHz));
+  const rest = roundHalfEven(REST_S * rateHz);
+  if (tS.filter((s) => s < footstepS - SETTING_OFF_S).length < rest) return null;
+  const moving = (/** @type {number} */ value) => Math.abs(value) > parameters.least_bounce_mps2;
+  if (bounce.subarray(0, rest).some(moving)) return null;
+  const begun = phoneTurn(levelled).subarray(0, rest);
   const facingRad = begun.reduce((sum, value) => sum + value, 0) / begun.length;
   return interpolate(footstepS, tS, smoothHeading(levelled, parameters)) - facingRad;
 }
