@@ -127,7 +127,7 @@ class MotionParameters:
         0.01, "rad", "heading error gathered in one step", low=1e-4, high=3.14
     )
     setting_off_sigma_rad: float = parameter(
-        0.075, "rad", "how far the phone points aside as the walk sets off", low=0.0, high=3.14
+        0.11, "rad", "how far the phone points aside as the walk sets off", low=0.0, high=3.14
     )
     heading_drift_sigma_radps: float = parameter(
         0.001, "rad/s", "steady drift of the heading", low=0.0, high=1.0
