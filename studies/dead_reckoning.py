@@ -43,8 +43,9 @@ WAYPOINT_SIGMA_M = 0.4
 """How far surveyors tap a waypoint from where they are, per axis: consecutive legs of a walk err
 against each other by so much."""
 SHOWN = 12
-TRUE_LEG, COMPASS, COMPASS_KNOWN, ROTATION = (
+TRUE_LEG, UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION = (
     "first leg of the truth",
+    "compass, this walk alone, no angle of the floor (elfslam map)",
     "compass, this walk alone",
     "compass, phone known from the walks before",
     "rotation vector of the phone",
@@ -105,7 +106,7 @@ def measure_dead_reckoning(
 
 def _real_rows(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Row]:
     """A row for each way to know the heading, and for each way to hold or sample the phone."""
-    for heading in (COMPASS, COMPASS_KNOWN, ROTATION, TRUE_LEG):
+    for heading in (UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION, TRUE_LEG):
         yield from _floor_rows(AS_HELD, heading, floors, partial(_scored, heading=heading))
     for name, change in CHANGES.items():
         changed = {floor: [change(walk) for walk in walks] for floor, walks in floors.items()}
@@ -157,7 +158,7 @@ def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
     """Every walk, with its start known and its heading from one of the sources.
 
     Where that is the phone, one angle per floor turns north into the plane of the truth: the
-    median over the floor's walks of what turns each best onto its truth.
+    median over the floor's walks of what turns each best onto its truth; or none does.
     """
     reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
     if heading == TRUE_LEG:
@@ -167,7 +168,8 @@ def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
         ]
     else:
         starts = _starts_rad(walks, heading)
-        ends = list(_ends(reckoned, walks, starts + _floor_turn_rad(reckoned, walks, starts)))
+        turn_rad = 0.0 if heading == UNTURNED else _floor_turn_rad(reckoned, walks, starts)
+        ends = list(_ends(reckoned, walks, starts + turn_rad))
     return [
         _summed(odometry, walk, end)
         for odometry, walk, end in zip(reckoned, walks, ends, strict=True)

@@ -330,6 +330,8 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["map", "{walk}", "{tmp}/out", "--by", "magnetic"], "magnetometer"),
         (["map", "{walk}", "{tmp}/out", "--start", "here"], "X,Y,HEADING"),
         (["map", "{walk}", "{tmp}/out", "--start", "1e308,0,0"], "finite"),
+        (["map", "{walk}", "{tmp}/out", "--start", "1,2,3,4"], "or X,Y and a compass"),
+        (["map", "{walk}", "{tmp}/out", "--start", "1,2"], "start has no heading"),
         (["map", "{walk}", "{tmp}/out", "--floor-plan", "atlantis"], "atlantis"),
         (["map", "{walk}", "{walk}"], "already exists"),
         (["locate", "{walk}", "{mapped}", "{tmp}/out", "--encoder", "spectral"], "encoder"),

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
+from itertools import islice
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.testing as npt
@@ -10,14 +13,22 @@ import pytest
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose
+from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.parameters import load
-from elfslam.base.values import Audio, Odometry, Recording
+from elfslam.base.values import Audio, Magnetometer, Odometry, Recording
+from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
+from elfslam.slam.front_end import (
+    compass_of,
+    hear,
+    hear_for_fixes,
+    walk_nodes,
+    with_heard_steps,
+)
 from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
+from tests.line.magnetic_walk import walk
 
 PARAMETERS = Parameters()
 
@@ -64,6 +75,64 @@ def test_nodes_are_footsteps_from_the_start_pose(recording: Recording) -> None:
     assert 0.1 < np.hypot(*unplaced[0, :2]) < 0.6
     steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
     assert 0.4 < np.median(steps_m) < 1.0
+
+
+def magnetic_recording(start_rad: float, **planted: Any) -> Recording:
+    """Forty seconds straight on, but for the turns that are planted."""
+    imu, magnetometer = walk(start_rad, **planted)
+    return Recording("walk", "planted", imu=imu, magnetometer=magnetometer)
+
+
+def way_rad(nodes: Odometry) -> float:
+    ahead = nodes.world_from_body[-1] - nodes.world_from_body[0]
+    return float(np.arctan2(ahead[1], ahead[0]))
+
+
+@pytest.mark.parametrize("start_rad", [-2.0, 0.3, 1.9])
+def test_a_walk_that_declares_no_heading_goes_by_the_compass(start_rad: float) -> None:
+    """Magnetic north is the map's y, or where it is said to be; the walk turns about its start."""
+    bare = magnetic_recording(start_rad)
+    assert compass_of(bare, PARAMETERS) is not None
+    assert way_rad(walk_nodes(bare, PARAMETERS)) == pytest.approx(start_rad, abs=0.02)
+    somewhere = dataclasses.replace(bare, start_pose=(7.0, -3.0, np.nan))
+    nodes = walk_nodes(somewhere, PARAMETERS)
+    assert way_rad(nodes) == pytest.approx(start_rad, abs=0.02)
+    assert np.hypot(*(nodes.world_from_body[0, :2] - [7.0, -3.0])) < 0.5
+    turned = load(PARAMETERS, None, ["motion.magnetic_north_rad=1.0"])
+    moved = way_rad(walk_nodes(bare, turned)) - start_rad
+    assert np.angle(np.exp(1j * moved)) == pytest.approx(1.0 - np.pi / 2, abs=0.02)
+
+
+def test_a_turn_before_the_first_footstep_is_not_taken_twice() -> None:
+    """The compass says how the first footstep heads, a declared start how the walker stood."""
+    bare = magnetic_recording(1.0, turns=[(0.0, -0.5)])
+    assert way_rad(walk_nodes(bare, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
+    later = magnetic_recording(1.0, turns=[(0.6, -0.5)])
+    assert way_rad(walk_nodes(later, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_declared_heading_stands_and_a_compass_has_a_sigma() -> None:
+    bare = magnetic_recording(1.0, bend_ut=4.0)
+    declared = dataclasses.replace(bare, start_pose=(0.0, 0.0, -0.7))
+    assert compass_of(declared, PARAMETERS) is None
+    nodes, by_compass = (walk_nodes(one, PARAMETERS) for one in (declared, bare))
+    assert way_rad(nodes) == pytest.approx(-0.7, abs=0.02)
+    assert by_compass.step_sigma[0, 2] > nodes.step_sigma[0, 2]
+    npt.assert_array_equal(by_compass.step_sigma[1:], nodes.step_sigma[1:])
+
+
+def test_a_start_without_heading_needs_a_compass() -> None:
+    bare = dataclasses.replace(magnetic_recording(1.0), magnetometer=None)
+    assert compass_of(bare, PARAMETERS) is None
+    with pytest.raises(InputError, match=r"walk: the start has no heading \(.*no magnetometer\)"):
+        walk_nodes(dataclasses.replace(bare, start_pose=(1.0, 2.0, np.nan)), PARAMETERS)
+    imu, field = walk(1.0)
+    plumb = Magnetometer(field.t_s, 0 * field.field_ut)
+    nowhere = Recording("walk", "planted", imu=imu, magnetometer=plumb)
+    poses = [walk_nodes(one, PARAMETERS).world_from_body for one in (nowhere, bare)]
+    npt.assert_array_equal(*poses)
+    with pytest.raises(InputError, match=r"no heading \(compass: the field has no horizontal"):
+        walk_nodes(dataclasses.replace(nowhere, start_pose=(1.0, 2.0, np.nan)), PARAMETERS)
 
 
 def straight_odometry() -> Odometry:
@@ -120,3 +189,17 @@ def test_without_a_schedule_the_echoes_for_fixes_are_the_echoes(recording: Recor
     echoes, suspect = hear_for_fixes(recording, PARAMETERS)
     npt.assert_array_equal(echoes.samples, hear(recording, PARAMETERS).samples)
     assert not suspect(echoes.t_s).any()
+
+
+def test_real_walks_end_where_they_should_by_the_compass_alone(shared_data: Path) -> None:
+    """Ten walks of a mall, north as drawn: within an eighth of the way in the median."""
+    shares = []
+    for path in islice(walks_in(shared_data / "mall_walks" / "site1-F1.tar.xz"), 10):
+        found = read_walk(path)
+        true = found.truth.world_from_body[:, :2]
+        start = (float(true[0, 0]), float(true[0, 1]), np.nan)
+        nodes = walk_nodes(dataclasses.replace(found.recording, start_pose=start), PARAMETERS)
+        end = interpolate_poses(nodes.t_s, nodes.world_from_body, found.truth.t_s[-1:])[0, :2]
+        way_m = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
+        shares.append(np.linalg.norm(end - true[-1]) / way_m)
+    assert np.median(shares) < 0.125

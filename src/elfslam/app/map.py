@@ -10,6 +10,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from elfslam import __version__
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
@@ -26,7 +28,7 @@ from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.slam import pipeline as slam
-from elfslam.slam.front_end import hear
+from elfslam.slam.front_end import compass_of, hear
 from elfslam.slam.parameters import Parameters
 
 if TYPE_CHECKING:
@@ -40,7 +42,10 @@ Pose = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class MapJob:
-    """How recordings are to be mapped; `by` nothing means by echoes where there is sound."""
+    """How recordings are to be mapped; `by` nothing means by echoes where there is sound.
+
+    A `start_pose` whose heading is NaN leaves that to the compass.
+    """
 
     by: tuple[Modality, ...]
     start_pose: Pose | None
@@ -100,10 +105,11 @@ def refuse_taken(folder: Path, job: MapJob) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """A run, the encoder that its map needs, and what came of fine-tuning where that was tried."""
+    """A run, the encoder that its map needs, who said which way it heads, and what was learnt."""
 
     run: Run
     encoder: Encoder | None
+    heading: str
     finetuning: str | None
 
 
@@ -128,9 +134,20 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
         return tuned[-1].encoder
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
+    heading = _heading_by(recording, job.parameters)
     if tuned:
-        return Mapped(run, tuned[-1].encoder, tuned[-1].reason)
-    return Mapped(run, encoder, None)
+        return Mapped(run, tuned[-1].encoder, heading, tuned[-1].reason)
+    return Mapped(run, encoder, heading, None)
+
+
+def _heading_by(recording: Recording, parameters: Parameters) -> str:
+    """Who says which way a walk heads."""
+    compass = compass_of(recording, parameters)
+    if compass is not None:
+        return f"by compass, to {np.rad2deg(compass.sigma_rad):.0f} degrees"
+    if recording.imu is None:
+        return "by the device's own odometry"
+    return "unknown: along x at first" if recording.start_pose is None else "declared"
 
 
 def mapped_run(
@@ -148,6 +165,7 @@ def mapped_run(
         "encoder": None if encoder is None else encoder.identity,
         "parameters_digest": digest(line_only(job.parameters)),
         "parameters": as_dict(job.parameters),
+        "heading": made.heading,
         **({"finetuning": made.finetuning} if made.finetuning else {}),
         **_verdict(made.run),
     }
@@ -226,18 +244,24 @@ def _map_one(
 
 
 def parse_start(text: str | None) -> Pose | None:
-    """The start pose in "X,Y,HEADING" (m, m, rad). Raises ParameterError."""
+    """The start pose in "X,Y,HEADING" (m, m, rad); "X,Y" leaves the heading (NaN) to the compass.
+
+    Raises ParameterError.
+    """
     if text is None:
         return None
     try:
-        x_m, y_m, heading_rad = (float(part) for part in text.split(","))
+        x_m, y_m, *heading = (float(part) for part in text.split(","))
+        (heading_rad,) = heading or (0.0,)
     except ValueError as cause:
-        raise ParameterError(f"--start: wanted X,Y,HEADING (m, m, rad), got {text!r}") from cause
+        raise ParameterError(
+            f"--start: wanted X,Y,HEADING (m, m, rad), or X,Y and a compass, got {text!r}"
+        ) from cause
     if not all(abs(number) < FARTHEST_M for number in (x_m, y_m, heading_rad)):
         raise ParameterError(
             f"--start: wanted finite numbers, got {text!r}; give metres and radians"
         )
-    return x_m, y_m, heading_rad
+    return x_m, y_m, heading_rad if heading else float("nan")
 
 
 def breaks(echoes: Echoes) -> Iterator[str]:

@@ -40,7 +40,9 @@ def map_command(
     recording: Annotated[Path, typer.Argument(help="A recording, or a folder of recordings.")],
     out: Annotated[Path, typer.Argument(help="The run folder, or the folder of run folders.")],
     by: Annotated[str | None, typer.Option(help="elf,wifi,magnetic,emr or motion.")] = None,
-    start: Annotated[str | None, typer.Option(help="X,Y,HEADING of the start, m and rad.")] = None,
+    start: Annotated[
+        str | None, typer.Option(help="X,Y,HEADING of the start (m, m, rad), or X,Y.")
+    ] = None,
     encoder: EncoderName = "compact",
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
     plan: Plan = None,
@@ -70,12 +72,14 @@ def map_command(
 
 
 def _say_mapped(run: Run, out: Path) -> None:
+    facts = read_facts(out)
     for line in [] if run.echoes is None else breaks(run.echoes):
         say(line)
-    if "finetuning" in (facts := read_facts(out)):
+    if "finetuning" in facts:
         say(f"fine-tuning: {facts['finetuning']}")
     say(
         f"{len(run.trajectory.t_s)} footsteps, {len(run.closures.i)} closures, "
-        f"{kept_closures(run)} kept; look at {out / 'report.html'}"
+        f"{kept_closures(run)} kept; heading {facts['heading']}; "
+        f"look at {out / 'report.html'}"
     )
     refuse_unclosed(run)

@@ -8,26 +8,68 @@ import numpy as np
 
 from elfslam.base.arrays import Bool
 from elfslam.base.errors import InputError
+from elfslam.base.geometry import between, compose
 from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
 from elfslam.line.acoustic_odometry import measure_scale, rescaled, with_prior
 from elfslam.line.chirp import make_chirp
 from elfslam.line.echo import Frames, echoes_of, find_frames, frame_facts
 from elfslam.line.medium_access import spoiled_frames
-from elfslam.line.motion import dead_reckon, nodes_by_distance
+from elfslam.line.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
 from elfslam.line.spoofing import Suspicion, nothing_suspect, suspicion
 from elfslam.slam.parameters import Parameters
 
 
 def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
-    """Footsteps where there is an IMU, else places along the device's own odometry."""
+    """Footsteps where there is an IMU, else places along the device's own odometry.
+
+    Where no heading at the start is declared (see `compass_of`), that of the compass is taken.
+    """
     if recording.imu is not None:
-        return dead_reckon(recording.imu, parameters.motion, recording.start_pose)
+        x_m, y_m, heading_rad = recording.start_pose or (0.0, 0.0, np.nan)
+        declared = (x_m, y_m, float(np.nan_to_num(heading_rad)))
+        nodes = dead_reckon(recording.imu, parameters.motion, declared)
+        compass = compass_of(recording, parameters)
+        return nodes if compass is None else by_compass(nodes, declared, compass, parameters)
     if recording.odometry is not None:
         return nodes_by_distance(recording.odometry, parameters.motion.node_spacing_m)
     raise InputError(
         f"{recording.name}: it has neither motion sensors nor odometry; "
         "record accelerometer and gyroscope"
     )
+
+
+def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
+    """The compass that a walk is headed by: none where its heading at the start is declared.
+
+    None, too, where nothing of the start is declared and there is no field to go by. Raises
+    InputError where a position is declared, and nobody says which way the walk went from there.
+    """
+    imu, field, start = recording.imu, recording.magnetometer, recording.start_pose
+    if imu is None or (start is not None and np.isfinite(start[2])):
+        return None
+    try:
+        if field is None:
+            raise InputError("compass: the recording has no magnetometer")
+        return compass_heading(imu, field, parameters.motion)
+    except InputError as why:
+        if start is None:
+            return None
+        raise InputError(f"{recording.name}: the start has no heading ({why}); give one") from why
+
+
+def by_compass(
+    nodes: Odometry, start: tuple[float, float, float], compass: Compass, parameters: Parameters
+) -> Odometry:
+    """The walk turned about its start, so that its first footstep heads as the compass says."""
+    ahead_rad = compass.heading_rad - np.pi / 2 + parameters.motion.magnetic_north_rad
+    turn_rad = ahead_rad - nodes.world_from_body[0, 2]
+    poses = compose(
+        np.array([*start[:2], turn_rad]),
+        between(np.array([*start[:2], 0.0]), nodes.world_from_body),
+    )
+    sigma = nodes.step_sigma.copy()
+    sigma[0, 2] = np.hypot(sigma[0, 2], compass.sigma_rad)
+    return replace(nodes, world_from_body=poses, step_sigma=sigma)
 
 
 def hear(recording: Recording, parameters: Parameters) -> Echoes:

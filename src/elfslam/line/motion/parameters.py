@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from elfslam.base.errors import ParameterError
@@ -128,6 +129,9 @@ class MotionParameters:
     )
     setting_off_sigma_rad: float = parameter(
         0.11, "rad", "how far the phone points aside as the walk sets off", low=0.0, high=3.14
+    )
+    magnetic_north_rad: float = parameter(
+        math.pi / 2, "rad", "where magnetic north lies in the map, from x to y", low=-6.3, high=6.3
     )
     heading_drift_sigma_radps: float = parameter(
         0.001, "rad/s", "steady drift of the heading", low=0.0, high=1.0
