@@ -44,7 +44,7 @@ def test_rows_cover_headings_and_changes(
     monkeypatch.setattr(study, "CHANGES", {"60 Hz": study.CHANGES["60 Hz"]})
     monkeypatch.setattr("elfslam.scoring.bootstrap.RESAMPLES", 50)
     rows = list(study._real_rows({"A": walks[:2], "B": walks[2:]}))
-    assert len(rows) == 3 * (4 + 1 + 1)
+    assert len(rows) == 3 * (5 + 1 + 1)
     assert [row["walks"] for row in rows[:3]] == [2, 1, 3]
     for row in rows:
         assert row["from"] <= row["end error (%)"] <= row["to"]  # type: ignore[operator]
@@ -55,6 +55,8 @@ def test_rows_cover_headings_and_changes(
 def test_one_angle_turns_north_into_the_plane_of_the_truth(walks: list[ReckonedWalk]) -> None:
     ends = [one.end_share for one in study._scored(walks, study.COMPASS)]
     assert np.median(ends) < 0.1
+    unturned = [one.end_share for one in study._scored(walks, study.UNTURNED)]
+    assert np.median(unturned) > 2 * np.median(ends)
     apart = [replace(walk, truth=turned(walk.truth, 0.8 * k)) for k, walk in enumerate(walks)]
     assert max(one.end_share for one in study._scored(apart, study.COMPASS)) > max(ends)
 
