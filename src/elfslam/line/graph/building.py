@@ -151,5 +151,7 @@ def _agreeing(graph: PoseGraph, factor: C128, offset: C128, weight: F64, first: 
     free, known = matrix[:, 1:], matrix[:, [0]].toarray()[:, 0] * first
     adjoint = free.conj().T
     normal = csc_array(adjoint @ free)
-    solved = splu(normal, permc_spec="MMD_AT_PLUS_A").solve(adjoint @ (root * offset - known))
-    return np.concatenate([[first], solved])
+    # Positive definite: nothing need be pivoted.
+    options = {"SymmetricMode": True}
+    factor_of = splu(normal, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
+    return np.concatenate([[first], factor_of.solve(adjoint @ (root * offset - known))])

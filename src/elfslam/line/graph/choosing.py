@@ -37,11 +37,11 @@ from elfslam.line.graph.building import (
 from elfslam.line.graph.uncertainty import (
     SETTLING_STEPS,
     Equations,
+    bent,
     carried,
     chi_square,
-    covariance_of,
     half_square,
-    jacobians,
+    least_squared,
     marginal_covariances,
     predicted_covariance,
     residuals,
@@ -104,7 +104,8 @@ def _revised(
         poses, equations = _settled(graph, kept, poses, closures.edges[:0], parameters)
         residual = residuals(poses, closures.edges, closures.measurements)
         wanted = kept & (chi_square(residual, covariance_of_edges(closures)) <= limit)
-        asked = np.flatnonzero(~kept & _within_reach(closures, poses, equations, limit))
+        out_of_reach = least_squared(marginal_covariances(equations), poses, closures) > limit
+        asked = np.flatnonzero(~kept & ~out_of_reach)
         candidates = edges_of(closures, asked)
         _, equations = _settled(graph, kept, poses, candidates.edges, parameters)
         fit = fit_of(candidates, poses, equations)
@@ -114,20 +115,6 @@ def _revised(
             break
         kept = wanted
     return poses, kept
-
-
-def _within_reach(closures: PoseGraph, poses: F64, equations: Equations, limit: float) -> Bool:
-    """Closures (k) that could fit, by the uncertainty of either pose alone.
-
-    A difference varies by no more than twice the sum of both variances, so that whoever is out of
-    reach here fits nowhere; it need not be asked in full, which costs far more.
-    """
-    residual, near, far = jacobians(poses, closures.edges, closures.measurements)
-    known, (i, j) = marginal_covariances(equations), closures.edges.T
-    total = near @ covariance_of(known, i, i) @ np.swapaxes(near, 1, 2)
-    total += far @ covariance_of(known, j, j) @ np.swapaxes(far, 1, 2)
-    widest = bent(2 * total + covariance_of_edges(closures))
-    return np.asarray(chi_square(residual, widest) <= limit)
 
 
 def _settled(
@@ -156,20 +143,6 @@ def fit_of(closures: PoseGraph, poses: F64, equations: Equations) -> Fit:
     predicted = predicted_covariance(marginal_covariances(equations), poses, edges, measured)
     covariance = bent(predicted + covariance_of_edges(closures))
     return Fit(residual, covariance, chi_square(residual, covariance))
-
-
-def bent(covariance: F64) -> F64:
-    """Second-order covariance inflation (k, 3, 3) for the way that an uncertain heading bends.
-
-    To second order, a heading error of sigma s shortens a lever by s^2 / 2 of its length, where
-    to first order it only moves its end sideways by s of it.
-    """
-    widened = covariance.copy()
-    turned = np.minimum(covariance[:, 2, 2], 1.0) / 4
-    along = turned * (covariance[:, 0, 0] + covariance[:, 1, 1])
-    widened[:, 0, 0] += along
-    widened[:, 1, 1] += along
-    return widened
 
 
 def log_odds(fit: Fit, poses: F64) -> F64:

@@ -75,16 +75,57 @@ def judge(graph: PoseGraph, poses: F64, kept: Bool, parameters: GraphParameters)
 
 
 def agreement(graph: PoseGraph, poses: F64, kept: Bool, parameters: GraphParameters) -> F64:
-    """Squared Mahalanobis length (k) of each closure's residual; chi-square of 3 if it is true."""
-    closures = edges_of(graph, graph.is_closure)
-    pattern = pattern_of(graph.edges, len(poses))
-    equations = equations_at(believing(graph, kept), poses, pattern, parameters.anchor_sigma)
-    edges, measured = closures.edges, closures.measurements
-    predicted = predicted_covariance(marginal_covariances(equations), poses, edges, measured)
-    own = covariance_of_edges(closures)
+    """Squared Mahalanobis length (k) of each closure's residual; chi-square of 3 if it is true.
+
+    Of rejected closures that cannot agree, however their two poses vary together, it is no more
+    than a lower bound.
+    """
+    closures, believed = edges_of(graph, graph.is_closure), believing(graph, kept)
+    limit = float(chi2.ppf(parameters.inlier_probability, 3))
+    known = known_at(believed, poses, closures.edges[:0], parameters.anchor_sigma)
+    squared = least_squared(known, poses, closures)
+    asked = np.flatnonzero(kept | (squared <= limit))
+    within = edges_of(closures, asked)
+    known = known_at(believed, poses, within.edges, parameters.anchor_sigma)
+    predicted = predicted_covariance(known, poses, within.edges, within.measurements)
+    own, believe = covariance_of_edges(within), kept[asked]
     without = own - predicted + LEAST_SHARE * own
-    covariance = np.where(kept[:, None, None], without, own + predicted)
-    return chi_square(residuals(poses, edges, measured), covariance)
+    covariance = np.where(believe[:, None, None], without, own + predicted)
+    squared[asked] = chi_square(residuals(poses, within.edges, within.measurements), covariance)
+    return squared
+
+
+def known_at(graph: PoseGraph, poses: F64, asked: I64, anchor_sigma: float) -> MarginalCovariances:
+    """Marginal covariances at `poses`, of every neighbour and of the pairs (k, 2) asked about."""
+    pattern = pattern_of(np.vstack([graph.edges, asked]), len(poses))
+    return marginal_covariances(equations_at(graph, poses, pattern, anchor_sigma))
+
+
+def least_squared(known: MarginalCovariances, poses: F64, closures: PoseGraph) -> F64:
+    """What the squared Mahalanobis length (k) of closures that have no say is at least.
+
+    A difference varies by no more than twice the sum of both variances, so this asks for single
+    poses only, which costs far less than to ask for pairs.
+    """
+    residual, near, far = jacobians(poses, closures.edges, closures.measurements)
+    i, j = closures.edges.T
+    total = near @ covariance_of(known, i, i) @ np.swapaxes(near, 1, 2)
+    total += far @ covariance_of(known, j, j) @ np.swapaxes(far, 1, 2)
+    return chi_square(residual, bent(2 * total + covariance_of_edges(closures)))
+
+
+def bent(covariance: F64) -> F64:
+    """Second-order covariance inflation (k, 3, 3) for the way that an uncertain heading bends.
+
+    To second order, a heading error of sigma s shortens a lever by s^2 / 2 of its length, where
+    to first order it only moves its end sideways by s of it.
+    """
+    widened = covariance.copy()
+    turned = np.minimum(covariance[:, 2, 2], 1.0) / 4
+    along = turned * (covariance[:, 0, 0] + covariance[:, 1, 1])
+    widened[:, 0, 0] += along
+    widened[:, 1, 1] += along
+    return widened
 
 
 def with_own_noise(
