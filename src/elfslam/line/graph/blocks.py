@@ -68,11 +68,16 @@ def factored(pattern: Pattern, i: I64, j: I64, blocks: F64) -> Factor:
     where the matrix is not positive: something is held by nothing.
     """
     at, transposed = stored_at(pattern, i, j)
-    matrix = np.zeros((len(pattern.rows), 3, 3))
-    np.add.at(matrix, at, np.where(transposed[:, None, None], np.swapaxes(blocks, 1, 2), blocks))
+    upright = np.where(transposed[:, None, None], np.swapaxes(blocks, 1, 2), blocks)
+    matrix = summed(upright.reshape(-1, 9), at, len(pattern.rows)).reshape(-1, 3, 3)
     if not _factor_in_place(pattern.start, pattern.rows, matrix, _nobody(pattern)):
         raise RuntimeError("the graph holds some poses by nothing")
     return Factor(pattern, matrix)
+
+
+def summed(rows: F64, at: I64, count: int) -> F64:
+    """Sums (count, d) of the rows (e, d) of the same place `at` (e)."""
+    return np.column_stack([np.bincount(at, column, count) for column in rows.T])
 
 
 def solution(factor: Factor, right: F64) -> F64:

@@ -37,10 +37,12 @@ from elfslam.line.graph.building import (
 from elfslam.line.graph.uncertainty import (
     SETTLING_STEPS,
     Equations,
+    MarginalCovariances,
     bent,
     carried,
     chi_square,
     half_square,
+    known_at,
     least_squared,
     marginal_covariances,
     predicted_covariance,
@@ -65,7 +67,7 @@ def choose_closures(graph: PoseGraph, parameters: GraphParameters) -> tuple[F64,
     while len(waiting):
         middles = edges_of(closures, runs.middle[waiting])
         poses, equations = _settled(graph, kept, poses, middles.edges, parameters)
-        fit = fit_of(middles, poses, equations)
+        fit = fit_of(middles, poses, marginal_covariances(equations))
         fits = fit.squared <= limit
         if not fits.any():
             break
@@ -88,7 +90,7 @@ def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -
     asked = closure_edges(graph.initial, further)
     poses, equations = _settled(graph, kept, poses, asked.edges, parameters)
     limit = float(chi2.ppf(parameters.agreeing_probability, 3))
-    return np.asarray(fit_of(asked, poses, equations).squared <= limit)
+    return np.asarray(fit_of(asked, poses, marginal_covariances(equations)).squared <= limit)
 
 
 def _revised(
@@ -107,8 +109,10 @@ def _revised(
         out_of_reach = least_squared(marginal_covariances(equations), poses, closures) > limit
         asked = np.flatnonzero(~kept & ~out_of_reach)
         candidates = edges_of(closures, asked)
-        _, equations = _settled(graph, kept, poses, candidates.edges, parameters)
-        fit = fit_of(candidates, poses, equations)
+        believed = believing(graph, kept)
+        fit = fit_of(
+            candidates, poses, known_at(believed, poses, candidates.edges, parameters.anchor_sigma)
+        )
         sure = log_odds(fit, poses) >= np.log(parameters.least_odds)
         wanted[asked] = (fit.squared <= limit) & sure
         if (wanted == kept).all():
@@ -136,11 +140,11 @@ class Fit:
     squared: F64
 
 
-def fit_of(closures: PoseGraph, poses: F64, equations: Equations) -> Fit:
+def fit_of(closures: PoseGraph, poses: F64, known: MarginalCovariances) -> Fit:
     """Innovations of closures that have no say yet in the poses."""
     edges, measured = closures.edges, closures.measurements
     residual = residuals(poses, edges, measured)
-    predicted = predicted_covariance(marginal_covariances(equations), poses, edges, measured)
+    predicted = predicted_covariance(known, poses, edges, measured)
     covariance = bent(predicted + covariance_of_edges(closures))
     return Fit(residual, covariance, chi_square(residual, covariance))
 

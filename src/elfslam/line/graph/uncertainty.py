@@ -22,6 +22,7 @@ from elfslam.line.graph.blocks import (
     pattern_of,
     solution,
     stored_at,
+    summed,
 )
 from elfslam.line.graph.building import (
     GraphParameters,
@@ -31,7 +32,7 @@ from elfslam.line.graph.building import (
 )
 
 SETTLED = 1e-4
-"""A Gauss-Newton step that lowers the cost by no more than this share is the last."""
+"""A Gauss-Newton step that promises to lower the cost by less than this share is not taken."""
 SETTLING_STEPS = 10
 LEAST_SHARE = 1e-6
 """Of a measurement's covariance, what is left at least for those who alone decide their place."""
@@ -197,17 +198,19 @@ class Equations:
 def settle(
     graph: PoseGraph, poses: F64, pattern: Pattern, anchor_sigma: float, steps: int
 ) -> tuple[F64, Equations]:
-    """Gauss-Newton: poses after at most `steps` from a start nearby, and the equations there."""
+    """Gauss-Newton: poses after at most `steps` from a start nearby, and the equations there.
+
+    It ends as the Newton decrement, half of gradient times step, promises next to nothing.
+    """
     equations = equations_at(graph, poses, pattern, anchor_sigma)
     for _ in range(steps):
-        moved = compose(poses, -solution(equations.factor, equations.gradient))
-        saved = equations.cost - half_square(graph, moved)
-        if not saved > 0:
+        step = solution(equations.factor, equations.gradient)
+        if np.vdot(equations.gradient, step) / 2 < SETTLED * equations.cost:
             break
-        settled = saved < SETTLED * equations.cost
-        poses, equations = moved, equations_at(graph, moved, pattern, anchor_sigma)
-        if settled:
+        moved = equations_at(graph, compose(poses, -step), pattern, anchor_sigma)
+        if moved.cost >= equations.cost:
             break
+        poses, equations = compose(poses, -step), moved
     return poses, equations
 
 
@@ -223,11 +226,11 @@ def equations_at(graph: PoseGraph, poses: F64, pattern: Pattern, anchor_sigma: f
     start, anchor = np.zeros(1, dtype=np.int64), np.eye(3)[None] * (1 / anchor_sigma) ** 2
     rows, columns = np.concatenate([i, j, i, start]), np.concatenate([i, j, j, start])
     blocks = np.concatenate([near_w @ near, far_w @ far, near_w @ far, anchor])
-    gradient = np.zeros((len(poses), 3))
-    np.add.at(gradient, i, np.einsum("eab,eb->ea", near_w, residual))
-    np.add.at(gradient, j, np.einsum("eab,eb->ea", far_w, residual))
+    pulls = np.concatenate([near_w, far_w]) @ np.concatenate([residual, residual])[:, :, None]
+    gradient = summed(pulls[:, :, 0], np.concatenate([i, j]), len(poses))
+    cost = 0.5 * float(np.einsum("ea,eab,eb", residual, graph.information, residual))
     factor = factored(pattern, rows, columns, blocks)
-    return Equations(factor, gradient, half_square(graph, poses))
+    return Equations(factor, gradient, cost)
 
 
 def half_square(graph: PoseGraph, poses: F64) -> float:
