@@ -54,9 +54,8 @@ def main() -> None:
     rows = []
     for share in SHARES:
         each = city(asked.poses, asked.poses, share, np.random.default_rng(0))
-        rows.append(
-            {"false (%)": round(100 * share)} | solved(each) | rivals(each, asked.graduated)
-        )
+        row = {"false (%)": round(100 * share)} | solved(each)
+        rows.append(row | rivals(each, RIVALS if asked.graduated else {"plain": plain}))
         say(str(rows[-1]))
     print_rows(rows, title=f"A city of {asked.poses} poses", as_json=False)
 

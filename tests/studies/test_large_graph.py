@@ -1,10 +1,23 @@
 """The planted city: its edges are what they claim, and the back end finds its streets again."""
 
+import sys
+
 import numpy as np
+import pytest
 
 from elfslam.base.geometry import between
 from elfslam.line.graph.uncertainty import residuals
-from studies.benchmarks.large_graph import APART, SIGMA, City, city, error_m, rivals, solved
+from studies.benchmarks.large_graph import (
+    APART,
+    SHARES,
+    SIGMA,
+    City,
+    city,
+    error_m,
+    main,
+    rivals,
+    solved,
+)
 from studies.pose_graphs import plain
 
 
@@ -37,3 +50,13 @@ def test_false_closures_cost_the_back_end_nothing_and_plain_least_squares_the_ma
     assert float(str(ours["error (m)"])) < 0.5
     assert float(str(rival["plain (m)"])) > 5
     assert error_m(each, each.world_from_body) == 0
+
+
+def test_it_prints_a_row_per_share_beside_the_rivals(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(sys, "argv", ["large_graph", "--poses", "150", "--graduated"])
+    main()
+    printed = capsys.readouterr()
+    assert printed.err.count("false (%)") + printed.out.count("'false (%)'") >= len(SHARES)
+    assert "GNC (m)" in printed.out
