@@ -27,10 +27,10 @@ class LocateParameters:
     window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
     fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
     unknown_below: float = parameter(
-        0.7, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.68, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     temperature: float = parameter(
-        0.01,
+        0.03,
         "",
         "softmax temperature: a spot's weight is exp(likeness / this)",
         low=1e-4,
@@ -40,7 +40,7 @@ class LocateParameters:
         1.0, "m", "spots this close to the best count as the same place", low=0.05, high=100.0
     )
     ambiguous_below: float = parameter(
-        0.6, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
+        0.8, "", "less belief near the best spot is AMBIGUOUS", low=0.0, high=1.0
     )
     sigma_floor_m: float = parameter(
         0.10, "m", "least error of a fix per axis", low=0.0, high=100.0

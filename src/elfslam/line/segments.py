@@ -46,7 +46,7 @@ class SegmentParameters:
         1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100
     )
     ambiguous_below: float = parameter(
-        0.6, "", "less belief near the best stretch is AMBIGUOUS", low=0.0, high=1.0
+        0.9, "", "less belief near the best stretch is AMBIGUOUS", low=0.0, high=1.0
     )
     fewest_heard: float = parameter(
         0.5, "", "share of the footsteps that must have echoes, else NO_ECHO", low=0.0, high=1.0
