@@ -25,7 +25,7 @@ from pathlib import Path
 
 from elfslam.app.console import print_rows
 from elfslam.serve.network.credentials import OWNER_TOKEN
-from elfslam.serve.network.running import LAST_URL
+from elfslam.serve.network.reach import LAST_URL
 from elfslam.serve.network.signing import SIGNING_KEY
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services

@@ -21,6 +21,10 @@ FilesUrl = Annotated[
 def serve_command(
     data: DataFolder = DATA_FOLDER,
     host: Annotated[str | None, typer.Option(help="Default: the LAN address and loopback.")] = None,
+    address: Annotated[
+        str | None,
+        typer.Option(help="Where other devices reach it, for the QR code: a host or https://HOST/"),
+    ] = None,
     port: Annotated[int, typer.Option(min=0, max=65_535, help="0 chooses a free one.")] = 8443,
     database: Database = "",
     jobs: Annotated[bool, typer.Option(help="Map what is uploaded.")] = True,
@@ -42,7 +46,7 @@ def serve_command(
     ] = None,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
-    from elfslam.serve.network.names import checked_names
+    from elfslam.serve.network.names import checked_names, name_in
     from elfslam.serve.network.running import Listening, run
     from elfslam.serve.settings import ServerSettings
 
@@ -54,10 +58,10 @@ def serve_command(
         run_jobs=jobs,
         on=on,
         allow_public=allow_public,
-        names=checked_names(name or ()),
+        names=checked_names([*(name or ()), *name_in(address)]),
         files_url=files,
     )
-    run(settings, Listening(host, port, http, new_token, new_key), _print)
+    run(settings, Listening(host, port, http, new_token, new_key, address), _print)
 
 
 def invite_command(
@@ -66,11 +70,11 @@ def invite_command(
     database: Database = "",
 ) -> None:
     """Let somebody else use the server; prints the address that pairs their phone."""
-    from elfslam.serve.network.running import invite, qr_lines
+    from elfslam.serve.network.running import code_lines, invite
     from elfslam.serve.settings import ServerSettings
 
     known, url = invite(ServerSettings(data.expanduser(), database), name)
-    for line in [url, *qr_lines(url), f"{known} scans this once; it is not shown again."]:
+    for line in [url, *code_lines(url), f"{known} scans this once; it is not shown again."]:
         _print(line)
 
 

@@ -21,7 +21,7 @@ from elfslam.serve.maps import floor_plans as floor_plan_routes
 from elfslam.serve.maps import package_routes
 from elfslam.serve.maps import routes as map_routes
 from elfslam.serve.page_routes import install_pages
-from elfslam.serve.people import users
+from elfslam.serve.people import pairing, users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
@@ -32,6 +32,7 @@ from elfslam.serve.store.sweeps import sweeping
 
 ROUTERS: tuple[APIRouter, ...] = (
     users.router,
+    pairing.router,
     recordings.router,
     uploads.router,
     job_routes.router,
@@ -44,10 +45,10 @@ ADMITTING: tuple[APIRouter, ...] = (building_routes.router,)
 """Also under /api; their routes look at the token themselves, in the one thread that answers."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
 """Entered when the server starts and left when it stops."""
-DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version
-and for the drawing script of reports wants a pairing token, as `Authorization: Bearer TOKEN` or as
-the cookie that `POST /api/session` sets. Refusals are `application/problem+json`; their `detail`
-is one line for people."""
+DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version,
+for pairing codes and for the drawing script of reports wants a pairing token, as
+`Authorization: Bearer TOKEN` or as the cookie that `POST /api/session` sets. Refusals are
+`application/problem+json`; their `detail` is one line for people."""
 
 
 class Version(BaseModel):
@@ -87,6 +88,10 @@ def drawing_script(map_id: str, version: str) -> FileResponse:
     return FileResponse(script_file(), media_type="text/javascript", headers=allowed)
 
 
+PUBLIC: tuple[APIRouter, ...] = (public, pairing.public)
+"""Under /api, for anyone."""
+
+
 def played(chirp: ChirpParameters) -> dict[str, object]:
     """The chirp as recording.json describes it."""
     told = asdict(chirp)
@@ -105,7 +110,8 @@ def create_app(services: Services) -> FastAPI:
         lifespan=_lifespan,
     )
     app.state.services = services
-    app.include_router(public, prefix="/api")
+    for router in PUBLIC:
+        app.include_router(router, prefix="/api")
     for router in ROUTERS:
         app.include_router(
             router, prefix="/api", dependencies=[Depends(current_user)], responses=EVERYWHERE

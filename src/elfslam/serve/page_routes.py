@@ -17,7 +17,7 @@ from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
 from elfslam.serve.static_files import PageFiles
 
-PAGES = {"/": "phone.html", "/desk": "desk.html"}
+PAGES = {"/": "phone.html", "/desk": "desk.html", "/trust": "trust.html"}
 CERTIFICATE, WORKER = "authority.pem", "service_worker.js"
 TYPES = {
     ".js": "text/javascript",
@@ -58,7 +58,7 @@ class PagesMount(Mount):
 
 
 def install_pages(app: FastAPI, folder: Path) -> None:
-    """Serve the files of a folder; two of them have short addresses."""
+    """Serve the files of a folder; some of them have short addresses."""
     for suffix, kind in TYPES.items():
         mimetypes.add_type(kind, suffix)
     files = PageFiles(folder)

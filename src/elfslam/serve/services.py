@@ -12,6 +12,7 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 from sqlalchemy import Engine
 
+from elfslam.serve.people.codes import OneTimeCodes
 from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
@@ -52,6 +53,8 @@ class Services:
     token_rates: Rates
     address_rates: Rates
     busy: Busy = field(default_factory=Busy)
+    codes: OneTimeCodes = field(default_factory=OneTimeCodes)
+    """That pair another device."""
     jobs_wanted: threading.Event = field(default_factory=threading.Event)
     """Set where a job was queued."""
     readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -11,7 +13,12 @@ from cryptography.hazmat.primitives import serialization
 from cryptography.x509.oid import ExtendedKeyUsageOID
 
 from elfslam.base.errors import StoreError
-from elfslam.serve.network.authority import named_in, open_authority, server_certificate
+from elfslam.serve.network.authority import (
+    fingerprint_of,
+    named_in,
+    open_authority,
+    server_certificate,
+)
 
 NOW = datetime(2026, 5, 1, tzinfo=UTC)
 NAMES = ["192.168.1.7", "127.0.0.1", "localhost", "hut.local"]
@@ -32,6 +39,14 @@ def test_a_certificate_as_phones_want_it(tmp_path: Path) -> None:
     made.verify_directly_issued_by(authority)
     for name in ("authority.key", "authority.pem", "server.key", "server.pem"):
         assert (tmp_path / name).stat().st_mode & 0o077 == 0
+
+
+def test_the_fingerprint_is_the_digest_of_the_certificate(tmp_path: Path) -> None:
+    server_certificate(tmp_path, NAMES, NOW)
+    body = (tmp_path / "authority.pem").read_text().split("-----")[2]
+    digest = hashlib.sha256(base64.b64decode(body)).hexdigest().upper()
+    pairs = fingerprint_of(tmp_path / "authority.pem").split(":")
+    assert ("".join(pairs), len(pairs)) == (digest, 32)
 
 
 def test_it_is_kept_until_addresses_change_or_it_runs_out(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -19,6 +20,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.serve.network.addresses import checked_hosts
+from elfslam.serve.network.authority import fingerprint_of, server_certificate, utc_now
 from elfslam.serve.network.running import Listening, greeting, invite, qr_lines, run
 from elfslam.serve.network.signing import fingerprint, signing_key
 from elfslam.serve.settings import ServerSettings
@@ -195,12 +197,42 @@ def offset_of(client: httpx.Client, place: str) -> int:
     return int(client.head(place, headers=TUS).headers["upload-offset"])
 
 
-def test_the_greeting_shows_the_address_and_its_code() -> None:
-    pairing = "https://10.0.0.7:8443/#token=abc&key=def"
-    lines = greeting("https://10.0.0.7:8443/", pairing, secure=True)
+def test_the_greeting_shows_the_address_and_its_code(tmp_path: Path) -> None:
+    own, pairing = "https://127.0.0.1:8443/", "https://10.0.0.7:8443/#token=abc&key=def"
+    certificate = server_certificate(tmp_path, ["10.0.0.7"], utc_now())
+    lines = greeting(["https://10.0.0.7:8443/", own], pairing, certificate)
     assert lines[0] == pairing
-    assert "https://10.0.0.7:8443/authority.pem" in lines[-1]
     assert len({len(line) for line in qr_lines(lines[0])}) == 1
+    assert set(qr_lines(pairing)) <= set(lines)
+    assert "https://10.0.0.7:8443/trust" in lines[-2]
+    assert lines[-1] == fingerprint_of(tmp_path / "authority.pem")
+    assert not any(own in line for line in lines)
+
+
+def test_another_address_is_told_and_no_code_leads_a_phone_to_itself() -> None:
+    urls = ["https://10.0.0.7:8443/", "https://192.168.1.7:8443/", "https://127.0.0.1:8443/"]
+    told = "\n".join(greeting(urls, f"{urls[0]}#token=a", None))
+    assert "https://192.168.1.7:8443/ (--address)" in told
+    own = "https://127.0.0.1:8443/"
+    first, why = greeting([own], f"{own}#token=a", None)
+    assert first == f"{own}#token=a"
+    assert why.startswith("No code to scan")
+
+
+def test_plain_http_on_the_port_of_https_leads_there(start_server: Start) -> None:
+    server = start_server(speaks="https")
+    parts = urlsplit(server.url)
+    plain = f"http://127.0.0.1:{parts.port}/desk?a=b"
+    answer = httpx.get(plain, follow_redirects=False)
+    assert (answer.status_code, answer.headers["location"]) == (
+        307,
+        f"https://127.0.0.1:{parts.port}/desk?a=b",
+    )
+    with raw(server.url) as connection:
+        connection.sendall(b"no request at all\r\n\r\n")
+        assert connection.recv(4096)[:4] != b"HTTP"
+    trusted = ssl.create_default_context(cafile=str(server.data / "authority" / "authority.pem"))
+    assert httpx.get(server.url + "trust", verify=trusted).status_code == 200
 
 
 def test_an_invitation_is_an_address_with_a_token_and_the_key(settings: ServerSettings) -> None:

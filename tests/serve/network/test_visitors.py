@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from elfslam.serve.network.visitors import Door, Visitors, visitor_of
+from elfslam.serve.network.visitors import Door, Visitors, redirect_to_https, visitor_of
 
 
 class Hall:
@@ -128,3 +128,33 @@ def test_a_door_lets_a_newcomer_in_and_the_longest_wait_out() -> None:
             assert second.recv(1) == b"x"
             newcomer.close()
         kept.close()
+
+
+@pytest.mark.parametrize(
+    ("begun", "where"),
+    [
+        (b"GET / HTTP/1.1\r\nHost: a.b:81\r\n\r\n", b"https://a.b:81/"),
+        (b"HEAD /desk?x=1 HTTP/1.0\r\nA: b\r\nhost:10.0.0.7\r\n", b"https://10.0.0.7/desk?x=1"),
+        (b"GET / HTTP/1.1\r\nHost: [fd12::1]:81\r\n", b"https://[fd12::1]:81/"),
+    ],
+)
+def test_a_browser_without_tls_is_sent_to_https(begun: bytes, where: bytes) -> None:
+    answer = redirect_to_https(begun)
+    assert answer is not None
+    assert b"\r\nLocation: " + where + b"\r\n" in answer
+    assert answer.endswith(b"\r\n\r\n")
+
+
+@pytest.mark.parametrize(
+    "begun",
+    [
+        b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03",
+        b"POST / HTTP/1.1\r\nHost: a\r\n",
+        b"GET / HTTP/1.1\r\n\r\nHost: a\r\n",
+        b"GET //x\r\ny HTTP/1.1\r\nHost: a\r\n",
+        b"GET / HTTP/1.1\r\nHost: a/b\r\n",
+        b"",
+    ],
+)
+def test_what_is_no_request_of_a_browser_is_not_answered(begun: bytes) -> None:
+    assert redirect_to_https(begun) is None

@@ -9,6 +9,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import WifiScans
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
+from elfslam.data.merged_maps import is_superimposed
 from elfslam.data.wifi_table import read_wifi
 from elfslam.serve.buildings.publishing import NewFloor, Spot
 from elfslam.serve.buildings.wifi import FloorPoints, WifiFindParameters, points_on
@@ -47,6 +48,8 @@ def _of_folder(
     encoder = folder / ENCODER
     if not encoder.is_file():
         raise InputError(f"{folder}: has no {ENCODER}; map the floor by its echoes")
+    if is_superimposed(folder):
+        raise InputError(f"{folder}: phones need headings; publish the map it was made of")
     points = _points(scans, parameters)
     return NewFloor(spot, read_map(folder), encoder.read_bytes(), points)
 

@@ -9,8 +9,9 @@ from collections.abc import Sequence
 from elfslam.base.errors import InputError
 
 LOOPBACK = "127.0.0.1"
-PROBES = ("10.255.255.255", "172.31.255.255", "192.168.255.255", "198.51.100.1")
-"""A route to one of these shows our own address; nothing is sent there."""
+PROBES = ("198.51.100.1", "192.168.255.255", "10.255.255.255", "172.31.255.255")
+"""A route to one of these shows our own address; nothing is sent there. The first is beyond any
+local network: its route is that of the network which phones use too, and not that of a tunnel."""
 LOCAL_NETWORKS = tuple(
     map(
         ipaddress.ip_network,
@@ -39,7 +40,7 @@ def is_local(host: str) -> bool:
 
 
 def lan_addresses() -> list[str]:
-    """This machine's IPv4 addresses in local networks, that of the default route last tried."""
+    """This machine's IPv4 addresses in local networks, that of the default route first."""
     found = [address for address in map(_own_address_towards, PROBES) if address]
     try:
         known = socket.getaddrinfo(socket.gethostname(), None, socket.AF_INET)

@@ -16,7 +16,7 @@ from pathlib import Path
 import trustme
 from cryptography import x509
 from cryptography.exceptions import UnsupportedAlgorithm
-from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives import hashes, serialization
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file
@@ -52,8 +52,8 @@ def server_certificate(folder: Path, names: Sequence[str], now_utc: datetime) ->
             not_after=now_utc - SLACK + LONGEST,
         )
         chain = b"".join(blob.bytes() for blob in issued.cert_chain_pems)
-        _write_private(kept.key, issued.private_key_pem.bytes())
-        _write_private(kept.certificate, chain)
+        write_private(kept.key, issued.private_key_pem.bytes())
+        write_private(kept.certificate, chain)
     return kept
 
 
@@ -63,8 +63,8 @@ def open_authority(folder: Path) -> trustme.CA:
     if not (certificate.exists() or key.exists()):
         unit = f"authority of {socket.gethostname()}"[:60]
         made = trustme.CA(organization_name="elfslam", organization_unit_name=unit, path_length=0)
-        _write_private(key, made.private_key_pem.bytes())
-        _write_private(certificate, made.cert_pem.bytes())
+        write_private(key, made.private_key_pem.bytes())
+        write_private(certificate, made.cert_pem.bytes())
     try:
         return trustme.CA.from_pem(certificate.read_bytes(), key.read_bytes())
     except (OSError, ValueError) as error:
@@ -72,6 +72,12 @@ def open_authority(folder: Path) -> trustme.CA:
             f"{folder}: the authority cannot be read ({error}); delete both {AUTHORITY} and "
             f"{AUTHORITY_KEY} for a new one, which phones then install again"
         ) from error
+
+
+def fingerprint_of(file: Path) -> str:
+    """The SHA-256 of a certificate as phones show it: pairs of digits with colons."""
+    certificate = x509.load_pem_x509_certificate(file.read_bytes())
+    return certificate.fingerprint(hashes.SHA256()).hex(":").upper()
 
 
 def named_in(certificate: x509.Certificate) -> set[str]:
@@ -107,7 +113,7 @@ def utc_now() -> datetime:
     return datetime.now(UTC).replace(microsecond=0)
 
 
-def _write_private(file: Path, data: bytes) -> None:
+def write_private(file: Path, data: bytes) -> None:
     """Write a file that only its owner reads."""
     with new_file(file) as partial:
         partial.touch(mode=0o600)

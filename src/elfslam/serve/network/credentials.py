@@ -10,7 +10,7 @@ from pathlib import Path
 from sqlalchemy import select
 
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file
+from elfslam.serve.network.authority import write_private
 from elfslam.serve.network.signing import SIGNING_KEY, fingerprint, signing_key
 from elfslam.serve.people.access import new_token, token_sha256
 from elfslam.serve.people.users import set_owner_token
@@ -50,7 +50,7 @@ def owner_token(services: Services, *, renewed: bool = False) -> str:
     token = None if renewed else _read_token(file)
     if token is None:
         token = new_token()
-        write_private(file, token)
+        write_private(file, f"{token}\n".encode())
     with reading(services.sessions) as session:
         known = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
     if known != token_sha256(token):
@@ -69,13 +69,6 @@ def trust_key(services: Services, *, renewed: bool = False) -> None:
             return
     with transaction(services.sessions) as session:
         session.scalars(select(Store)).one().signing_key = told
-
-
-def write_private(file: Path, text: str) -> None:
-    """Write a line that only its owner reads."""
-    with new_file(file) as partial:
-        partial.touch(mode=0o600)
-        partial.write_text(text + "\n")
 
 
 def _read_token(file: Path) -> str | None:

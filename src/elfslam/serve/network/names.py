@@ -9,6 +9,7 @@ from __future__ import annotations
 import ipaddress
 import re
 from collections.abc import Collection, Sequence
+from urllib.parse import urlsplit
 
 from elfslam.base.errors import InputError
 
@@ -24,6 +25,12 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
                 "without scheme and port"
             )
     return tuple(name.lower() for name in names)
+
+
+def name_in(address: str | None) -> tuple[str, ...]:
+    """The name of a host in an address or a URL that somebody gave; none in a number."""
+    host = urlsplit(address if "://" in address else f"//{address}").hostname if address else None
+    return () if host is None or is_known(host, ()) else (host,)
 
 
 def host_of(header: str) -> str:

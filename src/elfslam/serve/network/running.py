@@ -13,7 +13,6 @@ from elfslam.serve.app import create_app
 from elfslam.serve.network.addresses import (
     LOOPBACK,
     checked_hosts,
-    lan_addresses,
     open_sockets,
     server_names,
     url_of,
@@ -21,6 +20,7 @@ from elfslam.serve.network.addresses import (
 from elfslam.serve.network.authority import (
     AUTHORITY,
     Certificate,
+    fingerprint_of,
     server_certificate,
     utc_now,
 )
@@ -28,7 +28,13 @@ from elfslam.serve.network.credentials import (
     check_credentials,
     owner_token,
     trust_key,
-    write_private,
+)
+from elfslam.serve.network.reach import (
+    ALONE,
+    last_url,
+    reaches_nobody,
+    remember_url,
+    told_url,
 )
 from elfslam.serve.network.serving import serve
 from elfslam.serve.network.signing import pairing_fragment
@@ -39,7 +45,8 @@ from elfslam.serve.settings import PORT, ServerSettings
 from elfslam.serve.store.opening import TRIES, alone_with
 from elfslam.serve.texts import plain_line
 
-LAST_URL = "url"
+TRUST = "trust"
+"""The page that says how a device comes to trust the server."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +58,8 @@ class Listening:
     plain_http: bool = False
     new_token: bool = False
     new_key: bool = False
+    address: str | None = None
+    """Where other devices reach it: a host or a URL; None: the first that is found."""
 
 
 def run(settings: ServerSettings, listening: Listening, say: Callable[[str], None]) -> None:
@@ -63,13 +72,17 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
         services = open_services(settings, alone=True)
         check_credentials(services, renews_token=listening.new_token, renews_key=listening.new_key)
         sockets = open_sockets(hosts, listening.port)
-        url = url_of(hosts[0], sockets[0].getsockname()[1], secure=not listening.plain_http)
+        port, secure = sockets[0].getsockname()[1], not listening.plain_http
+        urls = [url_of(host, port, secure=secure) for host in hosts]
+        if listening.address:
+            urls.insert(0, told_url(listening.address, port, secure=secure))
+        url = urls[0]
         app, certificate = create_app(services), _certificate(settings, hosts, listening)
         token = owner_token(services, renewed=listening.new_token)
         trust_key(services, renewed=listening.new_key)
-        write_private(settings.authority_folder / LAST_URL, url)
+        remember_url(settings, url)
         pairing = url + pairing_fragment(token, settings.authority_folder)
-        for line in greeting(url, pairing, secure=not listening.plain_http):
+        for line in greeting(urls, pairing, certificate):
             say(line)
         serve(app, sockets, settings.limits, certificate)
 
@@ -80,18 +93,32 @@ def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
         user, token = add_user(open_services(settings), plain_line(name))
     except (ValueError, Problem) as error:
         raise InputError(f"{name!r:.60}: {getattr(error, 'detail', error)}") from error
-    return user.name, _last_url(settings) + pairing_fragment(token, settings.authority_folder)
+    return user.name, last_url(settings) + pairing_fragment(token, settings.authority_folder)
 
 
-def greeting(url: str, pairing: str, *, secure: bool) -> list[str]:
-    """What is said when the server starts: the address that pairs, its QR code, the authority."""
-    lines = [pairing, *qr_lines(pairing), f"Scan this with the phone, or open {url} there."]
-    if secure:
+def greeting(urls: Sequence[str], pairing: str, certificate: Certificate | None) -> list[str]:
+    """What is said when the server starts: the address that pairs, its QR code, the authority.
+
+    The first of the `urls` is the one of `pairing`.
+    """
+    lines = [pairing, *code_lines(pairing)]
+    url, *others = [each for each in urls if not reaches_nobody(each)] or urls[:1]
+    if not reaches_nobody(url):
+        lines.append(f"Scan this with the phone, or open {url} there.")
+    if others:
+        lines.append(f"Where the phone is in another network: {', '.join(others)} (--address)")
+    if certificate is not None:
         lines.append(
-            f"Browsers warn once, as they do not know this server; {url}{AUTHORITY} installs its "
-            "authority for good."
+            f"Browsers warn once, as they do not know this server; {url}{TRUST} says how to make "
+            "them trust it. Its authority's fingerprint (SHA-256):"
         )
+        lines.append(fingerprint_of(certificate.certificate.with_name(AUTHORITY)))
     return lines
+
+
+def code_lines(url: str) -> list[str]:
+    """A QR code for the terminal; of an address that leads a phone to itself, why there is none."""
+    return [f"No code to scan: {ALONE}"] if reaches_nobody(url) else qr_lines(url)
 
 
 def qr_lines(text: str) -> list[str]:
@@ -119,11 +146,3 @@ def _certificate(
         return None
     names = server_names([*hosts, *settings.names])
     return server_certificate(settings.authority_folder, names, utc_now())
-
-
-def _last_url(settings: ServerSettings) -> str:
-    """Where the server was reached last, or will be."""
-    file = settings.authority_folder / LAST_URL
-    if file.is_file():
-        return file.read_text().strip()
-    return url_of([*lan_addresses(), LOOPBACK][0], PORT, secure=True)

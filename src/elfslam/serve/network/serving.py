@@ -47,4 +47,6 @@ def serve(
         ssl_keyfile=None if certificate is None else certificate.key,
     )
     gc.freeze()  # what is there now stays, and need not be looked through
-    uvicorn.Server(config).run(sockets=[Door(each, visitors) for each in sockets])
+    secure = certificate is not None
+    doors: list[socket.socket] = [Door(each, visitors, speaks_tls=secure) for each in sockets]
+    uvicorn.Server(config).run(sockets=doors)

@@ -56,9 +56,9 @@ def sign(key: ec.EllipticCurvePrivateKey, content: bytes) -> bytes:
     return b"".join(number.to_bytes(NUMBER_BYTES, "big") for number in numbers)
 
 
-def pairing_fragment(token: str, folder: Path) -> str:
-    """What an address ends in that pairs a phone: the token, and the key that it is to trust."""
-    return f"#token={token}&key={fingerprint(signing_key(folder))}"
+def pairing_fragment(secret: str, folder: Path, *, name: str = "token") -> str:
+    """What an address ends in that pairs a phone: a token or code, and the key it is to trust."""
+    return f"#{name}={secret}&key={fingerprint(signing_key(folder))}"
 
 
 def _make(file: Path) -> None:

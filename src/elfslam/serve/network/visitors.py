@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import gc
 import ipaddress
+import re
 import socket
 import time
 from collections.abc import Callable, Mapping
@@ -20,6 +21,10 @@ NEIGHBOURS = 64
 """Bits of an IPv6 address that a provider gives to one customer: all below are one visitor."""
 SENT_BYTES = 2**18
 """The system holds so much for one who does not read it; by itself it takes 16 times as much."""
+PLAIN_REQUEST = re.compile(
+    rb"(?:GET|HEAD) (/[!-~]*) HTTP/1\.[01]\r\n(?:[^\r\n]+\r\n)*?host: *([\w.:\[\]-]+)\r\n", re.I
+)
+"""Of a browser; what else comes without TLS ends as any failed handshake."""
 TIDY_EACH = 256
 """asyncio leaves a ring of garbage, 300 kB large, of a TLS handshake that fails; Python by itself
 would let a gigabyte of it come together."""
@@ -82,10 +87,12 @@ class Visitors:
 class Door(socket.socket):
     """A listening socket that counts connections from before any handshake to their end."""
 
-    def __init__(self, listening: socket.socket, visitors: Visitors) -> None:
+    def __init__(
+        self, listening: socket.socket, visitors: Visitors, *, speaks_tls: bool = False
+    ) -> None:
         super().__init__(fileno=listening.detach())
         self.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENT_BYTES)
-        self._visitors, self._accepted = visitors, 0
+        self._visitors, self._accepted, self._speaks_tls = visitors, 0, speaks_tls
 
     def listen(self, backlog: int = 0) -> None:
         """It does so already, with a longer queue than what asyncio accepts at once."""
@@ -96,7 +103,8 @@ class Door(socket.socket):
         self._accepted += 1
         if self._accepted % TIDY_EACH == 0:
             gc.collect()
-        connection = _Counted(accepted, self._visitors)
+        kind = _CountedTls if self._speaks_tls else _Counted
+        connection = kind(accepted, self._visitors)
         if not self._visitors.enter(connection.fileno(), address[0], connection.end):
             connection.close()
             raise ConnectionAbortedError("too many connections")
@@ -131,3 +139,33 @@ def visitor_of(address: str) -> str:
 
 def _nothing() -> None:
     pass
+
+
+class _CountedTls(_Counted):
+    """One that TLS is to be spoken on: a browser that speaks HTTP is sent to HTTPS."""
+
+    _begun = False
+
+    def recv_into(self, buffer: Any, nbytes: int = 0, flags: int = 0) -> int:
+        """What came; nothing more after a request without TLS, which is answered here."""
+        count = super().recv_into(buffer, nbytes, flags)
+        if not self._begun and count:
+            self._begun = True
+            answer = redirect_to_https(bytes(buffer[:count]))
+            if answer is not None:
+                with suppress(OSError):
+                    self.send(answer)
+                return 0
+        return count
+
+
+def redirect_to_https(begun: bytes) -> bytes | None:
+    """The answer to what a connection begins with: None where that is TLS, or no whole request."""
+    found = PLAIN_REQUEST.match(begun)
+    if found is None:
+        return None
+    target, host = found.groups()
+    return (
+        b"HTTP/1.1 307 Temporary Redirect\r\nLocation: https://%b%b\r\nContent-Length: 0\r\n"
+        b"Connection: close\r\n\r\n" % (host, target)
+    )

@@ -15,7 +15,7 @@ const LIST = "/precache.json";
 const PAGE = "/";
 const ALSO_PAGE = "/phone.html";
 const DESK = "/desk";
-const NOT_OURS = ["/api", DESK, "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
+const NOT_OURS = ["/api", DESK, "/trust", "/authority.pem", "/openapi.json", "/service_worker.js", LIST];
 const AT_ONCE = 6;
 /** Windows of the desk, as far as this worker saw them open: asking for a client could wait for what waits for us. */
 /** @type {Set<string>} */

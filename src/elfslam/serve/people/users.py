@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from elfslam.serve.network.reach import url_for_others
 from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import (
     Me,
@@ -21,7 +22,7 @@ from elfslam.serve.people.access import (
 )
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here, Services
-from elfslam.serve.settings import COOKIE, told_limits
+from elfslam.serve.settings import COOKIE, ServerSettings, told_limits
 from elfslam.serve.store.database import User, reading, transaction
 from elfslam.serve.store.holdings import delete_user, used_bytes
 from elfslam.serve.texts import Line
@@ -67,13 +68,18 @@ class Invitation(BaseModel):
 @router.post("/session", status_code=204, operation_id="begin_session")
 def begin_session(_user: Me, token: Token, services: Here) -> Response:
     """Keep the token of the Authorization header as a cookie that scripts cannot read."""
+    return session_of(token, services.settings)
+
+
+def session_of(token: str, settings: ServerSettings) -> Response:
+    """The answer that keeps a token as a cookie."""
     response = Response(status_code=204)
     response.set_cookie(
         COOKIE,
         token,
         max_age=ONE_YEAR_S,
         httponly=True,
-        secure=services.settings.secure_cookie,
+        secure=settings.secure_cookie,
         samesite="strict",
     )
     return response
@@ -111,10 +117,10 @@ def list_users(_owner: Owner, services: Here) -> list[UserBody]:
 @router.post("/users", status_code=201, operation_id="invite_user", responses=problems(409))
 def invite_user(given: NewUser, _owner: Owner, services: Here, request: Request) -> Invitation:
     """Let somebody in: their token is in the answer and nowhere else (owner only)."""
+    url = url_for_others(str(request.base_url), services.settings)
     user, token = add_user(services, given.name)
     fragment = pairing_fragment(token, services.settings.authority_folder)
-    url = f"{request.base_url}{fragment}"
-    return Invitation(id=user.id, name=user.name, token=token, url=url)
+    return Invitation(id=user.id, name=user.name, token=token, url=url + fragment)
 
 
 @router.delete(

@@ -74,7 +74,7 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     ]
     facts["sensors"] = [name for name, value in present.items() if value is not None]
     facts["duration_s"] = round(float(np.max(ends_s)), 3)
-    if recording.start_pose is not None:
+    if recording.start_pose is not None and np.isfinite(recording.start_pose).all():
         facts["start_pose"] = list(recording.start_pose)
     if (footsteps := _footsteps(recording)) is not None:
         facts["footsteps"] = footsteps

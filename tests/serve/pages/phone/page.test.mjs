@@ -1,6 +1,7 @@
 // Motion, clocks, words and files of the phone page.
 
 import assert from "node:assert/strict";
+import { createHash } from "node:crypto";
 import { test } from "node:test";
 
 import { eventTime, fitClocks, readClocks, soundTime } from "../../../../src/elfslam/serve/pages/phone/clocks.js";
@@ -15,8 +16,9 @@ import { toPcm, wavHeader } from "../../../../src/elfslam/serve/pages/phone/soun
 import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js";
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
 import { makeChirpLog, makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
-import { tokenIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
+import { secretIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
 import { formatBytes, formatDuration } from "../../../../src/elfslam/serve/pages/shared/format.js";
+import { fingerprintOf } from "../../../../src/elfslam/serve/pages/trust.js";
 
 const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 18_1 like Mac OS X) AppleWebKit/605.1.15 Version/18.1";
 const ANDROID = "Mozilla/5.0 (Linux; Android 14; Pixel 8) AppleWebKit/537.36 Chrome/130.0 Mobile Safari/537.36";
@@ -278,12 +280,22 @@ test("a WAV that was streamed says so", () => {
   assert.deepEqual([...toPcm(Float32Array.of(1, -1, 2))], [255, 127, 1, 128, 255, 127]);
 });
 
-test("the token is taken from the fragment", () => {
-  assert.equal(tokenIn("#token=a-b_c"), "a-b_c");
-  assert.equal(tokenIn(""), null);
+test("what pairs is taken from the fragment", () => {
+  assert.deepEqual(secretIn("#token=a-b_c"), { kind: "token", secret: "a-b_c" });
+  assert.deepEqual(secretIn("#code=d&key=e"), { kind: "code", secret: "d" });
+  assert.equal(secretIn("#key=e"), null);
+  assert.equal(secretIn(""), null);
 });
 
 test("numbers are written for people", () => {
   assert.deepEqual([999, 1500, 20000, 1.5e6, 2e7, 3e9].map(formatBytes).map((text) => text.replace("\u00a0", " ")), ["999 B", "1.5 kB", "20 kB", "1.5 MB", "20 MB", "3.0 GB"]);
   assert.deepEqual([0, 61, 3723].map(formatDuration), ["0:00", "1:01", "1:02:03"]);
+});
+
+test("the fingerprint is the digest of the certificate", async () => {
+  const pem = "-----BEGIN CERTIFICATE-----\nYWJj\n-----END CERTIFICATE-----\n";
+  const whole = await fingerprintOf(pem);
+  assert.equal(whole.replaceAll(":", ""), createHash("sha256").update("abc").digest("hex").toUpperCase());
+  assert.equal(whole.split(":").length, 32);
+  await assert.rejects(fingerprintOf("no certificate"), /no certificate/);
 });

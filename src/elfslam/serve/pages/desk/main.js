@@ -10,7 +10,9 @@ import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
-import { pairWith, signOut, whoIsHere } from "./session.js";
+import { pairAnother } from "./codes.js";
+import { signOut, whoIsHere } from "./session.js";
+import { pairWith, secretIn } from "../shared/api.js";
 import { isOpen, keepKnown } from "./store.js";
 import { userActions, usersView } from "./users_view.js";
 
@@ -164,7 +166,9 @@ function showConnection(problem) {
 /** @param {import("./session.js").Me} me */
 function showWho(me) {
   one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": "Walk with this device", title: "Walk with this device" }, icon("phone")),
-    h("span", { class: "name" }, me.name), h("button", { type: "button", class: "button small quiet", click: async () => {
+    h("span", { class: "name" }, me.name),
+    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, "Pair a device"),
+    h("button", { type: "button", class: "button small quiet", click: async () => {
     if (await orSay(signOut)) location.reload();
   } }, "Sign out"));
   one("#nav-users").hidden = !me.is_owner;
@@ -178,7 +182,7 @@ function showDoor() {
   const input = h("input", { name: "code", required: true, autocomplete: "off", spellcheck: "false", placeholder: "https://…/#token=…" });
   const form = h("form", { class: "card" },
     h("h1", null, "This browser is not paired"),
-    h("p", null, "Open the address that ", h("code", null, "elfslam serve"), " printed in its terminal, with all that follows the ", h("code", null, "#"), ". It pairs this browser once and for all."),
+    h("p", null, "Open the address that ", h("code", null, "elfslam serve"), " printed in its terminal, with all that follows the ", h("code", null, "#"), ", or one that “Pair a device” shows on a desk that is paired."),
     h("label", { class: "field" }, h("span", null, "Or paste it here"), input),
     h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Pair")));
   form.addEventListener("submit", async (/** @type {Event} */ event) => {
@@ -192,7 +196,7 @@ function showDoor() {
 
 async function start() {
   window.addEventListener("hashchange", () => {
-    if (location.hash.includes("token=")) location.reload();
+    if (secretIn(location.hash) !== null) location.reload();
   });
   try {
     const me = await whoIsHere();

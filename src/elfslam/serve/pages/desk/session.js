@@ -2,7 +2,7 @@
 
 import { ask, askJson, Problem } from "./api.js";
 import { forgetHere } from "../keeping/pairing.js";
-import { beginSession, openSession } from "../shared/api.js";
+import { openSession } from "../shared/api.js";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, used_bytes: number, limits: any}} Me */
 
@@ -24,9 +24,4 @@ export async function whoIsHere() {
 export async function signOut() {
   await forgetHere();
   await ask("/api/session", { method: "DELETE" });
-}
-
-/** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */
-export async function pairWith(text) {
-  await beginSession(text.includes("#") ? text.slice(text.indexOf("#")) : `#token=${encodeURIComponent(text.trim())}`);
 }

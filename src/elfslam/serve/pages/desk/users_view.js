@@ -2,18 +2,18 @@
 
 import { ask, askJson } from "./api.js";
 import { field } from "./asking.js";
-import { askPerson, confirmDelete, orSay, say, showPerson } from "./dialogs.js";
-import { h, svg } from "../shared/dom.js";
+import { invitation } from "./codes.js";
+import { askPerson, confirmDelete, orSay, showPerson } from "./dialogs.js";
+import { h } from "../shared/dom.js";
 import { formatAgo } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { cell, headOf, iconButton, rowHead, tableOf } from "./parts.js";
-import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
 
 /** @typedef {{id: string, name: string, is_owner: boolean, created_utc: string}} User */
 /** @typedef {import("./main.js").Desk} Desk */
 
+const INVITED = "Scan it with their phone, or send them the address. It is shown this once and kept nowhere.";
 const COLUMNS = ["Name", "Since", "Actions"];
-const QUIET_MODULES = 4;
 
 /** @param {Desk} desk */
 export function usersView({ users, nowMs }) {
@@ -41,7 +41,7 @@ export function userActions(desk) {
       await orSay(async () => {
         const made = await askJson("/api/users", { method: "POST", json: { name: String(answer.get("name")).trim() } });
         await desk.now();
-        await showPerson(`A code for ${made.name}`, invitation(made.url));
+        await showPerson(`A code for ${made.name}`, invitation(made.url, INVITED));
       });
     },
     async delete(/** @type {string} */ id) {
@@ -52,34 +52,4 @@ export function userActions(desk) {
       await desk.now();
     },
   };
-}
-
-/** @param {string} url */
-function invitation(url) {
-  const address = h("input", { readonly: true, value: url, "aria-label": "Address", name: "address" });
-  const copy = h("button", { type: "button", class: "button" }, icon("copy"), "Copy the address");
-  copy.addEventListener("click", async () => {
-    address.select();
-    const well = await navigator.clipboard?.writeText(url).then(() => true, () => false);
-    say(well ? "The address is in the clipboard." : "It is selected; copy it with the keyboard.");
-  });
-  return [h("p", null, "Scan it with their phone, or send them the address. It is shown this once and kept nowhere."),
-    codeOf(url), address, h("div", { class: "row" }, copy)];
-}
-
-/** @param {string} text @returns {SVGElement} a QR code, dark on white in any theme */
-function codeOf(text) {
-  const code = qrcode(0, "M");
-  code.addData(text);
-  code.make();
-  const count = code.getModuleCount();
-  let path = "";
-  for (let row = 0; row < count; row += 1) {
-    for (let column = 0; column < count; column += 1) {
-      if (code.isDark(row, column)) path += `M${column + QUIET_MODULES} ${row + QUIET_MODULES}h1v1h-1z`;
-    }
-  }
-  const side = count + 2 * QUIET_MODULES;
-  return svg("svg", { viewBox: `0 0 ${side} ${side}`, class: "code", role: "img", "aria-label": "QR code of the address", "shape-rendering": "crispEdges" },
-    svg("rect", { width: side, height: side, fill: "#fff" }), svg("path", { d: path, fill: "#000" }));
 }

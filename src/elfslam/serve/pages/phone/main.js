@@ -1,6 +1,6 @@
 /** The phone page, from the first tap to the map. */
 
-import { Problem, ask, openSession } from "../shared/api.js";
+import { Problem, ask, openSession, pairWith } from "../shared/api.js";
 import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
@@ -76,7 +76,9 @@ async function begin() {
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
     if (mediumAccess) page.mediumAccess = only(mediumAccess, Object.keys(MEDIUM_ACCESS));
   } catch (error) {
-    const isAway = /** @type {Problem} */ (error).status === 0;
+    const { status } = /** @type {Problem} */ (error);
+    const isAway = status === 0;
+    at("pair").hidden = status !== 401;
     showProblem(isAway ? WITHOUT_SERVER : /** @type {Error} */ (error).message, isAway ? "doubt" : "fail");
   }
   await clearing;
@@ -95,6 +97,12 @@ async function clearUp() {
   } catch (error) {
     showProblem(/** @type {Error} */ (error).message);
   }
+}
+
+/** With an address that somebody pasted. */
+async function pairByHand() {
+  await pairWith(/** @type {HTMLInputElement} */ (at("pair-address")).value);
+  window.location.reload();
 }
 
 async function allow() {
@@ -283,6 +291,7 @@ const locating = makeLocating({
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
+at("pair").addEventListener("submit", act(pairByHand));
 at("allow").addEventListener("click", act(allow));
 at("where").addEventListener("click", act(locating.list));
 at("maps-back").addEventListener("click", () => showView("start"));

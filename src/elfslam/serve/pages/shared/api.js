@@ -40,27 +40,33 @@ export async function ask(method, path, body, headers = {}) {
 /** What a refusal says. @param {Response} response @returns {Promise<Problem>} */
 export async function problemOf(response) {
   const told = await response.json().catch(() => ({}));
-  if (response.status === 401) return new Problem(NOT_PAIRED, 401);
+  if (response.status === 401 && !response.url.endsWith("/session/code")) return new Problem(NOT_PAIRED, 401);
   const detail = typeof told.detail === "string" ? told.detail : told.title;
   return new Problem(detail || `The server answered ${response.status}.`, response.status);
 }
 
 /**
- * The token in an address's fragment; null where there is none.
+ * What pairs in an address's fragment: a token, or a code that is good once; null where there is neither.
  * @param {string} fragment such as "#token=abc"
+ * @returns {{kind: "token" | "code", secret: string} | null}
  */
-export function tokenIn(fragment) {
-  return new URLSearchParams(fragment.replace(/^#/, "")).get("token");
+export function secretIn(fragment) {
+  const told = new URLSearchParams(fragment.replace(/^#/, ""));
+  for (const kind of /** @type {const} */ (["token", "code"])) {
+    const secret = told.get(kind);
+    if (secret !== null) return { kind, secret: secret.trim() };
+  }
+  return null;
 }
 
 /**
- * Pair with the token in the address bar, if there is one, and take it out of there as soon as the server
+ * Pair with what is in the address bar, if there is anything, and take it out of there as soon as the server
  * has answered. Raises Problem.
  * @param {Location} location @param {History} history
  */
 export async function openSession(location, history) {
   const fragment = location.hash;
-  if (tokenIn(fragment) === null) return;
+  if (secretIn(fragment) === null) return;
   const forget = () => history.replaceState(null, "", location.pathname + location.search);
   try {
     await beginSession(fragment);
@@ -72,11 +78,17 @@ export async function openSession(location, history) {
 }
 
 /**
- * Hand the token over for a cookie, and trust the key that lies beside it. Raises Problem.
+ * Hand a token or a code over for a cookie, and trust the key that lies beside it. Raises Problem.
  * @param {string} fragment such as "#token=abc&key=def"
  */
 export async function beginSession(fragment) {
-  const token = (tokenIn(fragment) ?? "").trim();
-  await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${token}` });
+  const { kind, secret } = secretIn(fragment) ?? { kind: "token", secret: "" };
+  if (kind === "code") await ask("POST", "/api/session/code", { code: secret });
+  else await ask("POST", "/api/session", undefined, { Authorization: `Bearer ${secret}` });
   await pairHere(fragment, (await ask("GET", "/api/me")).id);
+}
+
+/** Pair with what someone typed or pasted: a token, or the whole address. @param {string} text */
+export async function pairWith(text) {
+  await beginSession(text.includes("#") ? text.slice(text.indexOf("#")) : `#token=${encodeURIComponent(text.trim())}`);
 }
