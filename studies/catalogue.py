@@ -33,6 +33,7 @@ from studies.floor_plan import measure_floor_plan
 from studies.laps import measure_laps
 from studies.localization import measure_localization
 from studies.localization_cost import measure_localization_cost
+from studies.magnetic_left_out import measure_magnetic_left_out
 from studies.magnetic_walks import measure_magnetic_walks
 from studies.mall_fifths import measure_mall_fifths
 from studies.mall_floor import measure_mall_floor
@@ -75,6 +76,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "laps": LongStudy(measure_laps),
     "localization": LongStudy(measure_localization),
     "localization-cost": measure_localization_cost,
+    "magnetic-left-out": LongStudy(measure_magnetic_left_out),
     "magnetic-walks": measure_magnetic_walks,
     "mall-fifths": LongStudy(measure_mall_fifths),
     "mall-floor": measure_mall_floor,

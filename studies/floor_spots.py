@@ -12,6 +12,7 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.progress import Announce
 from elfslam.data.folders import new_file
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.line.superimposition import SpotEchoes
 from elfslam.world.phone import Poses, phone_axes
 from elfslam.world.world_file import load_world
 from studies.repeats import Numbers
@@ -123,7 +124,7 @@ def _learnt(
     task: Spots, floor: Floor, shipped: OnnxEncoder, folder: Path, announce: Announce
 ) -> OnnxEncoder:
     """The encoder of the floor, learnt once and kept."""
-    from elfslam.learn.floor_level import SpotEchoes, learn_floor
+    from elfslam.learn.floor_level import learn_floor
     from elfslam.learn.parameters import FloorLevelParameters
 
     file = folder / f"{task.world}-{task.spots}-{task.traces}-{task.seed}.onnx"

@@ -115,7 +115,7 @@ def map_by_field(recording: Recording, truth: Truth, orientation: Orientation | 
     assert odometry is not None
     assert magnetometer is not None
     begun = time.perf_counter()
-    nodes = nodes_by_distance(_honest(odometry), NODE_SPACING_M)
+    nodes = nodes_by_distance(honest(odometry), NODE_SPACING_M)
     parameters, finer = MagneticParameters(), AlignmentParameters()
     similarity = magnetic_similarity(magnetometer, orientation, nodes, parameters)
     closures = find_closures(similarity, nodes, CLOSURES)
@@ -142,21 +142,22 @@ LEVELLINGS: dict[str, Callable[[Recording], Orientation | None]] = {
 }
 
 
-def _honest(odometry: Odometry) -> Odometry:
+def honest(odometry: Odometry) -> Odometry:
     """With turns trusted as little as their constant bias deserves."""
     sigma = np.array(odometry.step_sigma)
     sigma[:, 2] = np.hypot(PAPERS_DRIFT.heading_sigma_rad, BIAS_SIGMA_RAD)
     return replace(odometry, step_sigma=sigma)
 
 
-def _rmse(t_s: F64, poses: F64, truth: Truth) -> float:
+def rmse_m(t_s: F64, poses: F64, truth: Truth) -> float:
+    """Root mean square error of poses (n, 3) after the rigid move that fits best."""
     errors = position_errors(t_s, poses, truth, Alignment.ALIGNED)
     return float(np.sqrt(np.mean(errors**2)))
 
 
 def _row(name: str, levelled: str, mapped: list[Mapped]) -> Row:
-    drifted = [_rmse(m.odometry.t_s, m.odometry.world_from_body, m.truth) for m in mapped]
-    errors = [_rmse(m.nodes_t_s, m.poses, m.truth) for m in mapped]
+    drifted = [rmse_m(m.odometry.t_s, m.odometry.world_from_body, m.truth) for m in mapped]
+    errors = [rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped]
     return {
         "set": name,
         "levelled by": levelled,
@@ -172,7 +173,7 @@ def _row(name: str, levelled: str, mapped: list[Mapped]) -> Row:
 
 def _panel(name: str, mapped: list[Mapped]) -> Panel:
     """The walk whose map has the median error."""
-    order = np.argsort([_rmse(m.nodes_t_s, m.poses, m.truth) for m in mapped])
+    order = np.argsort([rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped])
     shown = mapped[order[len(order) // 2]]
     true = shown.truth.world_from_body
     drifted = _laid_on(shown.odometry.t_s, shown.odometry.world_from_body, shown.truth)

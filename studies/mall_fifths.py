@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
 
@@ -11,37 +11,30 @@ import numpy as np
 
 from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
+from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
-from elfslam.base.values import WifiScans
+from elfslam.base.values import Fixes, Trajectory, WifiScans
+from elfslam.baselines.floor_places import (
+    FloorPlaces,
+    at_each_place,
+    floor_places,
+    known_by,
+    whole_walk,
+)
+from elfslam.baselines.floor_walks import FloorParameters, floor_map, floor_turn, solved, turned
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.figures import SLAM
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.walks_figure import floor_of_walks
 from studies.finding import Finding, Row
-from studies.held_out import (
-    FloorPlaces,
-    at_each_place,
-    floor_places,
-    live,
-    whole_walk,
-    whole_walk_by_field,
-)
 from studies.labelled_neighbours import labelled_neighbours
-from studies.mall_floor import (
-    FLOORS,
-    FloorWalk,
-    archive_of,
-    floor_turn,
-    solved,
-    turned,
-    unturned_walks,
-)
+from studies.mall_floor import FLOORS, SurveyedWalk, archive_of, surveyed_walks
 from studies.repeats import Numbers, finished
 
 SPLITS = 5
-MAPPED_BY = "wifi and magnetic"
+MAPPED_BY = (Modality.WIFI, Modality.MAGNETIC)
 SOERENSEN, EUCLIDEAN = "Wi-Fi, labelled, Soerensen", "Wi-Fi, labelled, Euclidean"
 ONE_PLACE, LIVE = "Wi-Fi, one place", "Wi-Fi, live"
 TRAJECTORY, WITH_FIELD = "Wi-Fi, whole walk", "Wi-Fi and magnetic, whole walk"
@@ -100,9 +93,9 @@ def measure_mall_fifths(
     return Finding(rows, Page("Located on a floor that others mapped", NOTE, [table, *panels]))
 
 
-def located_walks(archive: Path, most: int | None) -> list[FloorWalk]:
-    """The walks of a floor with two waypoints and Wi-Fi, as `unturned_walks` has them."""
-    walks = unturned_walks(archive, most)
+def located_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:
+    """The walks of a floor with two waypoints and Wi-Fi, as `surveyed_walks` has them."""
+    walks = surveyed_walks(archive, most)
     kept = [walk for walk in walks if walk.recording.wifi is not None]
     if len(kept) < SPLITS:
         raise InputError(f"{archive}: got {len(kept)} walks with Wi-Fi, wanted {SPLITS} or more")
@@ -110,39 +103,59 @@ def located_walks(archive: Path, most: int | None) -> list[FloorWalk]:
 
 
 def split_walks(
-    walks: Sequence[FloorWalk], which: int
-) -> tuple[list[FloorWalk], dict[int, FloorWalk]]:
+    walks: Sequence[SurveyedWalk], which: int
+) -> tuple[list[SurveyedWalk], dict[int, SurveyedWalk]]:
     """The walks to be mapped, and by their number those that are held out.
 
-    All are turned by the angle of the floor, which every second of the mapped walks tells.
+    All are turned by the angle of the floor that the mapped walks tell.
     """
     mapped = [walk for number, walk in enumerate(walks) if number % SPLITS != which]
-    turn_rad = floor_turn(mapped[::2])
+    turn_rad = floor_turn(mapped, FloorParameters()).turn_rad
     held = {number: turned(walks[number], turn_rad) for number in range(which, len(walks), SPLITS)}
     return [turned(walk, turn_rad) for walk in mapped], held
 
 
 def positions(
-    mapped: Sequence[FloorWalk], places: FloorPlaces, held: Sequence[FloorWalk]
+    mapped: Sequence[SurveyedWalk], places: FloorPlaces, held: Sequence[SurveyedWalk]
 ) -> dict[str, list[F64]]:
     """Where each method has each held-out walk at its waypoints (k, 2), NaN for no answer."""
     known = [(_scans(walk), walk.truth) for walk in mapped]
     asked = [(_scans(walk), walk.truth) for walk in held]
+    by_wifi = replace(places, levels=None)
     return {
         SOERENSEN: list(labelled_neighbours(asked, known, "Soerensen")),
         EUCLIDEAN: list(labelled_neighbours(asked, known, "Euclidean")),
-        ONE_PLACE: [at_each_place(walk, places, walk.truth.t_s) for walk in held],
-        LIVE: [live(walk, places, walk.truth.t_s) for walk in held],
-        TRAJECTORY: [_at_waypoints(walk, whole_walk(walk, places)) for walk in held],
-        WITH_FIELD: [_at_waypoints(walk, whole_walk_by_field(walk, places)) for walk in held],
+        ONE_PLACE: [_between_fixes(at_each_place(walk, places), walk) for walk in held],
+        LIVE: [_live(walk, by_wifi) for walk in held],
+        TRAJECTORY: [_at_waypoints(walk, whole_walk(walk, by_wifi)) for walk in held],
+        WITH_FIELD: [_at_waypoints(walk, whole_walk(walk, places)) for walk in held],
     }
 
 
-def _at_waypoints(walk: FloorWalk, poses: F64) -> F64:
-    return interpolate_poses(walk.nodes.t_s, poses, walk.truth.t_s)[:, :2]
+def _between_fixes(fixes: Fixes, walk: SurveyedWalk) -> F64:
+    """Positions (k, 2) at the waypoints, between the fixes before and after."""
+    good, at_s = np.isfinite(fixes.xy_m[:, 0]), walk.truth.t_s
+    if not good.any():
+        return np.full((len(at_s), 2), np.nan)
+    t_s, xy_m = fixes.t_s[good], fixes.xy_m[good]
+    return np.column_stack([np.interp(at_s, t_s, column) for column in xy_m.T])
 
 
-def fifths_row(floor: str, method: str, walks: Sequence[FloorWalk], found: Sequence[F64]) -> Row:
+def _live(walk: SurveyedWalk, places: FloorPlaces) -> F64:
+    """Positions (k, 2), each the last footstep of what was known by then."""
+    counts = np.searchsorted(walk.nodes.t_s, walk.truth.t_s, side="right")
+    known = [known_by(walk, places, int(count)) for count in counts]
+    nowhere = np.full(2, np.nan)
+    return np.array([nowhere if each is None else each.world_from_body[-1, :2] for each in known])
+
+
+def _at_waypoints(walk: SurveyedWalk, found: Trajectory | None) -> F64:
+    if found is None:
+        return np.full((len(walk.truth.t_s), 2), np.nan)
+    return interpolate_poses(found.t_s, found.world_from_body, walk.truth.t_s)[:, :2]
+
+
+def fifths_row(floor: str, method: str, walks: Sequence[SurveyedWalk], found: Sequence[F64]) -> Row:
     """Errors of one method over all walks, from its positions (k, 2) at their waypoints."""
     errors = [
         np.linalg.norm(at - walk.truth.world_from_body[:, :2], axis=1)
@@ -173,14 +186,16 @@ STATISTICS: Mapping[str, Callable[[F64], float]] = {
 
 
 @cache
-def _walks_on(floor: str, data: Path | None, most: int | None) -> list[FloorWalk]:
+def _walks_on(floor: str, data: Path | None, most: int | None) -> list[SurveyedWalk]:
     return located_walks(archive_of(data, floor), most)
 
 
 def _measured(split: Split, data: Path | None, most_walks: int | None) -> Numbers:
     mapped, held = split_walks(_walks_on(split.floor, data, most_walks), split.which)
-    poses, _ = solved(mapped, MAPPED_BY)
-    places = floor_places(mapped, poses)
+    parameters = FloorParameters()
+    trajectories, _ = solved(mapped, MAPPED_BY, parameters)
+    known = floor_map(mapped, trajectories, MAPPED_BY, parameters)
+    places = floor_places(known, MAPPED_BY, parameters)
     found = positions(mapped, places, list(held.values()))
     return {
         f"{method}|{number}|{k}|{axis}": float(value)
@@ -191,7 +206,7 @@ def _measured(split: Split, data: Path | None, most_walks: int | None) -> Number
     }
 
 
-def _found(numbers: Numbers, method: str, walks: Sequence[FloorWalk]) -> list[F64]:
+def _found(numbers: Numbers, method: str, walks: Sequence[SurveyedWalk]) -> list[F64]:
     """The positions (k, 2) of one method at the waypoints of each walk."""
     return [
         np.array(
@@ -204,13 +219,13 @@ def _found(numbers: Numbers, method: str, walks: Sequence[FloorWalk]) -> list[F6
     ]
 
 
-def _panel(floor: str, walks: Sequence[FloorWalk], found: Sequence[F64]) -> Panel:
+def _panel(floor: str, walks: Sequence[SurveyedWalk], found: Sequence[F64]) -> Panel:
     true = [walk.truth.world_from_body[:, :2] for walk in walks]
     return Panel(
         f"{floor}, located", floor_of_walks(found, found, true, SLAM), MAP_NOTE + TRAJECTORY
     )
 
 
-def _scans(walk: FloorWalk) -> WifiScans:
+def _scans(walk: SurveyedWalk) -> WifiScans:
     assert walk.recording.wifi is not None
     return walk.recording.wifi

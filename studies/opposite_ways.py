@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from elfslam.app.superimpose import drawn
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Truth
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.line.superimposition import SpotEchoes, floor_spots
 from elfslam.slam.front_end import hear
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
@@ -22,12 +23,8 @@ from studies.located import at_its_start
 from studies.mapping_errors import CALIBRATED, walkers
 from studies.repeats import Numbers
 
-if TYPE_CHECKING:
-    from elfslam.learn.floor_level import SpotEchoes
-
 STRANGER, ASKER = 500, 1000
 """Added to the seed for who walks the other way round, and for who is located."""
-HALF_BATCH = 128
 STEPS = 300
 PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
 """Where the echoes of a map are said to come from: what is left is the map's error, or is not."""
@@ -92,20 +89,17 @@ def _learnt(
     task: Ways, walks: Sequence[Mapped], shipped: OnnxEncoder, folder: Path, announce: Announce
 ) -> OnnxEncoder:
     """The encoder of the room, learnt from the walks as their maps place them."""
-    from elfslam.learn.floor_level import floor_spots, learn_floor
+    from elfslam.learn.floor_level import learn_floor
     from elfslam.learn.parameters import FloorLevelParameters
 
-    def batch(step: int) -> SpotEchoes:
-        generator = np.random.default_rng([task.seed, 1, step])
-        rows = [generator.integers(0, len(walk.poses), HALF_BATCH) for walk in walks]
-        return _spot_echoes(walks, rows)
-
+    parameters = FloorLevelParameters(steps=task.steps)
+    heard = [_spot_echoes([walk], [np.arange(len(walk.poses))]) for walk in walks]
     spots_m = floor_spots(np.vstack([walk.poses[:, :2] for walk in walks]), SPACING_M)
     folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / f"{task.world}-ways-{task.seed}.checkpoint"
     found = learn_floor(
-        shipped, spots_m, batch, FloorLevelParameters(steps=task.steps), seed=task.seed,
-        checkpoint=checkpoint,
+        shipped, spots_m, lambda step: drawn(heard, parameters, task.seed, step), parameters,
+        seed=task.seed, checkpoint=checkpoint,
         report=lambda at: announce(f"{task.world}, walk {task.seed}", at.step / task.steps),
     )  # fmt: skip
     checkpoint.unlink()
@@ -113,8 +107,6 @@ def _learnt(
 
 
 def _spot_echoes(walks: Sequence[Mapped], rows: Sequence[I64]) -> SpotEchoes:
-    from elfslam.learn.floor_level import SpotEchoes
-
     pairs = list(zip(walks, rows, strict=True))
     poses = np.vstack([walk.poses[some] for walk, some in pairs])
     samples = np.vstack([walk.echoes.samples[some] for walk, some in pairs])
@@ -145,7 +137,7 @@ Map = tuple[str, F64, F32, Encoder]
 
 def _maps(both: Sequence[Mapped], shipped: Encoder, learnt: Encoder) -> Iterator[Map]:
     """Name, spots, their ELFs and encoder of each map."""
-    from elfslam.learn.floor_level import floor_elfs, floor_spots
+    from elfslam.learn.floor_level import floor_elfs
 
     there, back = both
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.app.superimpose import drawn
 from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
@@ -16,6 +17,7 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
 from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.line.superimposition import SpotEchoes, floor_spots, superimposed_map
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
@@ -25,7 +27,7 @@ from studies.figures.dots import Dot, dots_figure
 from studies.finding import Finding, Row
 from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from studies.intervals import mean_row
-from studies.opposite_ways import HALF_BATCH, walking
+from studies.opposite_ways import walking
 from studies.repeats import Numbers, finished
 
 WORLDS = ("studio", "lounge")
@@ -114,33 +116,27 @@ def _maps(
     task: Place, walks: Sequence[PhoneWalk], folder: Path
 ) -> Iterator[tuple[str, OnnxEncoder, FloorMap]]:
     """One walk with the shipped encoder, and both superimposed; all placed truly."""
-    from elfslam.learn.floor_level import SpotEchoes, floor_elfs, floor_spots, learn_floor
-    from elfslam.learn.floor_level import superimposed_map as map_of
+    from elfslam.learn.floor_level import floor_elfs, learn_floor
     from elfslam.learn.parameters import FloorLevelParameters
 
     shipped = load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
     every = [SpotEchoes(walk.samples, walk.poses[:, :2], walk.poses[:, 2]) for walk in walks]
 
-    def batch(step: int) -> SpotEchoes:
-        generator = np.random.default_rng([task.seed, 1, step])
-        rows = [generator.integers(0, len(each.xy_m), HALF_BATCH) for each in every]
-        columns = (
-            np.concatenate([getattr(e, name)[some] for e, some in zip(every, rows, strict=True)])
-            for name in ("samples", "xy_m", "heading_rad")
-        )
-        return SpotEchoes(*columns)
+    parameters = FloorLevelParameters(steps=task.steps)
 
     def mapped(encoder: OnnxEncoder, heard: Sequence[SpotEchoes]) -> FloorMap:
         spots_m = floor_spots(np.vstack([each.xy_m for each in heard]), SPACING_M)
         vectors = floor_elfs(encoder, spots_m, heard)
-        return map_of(spots_m, vectors, encoder, spacing_m=SPACING_M, sources=(task.world,))
+        return superimposed_map(
+            spots_m, vectors, encoder.identity, spacing_m=SPACING_M, sources=(task.world,)
+        )
 
     checkpoint = folder / f"phones-{task.world}-{task.seed}.checkpoint"
     spots_m = floor_spots(np.vstack([each.xy_m for each in every]), SPACING_M)
     learnt = learn_floor(
-        shipped, spots_m, batch, FloorLevelParameters(steps=task.steps), seed=task.seed,
-        checkpoint=checkpoint,
+        shipped, spots_m, lambda step: drawn(every, parameters, task.seed, step), parameters,
+        seed=task.seed, checkpoint=checkpoint,
     ).encoder  # fmt: skip
     checkpoint.unlink()
     yield "one way", shipped, mapped(shipped, every[:1])

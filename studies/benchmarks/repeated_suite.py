@@ -4,7 +4,8 @@ Usage, from the root of the project:
 
     python -m studies.benchmarks.repeated_suite [--suite test] [--runs 10] [--load 0]
 
-Prints seconds and pytest's last line of each run as it ends. `--load` processes compute meanwhile.
+Prints seconds, pytest's last line and the tests that failed of each run as it ends. `--load`
+processes compute meanwhile.
 """
 
 from __future__ import annotations
@@ -49,7 +50,16 @@ def run_once(suite: str, number: int) -> Row:
         "pytest": ends[0] if ends else "",
     }
     say(f"run {number}: exit {done.returncode} after {row['seconds']} s")
+    for line in failures(done.stdout) if done.returncode else []:
+        say(f"  {line}")
     return row
+
+
+def failures(output: str) -> list[str]:
+    """The lines that name a failed test; the last ten where none does."""
+    lines = output.splitlines()
+    named = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
+    return named or lines[-10:]
 
 
 @contextmanager

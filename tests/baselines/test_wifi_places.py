@@ -28,8 +28,10 @@ def test_scores_are_those_between_two_walks_whatever_each_has_heard():
 def test_a_place_is_the_weighted_mean_of_the_best():
     xy_m = np.array([[0.0, 0.0], [2.0, 0.0], [90.0, 90.0]])
     scores = np.array([[0.5, 0.25, 0.1], [0.0, 0.0, 0.0]])
-    at = placed_by(scores, xy_m, PlaceParameters(count=2, wifi_power=1.0))
+    at, scatter = placed_by(scores, xy_m, PlaceParameters(count=2, wifi_power=1.0))
     assert at[0] == pytest.approx([2.0 / 3, 0.0])
+    assert scatter[0] == pytest.approx(np.diag([2 * (2 / 3) ** 2 / 3 + (4 / 3) ** 2 / 3, 0.0]))
+    assert np.isnan(scatter[1]).all()
     assert np.isnan(at[1]).all()
 
 

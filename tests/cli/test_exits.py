@@ -198,6 +198,7 @@ WITHOUT_EXTRAS = {
     "map {walk} {new}/run": None,
     "map {walk} {new}/tuned --finetune": "learn",
     "merge {run} {run} {new}/merged": None,
+    "superimpose {run} {new}/floor": None,
     "locate {walk} {run} {new}/fixes.csv": None,
     "score {run} {walk}": None,
     "anchor {run} {new}/plan.png:3 {new}/anchored": "images",

@@ -37,6 +37,14 @@ def test_round_trip(tmp_path: Path) -> None:
     assert np.isnan(read.covariance_m2[1].diagonal()).all()
 
 
+def test_a_position_may_lack_its_heading_and_not_the_other_way_round(tmp_path: Path) -> None:
+    unheaded = Fixes([1.0], [[2.0, 3.0]], [np.nan], [0.04 * np.eye(2)], [1.0], [0])
+    write_fixes(unheaded, tmp_path / "fixes.csv")
+    read = read_fixes(tmp_path / "fixes.csv")
+    np.testing.assert_array_equal(read.xy_m, unheaded.xy_m)
+    assert np.isnan(read.heading_rad).all()
+
+
 def test_no_fixes_round_trip(tmp_path: Path) -> None:
     none = Fixes([], np.empty((0, 2)), [], np.empty((0, 2, 2)), [], [])
     write_fixes(none, tmp_path / "fixes.csv")
@@ -51,6 +59,7 @@ DAMAGES = {
     HEADER + "0,one,2,0,0.1,OK\n": "row 2 is no fix",
     HEADER + "0,,,,,OK\n": "row 2 lacks its time or position",
     HEADER + ",1,2,0,0.1,OK\n": "row 2 lacks its time or position",
+    HEADER + "0,,,0,,UNKNOWN_PLACE\n": "row 2 lacks its time or position",
     HEADER + "0,1,,0,0.1,OK\n": "row 2 lacks its time or position",
     HEADER + "0,1,,0,0.1,AMBIGUOUS\n": "row 2 lacks its time or position",
     HEADER + "0,1,inf,0,0.1,OK\n": "row 2 lacks its time or position",

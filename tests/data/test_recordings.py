@@ -187,7 +187,7 @@ MANIFEST_DAMAGES = {
     "{": "is no JSON",
     "[]": "format_version is None, wanted 1",
     '{"format_version": 2}': "format_version is 2, wanted 1",
-    '{"format_version": 1, "start_pose": [1, 2]}': "start_pose is",
+    '{"format_version": 1, "start_pose": [1]}': "start_pose is",
     '{"format_version": 1, "start_pose": ["a", 2, 3]}': "start_pose is",
     '{"format_version": 1, "start_pose": [NaN, 2, 3]}': "holds nan, wanted finite",
     '{"format_version": 1, "audio": {"samples": 90000}}': "promises 90000",
@@ -451,3 +451,11 @@ def test_the_name_of_a_folder_may_hold_a_dot(tmp_path: Path) -> None:
     (tmp_path / "walk.2").mkdir()
     (tmp_path / "walk.2" / "recording.json").write_text('{"format_version": 1}')
     assert read_recording(tmp_path / "walk.2").name == "walk.2"
+
+
+def test_a_start_without_a_heading_leaves_it_to_the_compass(folder: Path, tmp_path: Path) -> None:
+    (folder / "recording.json").write_text('{"format_version": 1, "start_pose": [1.5, -2]}')
+    read = read_recording(folder)
+    np.testing.assert_array_equal(read.start_pose, (1.5, -2.0, np.nan))
+    write_recording(read, tmp_path / "again")
+    np.testing.assert_array_equal(read_recording(tmp_path / "again").start_pose, read.start_pose)

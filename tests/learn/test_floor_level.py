@@ -21,18 +21,16 @@ from elfslam.learn.floor_level import (
     EchoesOf,
     FloorLevel,
     FloorNetwork,
-    SpotEchoes,
     batch_loss,
     floor_elfs,
-    floor_spots,
     learn_floor,
-    superimposed_map,
 )
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.line.superimposition import SpotEchoes
 
 SPOTS_M = np.column_stack([np.arange(12.0), np.zeros(12)])
 TOY = FloorLevelParameters(
@@ -195,19 +193,3 @@ def test_directions_count_alike_however_often_they_were_walked() -> None:
         batch_of([1.0, 1.0, 7.0], at[[0, 1, 4]], [0.05, -0.05, 1.0]),
     ]
     np.testing.assert_allclose(floor_elfs(Plain(), spots_m, halves), found)
-
-
-def test_spots_lie_in_the_middle_of_what_was_heard_in_each_square() -> None:
-    xy_m = np.array([[0.01, 0.02], [0.03, 0.04], [-0.05, 0.05], [1.0, 1.0]])
-    found = floor_spots(xy_m, 0.1)
-    np.testing.assert_allclose(sorted(found.tolist()), [[-0.05, 0.05], [0.02, 0.03], [1.0, 1.0]])
-
-
-def test_the_map_holds_one_elf_for_each_spot() -> None:
-    vectors = np.eye(2, 128, dtype=np.float32)
-    made = superimposed_map(SPOTS_M[:2], vectors, Plain(), spacing_m=0.3, sources=("a", "b"))
-    (payload,) = made.payloads
-    assert (payload.kind, payload.encoder) == ("elf", "plain")
-    np.testing.assert_array_equal(payload.vectors, vectors)
-    np.testing.assert_allclose(made.covariance_m2[0], np.eye(2) * 0.0075)
-    assert made.sources == ("a", "b")

@@ -5,17 +5,25 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import numpy as np
 import onnx
+import onnxruntime
 import pytest
 from foreign_encoders import ALLOCATES, FAILS, GOOD, GROWS, LOOPS, OTHERS, foreign_encoder
 from onnx import helper
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.line.feature import MOST_RUN_BYTES, OnnxEncoder, load_encoder
+from elfslam.line.feature import (
+    BATCH_TICKS,
+    MOST_RUN_BYTES,
+    OnnxEncoder,
+    _stop_late,
+    load_encoder,
+)
 
 ROWS = np.random.default_rng(0).standard_normal((3, ECHO_SAMPLES)).astype(np.float32)
 PEAK = """
@@ -50,6 +58,25 @@ def test_what_misbehaves_is_refused(nodes: tuple[onnx.NodeProto, ...], why: str)
     with pytest.raises(InputError, match=f"encoder bad: {why}") as refused:
         encoder.embed(ROWS)
     assert "\n" not in str(refused.value)
+
+
+def test_the_time_of_a_batch_is_counted_in_waits_so_that_a_halted_machine_refuses_nothing() -> None:
+    class Halted(threading.Event):
+        waits = 0
+
+        def wait(self, timeout: float | None = None) -> bool:
+            Halted.waits += 1
+            return False
+
+    options = onnxruntime.RunOptions()
+    _stop_late(options, Halted(), 3.0)
+    assert options.terminate
+    assert Halted.waits == BATCH_TICKS
+    done = threading.Event()
+    done.set()
+    fresh = onnxruntime.RunOptions()
+    _stop_late(fresh, done, 3.0)
+    assert not fresh.terminate
 
 
 @pytest.mark.parametrize("nodes", [GROWS, ALLOCATES], ids=["grows", "allocates"])

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
+from elfslam.app.floor import locate_by_field
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
-from elfslam.base.choices import Mode
-from elfslam.base.errors import StoreError
+from elfslam.base.choices import Modality, Mode
+from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import Fixes, FloorMap, Recording
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import settled
 from elfslam.data.map_files import read_map
+from elfslam.data.merged_maps import is_superimposed
 from elfslam.data.recordings import read_recording
 from elfslam.line.device_adaptation import learn_phone
 from elfslam.line.feature import Encoder, extract_features, load_encoder
@@ -24,6 +30,7 @@ def locate_from(
     map_path: Path,
     settings: Settings,
     *,
+    by: Collection[Modality] = (),
     encoder: str | None = None,
     mode: Mode = Mode.ONE_SHOT,
     seed: int = 0,
@@ -31,19 +38,31 @@ def locate_from(
 ) -> Fixes:
     """Fixes of the recording at `path` in the map at `map_path`.
 
-    The encoder is the one beside the map where none is named. `phone_walk` is a walk of the same
+    They go `by` the echoes where nothing else is named, by Wi-Fi where the map has no echoes. The
+    encoder is the one beside the map where none is named. `phone_walk` is a walk of the same
     phone in that map, to learn how it hears. Raises InputError and StoreError.
     """
     floor_map = read_map(settled(map_path))
+    kinds = {item.kind for item in floor_map.payloads}
+    if by or kinds - {Modality.ELF} == kinds:
+        senses = by or (Modality.WIFI,)
+        return locate_by_field(path, map_path, floor_map, senses, settings, mode)
+    headless = is_superimposed(map_path)
+    if headless and mode is not Mode.ONE_SHOT:
+        raise InputError(
+            f"{map_path}: is superimposed and knows neither headings nor walks, which --mode "
+            f"{mode} goes by; use one-shot, or the map that it was made of"
+        )
     used = load_encoder(encoder) if encoder else encoder_of(map_path, floor_map)
     recording = read_recording(path, settings.chirp)
     translation = None
     if phone_walk is not None:
         walk = read_recording(phone_walk, settings.chirp)
         translation = phone_translation(walk, floor_map, used, settings)
-    return locate(
+    fixes = locate(
         recording, floor_map, used, settings, mode=mode, seed=seed, translation=translation
     )
+    return replace(fixes, heading_rad=np.full(len(fixes.t_s), np.nan)) if headless else fixes
 
 
 def phone_translation(

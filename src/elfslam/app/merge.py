@@ -15,7 +15,7 @@ from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
+from elfslam.data.merged_maps import MERGED, fill_merged, is_merged, is_superimposed
 from elfslam.data.runs import read_run
 from elfslam.line.map_alignment import Registration
 from elfslam.line.quality import map_quality
@@ -50,6 +50,8 @@ def merge_into(
     bases = [path for path in paths if is_merged(settled(path))]
     if len(bases) > 1:
         raise InputError(f"merge: wanted one map at most, got {len(bases)}; merge the runs instead")
+    if bases and is_superimposed(settled(bases[0])):
+        raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
         made = _grown(read_map(bases[0]), walks, parameters, announce)

@@ -9,7 +9,9 @@ from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
     MagneticParameters,
 )
+from elfslam.baselines.neighbours import NeighbourParameters
 from elfslam.baselines.wifi import WIFI_CLOSURES, WifiFingerprintParameters
+from elfslam.baselines.wifi_places import PlaceParameters
 from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.closure import ClosureParameters
@@ -26,6 +28,8 @@ class Settings(MergeParameters):
     wifi_closure: ClosureParameters = field(default=WIFI_CLOSURES)
     magnetic: MagneticParameters = field(default_factory=MagneticParameters)
     magnetic_closure: ClosureParameters = field(default=MAGNETIC_CLOSURES)
+    neighbours: NeighbourParameters = field(default_factory=NeighbourParameters)
+    places: PlaceParameters = field(default_factory=PlaceParameters)
     emr: EmrParameters = field(default_factory=EmrParameters)
     emr_closure: ClosureParameters = field(default=EMR_CLOSURES)
     anchoring: AnchoringParameters = field(default_factory=AnchoringParameters)

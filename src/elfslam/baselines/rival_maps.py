@@ -6,9 +6,11 @@ scores of a new walk against it go through the same localization as those of the
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.values import (
     FloorMap,
@@ -24,6 +26,7 @@ from elfslam.baselines.wifi import (
     Fingerprints,
     WifiFingerprintParameters,
     fingerprints,
+    on_columns,
     wifi_scores,
 )
 from elfslam.line.locate import LocateParameters
@@ -45,9 +48,8 @@ def wifi_map(
     wifi: WifiScans, nodes: Odometry, trajectory: Trajectory, parameters: WifiFingerprintParameters
 ) -> FloorMap:
     """A mapped walk with the strength of each access point at its spots (payload `wifi`)."""
-    heard = fingerprints(wifi, nodes, parameters)
-    name = ":".join([RSSI, parameters.variant, ",".join(heard.bssids)])
-    return _stretch_map(trajectory, Payload("wifi", name, heard.rssi_dbm.astype(np.float32)))
+    heard = rssi_payload([fingerprints(wifi, nodes, parameters)], parameters)
+    return stretch_map([trajectory], [heard], ())
 
 
 def magnetic_map(
@@ -61,7 +63,7 @@ def magnetic_map(
     windows = field_sequences(magnetometer, orientation, nodes, parameters)
     name = f"{FIELD}:{parameters.variant}:{windows.shape[1]}x{windows.shape[2]}"
     vectors = windows.reshape(len(windows), -1).astype(np.float32)
-    return _stretch_map(trajectory, Payload("magnetic", name, vectors))
+    return stretch_map([trajectory], [Payload("magnetic", name, vectors)], ())
 
 
 def wifi_spot_scores(
@@ -71,9 +73,7 @@ def wifi_spot_scores(
 
     Raises InputError where the map has no Wi-Fi of this variant.
     """
-    known = _payload(floor_map, "wifi", f"{RSSI}:{parameters.variant}:")
-    names = tuple(name for name in known.encoder.split(":", 2)[2].split(",") if name)
-    spots = Fingerprints(names, known.vectors.astype(np.float64))
+    spots = rssi_of(floor_map, parameters)
     scores = wifi_scores(fingerprints(wifi, nodes, parameters), spots, parameters)
     return np.asarray(scores, np.float32)
 
@@ -88,28 +88,46 @@ def magnetic_spot_scores(
     """The same by the magnetic field. Raises InputError where the map has none of this variant."""
     windows = field_sequences(magnetometer, orientation, nodes, parameters)
     shape = f"{windows.shape[1]}x{windows.shape[2]}"
-    known = _payload(floor_map, "magnetic", f"{FIELD}:{parameters.variant}:{shape}")
+    known = payload_of(floor_map, "magnetic", f"{FIELD}:{parameters.variant}:{shape}")
     spots = known.vectors.astype(np.float64).reshape(-1, *windows.shape[1:])
     return np.asarray(magnetic_scores(windows, spots, parameters), np.float32)
 
 
-def _stretch_map(trajectory: Trajectory, payload: Payload) -> FloorMap:
-    """A spot in the middle of each stretch between footsteps."""
-    poses: F64 = trajectory.world_from_body
-    count = len(poses) - 1
+def rssi_payload(heard: Sequence[Fingerprints], parameters: WifiFingerprintParameters) -> Payload:
+    """What the walks of a map heard (m, c), one after the other, of all access points."""
+    names = sorted({name for each in heard for name in each.bssids})
+    wide = np.vstack([on_columns(each, names, parameters.floor_dbm) for each in heard])
+    name = ":".join([RSSI, parameters.variant, ",".join(names)])
+    return Payload("wifi", name, wide.astype(np.float32))
+
+
+def rssi_of(floor_map: FloorMap, parameters: WifiFingerprintParameters) -> Fingerprints:
+    """What is heard at each spot of a map. Raises InputError where it has no such payload."""
+    known = payload_of(floor_map, "wifi", f"{RSSI}:{parameters.variant}:")
+    names = tuple(name for name in known.encoder.split(":", 2)[2].split(",") if name)
+    return Fingerprints(names, known.vectors.astype(np.float64))
+
+
+def stretch_map(
+    trajectories: Sequence[Trajectory], payloads: Sequence[Payload], sources: tuple[str, ...]
+) -> FloorMap:
+    """A spot in the middle of each stretch between footsteps, walk after walk."""
+    poses = [each.world_from_body for each in trajectories]
+    counts = [len(each) - 1 for each in poses]
     return FloorMap(
-        xy_m=(poses[1:, :2] + poses[:-1, :2]) / 2,
-        heading_rad=poses[:-1, 2],
-        walk=np.zeros(count, dtype=np.int64),
-        order=np.arange(count),
-        covariance_m2=trajectory.covariance[:-1, :2, :2],
-        payloads=(payload,),
+        xy_m=np.concatenate([(each[1:, :2] + each[:-1, :2]) / 2 for each in poses]),
+        heading_rad=np.concatenate([each[:-1, 2] for each in poses]),
+        walk=np.repeat(np.arange(len(poses), dtype=np.int64), counts),
+        order=np.concatenate([np.arange(count, dtype=np.int64) for count in counts]),
+        covariance_m2=np.concatenate([each.covariance[:-1, :2, :2] for each in trajectories]),
+        payloads=tuple(payloads),
         parameters_digest="",
-        sources=(),
+        sources=sources,
     )
 
 
-def _payload(floor_map: FloorMap, kind: str, encoder: str) -> Payload:
+def payload_of(floor_map: FloorMap, kind: str, encoder: str) -> Payload:
+    """The payload of that kind whose encoder begins so. Raises InputError where there is none."""
     for item in floor_map.payloads:
         if item.kind == kind and item.encoder.startswith(encoder):
             return item

@@ -150,10 +150,11 @@ def _on_common_columns(one: Fingerprints, other: Fingerprints, floor_dbm: float)
     if one.bssids == other.bssids:
         return one.rssi_dbm, other.rssi_dbm
     names = sorted({*one.bssids, *other.bssids})
-    return _on_columns(one, names, floor_dbm), _on_columns(other, names, floor_dbm)
+    return on_columns(one, names, floor_dbm), on_columns(other, names, floor_dbm)
 
 
-def _on_columns(heard: Fingerprints, names: Sequence[str], floor_dbm: float) -> F64:
+def on_columns(heard: Fingerprints, names: Sequence[str], floor_dbm: float) -> F64:
+    """Strengths (n, c) at a column for each of these names, the floor where one is unheard."""
     column = {name: k for k, name in enumerate(names)}
     wide = np.full((len(heard.rssi_dbm), len(names)), floor_dbm)
     wide[:, [column[name] for name in heard.bssids]] = heard.rssi_dbm

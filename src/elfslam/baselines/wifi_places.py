@@ -20,6 +20,12 @@ class PlaceParameters:
 
     count: int = parameter(12, "", "places whose mean is taken", low=1, high=1000)
     wifi_power: float = parameter(8.0, "", "exponent of the Wi-Fi score in the weight", low=0.0)
+    sigma_m: float = parameter(
+        4.0, "m", "error of a position by Wi-Fi alone, besides how its places scatter", low=0.01
+    )
+    near_m: float = parameter(
+        15.0, "m", "the field is compared with places so near to where Wi-Fi has the walk", low=0.1
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,17 +68,19 @@ def place_scores(
     return np.asarray(common / np.maximum(total, 1e-300))
 
 
-def placed_by(scores: F64, xy_m: F64, parameters: PlaceParameters) -> F64:
-    """Positions (n, 2) by scores (n, m) of places (m, 2): the weighted mean of the best few.
+def placed_by(scores: F64, xy_m: F64, parameters: PlaceParameters) -> tuple[F64, F64]:
+    """Positions (n, 2) by scores (n, m) of places (m, 2), and how the best few scatter (n, 2, 2).
 
-    NaN where nothing is in common with any place.
+    The weighted mean of the best few; NaN where nothing is in common with any place.
     """
     count = min(parameters.count, len(xy_m))
     best = np.argpartition(-scores, count - 1, axis=1)[:, :count]
     weight = np.take_along_axis(scores, best, axis=1) ** parameters.wifi_power
     total = weight.sum(axis=1, keepdims=True)
     share = np.divide(weight, total, out=np.full_like(weight, np.nan), where=total > 0)
-    return np.asarray(np.einsum("nk,nkd->nd", share, xy_m[best]))
+    mean_m = np.einsum("nk,nkd->nd", share, xy_m[best])
+    off_m = xy_m[best] - mean_m[:, None]
+    return mean_m, np.einsum("nk,nkd,nke->nde", share, off_m, off_m)
 
 
 def powers(heard: Fingerprints, names: Sequence[str], parameters: WifiFingerprintParameters) -> F64:

@@ -19,6 +19,10 @@ VERBS: Mapping[str, tuple[str, str]] = {
     "marks": ("logs:marks_command", "Give a walk its truth: the marks it stood on."),
     "map": ("map:map_command", "Map a recording, or a folder of them."),
     "merge": ("merge:merge_command", "Merge runs into one floor map."),
+    "superimpose": (
+        "superimpose:superimpose_command",
+        "One feature per spot of a merged map, for all headings.",
+    ),
     "locate": ("locate:locate_command", "Locate a recording in a map."),
     "score": ("score:score", "Compare runs or fixes with the truth."),
     "anchor": ("anchor:anchor_command", "Place a map on a floor plan."),

@@ -10,7 +10,7 @@ import typer
 from elfslam.app.console import print_rows, progress_bar
 from elfslam.app.locate import locate_from
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode
+from elfslam.base.choices import Mode, parse_modalities
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
@@ -26,6 +26,9 @@ def locate_command(
     recording: Annotated[Path, typer.Argument(help="The recording to be located.")],
     floor_map: Annotated[Path, typer.Argument(metavar="MAP", help="A run folder.")],
     out: Annotated[Path, typer.Argument(metavar="OUT.csv", help="Where the fixes go.")],
+    by: Annotated[
+        str | None, typer.Option(help="wifi, or wifi,magnetic: in a map merged by them.")
+    ] = None,
     encoder: Annotated[str | None, typer.Option(help="Default: the one beside the map.")] = None,
     mode: Annotated[
         Mode, typer.Option(help="From 0.6 s of sound, from 8 footsteps, or as one walks.")
@@ -43,8 +46,8 @@ def locate_command(
     with progress_bar() as announce:
         announce("locating", None)
         fixes = locate_from(
-            recording, floor_map, settings, encoder=encoder, mode=mode, seed=seed,
-            phone_walk=phone_walk,
+            recording, floor_map, settings, by=parse_modalities(by), encoder=encoder, mode=mode,
+            seed=seed, phone_walk=phone_walk,
         )  # fmt: skip
     write_fixes(fixes, out)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}

@@ -20,7 +20,7 @@ from elfslam.cli.options import (
     say_refused,
 )
 from elfslam.data.folders import new_file
-from elfslam.data.importing import LogFormat, Refused, read_logs, takes_many
+from elfslam.data.importing import LogFormat, Refused, declared_start, read_logs, takes_many
 from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
@@ -33,6 +33,9 @@ def import_command(
     ],
     path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
     out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
+    declare_start: Annotated[
+        bool, typer.Option("--declare-start", help="The first waypoint is the declared start.")
+    ] = False,
     drift_seed: Annotated[int, typer.Option(min=0, help="Drift of the magnetic odometry.")] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -46,7 +49,8 @@ def import_command(
                 continue
             announce(item.recording.name, None)
             folder = out / item.recording.name if takes_many(log_format) else out
-            write_recording(item.recording, folder, truth=item.truth)
+            recording = declared_start(item) if declare_start else item.recording
+            write_recording(recording, folder, truth=item.truth)
             count, damaged = count + 1, damaged + item.damaged_lines
     refuse_if_none("imported", path, refused, count)
     summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}

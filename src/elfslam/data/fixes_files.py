@@ -62,8 +62,10 @@ def _read_row(file: Path, number: int, row: Mapping[str, str]) -> tuple[list[flo
         numbers = [float(row[name] or "nan") for name in NUMBERS]
     except (KeyError, ValueError) as cause:
         raise InputError(f"{file}: row {number} is no fix ({cause!s:.60}); repair it") from cause
-    placed = [math.isfinite(number) for number in numbers[1:]]
-    lacking = any(placed) != all(placed) or (status is FixStatus.OK and not all(placed))
+    x_m, y_m, heading_rad, sigma_m = numbers[1:]
+    placed = [math.isfinite(number) for number in (x_m, y_m, sigma_m)]
+    wanted = status is FixStatus.OK or any(placed) or math.isfinite(heading_rad)
+    lacking = wanted and not all(placed)
     if not math.isfinite(numbers[0]) or lacking or any(abs(number) > LARGEST for number in numbers):
         raise InputError(
             f"{file}: row {number} lacks its time or position, or is beyond belief; repair it"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
@@ -53,6 +53,17 @@ class Refused:
 
     name: str
     reason: str
+
+
+def declared_start(item: Imported) -> Recording:
+    """The recording that begins where its first waypoint says, as who walked it would declare.
+
+    It leaves the heading open. Raises InputError where there is no waypoint.
+    """
+    if item.truth is None:
+        raise InputError(f"{item.recording.name}: has no waypoint that tells its start")
+    x_m, y_m = item.truth.world_from_body[0, :2]
+    return replace(item.recording, start_pose=(float(x_m), float(y_m), np.nan))
 
 
 def read_logs(

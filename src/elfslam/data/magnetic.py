@@ -70,7 +70,7 @@ def read_magnetic(
     t_s, field_t_s = data["t"][:, 0] - first, data["tm"][:, 0] - first
     world_from_camera = data["quat"][:, [1, 2, 3, 0]]
     poses = _true_poses(data["dPos"], world_from_camera)
-    odometry = _drifted(t_s, poses, drift or OdometryError(), generator)
+    odometry = drifted_odometry(t_s, poses, drift or OdometryError(), generator)
     yaw_error = wrap_angle(odometry.world_from_body[:, 2] - poses[:, 2])
     world_from_phone = _multiply(_multiply(_yaw(yaw_error), world_from_camera), CAMERA_FROM_DEVICE)
     recording = Recording(
@@ -128,9 +128,10 @@ def _true_poses(increments_m: F64, world_from_camera: F64) -> F64:
     return np.column_stack([xy_m, np.arctan2(forward[:, 1], forward[:, 0])])
 
 
-def _drifted(
+def drifted_odometry(
     t_s: F64, poses: F64, drift: OdometryError, generator: np.random.Generator
 ) -> Odometry:
+    """Odometry at times (n) that starts at the first of the true poses (n, 3) and drifts away."""
     moves = between(poses[:-1], poses[1:])
     sign = generator.choice([-1.0, 1.0])
     scale = 1 + drift.scale_sigma * generator.standard_normal()

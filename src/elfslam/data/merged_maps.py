@@ -8,14 +8,17 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
 from elfslam.base.values import FloorMap, Trajectory
-from elfslam.data.facts import ENCODER
+from elfslam.data.facts import ENCODER, read_object
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.tum import write_tum
+from elfslam.data.tum import read_tum, write_tum
 from elfslam.line.quality import MapQuality
 
 MERGED = "merge.json"
 QUALITY = "quality.csv"
+SUPERIMPOSED = "superimposed"
 TRAJECTORIES = "trajectories"
 QUALITY_COLUMNS = (
     "x_m", "y_m", "walks", "spots", "weight", "sigma_m", "error_m", "changed"
@@ -25,6 +28,22 @@ QUALITY_COLUMNS = (
 def is_merged(path: Path) -> bool:
     """Whether a folder holds a map of many walks."""
     return (path / MERGED).is_file()
+
+
+def is_superimposed(path: Path) -> bool:
+    """Whether a folder holds a map of one spot for all headings, so that its own say nothing."""
+    return is_merged(path) and read_object(path / MERGED).get(SUPERIMPOSED) is True
+
+
+def walk_in(path: Path, name: str) -> tuple[F64, F64]:
+    """Times (n) and poses (n, 3) of a walk in a merged map, in its frame.
+
+    Raises InputError where the map does not hold them.
+    """
+    file = path / TRAJECTORIES / f"{name.replace('/', '-')}.tum"
+    if not file.is_file():
+        raise InputError(f"{path}: has no trajectory of {name}; merge its runs anew, all at once")
+    return read_tum(file)
 
 
 def fill_merged(

@@ -130,7 +130,7 @@ def _manifest(
         "name": recording.name,
         "device": recording.device,
         "start_utc": start_utc,
-        "start_pose": recording.start_pose,
+        "start_pose": _declared(recording.start_pose),
         "chirp": None if chirp is None else dict(chirp),
         "audio": sound,
         "software": f"elfslam {__version__}",
@@ -184,16 +184,23 @@ def _read_manifest(file: Path) -> dict[str, Any]:
 
 
 def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, float] | None:
+    """The declared start; its heading is NaN where the compass is to tell it."""
     given = manifest.get("start_pose")
     if given is None:
         return None
     numbers = isinstance(given, list) and all(type(number) in (int, float) for number in given)
-    if not numbers or len(given) != len(POSE):
-        raise InputError(f"{file}: start_pose is {given!r:.60}, wanted [{', '.join(POSE)}]")
+    if not numbers or len(given) not in (2, len(POSE)):
+        wanted = f"[{', '.join(POSE)}], or without {POSE[2]}"
+        raise InputError(f"{file}: start_pose is {given!r:.60}, wanted {wanted}")
     if not all(abs(number) < FARTHEST_M for number in given):
         raise InputError(f"{file}: start_pose {given!r:.60} is not finite; give three numbers")
-    x_m, y_m, heading_rad = map(float, given)
+    x_m, y_m, heading_rad = map(float, [*given, math.nan][: len(POSE)])
     return x_m, y_m, heading_rad
+
+
+def _declared(start: tuple[float, float, float] | None) -> list[float] | None:
+    """A start as a file has it: without a heading that is not known."""
+    return None if start is None else [number for number in start if math.isfinite(number)]
 
 
 def _read_sound(folder: Path, manifest: dict[str, Any], chirp: ChirpParameters) -> Audio | None:

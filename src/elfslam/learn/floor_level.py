@@ -1,4 +1,4 @@
-"""Superimposition: one encoder for a floor, to which a spot sounds alike in any orientation.
+"""Training for superimposition: an encoder to which a spot sounds alike in any orientation.
 
 Floor-level contrastive learning (paper, section on map superimposition): echoes of one spot are
 positives whichever way the phone pointed and whoever walked there, echoes of other spots negatives.
@@ -14,15 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from scipy.spatial import KDTree
 from scipy.spatial.distance import cdist
 from torch import Tensor, nn
 
 from elfslam import __version__
-from elfslam.base.arrays import F32, F64, I64, Value, array
+from elfslam.base.arrays import F32, F64
 from elfslam.base.card import Card, Finetuning, training_facts
 from elfslam.base.errors import ParameterError
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Payload
+from elfslam.base.values import ELF_SIZE
 from elfslam.learn.loss import spot_contrast
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
@@ -30,20 +29,9 @@ from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
 from elfslam.line.feature import BINS, Encoder, OnnxEncoder
+from elfslam.line.superimposition import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
-SECTORS = 8
-"""Of headings, averaged one by one before a spot's ELF: how often each was walked drops out."""
-
-
-@dataclass(frozen=True, eq=False)
-class SpotEchoes(Value):
-    """Echo traces of a floor, and the pose at which each was heard, in the frame of the floor."""
-
-    samples: F32 = array("n", ECHO_SAMPLES, dtype=np.float32)
-    xy_m: F64 = array("n", 2)
-    heading_rad: F64 = array("n")
-
 
 EchoesOf = Callable[[int], SpotEchoes]
 """The batch of a step: the same step always gives the same batch, so that a run can resume."""
@@ -131,49 +119,12 @@ def batch_loss(
 
 
 def floor_elfs(encoder: Encoder, spots_m: F64, echoes: Iterable[SpotEchoes]) -> F32:
-    """The floor-level ELF (m, d) of each spot (m, 2): the mean over headings of what is nearest.
+    """The floor-level ELF (m, 128) of each spot (m, 2), from echoes in batches; see `spot_means`.
 
-    Echoes come in batches and are dropped. Each of eight sectors of heading is averaged by itself,
-    then those that were heard; a spot that nobody heard has zeros. The mean is not normalised: a
-    spot whose orientations still differ is the less sure.
+    A batch is dropped once it was heard.
     """
-    tree, cells = KDTree(spots_m), len(spots_m) * SECTORS
-    sums, counts = np.zeros((cells, ELF_SIZE)), np.zeros(cells)
-    for batch in echoes:
-        cell = tree.query(batch.xy_m)[1] * SECTORS + _sector(batch.heading_rad)
-        vectors = encoder.embed(batch.samples)
-        np.add.at(sums, cell, vectors)
-        counts += np.bincount(cell, minlength=cells)
-    means = (sums / np.maximum(counts, 1)[:, None]).reshape(len(spots_m), SECTORS, -1)
-    heard = np.maximum((counts.reshape(-1, SECTORS) > 0).sum(axis=1), 1)
-    return np.asarray(means.sum(axis=1) / heard[:, None], dtype=np.float32)
-
-
-def floor_spots(xy_m: F64, spacing_m: float) -> F64:
-    """The spots (m, 2) of a floor: the middle of what was heard in each square that was entered."""
-    squares = np.floor(xy_m / spacing_m).astype(np.int64)
-    _, square = np.unique(squares, axis=0, return_inverse=True)
-    square = square.reshape(-1)
-    count = np.bincount(square)
-    middle = [np.bincount(square, weights=column) / count for column in xy_m.T]
-    return np.column_stack(middle)
-
-
-def superimposed_map(
-    spots_m: F64, vectors: F32, encoder: Encoder, *, spacing_m: float, sources: tuple[str, ...]
-) -> FloorMap:
-    """One spot for all orientations as a floor map; its headings say nothing and are zero."""
-    count = len(spots_m)
-    return FloorMap(
-        xy_m=spots_m,
-        heading_rad=np.zeros(count),
-        walk=np.zeros(count, dtype=np.int64),
-        order=np.arange(count),
-        covariance_m2=np.tile(np.eye(2) * spacing_m**2 / 12, (count, 1, 1)),
-        payloads=(Payload("elf", encoder.identity, vectors),),
-        parameters_digest="",
-        sources=sources,
-    )
+    heard = ((each.xy_m, each.heading_rad, encoder.embed(each.samples)) for each in echoes)
+    return spot_means(spots_m, heard)
 
 
 def _first_spots(
@@ -220,11 +171,6 @@ def _learn(
     loss.backward()  # type: ignore[no-untyped-call]
     optimizer.step()
     return float(loss.item())
-
-
-def _sector(heading_rad: F64) -> I64:
-    """Which of the sectors a heading lies in; the four quarters are in the middle of theirs."""
-    return np.rint(heading_rad / (2 * np.pi) * SECTORS).astype(np.int64) % SECTORS
 
 
 def _card(

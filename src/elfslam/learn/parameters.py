@@ -90,7 +90,9 @@ class ScratchParameters:
 class FloorLevelParameters:
     """How one encoder learns a whole floor, so that a spot sounds alike in any orientation."""
 
-    steps: int = parameter(6250, "", "batches to train on", low=1)
+    steps: int = parameter(300, "", "batches to train on", low=1)
+    batch: int = parameter(256, "", "echoes in a batch, as many of each walk", low=2)
+    spacing_m: float = parameter(0.1, "m", "side of the square that is one spot", low=0.02)
     part: str = parameter("whole", "", "what of the network is trained: whole, or head")
     near_m: float = parameter(
         0.1, "m", "how fast echoes cease to be of one spot, one standard deviation", low=0.01

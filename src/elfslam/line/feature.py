@@ -28,6 +28,7 @@ QUIET = 1e-7
 BATCH = 256
 BATCH_S = 60.0
 """The slowest machine does a batch in a second."""
+BATCH_TICKS = 20
 MOST_GRAPH_BYTES = 256 * MEBIBYTE
 MOST_RUN_BYTES = 512 * MEBIBYTE
 """What all graphs of a process may hold while they run; ours take 30 MiB."""
@@ -131,9 +132,10 @@ class OnnxEncoder:
 
         options = onnxruntime.RunOptions()
         options.log_severity_level = SILENT
-        timer = threading.Timer(self._batch_s, setattr, (options, "terminate", True))
-        timer.daemon = True
-        timer.start()
+        done = threading.Event()
+        threading.Thread(
+            target=_stop_late, args=(options, done, self._batch_s / BATCH_TICKS), daemon=True
+        ).start()
         try:
             made = self._session.run(["elf"], {"samples": samples}, options)[0]
         except Exception as cause:  # onnxruntime raises its own exception types
@@ -141,13 +143,24 @@ class OnnxEncoder:
             why = late if options.terminate else f"fails ({' '.join(str(cause).split()):.120})"
             raise InputError(f"encoder {self.name}: {why}; choose another") from cause
         finally:
-            timer.cancel()
+            done.set()
         if not _are_unit_rows(made, len(samples)):
             raise InputError(
                 f"encoder {self.name}: gives something else than a vector of {ELF_SIZE} numbers "
                 "and of length 1 for each echo; choose another"
             )
         return np.asarray(made)
+
+
+def _stop_late(options: Any, done: threading.Event, tick_s: float) -> None:
+    """End the run of these options unless it is done within BATCH_TICKS waits of `tick_s`.
+
+    Waits are counted: after a process was halted for an hour, one of them is over and not all.
+    """
+    for _ in range(BATCH_TICKS):
+        if done.wait(tick_s):
+            return
+    options.terminate = True
 
 
 def _are_unit_rows(made: object, rows: int) -> bool:

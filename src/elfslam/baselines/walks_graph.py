@@ -71,23 +71,25 @@ def joint_graph(
 
 def corrected(
     walks: Sequence[Odometry], closures: Closures, start: StartSigma | None = None
-) -> list[F64]:
-    """The poses (n, 3) of every walk after all have been solved together at their thinned nodes.
+) -> list[Trajectory]:
+    """The trajectory of every walk after all have been solved together at their thinned nodes.
 
     Pulls are weak and many, none of them decides: they are not judged one by one.
     """
     graph = joint_graph([thinned(walk) for walk in walks], closures, start)
     count = np.arange(len(graph.initial), dtype=np.float64)
-    solved: Trajectory = optimise(graph, count, GraphParameters(robust=False, noise_rounds=0))
+    solved = optimise(graph, count, GraphParameters(robust=False, noise_rounds=0))
     ends = np.cumsum([1, *[len(thinned_rows(walk)) for walk in walks]])
     return [
-        _carried(walk, solved.world_from_body[first:last])
+        _carried(walk, solved.world_from_body[first:last], solved.covariance[first:last])
         for walk, first, last in zip(walks, ends[:-1], ends[1:], strict=True)
     ]
 
 
-def _carried(walk: Odometry, poses: F64) -> F64:
-    """All poses of a walk, each moved as the thinned node before it was."""
+def _carried(walk: Odometry, poses: F64, covariance: F64) -> Trajectory:
+    """All poses of a walk, each moved as the thinned node before it was, and as sure."""
     rows, every = thinned_rows(walk), np.arange(len(walk.t_s))
     before = np.searchsorted(rows, every, side="right") - 1
-    return compose(poses[before], between(walk.world_from_body[rows][before], walk.world_from_body))
+    own = between(walk.world_from_body[rows][before], walk.world_from_body)
+    moved = compose(poses[before], own)
+    return Trajectory(walk.t_s, moved, covariance[before], np.ones(0), "OK")

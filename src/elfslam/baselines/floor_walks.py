@@ -1,0 +1,261 @@
+"""A floor from many people's walks (crowdsourcing): solved together by Wi-Fi and magnetic field.
+
+Each lies as dead reckoning has it, headed by its phone's own sensors. The one angle between these
+and the floor comes from the walks themselves: places that hear the same Wi-Fi are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from elfslam.base.arrays import F64, I64
+from elfslam.base.choices import Modality
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import between, compose
+from elfslam.base.values import FloorMap, Odometry, Orientation, Payload, Recording, Trajectory
+from elfslam.baselines.magnetic import LOOKS_AHEAD
+from elfslam.baselines.neighbours import (
+    NeighbourParameters,
+    candidates,
+    field_weights,
+    field_windows,
+    neighbour_closures,
+)
+from elfslam.baselines.rival_maps import rssi_payload, stretch_map
+from elfslam.baselines.walks_graph import corrected, thinned, thinned_rows
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters, fingerprints
+from elfslam.baselines.wifi_places import PlaceParameters, place_scores, wifi_places
+from elfslam.line.motion import MotionParameters, compass_heading, dead_reckon
+
+LEVELS = "field:levels"
+NORTH_OF_COMPASS_RAD = np.pi / 2
+"""A compass has x to the east."""
+TOLD_RAD = 0.2
+"""An angle that is known worse than this is not worth turning a floor by."""
+PLANE = np.array([1, 1j])
+C128 = npt.NDArray[np.complex128]
+
+
+@dataclass(frozen=True)
+class FloorParameters:
+    """How footsteps are headed, and what places of a floor are compared by."""
+
+    motion: MotionParameters = field(default_factory=MotionParameters)
+    wifi: WifiFingerprintParameters = field(default_factory=WifiFingerprintParameters)
+    neighbours: NeighbourParameters = field(default_factory=NeighbourParameters)
+    places: PlaceParameters = field(default_factory=PlaceParameters)
+
+
+@dataclass(frozen=True, eq=False)
+class FloorWalk:
+    """A walk as dead reckoning has it from its start, and what it passed by.
+
+    One `by_compass` is headed as its phone's sensors say; others as was declared.
+    """
+
+    recording: Recording
+    nodes: Odometry
+    by_compass: bool
+
+
+AnyWalk = TypeVar("AnyWalk", bound=FloorWalk)
+
+
+@dataclass(frozen=True)
+class FloorTurn:
+    """How far walks have to be turned from their compasses to the frame of their starts."""
+
+    turn_rad: float
+    sigma_rad: float
+
+
+UNTOLD = FloorTurn(0.0, float("inf"))
+
+
+def floor_walk(recording: Recording, motion: MotionParameters) -> FloorWalk:
+    """The walk from its declared start, or the origin.
+
+    Raises InputError where it has no inertial data, or where nothing tells its heading.
+    """
+    if recording.imu is None:
+        raise InputError(f"{recording.name}: has no inertial data; leave it out")
+    x_m, y_m, heading_rad = recording.start_pose or (0.0, 0.0, np.nan)
+    if np.isfinite(heading_rad):
+        nodes = dead_reckon(recording.imu, motion, (x_m, y_m, heading_rad))
+        return FloorWalk(recording, nodes, by_compass=False)
+    nodes = dead_reckon(recording.imu, motion)
+    start = np.array([x_m, y_m, _phone_turn(recording, nodes, motion)])
+    poses = compose(start, nodes.world_from_body)
+    return FloorWalk(recording, replace(nodes, world_from_body=poses), by_compass=True)
+
+
+def heading_by_phone(walk: FloorWalk, motion: MotionParameters) -> FloorWalk:
+    """The walk turned to head as its phone's own sensors say. Raises InputError where none does."""
+    return turned(walk, _phone_turn(walk.recording, walk.nodes, motion))
+
+
+def turned(walk: AnyWalk, turn_rad: float) -> AnyWalk:
+    """The walk turned about its start."""
+    start = walk.nodes.world_from_body[0]
+    own = between(start, walk.nodes.world_from_body)
+    poses = compose(start + np.array([0.0, 0.0, turn_rad]), own)
+    return replace(walk, nodes=replace(walk.nodes, world_from_body=poses))
+
+
+def compass_turn(orientation: Orientation, nodes: Odometry) -> float:
+    """How far (radians) a walk has to be turned so that its mean heading is the phone's."""
+    ahead = _yaw_rad(orientation, nodes.t_s) - nodes.world_from_body[:, 2]
+    return float(np.angle(np.exp(1j * ahead).mean()))
+
+
+def wifi_likeness(walks: Sequence[FloorWalk], parameters: WifiFingerprintParameters) -> F64:
+    """Wi-Fi scores (n, n) between the thinned nodes of different walks; 0 within a walk."""
+    walk_of = _walk_of(walks)
+    heard = [_heard(walk, parameters) for walk in walks]
+    nowhere = [np.zeros((len(each.rssi_dbm), 2)) for each in heard]
+    places = wifi_places(heard, nowhere, parameters)
+    scores = np.vstack([place_scores(each, places, parameters) for each in heard])
+    return np.asarray(np.where(walk_of[:, None] == walk_of, 0.0, scores))
+
+
+def floor_turn(walks: Sequence[FloorWalk], parameters: FloorParameters) -> FloorTurn:
+    """The angle from the phones' compasses to the floor: places alike by Wi-Fi coincide best.
+
+    Weighted Procrustes: nodes lie at fixed + R free, so that a pair that is the same place has
+    R (free_i - free_j) = fixed_j - fixed_i, and the sum of conj(left) right has the angle of R.
+    Its variance is that between walks (sandwich estimate), or what the rest of the pairs makes of
+    as many errors as there are walks, whichever is larger. Starts that all lie together tell
+    nothing: then the turn is 0 and its sigma infinite.
+    """
+    walk_of, own, start = _walk_of(walks), *_own_and_start(walks)
+    by_compass = np.array([walk.by_compass for walk in walks])[walk_of]
+    free, fixed = np.where(by_compass, own, 0), np.where(by_compass, start, start + own)
+    alike = wifi_likeness(walks, parameters.wifi)
+    i, j, weight = _most_alike(alike, parameters.neighbours)
+    walked, apart = free[i] - free[j], fixed[j] - fixed[i]
+    by_walk = np.zeros(len(walks), dtype=np.complex128)
+    np.add.at(by_walk, walk_of[i], weight * np.conj(walked) * apart)
+    total = by_walk.sum()
+    if not abs(total):
+        return UNTOLD
+    turn = total / abs(total)
+    between_walks = ((by_walk * np.conj(turn)).imag ** 2).sum()
+    rest = (weight * abs(apart - turn * walked) ** 2).sum() / len(walks)
+    sigma_rad = float(np.sqrt(max(between_walks, rest * abs(total))) / abs(total))
+    return FloorTurn(float(np.angle(turn)), sigma_rad) if sigma_rad < TOLD_RAD else UNTOLD
+
+
+def solved(
+    walks: Sequence[FloorWalk], by: Collection[Modality], parameters: FloorParameters
+) -> tuple[list[Trajectory], float]:
+    """Trajectories of the walks, solved together, and the share of them joined to another.
+
+    Raises InputError where a walk has not what places are to be known by.
+    """
+    known, walk_of = parameters.neighbours, _walk_of(walks)
+    poses = np.vstack([thinned(walk.nodes).world_from_body for walk in walks])
+    near = candidates(poses[:, :2], walk_of, known)
+    weights = near.astype(np.float64)
+    if Modality.MAGNETIC in by:
+        levels = [field_levels(walk, known)[thinned_rows(walk.nodes)] for walk in walks]
+        weights *= field_weights(np.concatenate(levels), poses[:, 2], near, known)
+    if Modality.WIFI in by:
+        weights *= wifi_likeness(walks, parameters.wifi) ** known.wifi_power
+    closures = neighbour_closures(weights, known)
+    found = np.unique(walk_of[np.concatenate([closures.i, closures.j])])
+    return corrected([walk.nodes for walk in walks], closures), len(found) / len(walks)
+
+
+def floor_map(
+    walks: Sequence[FloorWalk],
+    trajectories: Sequence[Trajectory],
+    by: Collection[Modality],
+    parameters: FloorParameters,
+) -> FloorMap:
+    """A spot for every stretch between footsteps, with payloads `wifi` and `magnetic` as named.
+
+    Raises InputError where a walk has not what places are to be known by.
+    """
+    payloads = []
+    if Modality.WIFI in by:
+        heard = [_all_heard(walk, parameters.wifi) for walk in walks]
+        payloads.append(rssi_payload(heard, parameters.wifi))
+    if Modality.MAGNETIC in by:
+        levels = [field_levels(walk, parameters.neighbours)[:-1] for walk in walks]
+        payloads.append(_levels_payload(np.concatenate(levels)))
+    sources = tuple(walk.recording.name for walk in walks)
+    return stretch_map(trajectories, payloads, sources)
+
+
+def field_levels(walk: FloorWalk, parameters: NeighbourParameters) -> F64:
+    """The field (n, w, 2) about each node. Raises InputError where the walk has none."""
+    known = walk.recording
+    if known.magnetometer is None:
+        raise InputError(f"{known.name}: has no magnetometer; leave it out")
+    return field_windows(known.magnetometer, known.orientation, walk.nodes, parameters)
+
+
+def _phone_turn(recording: Recording, nodes: Odometry, motion: MotionParameters) -> float:
+    """How far a walk has to be turned to head as its phone says. Raises InputError."""
+    north_rad = motion.magnetic_north_rad - NORTH_OF_COMPASS_RAD
+    if recording.orientation is not None:
+        return north_rad + compass_turn(recording.orientation, nodes)
+    if recording.imu is None or recording.magnetometer is None:
+        raise InputError(
+            f"{recording.name}: has neither orientation nor magnetometer to tell its heading; "
+            "declare that of its start, or leave it out"
+        )
+    compass = compass_heading(recording.imu, recording.magnetometer, motion)
+    return north_rad + compass.heading_rad - float(nodes.world_from_body[0, 2])
+
+
+def _yaw_rad(orientation: Orientation, at_s: F64) -> F64:
+    ahead = Rotation.from_quat(orientation.world_from_phone).as_matrix() @ LOOKS_AHEAD
+    yaw_rad = np.unwrap(np.arctan2(ahead[:, 1], ahead[:, 0]))
+    return np.asarray(np.interp(at_s, orientation.t_s, yaw_rad))
+
+
+def _levels_payload(levels: F64) -> Payload:
+    name = f"{LEVELS}:{levels.shape[1]}x{levels.shape[2]}"
+    return Payload("magnetic", name, levels.reshape(len(levels), -1).astype(np.float32))
+
+
+def _walk_of(walks: Sequence[FloorWalk]) -> I64:
+    """The number (n) of the walk that each thinned node belongs to."""
+    counts = [len(thinned_rows(walk.nodes)) for walk in walks]
+    return np.repeat(np.arange(len(walks), dtype=np.int64), counts)
+
+
+def _own_and_start(walks: Sequence[FloorWalk]) -> tuple[C128, C128]:
+    """Thinned nodes (n) from the start of their walk, and that start, as complex numbers."""
+    nodes = [walk.nodes.world_from_body[thinned_rows(walk.nodes), :2] @ PLANE for walk in walks]
+    starts = [np.full(len(each), each[0]) for each in nodes]
+    return np.concatenate(nodes) - np.concatenate(starts), np.concatenate(starts)
+
+
+def _most_alike(likeness: F64, parameters: NeighbourParameters) -> tuple[I64, I64, F64]:
+    """For each node the few that are most like it: pairs (k) and their weights."""
+    count = min(parameters.count, len(likeness))
+    best = np.argpartition(-likeness, count - 1, axis=1)[:, :count]
+    i, j = np.repeat(np.arange(len(likeness)), count), best.ravel()
+    return i, j, likeness[i, j] ** parameters.wifi_power
+
+
+def _heard(walk: FloorWalk, parameters: WifiFingerprintParameters) -> Fingerprints:
+    """What is heard at the thinned nodes."""
+    every = _all_heard(walk, parameters)
+    rows = np.minimum(thinned_rows(walk.nodes), len(every.rssi_dbm) - 1)
+    return Fingerprints(every.bssids, every.rssi_dbm[rows])
+
+
+def _all_heard(walk: FloorWalk, parameters: WifiFingerprintParameters) -> Fingerprints:
+    """What is heard at every stretch; nothing where the walk has no scans."""
+    if walk.recording.wifi is None:
+        return Fingerprints((), np.zeros((len(walk.nodes.t_s) - 1, 0)))
+    return fingerprints(walk.recording.wifi, walk.nodes, parameters)
