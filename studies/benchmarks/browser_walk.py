@@ -72,6 +72,9 @@ ARGUMENTS = (
 PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 SENSORS = ("accelerometer", "gyroscope", "linear-acceleration")
 INJECTED_HZ = 100.0
+TOO_LATE = "came too late"
+LATE_S = 0.1
+"""What the motion sensors read may come so late; a walk without a turn of which is another walk."""
 PAUSE_S = 0.6
 """Silence by which the room knows the chirps of the walk from those of the probe."""
 
@@ -168,7 +171,7 @@ class MotionSensors:
 
 
 def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: str) -> None:
-    """From the first tap until the server has all of it."""
+    """From the first tap to the last. Raises RuntimeError where the machine was too busy."""
     page.goto(address)
     sensors = MotionSensors(page)
     sensors.read(course.imu, 0.0)
@@ -181,10 +184,14 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
     time.sleep(PAUSE_S)
     room.go()
     page.click("text=Start walking")
-    begun_s = room.begun_s()
-    until = begun_s + course.duration_s
-    while (now := time.monotonic()) < until:
-        sensors.read(course.imu, now - begun_s)
+    begun_s, late_s = room.begun_s(), 0.0
+    until, now = begun_s + course.duration_s, time.monotonic()
+    while (read := now) < until:
+        sensors.read(course.imu, read - begun_s)
+        now = time.monotonic()
+        late_s = max(late_s, now - read)
+    if late_s > LATE_S:
+        raise RuntimeError(f"the motion {TOO_LATE}: {late_s:.2f} s")
     page.click("#stop")
 
 
