@@ -61,13 +61,15 @@ web-check: $(VENV)/.installed $(VENV)/.kernels
 	cd studies/benchmarks/web_runtime && npm ci
 	$(BIN)/python -m studies.benchmarks.web_runtime.compare
 
+# How much each brings: docs/how-to/server.md#what-is-installed.
 $(VENV)/.installed: pyproject.toml constraints.txt
+	@echo "Once only: installing elfslam into $(VENV), a minute or two without a word."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
 	$(INSTALL) --editable .
 	touch $@
 
 $(VENV)/.installed-serve: $(VENV)/.installed
-	$(INSTALL) --editable ".[serve,learn,images,parquet]"
+	$(INSTALL) --editable ".[serve,images,parquet]"
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed

@@ -4,14 +4,15 @@ Usage, from the root of the project:
 
     python -m studies.benchmarks.repeated_suite [--suite test] [--runs 10] [--load 0]
 
-Prints seconds, pytest's last line and the tests that failed of each run as it ends. `--load`
-processes compute meanwhile.
+Prints of each run as it ends its seconds, the machine's load (of the last quarter of an hour, this
+run in it), pytest's last line and the tests that failed. `--load` processes compute meanwhile.
 """
 
 from __future__ import annotations
 
 import argparse
 import multiprocessing
+import os
 import subprocess
 import time
 from collections.abc import Iterator
@@ -42,10 +43,11 @@ def run_once(suite: str, number: int) -> Row:
     """One run: its seconds, its exit status, and what pytest said last."""
     begun_s = time.monotonic()
     done = subprocess.run(["make", suite], capture_output=True, text=True, check=False)
-    ends = [line.strip("= ") for line in done.stdout.splitlines() if " passed" in line]
+    ends = [line.strip("= ") for line in done.stdout.splitlines() if " passed in " in line]
     row: Row = {
         "run": number,
         "seconds": round(time.monotonic() - begun_s),
+        "load": round(os.getloadavg()[-1], 1),
         "exit": done.returncode,
         "pytest": ends[0] if ends else "",
     }

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from elfslam.app.compiling import compilation_announced
 from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.demo import run_demo
 from elfslam.app.map import line_only, versions
@@ -30,7 +31,7 @@ def demo(
 ) -> None:
     """Map ten simulated surveys, locate others in them, write one of each with its reports."""
     parameters = load(Settings(), parameter_file, setting or [])
-    with progress_bar() as announce:
+    with progress_bar() as announce, compilation_announced(announce):
         walks, fixes = run_demo(
             out, load_encoder(encoder), line_only(parameters), facts=versions(), announce=announce
         )

@@ -8,6 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
+from elfslam.app.compiling import compilation_announced
 from elfslam.app.console import progress_bar, say
 from elfslam.cli.options import Seed
 from elfslam.data.recordings import write_recording
@@ -56,7 +57,7 @@ def simulate_command(
         jitter_s=jitter, softer_db=softer,
         **{name: value for name, value in changed.items() if value is not None},
     )  # fmt: skip
-    with progress_bar() as announce:
+    with progress_bar() as announce, compilation_announced(announce):
         recording, truth = simulate(
             place,
             seed,

@@ -30,7 +30,7 @@ RECENT = 7
 """Chirps whose median says when a direct arrival is due."""
 REASONS = (
     "",
-    "the own chirp is not heard when it was played",
+    "the own chirp comes at another time than it was played",
     "sound comes before its chirp",
     "echoes are louder than a room returns them",
     "there is noise in the band of the chirp",

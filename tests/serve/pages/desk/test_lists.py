@@ -29,7 +29,7 @@ def test_a_map_is_listed_with_what_is_known_of_it(
     for words in ("one walk", "83.9 m", "1,234 footsteps", "7", "just now"):
         assert words in text
     assert page.get_by_role("table", name="Maps").count() == 1
-    assert page.get_by_role("columnheader", name="Closed loops").count() == 1
+    assert page.get_by_role("columnheader", name="Passed again").count() == 1
 
 
 def test_a_waiting_job_is_cancelled_and_retried(person: Any, open_desk: Open, asked: Any) -> None:
@@ -132,7 +132,7 @@ def test_chosen_maps_are_merged(person: Any, open_desk: Open, run_folder: Path, 
     dialog = page.get_by_role("dialog", name="Merge 2 maps")
     assert dialog.get_by_label("Name of the floor map").input_value() == "hall"
     dialog.get_by_role("button", name="Merge").click()
-    page.get_by_text("waiting to be merged").wait_for()
+    page.get_by_text("are being merged").wait_for()
     (job,) = asked(page, "/api/jobs")
     assert sorted(job["given"]["maps"]) == sorted(wanted)
     assert job["given"]["name"] == "hall"

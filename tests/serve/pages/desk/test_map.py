@@ -99,7 +99,7 @@ def px_of(page: Any, run_folder: Path, xy_m: Any) -> tuple[float, float]:
 
 def test_the_walk_is_drawn_with_its_extent(page: Any, run_folder: Path) -> None:
     shown = pixels(page)
-    for name in ("Uncertainty", "Closed loops", "Coverage", "Trajectories"):
+    for name in ("Uncertainty", "Places passed again", "Coverage", "Trajectories"):
         layer(page, name, on=False)
     empty = pixels(page)
     layer(page, "Trajectories", on=True)
@@ -112,7 +112,9 @@ def test_the_walk_is_drawn_with_its_extent(page: Any, run_folder: Path) -> None:
     assert (shown != pixels(page)).any(), "the other layers had drawn something"
 
 
-@pytest.mark.parametrize("name", ["Uncertainty", "Closed loops", "Dead reckoning", "Coverage"])
+@pytest.mark.parametrize(
+    "name", ["Uncertainty", "Places passed again", "Dead reckoning", "Coverage"]
+)
 def test_every_layer_draws_and_goes(page: Any, name: str) -> None:
     layer(page, name, on=False)
     without = pixels(page)

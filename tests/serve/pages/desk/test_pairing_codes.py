@@ -7,6 +7,9 @@ from typing import Any
 
 import pytest
 
+from tests.accessibility import violations
+from tests.waiting import until
+
 Open = Callable[..., Any]
 
 
@@ -24,7 +27,7 @@ def test_a_code_of_the_desk_pairs_another_browser_once(
     other = browser.new_context()
     page = other.new_page()
     page.goto(address)
-    page.wait_for_function("location.hash === ''")
+    until(lambda: "code=" not in page.url, "the code leaves the address")
     page.goto(f"{person.origin}/desk")
     page.get_by_text("Ada").wait_for(state="attached")
     other.close()
@@ -43,7 +46,7 @@ def test_the_phone_page_takes_what_is_pasted(person: Any, open_desk: Open, brows
     page.goto(f"{person.origin}/")
     page.get_by_label("Or paste the address here").fill(address)
     page.get_by_role("button", name="Pair", exact=True).click()
-    page.wait_for_function("document.querySelector('#problem').hidden")
+    page.locator("#problem").wait_for(state="hidden")
     page.goto(f"{person.origin}/desk")
     page.get_by_text("Ada").wait_for(state="attached")
     context.close()
@@ -57,5 +60,6 @@ def test_the_page_of_trust_fits_and_says_where_there_is_nothing_to_trust(
     page = context.new_page()
     page.goto(f"{person.origin}/trust")
     page.get_by_text("speaks plain HTTP").wait_for()
+    assert violations(page) == []
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     context.close()

@@ -48,7 +48,7 @@ def test_from_a_dropped_zip_to_a_located_walk(
         page.get_by_role("heading", level=1).wait_for()
         head = page.locator(".map-head p").inner_text()
         assert "One walk" in head
-        assert int(head.split(" closed loop")[0].rsplit("· ", 1)[1]) > 10
+        assert int(head.split(" place")[0].rsplit("· ", 1)[1]) > 10
         page.get_by_role("button", name="Locate a recording").click()
         page.get_by_role("dialog").get_by_role("button", name="Locate").click()
         page.locator(".legend").get_by_text("located").wait_for(timeout=LONGEST_MS)

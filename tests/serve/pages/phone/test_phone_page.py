@@ -15,6 +15,7 @@ from elfslam.base.values import Audio
 from elfslam.data import baseband
 from elfslam.data.recordings import read_recording
 from elfslam.world.simulate import describe_chirp
+from tests.accessibility import violations
 
 RATE_HZ = 44_100
 HEIGHTS_PX = 48
@@ -349,6 +350,7 @@ def test_every_view_fits_and_every_target_is_large(phone: Any, width_px: int) ->
 def check_layout(phone: Any) -> None:
     """Nothing is wider than the page; whatever is tapped is at least 48 px high, and has a name."""
     page = phone.page
+    assert violations(page) == []
     wide = page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth")
     assert wide <= 0
     for target in page.locator(

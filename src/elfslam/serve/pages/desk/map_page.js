@@ -96,10 +96,10 @@ export async function openMap(desk, id, root, isWanted) {
 
 /** @param {Desk} desk @param {Map_} map @param {import("./viewer/scene.js").Scene} scene */
 function headOfMap(desk, map, { walks }) {
-  const { closures } = factsOf(map);
+  const { closures, distance_m } = factsOf(map);
   const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
-  const facts = [map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(sum((walk) => walk.length_m)),
-    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && plural(closures, "closed loop")];
+  const facts = [map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(distance_m ?? sum((walk) => walk.length_m)),
+    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && `${plural(closures, "place")} passed again`];
   const remove = h("button", { type: "button", class: "button icon danger", "aria-label": `Delete ${map.name}`, title: "Delete", click: async () => {
     if (!(await deleteMap(map))) return;
     location.hash = "#/maps";

@@ -12,7 +12,7 @@ import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.j
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
 
-const COLUMNS = ["Chosen", "Map", "Of", "Length", "Closed loops", "Made", "Actions"];
+const COLUMNS = ["Chosen", "Map", "Of", "Length", "Passed again", "Made", "Actions"];
 
 /** @param {Desk} desk */
 export function mapsView({ known, chosen, nowMs }) {
@@ -37,7 +37,7 @@ function rowOf(map, chosen, nowMs) {
     rowHead(h("a", { href: address }, name), map.floor_plan && h("small", null, "on a floor plan")),
     cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
     cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
-    cell("Closed loops", facts.closures === null ? "–" : formatCount(facts.closures)),
+    cell("Passed again", facts.closures === null ? "–" : formatCount(facts.closures)),
     cell("Made", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     h("td", { class: "actions", role: "cell" },
       h("a", { class: "button small", href: address }, icon("map"), h("span", null, "Open", h("span", { class: "visually-hidden" }, ` ${name}`))),
@@ -68,7 +68,7 @@ export function mapActions(desk) {
       const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
       if (well) {
         desk.chosen.clear();
-        say("The maps are waiting to be merged.");
+        say("The maps are being merged; see Jobs.");
       }
       await desk.now();
     },

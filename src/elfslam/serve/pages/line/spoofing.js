@@ -14,7 +14,7 @@ const MOST_WAITING = 1000;
 /** By number; 0 is trusted. */
 export const REASONS = [
   "",
-  "the own chirp is not heard when it was played",
+  "the own chirp comes at another time than it was played",
   "sound comes before its chirp",
   "echoes are louder than a room returns them",
   "there is noise in the band of the chirp",

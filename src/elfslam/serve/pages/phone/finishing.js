@@ -126,7 +126,7 @@ function showJob(job) {
     return true;
   }
   if (job.state === "failed" || job.state === "cancelled") {
-    showStage("No map yet");
+    showStage("No map was made");
     showFinishing("The walk is on the server, without a map.", 0);
     showFinishTrouble(job.problem ?? "The work was cancelled.");
     offer("another");

@@ -12,7 +12,7 @@ export class Problem extends Error {
   }
 }
 
-export const NO_ANSWER = "The server does not answer. Check that this device is in the same network as it.";
+export const NO_ANSWER = "The server does not answer: it is off, or this device is in another network.";
 export const NOT_PAIRED = "This device is not paired. Scan the code that the server shows, once.";
 
 /**

@@ -17,7 +17,7 @@ export function legendOf(scene, state) {
   if (state.layers.coverage && scene.coverage) lines.push(coverageLegend(scene, state.coverageBy));
   if (state.layers.trajectories && state.colourBy === "time") lines.push(timeLegend(scene, palette.dark));
   if (state.layers.fixes && state.located.some((walk) => walk.shown)) lines.push(fixLegend(state));
-  if (state.layers.closures && scene.closures.length > 0) lines.push(sampleLine("closure", "closed loops"));
+  if (state.layers.closures && scene.closures.length > 0) lines.push(sampleLine("closure", "places passed again"));
   if (state.layers.reckoning && scene.reckoned.length > 0) lines.push(sampleLine("reckoned", "dead reckoning"));
   return h("div", { class: "legend", hidden: lines.length === 0, role: "group", "aria-label": "Legend" }, lines);
 }

@@ -22,7 +22,7 @@ function layersOf(scene, state) {
   return [
     ["trajectories", "Trajectories", scene.walks.length > 0 ? null : "this map keeps none"],
     ["uncertainty", "Uncertainty", sigmas ? null : "not known for this map"],
-    ["closures", "Closed loops", scene.closures.length > 0 ? null : "in maps of one walk"],
+    ["closures", "Places passed again", scene.closures.length > 0 ? null : "in maps of one walk"],
     ["reckoning", "Dead reckoning", scene.reckoned.length > 0 ? null : "in maps of one walk"],
     ["coverage", "Coverage", scene.coverage ? null : "comes with several walks: merge maps"],
     ["fixes", "Located walks", state.located.length > 0 ? null : "none yet"],
@@ -91,7 +91,7 @@ export function walkPart(scene, state, changed) {
     return line;
   };
   const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, "Shown")),
-    ["Walk", "Length", "Time", "Sigma"].map((name) => h("th", { scope: "col" }, name)));
+    ["Walk", "Length", "Time", "Uncertainty"].map((name) => h("th", { scope: "col" }, name)));
   return part(plural(scene.walks.length, "walk"), h("div", { class: "scroll" },
     h("table", { class: "walks", "aria-label": "Walks" }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
 }
