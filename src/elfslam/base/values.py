@@ -38,10 +38,15 @@ class Chirp(Value):
 
 @dataclass(frozen=True, eq=False)
 class Audio(Value):
-    """Recorded sound in [-1, 1], one row per channel."""
+    """Recorded sound in [-1, 1], one row per channel.
+
+    It `is_timed` where its stretches have times of their own, as frames have, with digital silence
+    between: then it lacks nothing by which later sound would come too soon.
+    """
 
     samples: F32 = array("c", "n", dtype=np.float32)
     rate_hz: int
+    is_timed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +115,7 @@ class Recording:
     `played_t_s` (n) says when each chirp began to be played, on the recording's clock up to the
     time that sound takes through the phone; without it chirps came once per period. `gain_db` (n)
     is how loud each was played against the loudest; without it all were alike, or nobody says.
+    `kept_s` is the stretch of it that somebody chose, from and until; without it all of it counts.
     """
 
     name: str
@@ -124,6 +130,7 @@ class Recording:
     emr: Emr | None = None
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
+    kept_s: tuple[float, float] | None = None
 
     __repr__ = summary
 

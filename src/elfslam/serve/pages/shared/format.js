@@ -1,6 +1,12 @@
 /** Numbers as people read them. */
 
-/** @param {number} bytes @returns {string} number and unit stay on one line */
+/** @param {number} bytes @returns {string}/** @param {number} seconds @returns {string} minutes:seconds to a tenth, with hours where there are any */
+export function formatMoment(seconds) {
+  const tenths = Math.max(Math.round(seconds * 10), 0);
+  return `${formatDuration(Math.floor(tenths / 10))}.${tenths % 10}`;
+}
+
+ number and unit stay on one line */
 export function formatBytes(bytes) {
   return told(bytes).replace(" ", "\u00a0");
 }
