@@ -109,6 +109,6 @@ def _sounding(audio: Audio, gap_s: float) -> F64:
     samples = audio.samples[0]
     padded = np.pad(samples, (0, -len(samples) % block)).reshape(-1, block)
     loud = np.flatnonzero(padded.any(axis=1))
-    found = stretches(loud * BLOCK_S, gap_s + BLOCK_S)
+    found = stretches(np.asarray(loud * BLOCK_S, dtype=np.float64), gap_s + BLOCK_S)
     found[:, 1] = np.minimum(found[:, 1] + BLOCK_S, len(samples) / audio.rate_hz)
     return found

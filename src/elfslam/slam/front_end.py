@@ -162,5 +162,5 @@ def _duration_s(recording: Recording) -> float | None:
     """
     audio, t_s = recording.audio, motion_times_s(recording)
     if audio is not None and audio.is_timed:
-        return audio.samples.shape[1] / audio.rate_hz
+        return float(audio.samples.shape[1] / audio.rate_hz)
     return None if t_s is None else float(t_s[-1])

@@ -22,7 +22,7 @@ from typing import Any, TextIO
 import numpy as np
 
 from elfslam.app.locate import encoder_of
-from elfslam.app.map import MapJob, kept_closures, map_into, refuse_unclosed
+from elfslam.app.map import MapJob, Pose, kept_closures, map_into, refuse_unclosed
 from elfslam.app.merge import merge_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
@@ -108,16 +108,9 @@ def in_words(error: ElfslamError, folder: Path) -> str:
 def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
     """As `elfslam map` does."""
     by = tuple(Modality(name) for name in task["by"])
-    start = None if task["start_pose"] is None else tuple(map(float, task["start_pose"]))
     kept_s = parse_stretch(task["from_s"], task["until_s"])
-    job = MapJob(
-        by,
-        start,
-        ENCODER,
-        Settings(),
-        overwrite=False,
-        kept_s=kept_s,  # type: ignore[arg-type]
-    )
+    start = _start_pose(task["start_pose"])
+    job = MapJob(by, start, ENCODER, Settings(), overwrite=False, kept_s=kept_s)
 
     def stage(what: str, share: float | None) -> None:
         name = what.rpartition(": ")[2]
@@ -126,6 +119,13 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
     facts = _facts_of_run(run) | _stretches(folder / OUT)
     return facts, _problem_of(lambda: refuse_unclosed(run))
+
+
+def _start_pose(given: list[float] | None) -> Pose | None:
+    if given is None:
+        return None
+    x_m, y_m, heading_rad = map(float, given)
+    return x_m, y_m, heading_rad
 
 
 def _facts_of_run(run: Run) -> Json:

@@ -1,12 +1,6 @@
 /** Numbers as people read them. */
 
-/** @param {number} bytes @returns {string}/** @param {number} seconds @returns {string} minutes:seconds to a tenth, with hours where there are any */
-export function formatMoment(seconds) {
-  const tenths = Math.max(Math.round(seconds * 10), 0);
-  return `${formatDuration(Math.floor(tenths / 10))}.${tenths % 10}`;
-}
-
- number and unit stay on one line */
+/** @param {number} bytes @returns {string} number and unit stay on one line */
 export function formatBytes(bytes) {
   return told(bytes).replace(" ", "\u00a0");
 }
@@ -35,6 +29,12 @@ export function formatDuration(seconds) {
   const minutes = Math.floor(whole / 60) % 60;
   const hours = Math.floor(whole / 3600);
   return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;
+}
+
+/** @param {number} seconds @returns {string} minutes:seconds to a tenth, with hours where there are any */
+export function formatMoment(seconds) {
+  const tenths = Math.max(Math.round(seconds * 10), 0);
+  return `${formatDuration(Math.floor(tenths / 10))}.${tenths % 10}`;
 }
 
 /** @param {string | number | Date} when ISO text or time @returns {string} day and time, as spoken here */
