@@ -131,11 +131,13 @@ class Phone:
         return False
 
     def freeze(self, seconds: float) -> None:
-        """The page sleeps: timers, workers and events stand still."""
-        session = self.context.new_cdp_session(self.page)
-        session.send("Page.setWebLifecycleState", {"state": "frozen"})
+        """The page sleeps: timers, workers, events and the thread of the sound stand still."""
+        pages = [pid for pid in _processes_of(self._process.pid) if _is_page(pid)]
+        for pid in pages:
+            os.kill(pid, signal.SIGSTOP)
         time.sleep(seconds)
-        session.send("Page.setWebLifecycleState", {"state": "active"})
+        for pid in pages:
+            os.kill(pid, signal.SIGCONT)
 
     def said(self) -> str:
         """What the page says of a walk that does not go on: that it told so, or nothing of it."""
@@ -149,6 +151,26 @@ class Phone:
             if found := re.search(r"ws://[\w.:]+", line):
                 return found[0].replace("ws://", "http://")
         raise RuntimeError("the browser does not start")
+
+
+def _processes_of(group: int) -> list[int]:
+    """Those that a browser started, which leads a group of its own."""
+    found = (int(each.name) for each in Path("/proc").glob("[0-9]*"))
+    return [pid for pid in found if _group_of(pid) == group]
+
+
+def _group_of(pid: int) -> int:
+    try:
+        return os.getpgid(pid)
+    except ProcessLookupError:
+        return 0
+
+
+def _is_page(pid: int) -> bool:
+    try:
+        return b"--type=renderer" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 def regular_chirps(route: Any) -> None:
