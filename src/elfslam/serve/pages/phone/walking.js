@@ -1,5 +1,6 @@
 /** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
 
+import { Problem } from "../shared/api.js";
 import { fitClocks, readClocks, soundTime, withPair } from "./clocks.js";
 import { manifestOf } from "./manifest.js";
 import { CHIRPS } from "./mending.js";
@@ -15,6 +16,8 @@ const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
 const FRAME_S = 0.08;
 const AHEAD_MS = 300;
+/** A microphone that is held elsewhere may be given and yet hear nothing. */
+const SOUND_PATIENCE_MS = 5000;
 /** Without a chirp by then, motion is timed as if sound took no time. */
 const LATENCY_PATIENCE_S = 6;
 /** Until the last chirp has been heard whole. */
@@ -116,7 +119,10 @@ export async function startWalking(given) {
   // Motion is heard a little ahead of the sound, which takes its time through the phone.
   const stopMotion = listenToMotion(log.add);
   await pause(AHEAD_MS);
-  const zero = await beginSound(sound, sent, mediumAccess, latencyS, fromS);
+  const zero = await beginSound(sound, sent, mediumAccess, latencyS, fromS).catch((error) => {
+    stopMotion();
+    throw error;
+  });
   const chirpLog = makeChirpLog(zero, rateHz);
   const chirps = play(FIRST_CHIRP_S, (slot) => {
     sound.order({ do: "slot", slot });
@@ -140,8 +146,8 @@ export async function startWalking(given) {
   // Motion is kept as far as the sound is: what comes later waits.
   const soundUntilS = () => Math.max(late.endS() ?? -Infinity, keptUntilS);
   let limit = Infinity;
-  /** @param {boolean} [isLast] motion waits for no sound any more */
-  const flush = async (isLast = false) => {
+  /** @param {boolean} isLast motion waits for no sound any more */
+  const write = async (isLast) => {
     const begun = chirpLog.take(Math.min(microphone.context.currentTime * rateHz, limit));
     if (begun !== "") await keep({ [CHIRPS]: (sent.sizes[CHIRPS] ? "" : CHIRPS_HEADER) + begun });
     const isKnown = late.latencyS() !== null;
@@ -154,6 +160,14 @@ export async function startWalking(given) {
     const texts = Object.entries(rows).filter(([, text]) => text !== "");
     if (texts.length === 0) return;
     await keep(Object.fromEntries(texts.map(([name, text]) => [name, (sent.sizes[name] ? "" : TABLE_HEADER) + text])));
+  };
+  /** @type {Promise<void>} */
+  let last = Promise.resolve();
+  // One at a time: whoever comes first writes the header.
+  const flush = (isLast = false) => {
+    const done = last.then(() => write(isLast));
+    last = done.catch(() => {});
+    return done;
   };
   const timer = everySecond(microphone.context, zero, sent, keeper, flush);
 
@@ -198,12 +212,15 @@ function appendOrder(walk, texts) {
 /**
  * @param {Sound} sound @param {Sent} sent @param {MediumAccessParameters} mediumAccess
  * @param {number | null} latencyS @param {number} fromS
- * @returns {Promise<number>} the frame of the clock at which the recording began, or would have
+ * @returns {Promise<number>} the frame of the clock at which the recording began, or would have. Raises Problem
  */
 async function beginSound(sound, { walk, state, sizes }, mediumAccess, latencyS, fromS) {
   const started = sound.answer("started");
   sound.order({ do: "record", walk, kind: state.kind, mediumAccess, latencyS, fromS, kept: { ...sizes } });
-  return (await started).zero;
+  const begun = await Promise.race([started, pause(SOUND_PATIENCE_MS)]);
+  if (begun) return begun.zero;
+  sound.order({ do: "stop" });
+  throw new Problem("The microphone gives no sound. End the call or the app that holds it, and try again.", 0);
 }
 
 /** @param {Facts} facts @param {{tS: number, jumpedS: number, isFound: boolean}} frame */
