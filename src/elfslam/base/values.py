@@ -38,11 +38,7 @@ class Chirp(Value):
 
 @dataclass(frozen=True, eq=False)
 class Audio(Value):
-    """Recorded sound in [-1, 1], one row per channel.
-
-    It `is_timed` where its stretches have times of their own, as frames have, with digital silence
-    between: then it lacks nothing by which later sound would come too soon.
-    """
+    """Recorded sound in [-1, 1], a row per channel; frames that are timed lack no samples."""
 
     samples: F32 = array("c", "n", dtype=np.float32)
     rate_hz: int
@@ -112,10 +108,8 @@ class Odometry(Value):
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
-    `played_t_s` (n) says when each chirp began to be played, on the recording's clock up to the
-    time that sound takes through the phone; without it chirps came once per period. `gain_db` (n)
-    is how loud each was played against the loudest; without it all were alike, or nobody says.
-    `kept_s` is the stretch of it that somebody chose, from and until; without it all of it counts.
+    `played_t_s` (n) says when each chirp began to be played, up to the way of the sound, `gain_db`
+    (n) how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
     """
 
     name: str

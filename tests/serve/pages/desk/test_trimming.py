@@ -1,4 +1,4 @@
-"""A recording along its time at the desk: what is missing of it, and a stretch that is mapped again."""
+"""A recording along its time at the desk: what it lacks, and a stretch that is mapped again."""
 
 from __future__ import annotations
 

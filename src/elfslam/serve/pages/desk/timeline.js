@@ -67,7 +67,7 @@ export function stretchField(course, given = [0, course.duration_s]) {
   let lanes = courseLanes(course, chosen);
   const ends = [["from", "From", 0], ["until", "Until", 1]].map(([end, words, at]) => {
     const input = h("input", { type: "range", name: `${end}_s`, min: "0", max: String(duration_s), step: String(STEP_S) });
-    const told = h("output", { class: "figures" });
+    const told = h("span", { class: "figures", "aria-hidden": "true" });
     return { end: /** @type {"from" | "until"} */ (end), at: Number(at), input, told, label: h("label", { class: "field" }, h("span", null, words, " ", told), input) };
   });
   const show = () => {
