@@ -27,11 +27,12 @@ from studies.benchmarks.browser_walk import (
     plan_course,
     serving,
 )
+from studies.benchmarks.lost_walks import TAKE_AWAY
 from studies.benchmarks.page_place import make_map
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "phone"
 SIZE = {"width": 375, "height": 740}
-STATES = ("start", "probe", "name", "record", "sent", "unfinished", "no_network")
+STATES = ("start", "probe", "name", "record", "sent", "unfinished", "interrupted", "no_network")
 PLACES = ("maps", "place", "place_doubt", "place_offline")
 MAPS = {"Studio, ground floor": 107, "Studio, last autumn": 105}
 PROFILE: dict[str, Any] = {
@@ -147,6 +148,7 @@ def photograph(page: Any, address: str, course: Course, prefix: Path) -> None:
         page.screenshot(path=f"{prefix}_{state}.png", full_page=whole)
 
     page.on("dialog", lambda dialog: dialog.accept())
+    page.add_init_script(TAKE_AWAY)
     page.goto(address)
     shoot("start")
     sensors = MotionSensors(page)
@@ -168,7 +170,12 @@ def photograph(page: Any, address: str, course: Course, prefix: Path) -> None:
     page.reload()
     page.wait_for_selector("#unfinished-walks li")
     shoot("unfinished")
-    page.click("text=Continue sending")
+    page.click("text=Go on walking")
+    walk_for(page, sensors, course, 4.0)
+    page.evaluate("() => window.takeMicrophone()")
+    page.wait_for_selector("#resume:visible")
+    shoot("interrupted")
+    page.click("#stop")
     page.get_by_text("map is being made").wait_for(timeout=120_000)
     shoot("sent")
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+import numpy.testing as npt
 import pytest
 
-from elfslam.app.map import MapJob, map_into, unit_of
+from elfslam.app.map import MapJob, map_into, map_recording, unit_of
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import load
 from elfslam.base.progress import silent
+from elfslam.base.values import Audio, Imu, Recording
+from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.recordings import write_recording
+from elfslam.line.chirp import make_chirp
 from elfslam.scoring import report
 from elfslam.world.simulate import load_world, simulate
 
@@ -73,7 +80,114 @@ def test_a_unit_is_the_recording_and_what_is_asked_for(walk: Path, tmp_path: Pat
     assert unit_of(walk, AGAIN) == known, "whether an older run may go makes no other run"
     assert unit_of(walk, replace(JOB, encoder="compact")) != known
     assert unit_of(walk, replace(JOB, start_pose=(1.0, 2.0, 0.0))) != known
+    assert unit_of(walk, replace(JOB, kept_s=(2.0, 9.0))) != known
     other = load(Settings(), None, ["closure.threshold=0.5"])
     assert unit_of(walk, replace(JOB, parameters=other)) != known
     write_recording(simulate(load_world("studio"), 112, rounds=1)[0], tmp_path / "walk")
     assert unit_of(tmp_path / "walk", JOB) != known
+
+
+HEARD = MapJob((), None, "spectral", Settings(), overwrite=False)
+HOLE_S = (12.0, 15.0)
+
+
+@pytest.fixture(scope="module")
+def heard() -> Recording:
+    """Two rounds, with sound."""
+    return simulate(load_world("studio"), 107, rounds=2, rate_hz=48_000)[0]
+
+
+def ended_early(recording: Recording) -> Recording:
+    """The page was loaded anew: the last 0.8 s of the motion were not written yet."""
+    return moved(recording, lambda t_s: t_s < t_s[-1] - 0.8)
+
+
+def asleep(recording: Recording) -> Recording:
+    """No motion for three seconds."""
+    return moved(recording, lambda t_s: (t_s < HOLE_S[0]) | (t_s > HOLE_S[1]))
+
+
+def moved(recording: Recording, kept: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    imu = recording.imu
+    assert imu is not None
+    rows = kept(imu.t_s)
+    return replace(recording, imu=Imu(imu.t_s[rows], imu.accel_mps2[rows], imu.gyro_radps[rows]))
+
+
+def called(recording: Recording) -> Recording:
+    """No sound for three seconds."""
+    assert recording.audio is not None
+    samples = recording.audio.samples.copy()
+    first, last = (round(each * 48_000) for each in HOLE_S)
+    samples[:, first:last] = 0.0
+    return replace(recording, audio=Audio(samples, 48_000))
+
+
+def as_phones_keep_it(recording: Recording, folder: Path) -> Path:
+    """In frames of the chirp band; where there is no sound there is no frame."""
+    audio = recording.audio
+    assert audio is not None
+    starts_s = frame_starts_s(audio, make_chirp(Settings().chirp, 48_000))
+    write_recording(recording, folder, baseband=to_baseband(audio, starts_s))
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("broken", "lacks"),
+    [
+        (lambda recording: recording, []),
+        (ended_early, ["motion"]),
+        (asleep, ["motion", "sound"]),
+        (called, ["sound"]),
+    ],
+    ids=["whole", "motion ends early", "motion with a hole", "sound with a hole"],
+)
+def test_what_a_phone_could_record_is_mapped_and_the_rest_said(
+    heard: Recording,
+    tmp_path: Path,
+    broken: Callable[[Recording], Recording],
+    lacks: list[str],
+) -> None:
+    walk = as_phones_keep_it(broken(heard), tmp_path / "walk")
+    run = map_into(tmp_path / "run", walk, HEARD, silent)
+    told = json.loads((tmp_path / "run" / "run.json").read_text())
+    missing = told.get("missing", [])
+    assert sorted(each["what"] for each in missing) == lacks
+    assert len(run.trajectory.t_s) > 40
+    assert run.floor_map is not None
+    assert len(run.floor_map.order) > 200
+    report_text = (tmp_path / "run" / "report.html").read_text()
+    assert ("<th>missing</th>" in report_text) == bool(lacks)
+    if lacks and broken is not ended_early:
+        for each in missing:
+            assert (each["from_s"], each["until_s"]) == pytest.approx(HOLE_S, abs=0.2)
+    elif lacks:
+        assert missing[0]["until_s"] - missing[0]["from_s"] == pytest.approx(0.8, abs=0.2)
+
+
+def test_spots_lie_where_the_whole_walk_has_them(heard: Recording) -> None:
+    """Up to the hole nothing differs; over it there is no spot, and behind it the walk goes on."""
+    whole, holed = (map_recording(each, HEARD).run for each in (heard, asleep(heard)))
+    assert whole.echoes is not None
+    assert holed.echoes is not None
+    before = whole.odometry.t_s < HOLE_S[0] - 2
+    npt.assert_allclose(
+        holed.odometry.world_from_body[: before.sum()],
+        whole.odometry.world_from_body[before],
+        atol=0.2,
+    )
+    assert not ((holed.echoes.t_s > HOLE_S[0]) & (holed.echoes.t_s < HOLE_S[1])).any()
+    assert (holed.echoes.t_s > HOLE_S[1]).sum() > 100
+
+
+def test_a_stretch_is_mapped_alone(heard: Recording, tmp_path: Path) -> None:
+    walk = as_phones_keep_it(heard, tmp_path / "walk")
+    job = replace(HEARD, kept_s=(8.0, 25.0))
+    run = map_into(tmp_path / "run", walk, job, silent)
+    assert 8 <= run.odometry.t_s[0] < run.odometry.t_s[-1] <= 25
+    told = json.loads((tmp_path / "run" / "run.json").read_text())
+    assert told["kept_s"] == [8.0, 25.0]
+    assert "missing" not in told
+    with pytest.raises(InputError, match="wanted motion from 800 to 900 s"):
+        map_into(tmp_path / "none", walk, replace(HEARD, kept_s=(800.0, 900.0)), silent)
+    assert not (tmp_path / "none").exists()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 from collections.abc import Sequence
 from functools import cache
 
@@ -223,24 +222,11 @@ def test_missing_sound_is_put_back_where_the_phase_jumps() -> None:
     npt.assert_allclose(blind.t_s[31:], echoes.t_s[31:] - 0.5, atol=1e-9)
 
 
-def test_whole_periods_lost_show_only_against_the_other_sensors() -> None:
-    samples, planted_s = stream(grid(60), 6.0), grid(60)
-    lost_from = round((planted_s[30] + QUIET_S) * RATE_HZ)
-    kept = np.delete(samples, np.s_[lost_from : lost_from + RATE_HZ // 2])
-    assert len(cut(kept).losses_s) == 0
-    with pytest.raises(InputError, match=r"0.50 s shorter than the motion and nothing tells where"):
-        cut(kept, duration_s=6.0)
-    assert len(cut(kept, duration_s=5.5 + 0.9 * PARAMETERS.shortfall_s).losses_s) == 0
-
-
-def test_sound_that_merely_ended_early_is_taken_when_the_user_says_so() -> None:
-    samples = stream(grid(25), 2.5)
-    said = dataclasses.replace(PARAMETERS, shortfall_s=1.0)
-    echoes = cut_echoes(audio_of(samples), chirp_at(), said, duration_s=3.4)
+@pytest.mark.parametrize("early_s", [0.1, 0.5, 0.9, 7.0])
+def test_sound_that_merely_ended_early_keeps_its_times(early_s: float) -> None:
+    echoes = cut(stream(grid(25), 2.5), duration_s=2.5 + early_s)
     npt.assert_allclose(echoes.t_s, grid(25), atol=1e-4)
     assert len(echoes.losses_s) == 0
-    with pytest.raises(InputError, match=r"raise echo.shortfall_s if one merely ended before the"):
-        cut(samples, duration_s=3.4)
 
 
 LONG_S = 12.0
@@ -266,17 +252,13 @@ def walk_stream() -> F32:
     return heard
 
 
-def misplaced(cuts: Sequence[tuple[int, int]], added: F32 | float = 0.0) -> int | None:
-    """Echoes at a wrong time after `cuts` (first sample, count); None where it was refused."""
+def misplaced(cuts: Sequence[tuple[int, int]], added: F32 | float = 0.0) -> int:
+    """Echoes at a wrong time after `cuts` (first sample, count)."""
     kept = np.ones(len(walk_stream()), dtype=bool)
     for first, count in cuts:
         kept[first : first + count] = False
-    try:
-        echoes = cut((walk_stream() + added)[kept], duration_s=LONG_S)
-    except InputError as error:
-        if re.match(r"audio: .*(than the motion|clicks at).*;.*$", str(error)):
-            return None
-        raise
+    echoes = cut((walk_stream() + added)[kept], duration_s=LONG_S)
+    assert len(echoes.t_s) > 0
     off_s = np.abs((echoes.t_s - 0.03 + 0.05) % 0.1 - 0.05)
     lost = ~kept[np.clip(np.round(echoes.t_s * RATE_HZ).astype(int) + 300, 0, len(kept) - 1)]
     return int(np.sum((off_s > 1e-3) | lost))
@@ -296,32 +278,28 @@ SPLIT = 1
 """The one chirp that a cut goes through may be taken for lost or for kept."""
 
 
-@pytest.mark.parametrize("seed", range(12))
 @pytest.mark.parametrize("lost_s", [0.5, 5.0])
-def test_whole_periods_lost_anywhere_never_give_wrong_times(seed: int, lost_s: float) -> None:
-    assert misplaced(random_cuts(seed, round(lost_s * RATE_HZ))) is None
+def test_behind_a_click_that_may_have_lost_whole_periods_nothing_is_timed(lost_s: float) -> None:
+    cuts = [random_cuts(seed, round(lost_s * RATE_HZ)) for seed in range(12)]
+    wrong = [misplaced(each) for each in cuts]
+    assert sum(each <= SPLIT for each in wrong) >= 11  # one through the direct chirp is not heard
 
 
 @pytest.mark.parametrize("lost", [RATE_HZ // 2, RATE_HZ // 2 + 40, round(0.53 * RATE_HZ)])
-@pytest.mark.parametrize("first", [0, 700, round(LONG_S * RATE_HZ)])
-def test_sound_lost_at_an_end_never_gives_wrong_times(first: int, lost: int) -> None:
-    assert misplaced([(min(first, len(walk_stream()) - lost), lost)]) is None
+def test_sound_lost_at_the_end_is_merely_missing(lost: int) -> None:
+    assert misplaced([(len(walk_stream()) - lost, lost)]) == 0
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_one_loss_is_put_back_where_the_stream_broke(seed: int) -> None:
     count = int(np.random.default_rng(seed).integers(1_000, 3_500)) + 4_410 * (seed % 8)
-    wrong = misplaced(random_cuts(seed, count))
-    assert wrong is not None
-    assert wrong <= SPLIT
+    assert misplaced(random_cuts(seed, count)) <= SPLIT
 
 
 @pytest.mark.parametrize("seed", range(12))
 def test_a_loss_of_nearly_whole_periods_shows_as_a_lasting_step(seed: int) -> None:
     count = RATE_HZ // 2 + (-1) ** seed * (12 + 6 * seed)
-    wrong = misplaced(random_cuts(seed, count))
-    assert wrong is not None
-    assert wrong <= SPLIT
+    assert misplaced(random_cuts(seed, count)) <= SPLIT
 
 
 @pytest.mark.parametrize("seed", range(12))
@@ -329,31 +307,37 @@ def test_a_loss_of_nearly_whole_periods_shows_as_a_lasting_step(seed: int) -> No
     "lost_s", [(0.5, 0.5), (0.37, 0.43), (0.53, 0.31), (0.501, 0.53), (0.43, 0.36, 0.55)]
 )
 def test_several_losses_are_never_merged_into_one(seed: int, lost_s: tuple[float, ...]) -> None:
-    assert misplaced(random_cuts(seed, *(round(s * RATE_HZ) for s in lost_s))) is None
+    assert misplaced(random_cuts(seed, *(round(s * RATE_HZ) for s in lost_s))) <= SPLIT
 
 
 @pytest.mark.parametrize("lost_s", [(0.5, 0.53), (0.37, 0.5)])
 def test_whole_periods_lost_beside_another_loss_click(lost_s: tuple[float, ...]) -> None:
     added = rumble(len(walk_stream()))
     cuts = [random_cuts(seed, *(round(s * RATE_HZ) for s in lost_s)) for seed in range(12)]
-    refused = [misplaced(both, added) is None for both in cuts]
-    assert sum(refused) >= 11  # a cut through the direct chirp itself is not heard
+    wrong = [misplaced(both, added) for both in cuts]
+    assert sum(each <= SPLIT for each in wrong) >= 11  # one through the direct chirp is not heard
     placed = [misplaced([both[lost_s.index(0.5) - 1]], added) for both in cuts]
-    assert all(wrong is not None and wrong <= SPLIT for wrong in placed)
+    assert max(placed) <= SPLIT
 
 
 def test_several_losses_below_a_period_are_each_put_back() -> None:
-    wrong = misplaced(random_cuts(3, 1_300, 2_700, 900))
-    assert wrong is not None
-    assert wrong <= 3 * SPLIT
+    assert misplaced(random_cuts(3, 1_300, 2_700, 900)) <= 3 * SPLIT
 
 
 def test_motion_that_ended_early_cannot_measure_a_loss() -> None:
-    kept = np.delete(walk_stream(), np.s_[99_000 : 99_000 + round(0.53 * RATE_HZ)])
-    seconds = len(kept) / RATE_HZ
-    with pytest.raises(InputError, match=r"1.00 s longer than the motion beyond what its 1 breaks"):
-        cut(kept, duration_s=seconds - 1.0)
+    """What was heard before the break is certain, and nothing behind it."""
+    lost_from = 99_000
+    kept = np.delete(walk_stream(), np.s_[lost_from : lost_from + round(0.53 * RATE_HZ)])
+    echoes = cut(kept, duration_s=len(kept) / RATE_HZ - 1.0)
+    npt.assert_allclose(echoes.t_s, grid(len(echoes.t_s)), atol=1e-3)
+    assert 0 < lost_from / RATE_HZ - echoes.t_s[-1] < 0.2
     assert len(cut(stream(grid(40), 4.0), duration_s=3.0).t_s) == 40
+
+
+def test_a_break_right_at_the_beginning_leaves_nothing_to_time() -> None:
+    first = int(np.round((grid(1)[0] + 0.08) * RATE_HZ))
+    kept = np.delete(walk_stream(), np.s_[first : first + round(0.53 * RATE_HZ)])
+    assert len(cut(kept, duration_s=len(kept) / RATE_HZ - 2.0).t_s) == 1
 
 
 def test_silence_after_a_jump_is_reported_on_the_recordings_clock() -> None:

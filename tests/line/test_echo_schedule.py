@@ -134,9 +134,22 @@ def test_a_schedule_of_another_recording_is_refused() -> None:
 
 def test_sound_that_mostly_lacks_its_chirps_is_refused_with_the_count() -> None:
     samples = sound(played(60) + 0.05, 7.0)
-    samples[round(2.5 * RATE_HZ) :] = 1e-4
+    quiet = samples[round(2.5 * RATE_HZ) :]
+    quiet[:] = 1e-4 * np.random.default_rng(4).standard_normal(len(quiet))
     with pytest.raises(InputError, match=re.escape("of 60 chirps heard that were played, wanted")):
         cut(samples, played(60))
+
+
+def test_chirps_played_while_there_was_no_sound_are_no_lack_of_chirps() -> None:
+    """A call takes the microphone: only what was played before and after it counts."""
+    played_s = played(100)
+    samples = sound(played_s + 0.05, 11.0)
+    samples[round(2.5 * RATE_HZ) : round(9.0 * RATE_HZ)] = 0.0
+    heard = (played_s + 0.12 < 2.5) | (played_s + 0.05 > 9.0)
+    echoes = cut(samples, played_s)
+    nearest_s = np.min(np.abs(echoes.t_s[:, None] - played_s[heard] - 0.05), axis=0)
+    assert nearest_s.max() < 2 / RATE_HZ
+    assert len(echoes.t_s) <= heard.sum() + 1
 
 
 def test_noise_is_refused() -> None:

@@ -10,7 +10,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
+from elfslam.base.geometry import between, compose, interpolate_poses, wrap_angle
 from elfslam.base.values import Imu, Odometry
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import (
@@ -291,11 +291,78 @@ def test_a_pause_takes_no_steps():
     assert not ((footsteps > middle + 1.0) & (footsteps < middle + 9.0)).any()
 
 
-def test_a_gap_is_refused_and_named():
+def without(imu, *holes):
+    """The sensors without what they measured within some spans."""
+    kept = np.ones(len(imu.t_s), bool)
+    for begin_s, end_s in holes:
+        kept &= (imu.t_s < begin_s) | (imu.t_s > end_s)
+    return Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept])
+
+
+def test_three_seconds_without_motion_make_one_move_uncertain_and_no_other():
+    imu = square(15)
+    whole, holed = (dead_reckon(each, PARAMETERS) for each in (imu, without(imu, (12.0, 15.0))))
+    across = int(np.argmax(np.diff(holed.t_s)))
+    unseen_s = float(np.diff(holed.t_s)[across])
+    assert 3.0 < unseen_s < 4.5
+    assert len(whole.t_s) - 10 < len(holed.t_s) < len(whole.t_s)
+    forward_m, lateral_m, heading_rad = holed.step_sigma[across]
+    assert forward_m == lateral_m == pytest.approx(PARAMETERS.unseen_speed_mps * unseen_s / 2)
+    assert heading_rad == pytest.approx(min(PARAMETERS.unseen_turn_radps * unseen_s, np.pi / 2))
+    assert np.delete(holed.step_sigma, across, axis=0)[1:].max() < 0.5
+    behind = holed.t_s[across + 2]
+    moves = [
+        between(each.world_from_body[row], each.world_from_body[-1])
+        for each, row in ((whole, np.argmin(abs(whole.t_s - behind))), (holed, across + 2))
+    ]
+    assert moves[1] == pytest.approx(moves[0], abs=0.25)
+
+
+def test_the_way_across_lies_between_standing_and_walking_on():
+    """Whoever walked straight on, and whoever stood, are within two sigmas of it."""
     imu = walk(40)
-    kept = (imu.t_s < 10.0) | (imu.t_s > 12.0)
-    with pytest.raises(InputError, match=r"2\.0\d s missing after 9\.98 s"):
-        dead_reckon(Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept]), PARAMETERS)
+    whole, holed = (dead_reckon(each, PARAMETERS) for each in (imu, without(imu, (10.0, 13.0))))
+    across = int(np.argmax(np.diff(holed.t_s)))
+    rows = [int(np.argmin(abs(whole.t_s - t_s))) for t_s in holed.t_s[across : across + 2]]
+    walked_on = between(*whole.world_from_body[rows])
+    said = between(*holed.world_from_body[across : across + 2])
+    for true in (walked_on, np.zeros(3)):
+        assert (np.abs(true - said) <= 2 * holed.step_sigma[across]).all()
+
+
+def test_a_turn_is_not_believed_beyond_a_quarter():
+    imu = without(walk(200), (20.0, 90.0))
+    nodes = dead_reckon(imu, PARAMETERS)
+    assert nodes.step_sigma[:, 2].max() == pytest.approx(np.pi / 2)
+
+
+def test_footsteps_are_found_on_both_sides_of_a_hole():
+    imu = walk(40)
+    whole, found = (find_footsteps(each, PARAMETERS) for each in (imu, without(imu, (10.0, 13.0))))
+    clear = (whole < 9.0) | (whole > 14.0)
+    nearest_s = np.min(np.abs(found[:, None] - whole[clear]), axis=0)
+    assert nearest_s.max() < 0.05
+
+
+def test_a_gyroscope_at_rest_before_a_hole_is_known_behind_it():
+    """The bias would turn the walk behind the hole by 20 degrees."""
+    biased = walk(40, bias_radps=(0.0, 0.0, 0.02))
+    holed = dead_reckon(without(biased, (3.2, 4.2), (15.0, 16.0)), PARAMETERS)
+    behind = holed.world_from_body[holed.t_s > 16.5]
+    assert abs(wrap_angle(behind[-1, 2] - behind[0, 2])) < 0.05
+
+
+def test_nothing_but_pieces_too_short_is_refused():
+    imu = walk(40)
+    holes = [(float(begin), begin + 0.6) for begin in np.arange(1.0, 30.0, 2.0)]
+    with pytest.raises(InputError, match=r"no 2 s without an interruption of more than 0\.5 s"):
+        dead_reckon(without(imu, *holes), PARAMETERS)
+
+
+def test_a_hole_of_half_a_second_is_none():
+    imu = walk(40)
+    nodes = dead_reckon(without(imu, (10.0, 10.4)), PARAMETERS)
+    assert nodes.step_sigma[1:].max() < 0.5
 
 
 def test_a_slow_sensor_and_a_short_recording_are_refused():

@@ -15,7 +15,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.parameters import load
-from elfslam.base.values import Audio, Magnetometer, Odometry, Recording
+from elfslam.base.values import Audio, Imu, Magnetometer, Odometry, Recording
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam.front_end import (
@@ -55,16 +55,76 @@ def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
     assert np.median(same) > 0.9
 
 
-def test_lost_sound_is_measured_against_the_motion_sensors(recording: Recording) -> None:
+def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording) -> None:
     assert recording.audio is not None
+    whole = hear(recording, PARAMETERS)
     samples = recording.audio.samples[:, : -2 * 44_100]
     shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
-    with pytest.raises(InputError, match=r"1.99 s shorter than the motion and nothing tells where"):
-        hear(shorter, PARAMETERS)
-    ended_early = load(PARAMETERS, None, ["echo.shortfall_s=2.5"])
-    assert len(hear(shorter, ended_early).losses_s) == 0
+    heard = hear(shorter, PARAMETERS)
+    npt.assert_allclose(heard.t_s, whole.t_s[: len(heard.t_s)], atol=1e-9)
+    assert 15 < len(whole.t_s) - len(heard.t_s) < 25
     blind = hear(dataclasses.replace(shorter, imu=None), PARAMETERS)
-    assert len(blind.losses_s) == 0
+    npt.assert_array_equal(blind.t_s, heard.t_s)
+
+
+def without_motion(recording: Recording, from_s: float, until_s: float) -> Recording:
+    imu = recording.imu
+    assert imu is not None
+    kept = (imu.t_s < from_s) | (imu.t_s > until_s)
+    cut = Imu(imu.t_s[kept], imu.accel_mps2[kept], imu.gyro_radps[kept])
+    return dataclasses.replace(recording, imu=cut)
+
+
+def test_only_sound_that_has_motion_is_heard(recording: Recording) -> None:
+    whole = hear(recording, PARAMETERS)
+    echoes = hear(without_motion(recording, 10.0, 13.0), PARAMETERS)
+    lost = (whole.t_s > 10.0) & (whole.t_s < 13.0)
+    npt.assert_allclose(echoes.t_s, whole.t_s[~lost], atol=1e-9)
+    ended = hear(without_motion(recording, 20.0, 1e9), PARAMETERS)
+    npt.assert_allclose(ended.t_s, whole.t_s[whole.t_s < 20.5], atol=1e-9)
+
+
+def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -> None:
+    assert recording.audio is not None
+    samples = recording.audio.samples.copy()
+    samples[:, 5 * 44_100 :] = 0.0
+    early = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
+    with pytest.raises(InputError, match="its sound and its motion do not meet in time"):
+        hear(without_motion(early, 0.0, 9.0), PARAMETERS)
+
+
+@pytest.mark.parametrize("timed", [True, False], ids=["with times of its own", "counted"])
+def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) -> None:
+    """A call of which most of the walk is silent: only the sound that is there is judged."""
+    assert recording.audio is not None
+    samples = recording.audio.samples.copy()
+    length = samples.shape[1]
+    samples[:, length // 6 : 5 * length // 6] = 0.0
+    echoes = hear(
+        dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=timed)), PARAMETERS
+    )
+    whole = hear(recording, PARAMETERS)
+    third = (whole.t_s < length / 6 / 44_100 - 0.1) | (whole.t_s > 5 * length / 6 / 44_100 + 0.1)
+    nearest = np.min(np.abs(echoes.t_s[:, None] - whole.t_s[third]), axis=0)
+    assert nearest.max() < 1e-6
+
+
+def test_jumps_of_sound_with_times_of_its_own_are_no_losses(recording: Recording) -> None:
+    """A browser that lost sound knows when the rest was heard, however early the walk ended."""
+    assert recording.audio is not None
+    at, lost = 12 * 44_100 + 2_000, 1_300
+    samples = np.delete(recording.audio.samples, np.s_[at : at + lost], axis=1)[:, : -3 * 44_100]
+    counted = dataclasses.replace(recording, audio=Audio(samples, 44_100))
+    timed = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
+    early, late = (hear(each, PARAMETERS) for each in (counted, timed))
+    assert late.losses_s[:, 1].tolist() == [0.0]
+    assert len(late.t_s) > len(early.t_s) or early.losses_s[0, 1] > 0
+
+
+def test_nodes_over_a_hole_in_the_motion_are_uncertain(recording: Recording) -> None:
+    nodes = walk_nodes(without_motion(recording, 10.0, 13.0), PARAMETERS)
+    across = int(np.argmax(np.diff(nodes.t_s)))
+    assert nodes.step_sigma[across, 0] > 2.0 > 5 * np.median(nodes.step_sigma[:, 0])
 
 
 def test_nodes_are_footsteps_from_the_start_pose(recording: Recording) -> None:

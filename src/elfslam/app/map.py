@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
 from importlib import metadata
@@ -21,15 +21,17 @@ from elfslam.base.errors import InputError, NoAnswerError, ParameterError, Store
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
-from elfslam.data.facts import FACTS
+from elfslam.data.facts import FACTS, MISSING
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.slam import pipeline as slam
+from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.front_end import compass_of, hear
 from elfslam.slam.parameters import Parameters
+from elfslam.slam.trimming import trimmed
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -44,7 +46,8 @@ Pose = tuple[float, float, float]
 class MapJob:
     """How recordings are to be mapped; `by` nothing means by echoes where there is sound.
 
-    A `start_pose` whose heading is NaN leaves that to the compass.
+    A `start_pose` whose heading is NaN leaves that to the compass. `kept_s`, from and until, is the
+    stretch of each recording that is mapped; nothing means all of it.
     """
 
     by: tuple[Modality, ...]
@@ -53,6 +56,7 @@ class MapJob:
     parameters: Settings
     overwrite: bool
     finetune: bool = False
+    kept_s: tuple[float, float] | None = None
 
 
 def map_into(
@@ -105,16 +109,21 @@ def refuse_taken(folder: Path, job: MapJob) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Mapped:
-    """A run, the encoder that its map needs, who said which way it heads, and what was learnt."""
+    """A run, the encoder that its map needs, who said which way it heads, what was learnt, and
+    what the recording lacked.
+    """
 
     run: Run
     encoder: Encoder | None
     heading: str
     finetuning: str | None
+    missing: tuple[Missing, ...] = ()
 
 
 def map_recording(recording: Recording, job: MapJob, announce: Announce = silent) -> Mapped:
     """Map one recording as the job says. Raises InputError, NoAnswerError."""
+    if job.kept_s is not None:
+        recording = trimmed(recording, *job.kept_s)
     if job.start_pose is not None:
         recording = replace(recording, start_pose=job.start_pose)
     heard = (Modality.ELF,) if recording.audio is not None else (Modality.MOTION,)
@@ -135,9 +144,10 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
     heading = _heading_by(recording, job.parameters)
+    missing = missing_of(recording, run.echoes, job.parameters.motion)
     if tuned:
-        return Mapped(run, tuned[-1].encoder, heading, tuned[-1].reason)
-    return Mapped(run, encoder, heading, None)
+        return Mapped(run, tuned[-1].encoder, heading, tuned[-1].reason, missing)
+    return Mapped(run, encoder, heading, None, missing)
 
 
 def _heading_by(recording: Recording, parameters: Parameters) -> str:
@@ -167,6 +177,8 @@ def mapped_run(
         "parameters": as_dict(job.parameters),
         "heading": made.heading,
         **({"finetuning": made.finetuning} if made.finetuning else {}),
+        **({"kept_s": list(job.kept_s)} if job.kept_s else {}),
+        **({MISSING: [asdict(each) for each in made.missing]} if made.missing else {}),
         **_verdict(made.run),
     }
     return made.run, facts, encoder.content if isinstance(encoder, OnnxEncoder) else None

@@ -22,7 +22,7 @@ from elfslam.app.locate import phone_translation
 from elfslam.app.map import MapJob, map_recording
 from elfslam.app.map import finetuned as finetuned_encoder
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality, Mode, parse_modalities
+from elfslam.base.choices import Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.base.parameters import replace as with_parameter
@@ -34,6 +34,7 @@ from elfslam.slam.front_end import hear
 from elfslam.slam.merging import MappedWalk, add_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
+from elfslam.slam.trimming import trimmed
 
 Given = Settings | Mapping[str, Any] | Path | str | None
 """Parameters as one likes to give them: all, some by name, or a TOML file."""
@@ -87,6 +88,8 @@ def map(
     by: str | Sense | Sequence[Sense] | None = None,
     start: tuple[float, float, float] | None = None,
     encoder: str | Encoder = "compact",
+    from_s: float | None = None,
+    until_s: float | None = None,
     settings: Given = None,
     announce: Announce = silent,
 ) -> Run:
@@ -94,10 +97,12 @@ def map(
 
     `by` names modalities ("elf,wifi"), or is one or several `Sense`s of your own: what makes a
     similarity between footsteps, and what then counts as a closure. `start` is the declared pose
-    (m, m, rad). `encoder` is a name, a file, or an `Encoder` of your own. Raises InputError,
-    ParameterError and NoAnswerError.
+    (m, m, rad). `encoder` is a name, a file, or an `Encoder` of your own. Only what lies between
+    `from_s` and `until_s` is mapped, where they are given. Raises InputError, ParameterError and
+    NoAnswerError.
     """
-    known = settings_of(settings)
+    known, kept_s = settings_of(settings), parse_stretch(from_s, until_s)
+    recording = recording if kept_s is None else trimmed(recording, *kept_s)
     if by is not None and not isinstance(by, str):
         senses = [by] if isinstance(by, Sense) else list(by)
         return pipeline.map_by(_started(recording, start), senses, known, announce=announce)

@@ -15,6 +15,10 @@ class Mode(StrEnum):
     TRACK = "track"
 
 
+LONGEST_S = 1e6
+"""No recording is longer."""
+
+
 class Modality(StrEnum):
     """What closes the loops."""
 
@@ -49,3 +53,19 @@ def parse_modalities(text: str | None) -> tuple[Modality, ...]:
     if Modality.MOTION in names and len(names) > 1:
         raise ParameterError("--by: motion closes no loops; name it alone or leave it out")
     return tuple(Modality(name) for name in names)
+
+
+def parse_stretch(from_s: float | None, until_s: float | None) -> tuple[float, float] | None:
+    """The stretch of a recording between two times, of which one may be open; None without both.
+
+    Raises ParameterError where there is nothing between them.
+    """
+    if from_s is None and until_s is None:
+        return None
+    begin_s, end_s = from_s or 0.0, LONGEST_S if until_s is None else until_s
+    if not 0 <= begin_s < end_s <= LONGEST_S:
+        raise ParameterError(
+            f"--from {begin_s:g} --until {end_s:g}: wanted seconds of the recording, the first "
+            "before the second; change one"
+        )
+    return begin_s, end_s

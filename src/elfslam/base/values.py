@@ -38,10 +38,11 @@ class Chirp(Value):
 
 @dataclass(frozen=True, eq=False)
 class Audio(Value):
-    """Recorded sound in [-1, 1], one row per channel."""
+    """Recorded sound in [-1, 1], a row per channel; frames that are timed lack no samples."""
 
     samples: F32 = array("c", "n", dtype=np.float32)
     rate_hz: int
+    is_timed: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,9 +108,8 @@ class Odometry(Value):
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
-    `played_t_s` (n) says when each chirp began to be played, on the recording's clock up to the
-    time that sound takes through the phone; without it chirps came once per period. `gain_db` (n)
-    is how loud each was played against the loudest; without it all were alike, or nobody says.
+    `played_t_s` (n) says when each chirp began to be played, up to the way of the sound, `gain_db`
+    (n) how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
     """
 
     name: str
@@ -124,6 +124,7 @@ class Recording:
     emr: Emr | None = None
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
+    kept_s: tuple[float, float] | None = None
 
     __repr__ = summary
 

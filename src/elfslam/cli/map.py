@@ -20,7 +20,7 @@ from elfslam.app.map import (
 from elfslam.app.map_many import map_many, recordings_in
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
-from elfslam.base.choices import parse_modalities
+from elfslam.base.choices import parse_modalities, parse_stretch
 from elfslam.base.parameters import load
 from elfslam.base.values import Run
 from elfslam.cli.options import (
@@ -33,7 +33,8 @@ from elfslam.cli.options import (
     refuse_if_none,
     say_refused,
 )
-from elfslam.data.facts import read_facts
+from elfslam.data.facts import MISSING, read_facts
+from elfslam.slam.coverage import Missing
 
 
 def map_command(
@@ -44,6 +45,12 @@ def map_command(
         str | None, typer.Option(help="X,Y,HEADING of the start (m, m, rad), or X,Y.")
     ] = None,
     encoder: EncoderName = "compact",
+    from_s: Annotated[
+        float | None, typer.Option("--from", min=0, help="Seconds into the recording to begin at.")
+    ] = None,
+    until_s: Annotated[
+        float | None, typer.Option("--until", min=0, help="Seconds into the recording to end at.")
+    ] = None,
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
     plan: Plan = None,
     force: Force = False,
@@ -54,7 +61,10 @@ def map_command(
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
     settings = load(Settings(), parameter_file, setting or [])
     drawn = drawn_plan(plan)
-    job = MapJob(parse_modalities(by), parse_start(start), encoder, settings, force, finetune)
+    kept_s = parse_stretch(from_s, until_s)
+    job = MapJob(
+        parse_modalities(by), parse_start(start), encoder, settings, force, finetune, kept_s
+    )
     paths = recordings_in(recording)
     with progress_bar() as announce:
         if paths == [recording]:
@@ -75,6 +85,8 @@ def _say_mapped(run: Run, out: Path) -> None:
     facts = read_facts(out)
     for line in [] if run.echoes is None else breaks(run.echoes):
         say(line)
+    for each in facts.get(MISSING, []):
+        say(str(Missing(**each)))
     if "finetuning" in facts:
         say(f"fine-tuning: {facts['finetuning']}")
     say(

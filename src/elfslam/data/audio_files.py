@@ -96,4 +96,4 @@ def _read_frames(folder: Path, name: str) -> Audio:
     line = np.zeros((channels, length), dtype=np.float32)
     for k, start in enumerate(starts):
         line[:, start : start + frames.shape[2]] = frames[:, k]
-    return Audio(line, sound.rate_hz)
+    return Audio(line, sound.rate_hz, is_timed=True)

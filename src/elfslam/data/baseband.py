@@ -118,7 +118,7 @@ def in_band(audio: Audio) -> Audio:
     low = _low_pass(n / audio.rate_hz, kept)
     taps = 2 * low * np.cos(2 * np.pi * kept.centre_hz * n / audio.rate_hz)
     rows = [signal.oaconvolve(row.astype(np.float64), taps, mode="same") for row in audio.samples]
-    return Audio(np.array(rows, dtype=np.float32), audio.rate_hz)
+    return Audio(np.array(rows, dtype=np.float32), audio.rate_hz, audio.is_timed)
 
 
 def frame_starts_s(audio: Audio, chirp: Chirp, parameters: EchoParameters | None = None) -> F64:
@@ -141,7 +141,8 @@ def from_baseband(baseband: Baseband) -> Audio:
     frames = (baseband.iq * baseband.scale[:, None, None]).astype(np.float32)
     for k, frame in zip(baseband.first, frames, strict=True):
         line[k : k + kept.frame_samples] = frame[:, 0] + 1j * frame[:, 1]
-    return Audio(np.concatenate(list(_sound(line, kept)))[None], kept.source_rate_hz)
+    sound = np.concatenate(list(_sound(line, kept)))
+    return Audio(sound[None], kept.source_rate_hz, is_timed=True)
 
 
 def _ratio(kept: BasebandFormat) -> tuple[int, int]:

@@ -27,6 +27,7 @@ from elfslam.data.baseband_files import write_baseband
 from elfslam.data.folders import new_folder
 from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
+    CLOCK_SLACK_S,
     check_shared_time,
     read_emr,
     read_imu,
@@ -160,14 +161,21 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
 
 
 def _check_clocks(folder: Path, recording: Recording) -> None:
-    """Refuse motion that is not that of the sound."""
-    if recording.audio is None:
+    """Refuse motion that is not that of the sound.
+
+    Sound with times of its own may begin long before or after the motion: both are on its clock.
+    """
+    audio = recording.audio
+    if audio is None:
         return
-    sound = "sound", np.array([0.0, recording.audio.samples.shape[1] / recording.audio.rate_hz])
+    sound = "sound", np.array([0.0, audio.samples.shape[1] / audio.rate_hz])
+    slack_s = math.inf if audio.is_timed else CLOCK_SLACK_S
     if recording.imu is not None:
-        check_shared_time(str(folder), sound, ("motion sensors", recording.imu.t_s))
+        motion = "motion sensors", recording.imu.t_s
+        check_shared_time(str(folder), sound, motion, slack_s=slack_s)
     if recording.odometry is not None:
-        check_shared_time(str(folder), sound, ("odometry", recording.odometry.t_s))
+        odometry = "odometry", recording.odometry.t_s
+        check_shared_time(str(folder), sound, odometry, slack_s=slack_s)
 
 
 def _read_manifest(file: Path) -> dict[str, Any]:
@@ -220,6 +228,8 @@ def _read_sound(folder: Path, manifest: dict[str, Any], chirp: ChirpParameters) 
             "correct the one that is wrong"
         )
     present = audio.samples.shape[1]
+    if audio.is_timed:  # frames end with the last that was kept, wherever the walk ended
+        return audio
     if isinstance(wanted, int) and present / (1 - MOST_LOST_SHARE) < wanted:
         raise InputError(
             f"{folder}: audio has {present} samples, {MANIFEST} promises {wanted}; "

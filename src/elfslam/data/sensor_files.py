@@ -33,9 +33,9 @@ LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT = 500.0, 100.0, 5000.0
 GRAVITY_MPS2 = (5.0, 15.0)
 """Between these lies the median strength of an acceleration with gravity, in m/s2."""
 CLOCK_SLACK_S = 2.0
-"""Sensors of one recording start and stop within this of each other."""
-LEAST_SHARED = 0.9
-"""Of the longer of two streams, what the other must cover."""
+"""Sensors of one recording start within this of each other."""
+LEAST_SHARED_S = 2.0
+"""So long two sensors must have run together; what one has alone is missing from the other."""
 WANTED = MotionParameters()
 
 
@@ -130,20 +130,24 @@ def imu_on_accelerometer_clock(
     return Imu(t_s, accel_mps2[both], np.column_stack(turned))
 
 
-def check_shared_time(source: str, *streams: tuple[str, F64]) -> None:
-    """Raises InputError, naming both spans, where two streams did not run at the same time."""
+def check_shared_time(
+    source: str, *streams: tuple[str, F64], slack_s: float = CLOCK_SLACK_S
+) -> None:
+    """Raises InputError, naming both spans, where two streams did not run at the same time.
+
+    Either may end before the other; starts further apart than `slack_s` are those of two clocks.
+    """
     spans = [(t_s[0], t_s[-1]) for _, t_s in streams]
     (first_start, first_end), (second_start, second_end) = spans
     shared_s = min(first_end, second_end) - max(first_start, second_start)
     longest_s = max(end - start for start, end in spans)
-    lost_s = max(CLOCK_SLACK_S, (1 - LEAST_SHARED) * longest_s)
-    apart_s = abs(first_start - second_start)
-    if shared_s < 0 or longest_s - shared_s > lost_s or apart_s > CLOCK_SLACK_S:
+    wanted_s = max(0.0, min(LEAST_SHARED_S, longest_s - CLOCK_SLACK_S))
+    if shared_s < wanted_s or abs(first_start - second_start) > slack_s:
         ran = [f"{name} ({t_s[0]:.1f} to {t_s[-1]:.1f} s)" for name, t_s in streams]
         raise InputError(
             f"{source}: {ran[0]} and {ran[1]} do not overlap enough; wanted starts within "
-            f"{CLOCK_SLACK_S:g} s and {LEAST_SHARED:.0%} in common; copy both again, put them on "
-            "one clock in seconds, or cut the longer"
+            f"{CLOCK_SLACK_S:g} s and at least {LEAST_SHARED_S:g} s in common; copy both again, or "
+            "put them on one clock in seconds"
         )
 
 

@@ -19,6 +19,8 @@ from elfslam.scoring.tables import ScoreRow, closure_scores, fix_scores, methods
 
 PARAMETERS = "parameters"
 """The fact that is shown folded: a mapping of stage to parameters."""
+MISSING = "missing"
+"""The fact that lists stretches without sound or motion: what, from_s, until_s."""
 
 
 def write_report(
@@ -183,7 +185,22 @@ def _facts(run: Run, facts: Mapping[str, object]) -> dict[str, object]:
         known["echoes"] = run.echoes.t_s.size
         known["losses of stream"] = f"{losses_s.size} ({losses_s.sum():.1f} s)"
     known["status"] = run.trajectory.status
-    return known | {name: value for name, value in facts.items() if name != PARAMETERS}
+    if missing := facts.get(MISSING):
+        known["missing"] = _stretches(missing)
+    return known | {
+        name: value for name, value in facts.items() if name not in (PARAMETERS, MISSING)
+    }
+
+
+def _stretches(missing: object) -> str:
+    """What a recording lacked, in words; as it comes where it is not what run.json says."""
+    try:
+        return "; ".join(
+            f"{each['what']} from {each['from_s']:.1f} to {each['until_s']:.1f} s"
+            for each in missing  # type: ignore[attr-defined]
+        )
+    except (TypeError, KeyError, ValueError):
+        return str(missing)
 
 
 def _parameter_tables(parameters: Mapping[str, object]) -> str:

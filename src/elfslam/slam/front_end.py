@@ -16,7 +16,9 @@ from elfslam.line.echo import Frames, echoes_of, find_frames, frame_facts
 from elfslam.line.medium_access import spoiled_frames
 from elfslam.line.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
 from elfslam.line.spoofing import Suspicion, nothing_suspect, suspicion
+from elfslam.slam.coverage import motion_times_s, stretches, within
 from elfslam.slam.parameters import Parameters
+from elfslam.slam.trimming import kept_motion, kept_sound
 
 
 def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
@@ -24,6 +26,7 @@ def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
 
     Where no heading at the start is declared (see `compass_of`), that of the compass is taken.
     """
+    recording = kept_motion(recording)
     if recording.imu is not None:
         x_m, y_m, heading_rad = recording.start_pose or (0.0, 0.0, np.nan)
         declared = (x_m, y_m, float(np.nan_to_num(heading_rad)))
@@ -44,7 +47,8 @@ def compass_of(recording: Recording, parameters: Parameters) -> Compass | None:
     None, too, where nothing of the start is declared and there is no field to go by. Raises
     InputError where a position is declared, and nobody says which way the walk went from there.
     """
-    imu, field, start = recording.imu, recording.magnetometer, recording.start_pose
+    field, start = recording.magnetometer, recording.start_pose
+    imu = kept_motion(recording).imu
     if imu is None or (start is not None and np.isfinite(start[2])):
         return None
     try:
@@ -73,12 +77,34 @@ def by_compass(
 
 
 def hear(recording: Recording, parameters: Parameters) -> Echoes:
-    """The echoes of a recording's sound.
+    """The echoes of a recording's sound, as far as it has motion: no other can be placed.
 
     Where it says when its chirps were played, frames that other phones chirped into are left out.
     """
     frames = _frames(recording, parameters)
-    return echoes_of(frames, parameters.echo, _duration_s(recording), _spoiled(frames, parameters))
+    duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
+    return placeable(recording, echoes_of(frames, parameters.echo, duration_s, spoiled), parameters)
+
+
+def placeable(recording: Recording, echoes: Echoes, parameters: Parameters) -> Echoes:
+    """The echoes that were heard while motion was measured, in the stretch that was chosen.
+
+    Raises InputError where there are none.
+    """
+    t_s, gap_s = motion_times_s(recording), parameters.motion.longest_gap_s
+    inside = np.ones(len(echoes.t_s), dtype=bool)
+    if t_s is not None and recording.imu is not None:
+        spans = stretches(t_s, gap_s)
+        spans[[0, -1], [0, 1]] += [-gap_s, gap_s]
+        inside = within(echoes.t_s, spans)
+    if recording.kept_s is not None:
+        inside &= within(echoes.t_s, np.array([recording.kept_s]))
+    if not inside.any():
+        raise InputError(
+            f"{recording.name}: its sound and its motion do not meet in time; record again, or "
+            "choose another stretch"
+        )
+    return replace(echoes, t_s=echoes.t_s[inside], samples=echoes.samples[inside])
 
 
 def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
@@ -119,7 +145,8 @@ def _frames(recording: Recording, parameters: Parameters) -> Frames:
             "map it with --by magnetic, or record while chirping"
         )
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    return find_frames(recording.audio, chirp, parameters.echo, recording.played_t_s)
+    audio = kept_sound(recording, recording.audio, _duration_s(recording))
+    return find_frames(audio, chirp, parameters.echo, recording.played_t_s)
 
 
 def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
@@ -129,6 +156,11 @@ def _spoiled(frames: Frames, parameters: Parameters) -> Bool | None:
 
 
 def _duration_s(recording: Recording) -> float | None:
-    """How long the motion sensors ran."""
-    motion = recording.imu or recording.odometry
-    return None if motion is None else float(motion.t_s[-1])
+    """How long the motion sensors ran, against which lost samples of the sound are measured.
+
+    Sound whose stretches have times of their own lacks none: it ran for as long as it says.
+    """
+    audio, t_s = recording.audio, motion_times_s(recording)
+    if audio is not None and audio.is_timed:
+        return float(audio.samples.shape[1] / audio.rate_hz)
+    return None if t_s is None else float(t_s[-1])

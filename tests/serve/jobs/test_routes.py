@@ -93,6 +93,7 @@ def test_a_job_is_told_as_it_was_asked_for(owner: TestClient, remember: Remember
     job = ask(owner, kind="map", recording=recording, by=["elf", "wifi"], start_pose=[1, 2, 0.5])
     assert job["given"] == {
         "recording": recording, "by": ["elf", "wifi"], "start_pose": [1.0, 2.0, 0.5],
+        "from_s": None, "until_s": None,
     }  # fmt: skip
     assert (job["state"], job["attempts"], job["share"], job["gave"]) == ("queued", 0, None, {})
     assert job["created_utc"].endswith(("Z", "+00:00"))
@@ -102,6 +103,23 @@ def test_a_job_is_told_as_it_was_asked_for(owner: TestClient, remember: Remember
     assert owner.get("/api/jobs", params={"state": "queued"}).json() == [job]
     assert owner.get("/api/jobs", params={"state": "done"}).json() == []
     assert owner.get("/api/jobs", params={"state": "lost"}).status_code == 422
+
+
+def test_what_a_map_lacks_is_told_with_its_job(
+    owner: TestClient, remember: Remember, services: Services, tmp_path: Path
+) -> None:
+    recording = remember(owner, "mute")
+    job = ask(owner, kind="map", recording=recording, from_s=2.5)
+    held = jobs.claim(services.sessions)
+    assert held is not None
+    assert held.given["from_s"] == 2.5
+    (tmp_path / "job" / "out").mkdir(parents=True)
+    missing = [{"what": "motion", "from_s": 4.0, "until_s": 7.0}]
+    facts = {"missing": missing, "kept_s": [2.5, 1e6]}
+    assert keep(services, held, tmp_path / "job", Result(facts, None))
+    told = owner.get(f"/api/jobs/{job['id']}").json()
+    assert told["gave"]["missing"] == missing
+    assert owner.get(f"/api/maps/{told['gave']['map']}").json()["facts"] == facts
 
 
 def test_what_cannot_be_done_is_refused_in_a_line(
@@ -119,6 +137,11 @@ def test_what_cannot_be_done_is_refused_in_a_line(
     assert "once" in refused(owner, 422, kind="map", recording=recording, by=["elf", "elf"])
     assert "alone" in refused(owner, 422, kind="map", recording=recording, by=["elf", "motion"])
     refused(owner, 422, kind="map", recording=recording, start_pose=[1e9, 0, 0])
+    assert "before the second" in refused(
+        owner, 422, kind="map", recording=recording, from_s=9, until_s=9
+    )
+    refused(owner, 422, kind="map", recording=recording, from_s=-1)
+    refused(owner, 422, kind="map", recording=recording, until_s=1e9)
     refused(owner, 422, kind="locate", recording=recording, map=made, mode="dowsing")
     with transaction(services.sessions) as session:
         session.get_one(Recording, recording).state = "receiving"

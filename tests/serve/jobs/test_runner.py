@@ -104,6 +104,24 @@ def test_a_walk_becomes_the_map_that_the_command_makes_of_it(
         assert (ours / name).read_bytes() == (tmp_path / "theirs" / name).read_bytes(), name
 
 
+def test_a_stretch_of_a_walk_becomes_a_map_beside_that_of_the_whole(
+    owner: TestClient, remember: Remember, ended: Wait
+) -> None:
+    recording = remember(owner, "one")
+    whole, part = (
+        ended(owner, start(owner, kind="map", recording=recording, by=["motion"], **stretch))
+        for stretch in ({}, {"from_s": 5, "until_s": 12.5})
+    )
+    maps = [owner.get(f"/api/maps/{job['gave']['map']}").json() for job in (whole, part)]
+    assert maps[0]["sources"] == maps[1]["sources"] == [recording]
+    assert "kept_s" not in maps[0]["facts"]
+    assert maps[1]["facts"]["kept_s"] == [5.0, 12.5]
+    assert 5 < maps[1]["facts"]["duration_s"] < 7.5 < maps[0]["facts"]["duration_s"]
+    none = ended(owner, start(owner, kind="map", recording=recording, from_s=900))
+    assert (none["state"], none["gave"]) == ("failed", {})
+    assert "wanted motion from 900" in none["problem"]
+
+
 def test_maps_are_merged_and_a_walk_is_located(
     owner: TestClient, remember: Remember, ended: Wait, tmp_path: Path, services: Services
 ) -> None:

@@ -4,6 +4,8 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import { commonName, mapJob, sensesOf } from "../../../src/elfslam/serve/pages/desk/asking.js";
+import { keptOf } from "../../../src/elfslam/serve/pages/desk/recorded.js";
+import { apart, courseOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
 import { queryOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
 import {
   fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, plural, secondsBetween, withoutMarks,
@@ -91,6 +93,38 @@ test("a job to map asks for what was ticked, motion where nothing was", () => {
   answer.append("by", "wifi");
   for (const [name, value] of [["declared", "on"], ["x_m", "1.5"], ["y_m", "-2"], ["heading", "90"]]) answer.append(name, value);
   assert.deepEqual(mapJob("r", answer), { kind: "map", recording: "r", by: ["elf", "wifi"], start_pose: [1.5, -2, Math.PI / 2] });
+});
+
+test("a stretch is asked for only where not all is meant", () => {
+  assert.deepEqual(stretchOf(0, 60.2, 60.23), {});
+  assert.deepEqual(stretchOf(4.3, 60.2, 60.23), { from_s: 4.3 });
+  assert.deepEqual(stretchOf(0, 50.1, 60.23), { until_s: 50.1 });
+  const answer = new FormData();
+  for (const [name, value] of [["by", "elf"], ["from_s", "12.3"], ["until_s", "40"]]) answer.append(name, value);
+  assert.deepEqual(mapJob("r", answer, 60), { kind: "map", recording: "r", by: ["elf"], from_s: 12.3, until_s: 40 });
+  assert.deepEqual(mapJob("r", answer), { kind: "map", recording: "r", by: ["elf"] });
+});
+
+test("the two ends of a stretch give way to each other", () => {
+  assert.deepEqual(apart([10, 30], "from", 60), [10, 30]);
+  assert.deepEqual(apart([29, 30], "from", 60), [29, 31]);
+  assert.deepEqual(apart([59, 60], "from", 60), [58, 60]);
+  assert.deepEqual(apart([29, 30], "until", 60), [28, 30]);
+  assert.deepEqual(apart([0, 1], "until", 60), [0, 2]);
+});
+
+test("a time line has the lanes that are known, and there is none of what is too short", () => {
+  const facts = { duration_s: 60, spans_s: { motion: [[0, 20], [23, 60]], sound: [[0.7, 59]] } };
+  assert.deepEqual(courseOf({ facts }).lanes, [["Sound", [[0.7, 59]]], ["Motion", [[0, 20], [23, 60]]]]);
+  assert.deepEqual(courseOf({ facts: { duration_s: 60 } }), { duration_s: 60, lanes: [] });
+  assert.equal(courseOf({ facts: { duration_s: 1 } }), null);
+  assert.equal(courseOf({ facts: {} }), null);
+});
+
+test("what was mapped of a recording is told by its map", () => {
+  assert.deepEqual(keptOf({ kept_s: [5, 1e6] }), [5, 1e6]);
+  assert.equal(keptOf({}), null);
+  assert.equal(keptOf(undefined), null);
 });
 
 test("senses are those that the recording brings", () => {

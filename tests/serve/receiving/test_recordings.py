@@ -94,6 +94,8 @@ def test_a_walk_goes_in_and_comes_out(
     assert ready["facts"]["duration_s"] == pytest.approx(0.8)
     assert ready["facts"]["bytes"] == sum(map(len, walk_files.values()))
     assert ready["facts"]["sensors"] == ["imu"]
+    ((from_s, until_s),) = ready["facts"]["spans_s"]["motion"]
+    assert (from_s, until_s) == (0.0, 0.78)
     assert ready["uploads"] == []
     assert {file["name"] for file in ready["files"]} == set(walk_files)
     assert [job.given for job in jobs(services)] == [

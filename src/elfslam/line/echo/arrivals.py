@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F32, I64
+from elfslam.base.arrays import F32, I64, Bool
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import ECHO_RATE_HZ
 from elfslam.line.echo.parameters import EchoParameters
@@ -18,6 +18,8 @@ from elfslam.line.echo.parameters import EchoParameters
 LULL_S = (0.070, 0.005)
 """Behind a direct arrival its echoes are over after the first, and the next chirp is not yet
 due the second before the period ends: nothing as loud as a chirp belongs there."""
+SILENT_SHARE = 1e-6
+"""Of the loudest; what the matched filter leaves of a chirp in digital silence is less."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +51,21 @@ def find_arrivals(envelope: F32, period: int, parameters: EchoParameters) -> Arr
         direct = earliest(envelope, peak, early, parameters.early_share)
         found.append(direct)
         expected = direct + period
-    _check_found(len(found), len(envelope) / period, parameters)
+    silent = int(np.sum(~sounding(envelope, period)))
+    _check_found(len(found), len(envelope) / period - silent, parameters)
     arrivals = Arrivals(np.array(found, dtype=np.int64), tuple(jumps))
     _check_beat(arrivals, envelope, period, parameters)
     return arrivals
+
+
+def sounding(envelope: F32, period: int) -> Bool:
+    """Which whole periods (n) hold any sound: where a phone kept none there is digital silence."""
+    loudest = _by_period(envelope, period).max(axis=1, initial=0.0)
+    return np.asarray(loudest >= SILENT_SHARE * loudest.max(initial=0.0))
+
+
+def _by_period(envelope: F32, period: int) -> F32:
+    return envelope[: len(envelope) // period * period].reshape(-1, period)
 
 
 def check_search(reach: int, count: int, period: int) -> None:
@@ -70,7 +83,7 @@ def check_search(reach: int, count: int, period: int) -> None:
 
 
 def _direct_level(envelope: F32, period: int, parameters: EchoParameters) -> float:
-    frames = envelope[: len(envelope) // period * period].reshape(-1, period)
+    frames = _by_period(envelope, period)[sounding(envelope, period)]
     peak = float(np.median(frames.max(axis=1)))
     floor = float(np.median(np.median(frames, axis=1)))
     if peak < parameters.contrast * max(floor, 1e-9):

@@ -31,8 +31,9 @@ def cut_echoes(
     `duration_s` is how long the other sensors ran: it tells how much sound was lost where the
     stream jumps, which the phase of the chirps gives only up to whole periods. `played_t_s` (m)
     says when each chirp was played, up to a constant; without it they come once per period.
-    Raises InputError for sound that is too short, silent, clipped, holds no chirps, or lost a
-    stretch that cannot be put back; ParameterError for a search wider than the period.
+    What lies behind a loss that cannot be put back is left out. Raises InputError for sound that
+    is too short, silent, clipped or holds no chirps; ParameterError for a search wider than the
+    period.
     """
     frames = find_frames(audio, chirp, parameters, played_t_s)
     return echoes_of(frames, parameters, duration_s)
@@ -46,10 +47,18 @@ def echoes_of(
 ) -> Echoes:
     """The echo traces of frames that were found, as `cut_echoes`; those `spoiled` (n) left out."""
     samples, arrivals = frames.samples, frames.arrivals.samples
+    missing_s = None if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
+    t_s, losses_s, certain = arrival_times(frames, missing_s, parameters)
     starts = arrivals + DISCARDED_SAMPLES
     heard = np.array([_holds_echo(samples, start) for start in starts])
     if not heard.any():
         raise InputError("audio: it ends before the first echo does; record longer")
+    heard[certain:] = False
+    if not heard.any():
+        raise InputError(
+            "audio: sound was lost at its beginning and nothing tells how much, so its echoes "
+            "cannot be timed; record again"
+        )
     if spoiled is not None:
         heard &= ~spoiled
     if not heard.any():
@@ -57,8 +66,6 @@ def echoes_of(
             "audio: other phones chirp into every echo; record where fewer do, or wait your turn"
         )
     traces = np.stack([samples[start : start + ECHO_SAMPLES] for start in starts[heard]])
-    missing_s = None if duration_s is None else duration_s - len(samples) / ECHO_RATE_HZ
-    t_s, losses_s = arrival_times(frames, missing_s, parameters)
     return Echoes(t_s[heard], traces, losses_s)
 
 

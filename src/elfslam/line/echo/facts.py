@@ -39,9 +39,9 @@ def frame_facts(
 def _times(frames: Frames, parameters: EchoParameters, duration_s: float | None) -> tuple[F64, F64]:
     """When each chirp was due, lost stretches put back, and how late it was against that."""
     missing_s = None if duration_s is None else duration_s - len(frames.samples) / ECHO_RATE_HZ
-    lost = put_back(frames, missing_s, parameters)
+    breaks = put_back(frames, missing_s, parameters)
     shift_s = np.zeros(len(frames.due))
-    for k, lost_s in lost:
+    for k, lost_s in breaks.lost:
         shift_s[int(np.flatnonzero(frames.found == k)[0]) :] += lost_s
     arrived = frames.arrivals.samples[frames.found]
     return frames.due / ECHO_RATE_HZ + shift_s, (arrived - frames.due) / ECHO_RATE_HZ

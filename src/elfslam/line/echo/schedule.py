@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64, I64
+from elfslam.base.arrays import F32, F64, I64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_RATE_HZ
-from elfslam.line.echo.arrivals import Arrivals, check_search, earliest, strongest
+from elfslam.line.echo.arrivals import Arrivals, check_search, earliest, sounding, strongest
 from elfslam.line.echo.parameters import EchoParameters
 
 STRETCH = 32
@@ -66,7 +66,8 @@ def find_scheduled(
     behind = _follow(search, range(first, len(played)), late)
     before = _follow(search, range(first - 1, -1, -1), late)
     late_by, arrived = (np.concatenate([b[::-1], a]) for b, a in zip(before, behind, strict=True))
-    _check_heard(arrived, played + late_by, len(envelope), parameters)
+    due = (played + late_by)[_in_sound(played + late_by, envelope, period)]
+    _check_heard(arrived, len(due), parameters)
     return _arrivals_of(played, late_by, arrived, slack)
 
 
@@ -140,8 +141,15 @@ def _searched_anew(search: Search, chirps: range, late: int) -> int:
     return found if peak >= search.level else late
 
 
-def _check_heard(arrived: I64, due: I64, count: int, parameters: EchoParameters) -> None:
-    within = int(np.sum((due >= 0) & (due < count)))
+def _in_sound(due: I64, envelope: F32, period: int) -> Bool:
+    """Which chirps were due while there was sound to hear them in."""
+    sounds = sounding(envelope, period)
+    frame = due // period
+    within = (frame >= 0) & (frame < len(sounds))
+    return np.asarray(within & sounds[np.clip(frame, 0, len(sounds) - 1)])
+
+
+def _check_heard(arrived: I64, within: int, parameters: EchoParameters) -> None:
     found = int(np.sum(arrived >= 0))
     if found < max(parameters.found_share * within, 1):
         raise InputError(

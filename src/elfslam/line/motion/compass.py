@@ -20,8 +20,9 @@ from elfslam.base.values import Imu, Magnetometer
 from elfslam.line.motion.footsteps import footfalls
 from elfslam.line.motion.heading import phone_turn, smooth_heading
 from elfslam.line.motion.lengths import lengths_between
-from elfslam.line.motion.level import Level, averaged, check_imu, level
+from elfslam.line.motion.level import Level, averaged
 from elfslam.line.motion.parameters import MotionParameters
+from elfslam.line.motion.pieces import levelled_pieces
 
 C128 = npt.NDArray[np.complex128]
 ROUNDS = 20
@@ -61,9 +62,10 @@ def compass_heading(
     `known` is the hard iron as the phone's walk before left it. Raises InputError as
     `dead_reckon` does, where there are fewer than two footsteps, or no field.
     """
-    check_imu(imu, parameters)
-    levelled = level(imu, parameters)
-    footsteps_t_s = footfalls(levelled, parameters)
+    pieces = levelled_pieces(imu, parameters)
+    found = [(piece, footfalls(piece, parameters)) for piece in pieces]
+    # What lies behind an interruption does not tell how the walk began.
+    levelled, footsteps_t_s = next((each for each in found if len(each[1]) > 1), found[0])
     if len(footsteps_t_s) < 2:
         raise InputError("compass: found no two footsteps, wanted a walk; record a longer one")
     lengths_m = lengths_between(levelled, footsteps_t_s, parameters)

@@ -7,17 +7,18 @@ from scipy import signal
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.values import Imu
-from elfslam.line.motion.level import GRAVITY_MPS2, Level, averaged, check_imu, level
+from elfslam.line.motion.level import GRAVITY_MPS2, Level, averaged
 from elfslam.line.motion.parameters import MotionParameters
+from elfslam.line.motion.pieces import levelled_pieces
 
 
 def find_footsteps(imu: Imu, parameters: MotionParameters) -> F64:
     """Times (n) of the footfalls, s: peaks of the vertical acceleration in the footstep band.
 
-    Raises InputError as `check_imu` does; a walk without footsteps gives no times.
+    Raises InputError as `levelled_pieces` does; a walk without footsteps gives no times.
     """
-    check_imu(imu, parameters)
-    return footfalls(level(imu, parameters), parameters)
+    pieces = levelled_pieces(imu, parameters)
+    return np.concatenate([footfalls(piece, parameters) for piece in pieces])
 
 
 def footfalls(levelled: Level, parameters: MotionParameters) -> F64:

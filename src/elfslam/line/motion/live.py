@@ -21,6 +21,7 @@ from elfslam.line.motion.level import (
     Level,
     Rest,
     evenly_sampled,
+    is_enough,
     level,
     rate_of,
     still_rows,
@@ -68,7 +69,7 @@ def go_on(walk: Going, newer: Imu, parameters: MotionParameters) -> tuple[Going,
     Readings that are too few or too slow give no steps. Raises InputError where time runs back.
     """
     walk = _continued(walk, newer, parameters)
-    if not _enough(walk.window.t_s, parameters):
+    if not is_enough(walk.window.t_s, parameters):
         return walk, NO_STEPS
     levelled = level(walk.window, parameters, walk.rest)
     known = len(walk.footsteps_t_s)
@@ -131,18 +132,11 @@ def _continued(walk: Going, newer: Imu, parameters: MotionParameters) -> Going:
 
 def _rested(walk: Going, until_s: float, parameters: MotionParameters) -> Rest:
     """The gyroscope at rest before the window, and in it until a time."""
-    if not _enough(walk.window.t_s, parameters):
+    if not is_enough(walk.window.t_s, parameters):
         return walk.rest
     t_s, accel, gyro = evenly_sampled(walk.window)
     left = still_rows(accel, gyro, rate_of(t_s), parameters) & (t_s < until_s)
     return Rest(walk.rest.sum_radps + gyro[left].sum(axis=0), walk.rest.count + int(left.sum()))
-
-
-def _enough(t_s: F64, parameters: MotionParameters) -> bool:
-    """Whether readings at these times are long and quick enough to find footsteps in."""
-    if len(t_s) < 2 or t_s[-1] - t_s[0] < parameters.least_duration_s:
-        return False
-    return rate_of(t_s) >= parameters.least_rate_hz
 
 
 def _headings(

@@ -23,7 +23,7 @@ class MotionParameters:
         2.0, "s", "shorter recordings are refused", low=1.0, high=3600.0
     )
     longest_gap_s: float = parameter(
-        0.5, "s", "recordings with a longer interruption are refused", low=0.01, high=60.0
+        0.5, "s", "a longer interruption is bridged: nothing is known there", low=0.01, high=60.0
     )
     least_footsteps: int = parameter(
         4, "", "walks with fewer footsteps are refused", low=2, high=100_000
@@ -135,6 +135,12 @@ class MotionParameters:
     )
     heading_drift_sigma_radps: float = parameter(
         0.001, "rad/s", "steady drift of the heading", low=0.0, high=1.0
+    )
+    unseen_speed_mps: float = parameter(
+        1.4, "m/s", "how fast a walker may go where motion is missing", low=0.1, high=10.0
+    )
+    unseen_turn_radps: float = parameter(
+        0.5, "rad/s", "how fast the heading is lost where motion is missing", low=0.0, high=10.0
     )
     live_window_s: float = parameter(
         8.0, "s", "live, footsteps are found in so much of the walk", low=6.0, high=3600.0

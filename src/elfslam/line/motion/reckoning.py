@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -13,10 +15,21 @@ from elfslam.base.values import Imu, Odometry
 from elfslam.line.motion.footsteps import footfalls
 from elfslam.line.motion.heading import smooth_heading, turned_since_rest
 from elfslam.line.motion.lengths import lengths_between
-from elfslam.line.motion.level import check_imu, level
+from elfslam.line.motion.level import Level
 from elfslam.line.motion.parameters import MotionParameters, check_motion
+from elfslam.line.motion.pieces import bridge, levelled_pieces
 
 ORIGIN = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, eq=False)
+class _Stretch:
+    """Footsteps (n) without an interruption, lengths (n-1) and moves (n-1, 3) between them."""
+
+    levelled: Level
+    footsteps_t_s: F64
+    lengths_m: F64
+    moves: F64
 
 
 def dead_reckon(
@@ -25,35 +38,58 @@ def dead_reckon(
     """One node per footstep, with the sigma of each move.
 
     `start_pose` (or the origin) is where the walker stood, and faced, as the recording began;
-    where the phone did not rest then, the first footstep is there.
+    where the phone did not rest then, the first footstep is there. Over an interruption of the
+    sensors the way is unknown: the sigma of that move says so.
 
-    Raises InputError where the recording is too short, too slow, interrupted, or holds too few
-    footsteps, ParameterError where two parameters contradict each other.
+    Raises InputError where the recording is too short, too slow, in pieces too short, or holds
+    too few footsteps, ParameterError where two parameters contradict each other.
     """
     check_motion(parameters)
-    check_imu(imu, parameters)
-    levelled = level(imu, parameters)
-    footsteps_t_s = footfalls(levelled, parameters)
-    if len(footsteps_t_s) < parameters.least_footsteps:
+    found = [(each, footfalls(each, parameters)) for each in levelled_pieces(imu, parameters)]
+    walked = [_stretch(*each, parameters) for each in found if len(each[1]) > 1]
+    _check_enough(sum(len(each.footsteps_t_s) for each in walked), parameters)
+    begin, begin_s = walked[0], float(walked[0].footsteps_t_s[0])
+    turned_rad = turned_since_rest(begin.levelled, begin_s, parameters)
+    first = _first_pose(start_pose or ORIGIN, turned_rad, float(begin.lengths_m[0]))
+    moves, sigma = _joined(walked, parameters)
+    return Odometry(
+        np.concatenate([each.footsteps_t_s for each in walked]),
+        chain(first, moves),
+        sigma,
+        parameters.step_scale_sigma,
+        parameters.heading_drift_sigma_radps,
+    )
+
+
+def _check_enough(footsteps: int, parameters: MotionParameters) -> None:
+    if footsteps < parameters.least_footsteps:
         raise InputError(
-            f"inertial data: found {len(footsteps_t_s)} footsteps, wanted at least "
+            f"inertial data: found {footsteps} footsteps, wanted at least "
             f"{parameters.least_footsteps}; record a longer walk, phone in the hand"
         )
+
+
+def _stretch(levelled: Level, footsteps_t_s: F64, parameters: MotionParameters) -> _Stretch:
     lengths_m = lengths_between(levelled, footsteps_t_s, parameters)
     heading_rad = smooth_heading(levelled, parameters)
     at_footsteps = np.interp(footsteps_t_s, levelled.t_s, heading_rad)
     halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
     halfway = np.interp(halfway_s, levelled.t_s, heading_rad)
     moves = moves_between(lengths_m, at_footsteps, halfway)
-    turned_rad = turned_since_rest(levelled, float(footsteps_t_s[0]), parameters)
-    poses = chain(_first_pose(start_pose or ORIGIN, turned_rad, float(lengths_m[0])), moves)
-    return Odometry(
-        footsteps_t_s,
-        poses,
-        step_sigma(lengths_m, parameters),
-        parameters.step_scale_sigma,
-        parameters.heading_drift_sigma_radps,
-    )
+    return _Stretch(levelled, footsteps_t_s, lengths_m, moves)
+
+
+def _joined(walked: Sequence[_Stretch], parameters: MotionParameters) -> tuple[F64, F64]:
+    """Moves and sigmas (n-1, 3) of all footsteps, with a bridge between two stretches."""
+    moves = np.concatenate([each.moves for each in walked])
+    sigma = step_sigma(np.concatenate([each.lengths_m for each in walked]), parameters)
+    ends = np.cumsum([len(each.moves) for each in walked])[:-1]
+    for end, (before, after) in reversed(list(zip(ends, pairwise(walked), strict=True))):
+        unseen_s = float(after.footsteps_t_s[0] - before.footsteps_t_s[-1])
+        move, move_sigma = bridge(unseen_s, parameters)
+        moves = np.insert(moves, end, move, axis=0)
+        sigma = np.insert(sigma, end, move_sigma, axis=0)
+    return moves, sigma
 
 
 def nodes_by_distance(odometry: Odometry, spacing_m: float) -> Odometry:

@@ -10,6 +10,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from elfslam.data.facts import MISSING
 from elfslam.serve.jobs.child import Result
 from elfslam.serve.jobs.folder import OUT
 from elfslam.serve.jobs.queue import Claim, finish
@@ -62,7 +63,8 @@ def _gave(held: Claim, result: Result) -> tuple[dict[str, Any], str | None]:
     if held.kind is JobKind.LOCATE:
         return {"fixes": held.job_id, **result.facts}, None
     map_id = new_id()
-    return {"map": map_id}, map_id
+    lacked = {MISSING: result.facts[MISSING]} if result.facts.get(MISSING) else {}
+    return {"map": map_id, **lacked}, map_id
 
 
 def _add_map(

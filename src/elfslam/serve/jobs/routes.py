@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from fastapi import APIRouter, Body
 from fastapi.responses import FileResponse
-from pydantic import BaseModel, Field, field_validator
+from pydantic import BaseModel, Field, field_validator, model_validator
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from elfslam.base.choices import Modality, Mode, parse_modalities
+from elfslam.base.choices import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
 from elfslam.serve.jobs.folder import FIXES
@@ -41,15 +41,21 @@ FARTHEST_M = 1e6
 MOST_MAPS = 100
 Id = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
+Seconds = Annotated[float, Field(ge=0, le=LONGEST_S, allow_inf_nan=False)]
 
 
 class MapWanted(BaseModel):
-    """Make a map of a recording; `by` nothing means by echoes where there is sound."""
+    """Make a map of a recording; `by` nothing means by echoes where there is sound.
+
+    Only what lies between `from_s` and `until_s` is mapped, where they are given.
+    """
 
     kind: Literal["map"]
     recording: Id
     by: list[Modality] = Field(default_factory=list, max_length=len(Modality))
     start_pose: tuple[Coordinate, Coordinate, Coordinate] | None = None
+    from_s: Seconds | None = None
+    until_s: Seconds | None = None
 
     @field_validator("by")
     @classmethod
@@ -59,6 +65,14 @@ class MapWanted(BaseModel):
         except ParameterError as error:
             raise ValueError(str(error).removeprefix("--by: ")) from error
         return by
+
+    @model_validator(mode="after")
+    def _in_order(self) -> Self:
+        try:
+            parse_stretch(self.from_s, self.until_s)
+        except ParameterError as error:
+            raise ValueError(str(error).replace("--", "")) from error
+        return self
 
 
 class MergeWanted(BaseModel):

@@ -82,6 +82,8 @@ def _map(session: Session, held: Claim) -> Task:
         "recording": name,
         "by": held.given.get("by") or [],
         "start_pose": held.given.get("start_pose"),
+        "from_s": held.given.get("from_s"),
+        "until_s": held.given.get("until_s"),
     }
     return task, {name: named}
 

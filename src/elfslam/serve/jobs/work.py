@@ -22,14 +22,15 @@ from typing import Any, TextIO
 import numpy as np
 
 from elfslam.app.locate import encoder_of
-from elfslam.app.map import MapJob, kept_closures, map_into, refuse_unclosed
+from elfslam.app.map import MapJob, Pose, kept_closures, map_into, refuse_unclosed
 from elfslam.app.merge import merge_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.choices import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus, Run
+from elfslam.data.facts import MISSING, read_facts
 from elfslam.data.fixes_files import write_fixes
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import read_map
@@ -107,15 +108,24 @@ def in_words(error: ElfslamError, folder: Path) -> str:
 def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
     """As `elfslam map` does."""
     by = tuple(Modality(name) for name in task["by"])
-    start = None if task["start_pose"] is None else tuple(map(float, task["start_pose"]))
-    job = MapJob(by, start, ENCODER, Settings(), overwrite=False)  # type: ignore[arg-type]
+    kept_s = parse_stretch(task["from_s"], task["until_s"])
+    start = _start_pose(task["start_pose"])
+    job = MapJob(by, start, ENCODER, Settings(), overwrite=False, kept_s=kept_s)
 
     def stage(what: str, share: float | None) -> None:
         name = what.rpartition(": ")[2]
         announce(name, STAGES.get(name) if share is None else share)
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
-    return _facts_of_run(run), _problem_of(lambda: refuse_unclosed(run))
+    facts = _facts_of_run(run) | _stretches(folder / OUT)
+    return facts, _problem_of(lambda: refuse_unclosed(run))
+
+
+def _start_pose(given: list[float] | None) -> Pose | None:
+    if given is None:
+        return None
+    x_m, y_m, heading_rad = map(float, given)
+    return x_m, y_m, heading_rad
 
 
 def _facts_of_run(run: Run) -> Json:
@@ -131,6 +141,12 @@ def _facts_of_run(run: Run) -> Json:
         "by": run.similarity.kind,
         "bounds_m": _bounds(xy_m),
     }
+
+
+def _stretches(out: Path) -> Json:
+    """What run.json says of the stretch that was mapped, and of what was missing in it."""
+    told = read_facts(out)
+    return {name: told[name] for name in ("kept_s", MISSING) if name in told}
 
 
 def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:

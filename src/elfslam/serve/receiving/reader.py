@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording
 from elfslam.data.recordings import read_recording
@@ -24,6 +25,10 @@ from elfslam.serve.problems import is_disk_full
 from elfslam.serve.receiving.reading import DISK_FULL, ReadFolder
 from elfslam.serve.settings import Limits
 from elfslam.serve.store.zips import unpack_recording
+from elfslam.slam.coverage import spans_of
+
+MOST_SPANS = 200
+"""So many are told: the list of recordings stays short."""
 
 
 def find(folder: Path, limits: Limits, packed: Path | None = None) -> ReadFolder:
@@ -59,7 +64,7 @@ def _without(text: str, *paths: Path | None) -> str:
 
 
 def facts_of(recording: Recording) -> dict[str, Any]:
-    """What is told of a recording: name, device, duration, sensors, footsteps."""
+    """What is told of a recording: name, device, duration, sensors, their spans, footsteps."""
     facts: dict[str, Any] = {"name": recording.name, "device": recording.device}
     ends_s = [0.0]
     if recording.audio is not None:
@@ -76,9 +81,16 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     facts["duration_s"] = round(float(np.max(ends_s)), 3)
     if recording.start_pose is not None and np.isfinite(recording.start_pose).all():
         facts["start_pose"] = list(recording.start_pose)
+    spans = spans_of(recording, MotionParameters())
+    facts["spans_s"] = {what: _listed(each) for what, each in spans.items()}
     if (footsteps := _footsteps(recording)) is not None:
         facts["footsteps"] = footsteps
     return facts
+
+
+def _listed(spans: F64) -> list[list[float]]:
+    """The first spans, few enough to be told in a list of recordings."""
+    return [[round(float(each), 2) for each in span] for span in spans[:MOST_SPANS]]
 
 
 def _footsteps(recording: Recording) -> int | None:

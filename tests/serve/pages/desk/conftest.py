@@ -74,10 +74,10 @@ class Person:
             )
         return row.id
 
-    def plant_recording(self, name: str, folder: Path) -> str:
+    def plant_recording(self, name: str, folder: Path, **more: Any) -> str:
         """A recording as if it had been uploaded; gives its id."""
         made = blobs.put_folder(self.services.settings.blobs_folder, folder)
-        row = Recording(user_id=self.id, name=name, state=RecordingState.READY)
+        row = Recording(user_id=self.id, name=name, state=RecordingState.READY, **more)
         with transaction(self.services.sessions) as session:
             session.add(row)
             session.flush()

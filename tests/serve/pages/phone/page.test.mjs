@@ -4,7 +4,9 @@ import assert from "node:assert/strict";
 import { createHash } from "node:crypto";
 import { test } from "node:test";
 
-import { eventTime, fitClocks, readClocks, soundTime } from "../../../../src/elfslam/serve/pages/phone/clocks.js";
+import {
+  eventTime, fitClocks, readClocks, soundTime, withPair,
+} from "../../../../src/elfslam/serve/pages/phone/clocks.js";
 import { parseStart, walkKey } from "../../../../src/elfslam/serve/pages/phone/form.js";
 import { NO_FACTS, deviceIn, manifestOf } from "../../../../src/elfslam/serve/pages/phone/manifest.js";
 import { cutsFor, lastTime } from "../../../../src/elfslam/serve/pages/phone/mending.js";
@@ -17,7 +19,8 @@ import { troubleOf } from "../../../../src/elfslam/serve/pages/phone/troubles.js
 import { judge, summarise } from "../../../../src/elfslam/serve/pages/phone/verdicts.js";
 import { makeChirpLog, makeLateness, makeMotionLog } from "../../../../src/elfslam/serve/pages/phone/walking.js";
 import { secretIn } from "../../../../src/elfslam/serve/pages/shared/api.js";
-import { formatBytes, formatDuration } from "../../../../src/elfslam/serve/pages/shared/format.js";
+import { formatBytes, formatDuration, formatMoment } from "../../../../src/elfslam/serve/pages/shared/format.js";
+import { missingLine, missingWords } from "../../../../src/elfslam/serve/pages/shared/missing.js";
 import { fingerprintOf } from "../../../../src/elfslam/serve/pages/trust.js";
 
 const IPHONE = "Mozilla/5.0 (iPhone; CPU iPhone OS 18_1 like Mac OS X) AppleWebKit/605.1.15 Version/18.1";
@@ -80,6 +83,17 @@ test("a drifting and jittering clock is followed", () => {
   assert.ok(Math.abs(soundTime(line, 5000 + 200 * 150) - (2 + 30 * (1 + 50e-6))) < 0.0005);
 });
 
+test("where the sound stalled, pairs of before mislead and are left out", () => {
+  let pairs = [];
+  for (let k = 0; k < 20; k += 1) pairs = withPair(pairs, { pageMs: 200 * k, soundS: 1 + 0.2 * k }, 15);
+  assert.equal(pairs.length, 15);
+  pairs = withPair(pairs, { pageMs: 9000, soundS: 5.2 }, 15);
+  assert.deepEqual(pairs, [{ pageMs: 9000, soundS: 5.2 }]);
+  pairs = withPair(pairs, { pageMs: 9200, soundS: 5.39 }, 15);
+  assert.equal(pairs.length, 2);
+  assert.ok(Math.abs(soundTime(fitClocks(pairs), 9100) - 5.295) < 0.01);
+});
+
 test("a rate that no clock has is taken for noise", () => {
   const line = fitClocks([{ pageMs: 0, soundS: 0 }, { pageMs: 10, soundS: 0.02 }, { pageMs: 20, soundS: 0.04 }]);
   assert.equal(line.rate, 1);
@@ -107,6 +121,13 @@ test("motion is kept in order of time, from the start of the recording on", () =
   assert.deepEqual(times, ["0.020000", "0.030000"]);
   assert.deepEqual(rows["accelerometer.csv"].match(/^0\.\d+/gm), times);
   assert.equal(log.take((pageMs) => pageMs)["gyroscope.csv"], "");
+});
+
+test("a walk that goes on takes no motion of before", () => {
+  const log = makeMotionLog(() => {}, 12.5);
+  for (const pageMs of [12400, 12600]) log.add(pageMs, [0, 0, 9.8], [0, 0, 1]);
+  const rows = log.take((pageMs) => pageMs / 1000);
+  assert.deepEqual(Object.values(rows).map((text) => text.split(",")[0]), ["12.600000", "12.600000"]);
 });
 
 test("motion waits for the sound that belongs to it", () => {
@@ -298,4 +319,20 @@ test("the fingerprint is the digest of the certificate", async () => {
   assert.equal(whole.replaceAll(":", ""), createHash("sha256").update("abc").digest("hex").toUpperCase());
   assert.equal(whole.split(":").length, 32);
   await assert.rejects(fingerprintOf("no certificate"), /no certificate/);
+});
+
+test("what a walk lacks is told from when until when", () => {
+  assert.equal(formatMoment(59.96), "1:00.0");
+  assert.equal(formatMoment(3725.34), "1:02:05.3");
+  const hole = { what: "motion", from_s: 12, until_s: 15.25 };
+  assert.equal(missingLine(hole), "Motion is missing from 0:12.0 to 0:15.3");
+  assert.equal(missingWords(undefined), "");
+  assert.equal(missingWords([]), "");
+  const many = [hole, { ...hole, what: "sound" }, { ...hole, what: "light" }];
+  assert.equal(
+    missingWords(many, 2),
+    "Motion is missing from 0:12.0 to 0:15.3; Sound is missing from 0:12.0 to 0:15.3; 1 more stretch like it.",
+  );
+  assert.match(missingWords(many, 1), /2 more stretches like it\.$/);
+  assert.match(missingWords(many), /light is missing/);
 });

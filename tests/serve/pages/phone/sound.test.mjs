@@ -211,6 +211,32 @@ for (const rateHz of RATES_HZ) {
   }
 }
 
+for (const kind of ["baseband", "whole"]) {
+  test(`a walk that goes on (${kind}) has the frames of one that never stopped, so much later`, () => {
+    const rateHz = 48000;
+    const played = randomSchedule(40, rateHz);
+    const sound = playedSound(played, 9000, rateHz, 6);
+    const origin = 600 * rateHz; // ten minutes in, and no memory grows with it
+    const at = (from) => {
+      const framer = makeFramer({ ...framing(rateHz, kind), late: 9000, origin: from });
+      played.forEach((sample) => framer.played(from + sample));
+      const frames = [];
+      for (let first = 0; first < sound.length; first += 1024) {
+        const { frames: cut, missing } = framer.push(from + first, sound.subarray(first, first + 1024));
+        assert.equal(missing, 0);
+        frames.push(...cut);
+      }
+      assert.equal(framer.end(), from + sound.length);
+      return frames;
+    };
+    const [fresh, later] = [at(0), at(origin)];
+    assert.ok(fresh.length >= 38);
+    assert.deepEqual(later.map(({ arrival }) => arrival.sample - origin), fresh.map(({ arrival }) => arrival.sample));
+    assertNear(later.map(({ tS }) => tS - 600), fresh.map(({ tS }) => tS), 2e-4, "times");
+    assert.deepEqual(later.map(({ bytes }) => bytes.length), fresh.map(({ bytes }) => bytes.length));
+  });
+}
+
 test("another phone's chirps are not taken for those of a schedule", () => {
   const rateHz = 44100;
   const played = randomSchedule(60, rateHz);

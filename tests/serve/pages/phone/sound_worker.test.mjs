@@ -97,6 +97,26 @@ for (const kind of Object.keys(FILES)) {
   });
 }
 
+test("a walk that goes on adds to its files, from then on", async () => {
+  told.length = 0;
+  kept.length = 0;
+  const sizes = { "baseband.csv": 400, "baseband.iq": 40320 };
+  order({ do: "record", walk: "w", kind: "baseband", mediumAccess: MEDIUM_ACCESS, latencyS: null, fromS: 90, kept: sizes });
+  speak();
+  order({ do: "stop" });
+  await settled();
+  assert.equal(told.find((message) => message.is === "started").zero, -90 * RATE_HZ);
+  const times = told.filter((message) => message.is === "frame").map(({ tS }) => tS);
+  assert.ok(times.length > 8 && times.every((tS) => tS >= 90 && tS < 92), times.join(" "));
+  const parts = kept.flatMap((message) => message.parts);
+  const rows = parts.filter(([name]) => name === "baseband.csv").map(([, bytes]) => new TextDecoder().decode(bytes));
+  assert.ok(rows.every((row) => /^9[01]\./.test(row)), "no header a second time");
+  const stopped = told.find((message) => message.is === "stopped");
+  assert.ok(Math.abs(stopped.seconds - 90 - heard.length / RATE_HZ) < 0.05);
+  assert.equal(stopped.sizes["baseband.iq"], 40320 + 2016 * times.length);
+  assert.equal(stopped.sizes["baseband.csv"], 400 + rows.join("").length);
+});
+
 test.after(() => {
   for (const port of [source.port1, source.port2, store.port1, store.port2]) port.close();
 });

@@ -2,6 +2,7 @@
 
 import { askPerson } from "./dialogs.js";
 import { h } from "../shared/dom.js";
+import { courseOf, stretchField, stretchOf } from "./timeline.js";
 
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {import("./store.js").Map_} Map_ */
@@ -32,8 +33,10 @@ export function sensesOf({ files }) {
   return SENSES.filter(([, , file]) => files.some(({ name }) => file.test(name))).map(([sense]) => sense);
 }
 
-/** @param {Recording} recording @returns {Promise<object | null>} the job to be posted */
-export async function askToMap(recording) {
+/** @param {Recording} recording @param {import("./timeline.js").Span | null} [kept] what was mapped of it before
+ * @returns {Promise<object | null>} the job to be posted */
+export async function askToMap(recording, kept = null) {
+  const course = courseOf(recording);
   const brought = sensesOf(recording);
   const ticks = SENSES.map(([sense, words, , why]) => {
     const has = brought.includes(sense);
@@ -42,6 +45,7 @@ export async function askToMap(recording) {
       h("span", null, words, h("small", null, has ? ` ${why}` : " not in this recording")));
   });
   const body = [
+    course && stretchField(course, kept ? [kept[0], Math.min(kept[1], course.duration_s)] : undefined),
     h("fieldset", null, h("legend", null, "Close loops by"), h("div", { class: "ticks" }, ticks),
       h("small", null, "With none of them the walk is reckoned from motion alone.")),
     h("fieldset", null, h("legend", null, "Start"),
@@ -53,14 +57,15 @@ export async function askToMap(recording) {
       h("small", null, "Heading: 0 along x, 90 along y. Without it the map begins at zero.")),
   ];
   const answer = await askPerson({ title: `Map ${recording.name}`, body, submit: "Map it" });
-  return answer && mapJob(recording.id, answer);
+  return answer && mapJob(recording.id, answer, course?.duration_s);
 }
 
-/** @param {string} recording @param {FormData} answer */
-export function mapJob(recording, answer) {
+/** @param {string} recording @param {FormData} answer @param {number} [duration_s] of the recording */
+export function mapJob(recording, answer, duration_s) {
   const by = answer.getAll("by");
   const number = (/** @type {string} */ name) => Number(answer.get(name) || 0);
-  const job = { kind: "map", recording, by: by.length > 0 ? by : ["motion"] };
+  const stretch = duration_s === undefined ? {} : stretchOf(number("from_s"), number("until_s"), duration_s);
+  const job = { kind: "map", recording, by: by.length > 0 ? by : ["motion"], ...stretch };
   if (!answer.get("declared")) return job;
   return { ...job, start_pose: [number("x_m"), number("y_m"), number("heading") * DEGREE] };
 }

@@ -3,6 +3,7 @@
 import { askJson } from "./api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
+import { missingWords } from "../shared/missing.js";
 import { formatAgo, formatDuration, formatShare, plural, secondsBetween } from "./format.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { isOpen, jobTitle } from "./store.js";
@@ -60,7 +61,8 @@ export function stateOfJob(job) {
     return h("div", { class: "doing" }, bar, h("small", null, h("span", { class: "figures" }, formatShare(job.share)), ` ${job.doing || "starting"}`));
   }
   const [words, verdict] = STATES[job.state] ?? [job.state, "wait"];
-  return [h("span", { class: "badge", "data-verdict": verdict }, words),
+  const lacks = missingWords(job.gave?.missing, 1);
+  return [h("span", { class: "badge", "data-verdict": verdict }, words), lacks && h("small", { class: "lacks" }, lacks),
     job.problem && job.state !== "done" && h("small", { class: "problem" }, job.problem)];
 }
 

@@ -1,7 +1,7 @@
 // One map: the viewer, and beside it all that can be switched, placed, located and taken away.
 
 import { ask, askJson } from "./api.js";
-import { askToLocate } from "./asking.js";
+import { askToLocate, askToMap } from "./asking.js";
 import { orSay, say } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { downloadsOf } from "./downloads.js";
@@ -9,6 +9,7 @@ import { formatMetres, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
+import { keptOf, recordedPart } from "./recorded.js";
 import { mountCanvas } from "./viewer/canvas.js";
 import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
@@ -49,12 +50,14 @@ export async function openMap(desk, id, root, isWanted) {
 
   const downloads = part("Downloads", h("p", { class: "soft" }, "Asking the server…"));
   const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), "Locate a recording");
+  let recording = recordingOf(desk, map);
   const parts = new Map();
   const makers = {
     layers: () => layerPart(scene, state, redraw),
     walks: () => walkPart(scene, state, redraw),
     located: () => locatedPart(state, redraw, locate),
     plan: () => plan.part(),
+    recorded: () => recordedPart(map, recording, () => mapAgain(desk, map, recording)),
   };
 
   /** @param {(keyof typeof makers)[]} names the parts to be made anew; the others keep their focus */
@@ -68,14 +71,20 @@ export async function openMap(desk, id, root, isWanted) {
     redraw();
   }
 
-  fillPanel("layers", "walks", "located", "plan");
+  fillPanel("layers", "walks", "located", "plan", "recorded");
   panel.append(...meetingPart(map), downloads);
   root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
-  const changed = () => void loadLocated(desk, id, seen, state, () => fillPanel("layers", "located"));
+  const changed = () => {
+    void loadLocated(desk, id, seen, state, () => fillPanel("layers", "located"));
+    const now = recordingOf(desk, map);
+    if (now?.id === recording?.id) return;
+    recording = now;
+    fillPanel("recorded");
+  };
   const hide = () => void plan.save();
   window.addEventListener("pagehide", hide);
   changed();
@@ -128,6 +137,20 @@ async function locateHere(desk, map) {
   if (!job) return undefined;
   const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
   if (well) say("It shows up here as soon as it is located.");
+  return desk.now();
+}
+
+/** The recording that the map of a single walk was made of, while it is here. @param {Desk} desk @param {Map_} map */
+function recordingOf(desk, { kind, sources }) {
+  return kind === "run" ? desk.known.recordings.find(({ id, state }) => sources.includes(id) && state === "ready") : undefined;
+}
+
+/** @param {Desk} desk @param {Map_} map @param {import("./store.js").Recording | undefined} recording */
+async function mapAgain(desk, map, recording) {
+  const job = recording && (await askToMap(recording, keptOf(map.facts)));
+  if (!job) return undefined;
+  const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
+  if (well) say(`Another map of ${map.name} is being made; this one stays.`);
   return desk.now();
 }
 

@@ -8,6 +8,7 @@ import { h } from "../shared/dom.js";
 import { formatAgo, formatCount, formatMetres, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { keptOf } from "./recorded.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
@@ -34,7 +35,7 @@ function rowOf(map, chosen, nowMs) {
   const box = h("input", { type: "checkbox", "data-action": "choose", "data-id": id, "aria-label": `Choose ${name}`, checked: chosen.has(id) });
   return h("tr", { "data-key": id, role: "row" },
     h("td", { role: "cell", class: "chosen" }, h("label", null, box)),
-    rowHead(h("a", { href: address }, name), map.floor_plan && h("small", null, "on a floor plan")),
+    rowHead(h("a", { href: address }, name), map.floor_plan && h("small", null, "on a floor plan"), keptOf(map.facts) && h("small", null, "of a stretch of the recording")),
     cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
     cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
     cell("Passed again", facts.closures === null ? "–" : formatCount(facts.closures)),

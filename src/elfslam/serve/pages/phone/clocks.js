@@ -37,6 +37,20 @@ export function soundTime(line, pageMs) {
   return line.originS + (line.rate * (pageMs - line.originMs)) / 1000;
 }
 
+/** A stall of the sound longer than this puts its clock behind for good: pairs of before mislead. */
+const STALLED_S = 0.1;
+
+/**
+ * The latest pairs, at most so many; those of before a stall are left out.
+ * @param {Pair[]} pairs @param {Pair} pair @param {number} most @returns {Pair[]}
+ */
+export function withPair(pairs, pair, most) {
+  const last = pairs.at(-1);
+  const offset = (/** @type {Pair} */ { pageMs, soundS }) => soundS - pageMs / 1000;
+  if (last && Math.abs(offset(pair) - offset(last)) > STALLED_S) return [pair];
+  return [...pairs, pair].slice(-most);
+}
+
 /**
  * What the audio context says of both clocks now: when, on the page's clock, which of its moments comes
  * out of the loudspeaker. Where it says nothing of use, now stands for now.

@@ -2,6 +2,7 @@
 
 import { ask } from "../shared/api.js";
 import { formatBytes, formatDuration } from "../shared/format.js";
+import { missingWords } from "../shared/missing.js";
 import { SOUND_FILES, TABLE_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
@@ -13,7 +14,7 @@ import {
  * @typedef {import("./sending.js").Progress} Progress
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {{created_utc: string, doing: string, kind: string, problem: string | null, share: number | null} & (
- *   {state: "done", gave: {map: string}} | {state: "queued" | "running" | "failed" | "cancelled"}
+ *   {state: "done", gave: {map: string, missing?: import("../shared/missing.js").Missing[]}} | {state: "queued" | "running" | "failed" | "cancelled"}
  * )} Job as far as the page needs it
  */
 
@@ -120,6 +121,7 @@ function showJob(job) {
   if (job.state === "done") {
     showStage("The map is ready");
     showFinishing("The map is ready.", 1);
+    showFinishTrouble(missingWords(job.gave.missing) || null);
     at("see-map").href = `desk.html#/maps/${encodeURIComponent(job.gave.map)}`;
     offer("see-map", "another");
     at("see-map").focus();

@@ -23,17 +23,18 @@ const FRAME_S = 0.08;
  */
 
 /**
- * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind, late?: number | null}} given period
- *   in samples; late: samples from playing to hearing, as far as that is known before one is heard
+ * @param {{rateHz: number, chirp: Float32Array, period: number, kind: Kind, late?: number | null, origin?: number}} given
+ *   period in samples; late: samples from playing to hearing, as far as that is known before one is heard;
+ *   origin: the sample at which the stream begins
  * @returns {Framer}
  */
-export function makeFramer({ rateHz, chirp, period, kind, late = null }) {
-  const stream = makeStream(4 * rateHz);
+export function makeFramer({ rateHz, chirp, period, kind, late = null, origin = 0 }) {
+  const stream = makeStream(4 * rateHz, origin);
   const envelopeOf = makeMatchedFilter(chirp, period + chirp.length);
   const cutter = kind === "baseband" ? basebandCutter(rateHz) : wholeCutter(rateHz);
-  const scheduled = makeScheduled({ rateHz, chirp, period, guess: late ?? 0 });
+  const scheduled = makeScheduled({ rateHz, chirp, period, guess: late ?? 0, origin });
   let search = NOTHING_YET;
-  let hunted = 0;
+  let hunted = origin;
   /** @type {Arrival[]} */
   const waiting = [];
   let last = -1;

@@ -8,18 +8,17 @@ import { showSending, startSending } from "./finishing.js";
 import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
 import { describeDevice, NO_FACTS } from "./manifest.js";
+import { watchInterruptions } from "./interruptions.js";
 import { makeLocating } from "./locating/locating.js";
 import { describeEars } from "./microphone.js";
 import { describeMotion } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
+import { makeOnTheWay } from "./on_the_way.js";
 import { probeSound } from "./sound.js";
-import { findUnfinished, makeSent, mend } from "./unfinished.js";
+import { findUnfinished, makeSent, mend, mendFiles } from "./unfinished.js";
 import { judge, summarise } from "./verdicts.js";
-import { startWalking } from "./walking.js";
-import { stayAwake } from "./wake.js";
 import {
-  askDiscard, at, showChecks, showFacts, showLevel, showListening, showNetwork, showProblem,
-  showUnfinished, showView, totalBytes,
+  askDiscard, at, showChecks, showListening, showProblem, showUnfinished, showView,
 } from "./view.js";
 
 const WITHOUT_SERVER =
@@ -37,11 +36,10 @@ const keeper = startKeeper();
  * @type {{
  *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
  *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters,
- *   ending: ((why: string | null) => Promise<void>) | null,
  *   current?: Sent, sending?: Sending, begun?: Promise<void>,
- * }} ending: ends the walk that is being walked; current: the walk that is shown
+ * }} current: the walk that is shown
  */
-const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], ending: null };
+const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [] };
 
 /**
  * Runs what a tap starts; what goes wrong is said in one line.
@@ -89,11 +87,15 @@ function only(values, names) {
   return /** @type {T} */ (Object.fromEntries(names.map((name) => [name, values[/** @type {keyof T} */ (name)]])));
 }
 
+function listUnfinished() {
+  showUnfinished(page.walks, { goOn: goOnWith, send: continueSending, discard: discardWalk }, Date.now());
+}
+
 /** Looks for walks that an earlier page left behind. */
 async function clearUp() {
   try {
     page.walks = await findUnfinished(keeper);
-    showUnfinished(page.walks, continueSending, discardWalk);
+    listUnfinished();
   } catch (error) {
     showProblem(/** @type {Error} */ (error).message);
   }
@@ -114,7 +116,7 @@ async function allow() {
 async function openPhone() {
   if (page.phone) return page.phone;
   page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null };
-  watchForInterruptions(page.phone.microphone);
+  watchForInterruptions(page.phone);
   navigator.storage?.persist?.();
   return page.phone;
 }
@@ -154,8 +156,7 @@ function askName() {
 
 /** Once the probe has measured. */
 async function walk() {
-  const { microphone, sound, playSlots, clocks, measured } =
-    /** @type {Phone & {measured: import("./probe.js").Measured}} */ (page.phone);
+  const { microphone } = /** @type {Phone} */ (page.phone);
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
   if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
@@ -173,7 +174,7 @@ async function walk() {
     rateHz: microphone.context.sampleRate,
     chirp: page.chirp,
     capture: { microphone: label, ...ears, user_agent: navigator.userAgent },
-    facts: NO_FACTS,
+    facts: { ...NO_FACTS, jumps: [], gaps: [] },
     recording: null,
     uploads: {},
     isOver: false,
@@ -182,44 +183,10 @@ async function walk() {
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
-  const latencyS = Number.isFinite(measured.latencyS) ? measured.latencyS : null;
-  // Sound may have been opened before the server had said how the air is shared.
-  const { mediumAccess } = page;
-  /** @type {Omit<Parameters<typeof startWalking>[0], "heard">} */
-  const given = {
-    microphone, sound, keeper, clocks, mediumAccess, latencyS, sent, software: page.software,
-    play: (delayS, tell) => playSlots(delayS, tell, mediumAccess),
-  };
-  const walking = await startWalking({ ...given, heard: showLevel }).catch((error) => {
+  await onTheWay.start(sent).catch((error) => {
     showView("name");
     throw error;
   });
-  const sending = startSending(sent, keeper);
-  page.ending = watchWalk(sent, sending, walking);
-}
-
-/**
- * Shows a walk as it goes. Gives what ends it: a tap, or whatever makes it impossible to go on.
- * @param {Sent} sent @param {Sending} sending @param {{stop: () => Promise<void>}} walking
- * @returns {(why: string | null) => Promise<void>}
- */
-function watchWalk(sent, sending, walking) {
-  const awake = stayAwake();
-  const show = () => {
-    showFacts(sent.state.facts, totalBytes(sent.sizes), totalBytes(sending.progress.sent));
-    showNetwork(sending.progress.trouble, sent.state.recording !== null);
-  };
-  show();
-  const timer = setInterval(show, 500);
-  sending.done.catch((error) => showNetwork(error.message, false));
-  return async (why) => {
-    page.ending = null;
-    clearInterval(timer);
-    showProblem(why);
-    await walking.stop();
-    awake.stop();
-    await finish(sent, sending);
-  };
 }
 
 /** @param {Sent} sent @param {Sending} [sending] */
@@ -230,29 +197,58 @@ async function finish(sent, sending = startSending(sent, keeper)) {
 }
 
 async function stop() {
-  await page.ending?.(null);
+  showProblem(null);
+  await onTheWay.end();
 }
 
 /**
- * A call, another app or a full phone ends the walk; what was recorded until then is kept and sent.
- * @param {import("./microphone.js").Microphone} microphone
+ * A call or a sleeping page interrupts the walk, which goes on by itself or by a tap.
+ * @param {Phone} phone
  */
-function watchForInterruptions({ context, track }) {
+function watchForInterruptions(phone) {
   /** @param {string} why */
-  const end = (why) => {
-    page.ending?.(`${why} The walk until then is kept.`);
+  const interrupt = (why) => {
     locating.stopFor(why);
+    return onTheWay.interrupt(why);
   };
-  track.addEventListener("ended", () => {
-    end("The microphone was taken away.");
-    page.phone = null;
+  watchInterruptions(phone.microphone, {
+    taken: async () => {
+      if (page.phone === phone) page.phone = null;
+      await interrupt("The microphone was taken away, as by a call.");
+      await phone.microphone.close();
+    },
+    silent: onTheWay.silent,
+    stopped: () => interrupt("The sound was interrupted."),
+    running: onTheWay.goOnIfPossible,
   });
-  context.addEventListener("statechange", () => {
-    if (context.state !== "running") end("The sound was interrupted.");
-  });
+}
+
+/** A full phone ends the walk; what was recorded until then is kept and sent. */
+function watchForRoom() {
   keeper.onProblem(({ isFull, said }) => {
-    if (page.ending) end(isFull ? "This phone has no room left." : said);
+    if (!onTheWay.isOn()) return;
+    showProblem(`${isFull ? "This phone has no room left." : said} The walk until then is kept.`);
+    onTheWay.end();
   });
+}
+
+/** Goes on with a walk that a reload or an empty battery broke off. @param {Sent} sent */
+async function goOnWith(sent) {
+  await act(async () => {
+    await openPhone(); // before anything else is waited for: it needs the tap
+    await page.begun;
+    await mendFiles(sent, keeper);
+    page.walks = page.walks.filter((other) => other !== sent);
+    page.current = sent;
+    at("record-title").textContent = sent.state.name;
+    showView("record");
+    await onTheWay.start(sent).catch((error) => {
+      page.walks = [sent, ...page.walks];
+      showView("start");
+      listUnfinished();
+      throw error;
+    });
+  })();
 }
 
 /** @param {Sent} sent */
@@ -260,7 +256,7 @@ async function continueSending(sent) {
   await act(async () => {
     await mend(sent, keeper, page.software);
     page.walks = page.walks.filter((other) => other !== sent);
-    showUnfinished(page.walks, continueSending, discardWalk);
+    listUnfinished();
     await finish(sent);
   })();
 }
@@ -274,7 +270,7 @@ async function discardWalk(sent) {
       await ask("DELETE", `/api/recordings/${sent.state.recording}`).catch(() => {});
     }
     page.walks = page.walks.filter((other) => other !== sent);
-    showUnfinished(page.walks, continueSending, discardWalk);
+    listUnfinished();
     if (page.current === sent) showView("start");
   })();
 }
@@ -285,6 +281,11 @@ function walkAgain() {
   else showView("start");
 }
 
+const onTheWay = makeOnTheWay({
+  keeper, finish, devices: openPhone,
+  software: () => page.software, mediumAccess: () => page.mediumAccess,
+  latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
+});
 const locating = makeLocating({
   devices: openPhone, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
 });
@@ -298,11 +299,13 @@ at("maps-back").addEventListener("click", () => showView("start"));
 at("probe-again").addEventListener("click", act(probe));
 at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
+at("resume").addEventListener("click", act(onTheWay.goOn));
 at("stop").addEventListener("click", act(stop));
 at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ (page.current))));
 at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);
 window.addEventListener("beforeunload", (event) => {
-  if (page.ending) event.preventDefault();
+  if (onTheWay.isOn()) event.preventDefault();
 });
+watchForRoom();
 page.begun = begin();

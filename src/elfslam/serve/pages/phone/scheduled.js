@@ -25,14 +25,14 @@ const PARAMETERS = {
 /**
  * `push` takes the next samples and gives the arrivals that they settle, in their order; `played` tells
  * when a chirp is played, before it is heard; `needs` gives the first sample that may still become one.
- * @param {{rateHz: number, chirp: Float32Array, period: number, guess: number}} given guess: samples from
- *   playing to hearing, as long as nothing is heard
+ * @param {{rateHz: number, chirp: Float32Array, period: number, guess: number, origin?: number}} given guess:
+ *   samples from playing to hearing, as long as nothing is heard; origin: the sample at which the stream begins
  * @returns {{push: (samples: Float32Array) => Arrival[], played: (sample: number) => void,
  *   hasBegun: () => boolean, needs: () => number, heard: import("./hearing.js").HeardSound}}
  */
-export function makeScheduled({ rateHz, chirp, period, guess }) {
+export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
   const envelopeOf = makeEnvelope(chirp);
-  const envelope = makeStream(HEARD_S * rateHz);
+  const envelope = makeStream(HEARD_S * rateHz, origin);
   /** @type {import("../line/echo_schedule.js").ScheduleSearch | null} */
   let search = null;
   let hasHeard = false;
@@ -46,7 +46,7 @@ export function makeScheduled({ rateHz, chirp, period, guess }) {
   /** Chirps that were played before any was heard went somewhere else. @param {Scheduled} arrival */
   const isKept = ({ sample, isFound }) => {
     hasHeard ||= isFound;
-    return hasHeard && sample >= 0;
+    return hasHeard && sample >= origin;
   };
 
   /** @param {Float32Array} samples */

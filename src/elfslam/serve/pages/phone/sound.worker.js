@@ -67,27 +67,32 @@ function answerMeasured({ due, count }) {
 }
 
 /**
- * Recording begins with the next block; its first sample is the recording's time 0. `latencyS` is how long
- * sound took from playing to hearing until now, null where nobody knows.
- * @param {{walk: string, kind: Kind, latencyS?: number | null,
+ * Recording begins with the next block; its first sample is the recording's time `fromS`: 0, or later where a
+ * walk goes on that was interrupted, of whose files so much is `kept`. `latencyS` is how long sound took from
+ * playing to hearing until now, null where nobody knows.
+ * @param {{walk: string, kind: Kind, latencyS?: number | null, fromS?: number, kept?: Record<string, number>,
  *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters}} order
  */
-function startRecording({ walk, kind, mediumAccess, latencyS = null }) {
+function startRecording({ walk, kind, mediumAccess, latencyS = null, fromS = 0, kept = {} }) {
   const { rateHz } = sound;
   const period = periodSamples(sound.chirp, rateHz);
   const late = latencyS === null ? null : Math.round(latencyS * rateHz);
-  const framer = makeFramer({ rateHz, chirp: sound.samples, period, kind, late });
+  const origin = Math.round(fromS * rateHz);
+  const framer = makeFramer({ rateHz, chirp: sound.samples, period, kind, late, origin });
   const hearing = makeHearing(rateHz, period, mediumAccess);
-  let zero = -1;
+  /** @type {number | null} */
+  let begun = null;
+  let zero = 0;
   note = ({ slot, start, played }) => {
     if (played !== null) framer.played(played - zero);
     hearing.add({ slot, start: start - zero, played: played === null ? null : played - zero });
   };
-  sizes = {};
-  keepHeaders(walk, kind);
+  sizes = Object.fromEntries(FILES[kind].map((name) => [name, kept[name] ?? 0]));
+  if (sizes[FILES[kind][0]] === 0) keepHeaders(walk, kind);
   take = (first, samples) => {
-    if (zero < 0) {
-      zero = first;
+    if (begun === null) {
+      begun = first;
+      zero = first - origin;
       self.postMessage({ is: "started", zero });
     }
     const { frames, missing } = framer.push(first - zero, samples);

@@ -10,11 +10,15 @@
  *   them, and gives how many were missing; slice: copies [from, to), zeros where nothing is known.
  */
 
-/** @param {number} capacity samples that are remembered at least @returns {Stream} */
-export function makeStream(capacity) {
+/**
+ * @param {number} capacity samples that are remembered at least
+ * @param {number} [origin] the sample at which it begins
+ * @returns {Stream}
+ */
+export function makeStream(capacity, origin = 0) {
   let line = new Float32Array(2 * capacity);
-  let start = 0;
-  let end = 0;
+  let start = origin;
+  let end = origin;
 
   /** @param {number} count */
   const makeRoom = (count) => {

@@ -44,8 +44,18 @@ export function makeSent(keeper, walk, state, sizes) {
  * @param {Sent} sent @param {Keeper} keeper @param {string} software
  */
 export async function mend(sent, keeper, software) {
+  if (sent.state.isOver) return;
+  await mendFiles(sent, keeper);
+  await closeWalk(sent, keeper, software);
+}
+
+/**
+ * Cuts the files of a walk that nobody stopped to what is whole: it may be closed, or go on. What was cut is sent
+ * anew, as the server may have had more of it.
+ * @param {Sent} sent @param {Keeper} keeper
+ */
+export async function mendFiles(sent, keeper) {
   const { walk, state, sizes } = sent;
-  if (state.isOver) return;
   const { table, file, headerBytes } = SOUND_FILES[state.kind];
   /** @param {string} name */
   const text = async (name) => {
@@ -66,13 +76,14 @@ export async function mend(sent, keeper, software) {
     if (size === undefined) return;
     await keeper.ask({ do: "truncate", walk, name, size });
     sizes[name] = size;
+    delete state.uploads[name];
   };
   await cut(table, cuts.sound.table);
   await cut(file, cuts.sound.file);
   for (const name of TABLE_FILES) await cut(name, cuts.tables[name]);
   await cut("recording.json", sizes["recording.json"] ? 0 : undefined);
-  state.facts.seconds = lastTime(frames) + WHOLE_FRAME_S;
-  await closeWalk(sent, keeper, software);
+  const keptS = lastTime(frames);
+  if (keptS > 0) state.facts.seconds = keptS + WHOLE_FRAME_S;
 }
 
 /** @param {Walk} state */

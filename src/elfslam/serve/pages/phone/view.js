@@ -1,6 +1,12 @@
 /** What the page shows. Every function writes to the page, and none of them remembers anything. */
 
 import { formatBytes, formatDuration, formatLevel, formatShare, formatWhen } from "../shared/format.js";
+import { mayGoOn } from "./legs.js";
+
+const BROKEN_OFF =
+  "This walk was broken off. Nothing is recorded until you go on; what was recorded is kept, and can be sent as it is.";
+const BROKEN_OFF_LONG_AGO =
+  "This walk was broken off, too long ago to go on. What was recorded is kept: continue sending, and it becomes a map.";
 
 /** @param {string} id @returns {any} */
 export const at = (id) => document.getElementById(id);
@@ -122,6 +128,20 @@ export function showNetwork(trouble, isBegun) {
   if (at("network-said").textContent !== said) at("network-said").textContent = said;
 }
 
+/**
+ * That a walk stands still, or what it lacks; null takes it away.
+ * @param {string | null} said @param {boolean} [isStopped] nothing is recorded until the walker goes on
+ */
+export function showPause(said, isStopped = false) {
+  at("pause-said").textContent = said ?? "";
+  at("pause").dataset.verdict = isStopped ? "fail" : "doubt";
+  at("pause").hidden = said === null;
+  at("resume").hidden = !isStopped;
+  at("recording-badge").textContent = isStopped ? "Interrupted" : "Recording";
+  at("recording-badge").dataset.verdict = isStopped ? "wait" : "fail";
+  if (said !== null) window.scrollTo(0, 0);
+}
+
 /** @param {string} said @param {number | null} share null where nobody knows */
 export function showFinishing(said, share) {
   if (at("finish-said").textContent !== said) at("finish-said").textContent = said;
@@ -155,29 +175,35 @@ export function offer(...ids) {
   for (const id of ["see-map", "send-again", "discard", "another"]) at(id).hidden = !ids.includes(id);
 }
 
-/** @typedef {import("./sending.js").Sent} Sent */
-/** @param {Sent[]} walks @param {(sent: Sent) => void} onSend @param {(sent: Sent) => void} onDiscard */
-export function showUnfinished(walks, onSend, onDiscard) {
+/**
+ * @typedef {import("./sending.js").Sent} Sent
+ * @typedef {Record<"goOn" | "send" | "discard", (sent: Sent) => void>} Ways out of an unfinished walk
+ */
+/** @param {Sent[]} walks @param {Ways} ways @param {number} nowMs */
+export function showUnfinished(walks, ways, nowMs) {
   at("unfinished-title").textContent = walks.length > 1 ? "Unfinished walks" : "An unfinished walk";
-  at("unfinished-walks").replaceChildren(...walks.map((sent) => unfinishedCard(sent, onSend, onDiscard)));
+  at("unfinished-walks").replaceChildren(...walks.map((sent) => unfinishedCard(sent, ways, nowMs)));
   at("unfinished").hidden = walks.length === 0 || at("start").hidden;
 }
 
-/** @param {Sent} sent @param {(sent: Sent) => void} onSend @param {(sent: Sent) => void} onDiscard */
-function unfinishedCard(sent, onSend, onDiscard) {
+/** @param {Sent} sent @param {Ways} ways @param {number} nowMs */
+function unfinishedCard(sent, ways, nowMs) {
   const { name, startUtc, facts } = sent.state;
   const bytes = totalBytes(sent.sizes);
   const told = `${formatWhen(startUtc)} · ${formatDuration(facts.seconds)} · ${formatBytes(bytes)}`;
-  const send = make("button", { type: "button", className: "primary", onclick: () => onSend(sent) }, [
-    "Continue sending",
+  const canGoOn = mayGoOn(sent.state, nowMs);
+  /** @param {string} text @param {keyof Ways} way @param {string} className */
+  const button = (text, way, className) =>
+    make("button", { type: "button", className, onclick: () => ways[way](sent) }, [text]);
+  const buttons = make("div", { className: "row" }, [
+    ...(canGoOn ? [button("Go on walking", "goOn", "primary")] : []),
+    button("Continue sending", "send", canGoOn ? "" : "primary"),
+    button("Discard", "discard", "danger"),
   ]);
-  const discard = make("button", { type: "button", className: "danger", onclick: () => onDiscard(sent) }, [
-    "Discard",
-  ]);
-  const buttons = make("div", { className: "row" }, [send, discard]);
   return make("li", { className: "card walk" }, [
     make("h3", {}, [name]),
     make("p", { className: "soft" }, [told]),
+    ...(sent.state.isOver ? [] : [make("p", {}, [canGoOn ? BROKEN_OFF : BROKEN_OFF_LONG_AGO])]),
     buttons,
   ]);
 }

@@ -1,7 +1,8 @@
 /** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
 
-import { fitClocks, readClocks, soundTime } from "./clocks.js";
-import { NO_FACTS, manifestOf } from "./manifest.js";
+import { Problem } from "../shared/api.js";
+import { fitClocks, readClocks, soundTime, withPair } from "./clocks.js";
+import { manifestOf } from "./manifest.js";
 import { CHIRPS } from "./mending.js";
 import { median } from "./matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
@@ -15,6 +16,8 @@ const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
 const FRAME_S = 0.08;
 const AHEAD_MS = 300;
+/** A microphone that is held elsewhere may be given and yet hear nothing. */
+const SOUND_PATIENCE_MS = 5000;
 /** Without a chirp by then, motion is timed as if sound took no time. */
 const LATENCY_PATIENCE_S = 6;
 /** Until the last chirp has been heard whole. */
@@ -42,10 +45,9 @@ const CHIRPS_HEADER = "t_s,gain_db\n";
  * @returns {{line: () => import("./clocks.js").Line, stop: () => void}}
  */
 export function watchClocks(context) {
-  const pairs = [readClocks(context, performance.now())];
+  let pairs = [readClocks(context, performance.now())];
   const timer = setInterval(() => {
-    pairs.push(readClocks(context, performance.now()));
-    if (pairs.length > CLOCK_PAIRS) pairs.shift();
+    pairs = withPair(pairs, readClocks(context, performance.now()), CLOCK_PAIRS);
   }, CLOCK_EVERY_MS);
   return { line: () => fitClocks(pairs), stop: () => clearInterval(timer) };
 }
@@ -53,14 +55,15 @@ export function watchClocks(context) {
 /**
  * Motion on the recording's clock, held back until it is known how long sound takes through the phone.
  * @param {(tS: number, acceleration: number[]) => void} onReading
+ * @param {number} [sinceS] what came before that is left out
  */
-export function makeMotionLog(onReading) {
+export function makeMotionLog(onReading, sinceS = 0) {
   /** @type {Reading[]} */
   let waiting = [];
   let last = { acceleration: -Infinity, turning: -Infinity };
   /** @param {"acceleration" | "turning"} kind @param {number} tS @param {number[] | null} values */
   const row = (kind, tS, values) => {
-    if (values === null || tS < Math.max(last[kind] + LEAST_STEP_S, 0)) return "";
+    if (values === null || tS < Math.max(last[kind] + LEAST_STEP_S, sinceS)) return "";
     last = { ...last, [kind]: tS };
     return tableRow(tS, values);
   };
@@ -88,33 +91,38 @@ export function makeMotionLog(onReading) {
 }
 
 /**
+ * Records a leg of a walk, until it is paused. One that goes on after an interruption does so at `fromS` of the
+ * walk's own time: what lies between is missing, and nothing before it is touched.
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: Sound,
  *   keeper: Keeper, clocks: ReturnType<typeof watchClocks>,
  *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./player.js").startSlots>,
  *   mediumAccess: MediumAccessParameters, latencyS: number | null,
- *   sent: Sent, software: string, heard: (peak: number, isFound: boolean) => void,
+ *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
  * }} given
- * @returns {Promise<{stop: () => Promise<void>}>}
+ * @returns {Promise<Leg>}
+ * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>}} Leg flush: keeps what has come by now
  */
 export async function startWalking(given) {
-  const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, software, heard } = given;
+  const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, heard, fromS = 0 } = given;
   const { state, walk } = sent;
   const rateHz = microphone.context.sampleRate;
-  state.facts = { ...NO_FACTS, jumps: [], gaps: [] };
-  /** @param {string} name @param {string} text */
-  const keep = (name, text) => keeper.ask(appendOrder(walk, name, text));
+  /** @param {Record<string, string>} texts by file */
+  const keep = (texts) => keeper.ask(appendOrder(walk, texts));
   await sent.save();
 
-  let steps = NO_STEPS;
+  let steps = { ...NO_STEPS, count: state.facts.steps };
   const log = makeMotionLog((tS, acceleration) => {
     steps = countStep(steps, tS, acceleration);
     state.facts.steps = steps.count;
-  });
+  }, fromS);
   // Motion is heard a little ahead of the sound, which takes its time through the phone.
   const stopMotion = listenToMotion(log.add);
   await pause(AHEAD_MS);
-  const zero = await beginSound(sound, state, walk, mediumAccess, latencyS);
+  const zero = await beginSound(sound, sent, mediumAccess, latencyS, fromS).catch((error) => {
+    stopMotion();
+    throw error;
+  });
   const chirpLog = makeChirpLog(zero, rateHz);
   const chirps = play(FIRST_CHIRP_S, (slot) => {
     sound.order({ do: "slot", slot });
@@ -135,26 +143,35 @@ export async function startWalking(given) {
     heard(frame.peak, frame.isFound);
   });
 
-  // Sound and motion end together, whenever that is: what one lasts longer than the other counts as lost.
+  // Motion is kept as far as the sound is: what comes later waits.
   const soundUntilS = () => Math.max(late.endS() ?? -Infinity, keptUntilS);
   let limit = Infinity;
-  const flush = async () => {
+  /** @param {boolean} isLast motion waits for no sound any more */
+  const write = async (isLast) => {
     const begun = chirpLog.take(Math.min(microphone.context.currentTime * rateHz, limit));
-    if (begun !== "") await keep(CHIRPS, (sent.sizes[CHIRPS] ? "" : CHIRPS_HEADER) + begun);
+    if (begun !== "") await keep({ [CHIRPS]: (sent.sizes[CHIRPS] ? "" : CHIRPS_HEADER) + begun });
     const isKnown = late.latencyS() !== null;
-    if (!isKnown && !(state.facts.seconds > LATENCY_PATIENCE_S)) return;
+    if (!isKnown && !isLast && !(state.facts.seconds - fromS > LATENCY_PATIENCE_S)) return;
     const line = clocks.line();
     const lateS = (late.latencyS() ?? 0) - zero / rateHz;
     /** @param {number} pageMs */
     const timeOf = (pageMs) => soundTime(line, pageMs) + lateS;
     const rows = log.take(timeOf, isKnown ? soundUntilS() : Infinity);
-    for (const [name, text] of Object.entries(rows).filter(([, text]) => text !== "")) {
-      await keep(name, (sent.sizes[name] ? "" : TABLE_HEADER) + text);
-    }
+    const texts = Object.entries(rows).filter(([, text]) => text !== "");
+    if (texts.length === 0) return;
+    await keep(Object.fromEntries(texts.map(([name, text]) => [name, (sent.sizes[name] ? "" : TABLE_HEADER) + text])));
   };
-  const timer = everySecond(microphone.context, zero, sent, flush);
+  /** @type {Promise<void>} */
+  let last = Promise.resolve();
+  // One at a time: whoever comes first writes the header.
+  const flush = (isLast = false) => {
+    const done = last.then(() => write(isLast));
+    last = done.catch(() => {});
+    return done;
+  };
+  const timer = everySecond(microphone.context, zero, sent, keeper, flush);
 
-  const stop = async () => {
+  const pauseLeg = async () => {
     limit = chirps.stop();
     await pause(1000 * (late.latencyS() ?? 0) + TAIL_MS);
     stopMotion();
@@ -163,11 +180,11 @@ export async function startWalking(given) {
     sound.order({ do: "stop" });
     const { seconds, sizes } = await stopped;
     state.facts.seconds = seconds;
-    await flush().catch(() => {}); // a full phone keeps what it has
+    await flush(true).catch(() => {}); // a full phone keeps what it has
     await untilKept(sent, sizes);
-    await closeWalk(sent, keeper, software);
+    await sent.save().catch(() => {});
   };
-  return { stop };
+  return { pause: pauseLeg, flush: () => flush() };
 }
 
 /**
@@ -175,7 +192,7 @@ export async function startWalking(given) {
  * @param {Sent} sent @param {Keeper} keeper @param {string} software
  */
 export async function closeWalk(sent, keeper, software) {
-  const order = appendOrder(sent.walk, "recording.json", manifestOf(sent.state, software));
+  const order = appendOrder(sent.walk, { "recording.json": manifestOf(sent.state, software) });
   sent.sizes["recording.json"] = order.parts[0][1].length;
   await sent.save(0);
   await keeper.ask(order);
@@ -184,22 +201,26 @@ export async function closeWalk(sent, keeper, software) {
 }
 
 /**
- * @param {string} walk @param {string} name @param {string} text
+ * @param {string} walk @param {Record<string, string>} texts by file: all of them are kept, or none
  * @returns {{do: "append", walk: string, parts: [string, Uint8Array][]}}
  */
-function appendOrder(walk, name, text) {
-  return { do: "append", walk, parts: [[name, new TextEncoder().encode(text)]] };
+function appendOrder(walk, texts) {
+  const encoder = new TextEncoder();
+  return { do: "append", walk, parts: Object.entries(texts).map(([name, text]) => [name, encoder.encode(text)]) };
 }
 
 /**
- * @param {Sound} sound @param {import("./manifest.js").Walk} state @param {string} walk
- * @param {MediumAccessParameters} mediumAccess @param {number | null} latencyS
- * @returns {Promise<number>} the frame of the clock at which the recording began
+ * @param {Sound} sound @param {Sent} sent @param {MediumAccessParameters} mediumAccess
+ * @param {number | null} latencyS @param {number} fromS
+ * @returns {Promise<number>} the frame of the clock at which the recording began, or would have. Raises Problem
  */
-async function beginSound(sound, { kind }, walk, mediumAccess, latencyS) {
+async function beginSound(sound, { walk, state, sizes }, mediumAccess, latencyS, fromS) {
   const started = sound.answer("started");
-  sound.order({ do: "record", walk, kind, mediumAccess, latencyS });
-  return (await started).zero;
+  sound.order({ do: "record", walk, kind: state.kind, mediumAccess, latencyS, fromS, kept: { ...sizes } });
+  const begun = await Promise.race([started, pause(SOUND_PATIENCE_MS)]);
+  if (begun) return begun.zero;
+  sound.order({ do: "stop" });
+  throw new Problem("The microphone gives no sound. End the call or the app that holds it, and try again.", 0);
 }
 
 /** @param {Facts} facts @param {{tS: number, jumpedS: number, isFound: boolean}} frame */
@@ -252,16 +273,18 @@ export function makeLateness() {
 
 /**
  * @param {AudioContext} context @param {number} zero frame of the clock at which the recording began
- * @param {Sent} sent @param {() => Promise<void>} flush
+ * @param {Sent} sent @param {Keeper} keeper @param {() => Promise<void>} flush
  */
-function everySecond(context, zero, sent, flush) {
+function everySecond(context, zero, sent, keeper, flush) {
   let count = 0;
   return setInterval(async () => {
     sent.state.facts.seconds = context.currentTime - zero / context.sampleRate;
     count += 1;
     try {
       await flush();
-      if (count % SAVE_EVERY === 0) await sent.save();
+      if (count % SAVE_EVERY !== 0) return;
+      await sent.save();
+      await keeper.ask({ do: "flush", walk: sent.walk }); // an empty battery leaves what is on the disk
     } catch {
       // The keeper has told the page, which ends the walk.
     }

@@ -31,6 +31,12 @@ export function formatDuration(seconds) {
   return hours ? `${hours}:${two(minutes)}:${two(whole % 60)}` : `${minutes}:${two(whole % 60)}`;
 }
 
+/** @param {number} seconds @returns {string} minutes:seconds to a tenth, with hours where there are any */
+export function formatMoment(seconds) {
+  const tenths = Math.max(Math.round(seconds * 10), 0);
+  return `${formatDuration(Math.floor(tenths / 10))}.${tenths % 10}`;
+}
+
 /** @param {string | number | Date} when ISO text or time @returns {string} day and time, as spoken here */
 export function formatWhen(when) {
   return new Date(when).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });

@@ -1,0 +1,95 @@
+// A recording along its time: where it has sound and motion, and the stretch that is chosen of it.
+
+import { h, svg } from "../shared/dom.js";
+import { formatMoment } from "../shared/format.js";
+
+/** @typedef {import("./store.js").Recording} Recording */
+/** @typedef {[from: number, until: number]} Span seconds */
+/** @typedef {{duration_s: number, lanes: [name: string, spans: Span[]][]}} Course */
+
+const STEP_S = 0.1;
+const LANE = 10;
+const LANES = /** @type {const} */ ([["sound", "Sound"], ["motion", "Motion"]]);
+/** The least that can be chosen, s. */
+export const LEAST_S = 2;
+
+/** What is known of a recording along its time; null where nothing is. @param {Recording} recording
+ * @returns {Course | null} */
+export function courseOf({ facts }) {
+  const duration_s = Number(facts?.duration_s);
+  if (!(duration_s > LEAST_S)) return null;
+  const spans = facts.spans_s ?? {};
+  return { duration_s, lanes: LANES.filter(([what]) => what in spans).map(([what, name]) => [name, spans[what]]) };
+}
+
+/** The stretch that a person chose, as the job takes it: nothing where all of it is meant.
+ * @param {number} from_s @param {number} until_s @param {number} duration_s
+ * @returns {{from_s?: number, until_s?: number}} */
+export function stretchOf(from_s, until_s, duration_s) {
+  const whole = (/** @type {number} */ value) => Math.round(value / STEP_S) / Math.round(1 / STEP_S);
+  return {
+    ...(from_s > STEP_S / 2 ? { from_s: whole(from_s) } : {}),
+    ...(until_s < duration_s - STEP_S ? { until_s: whole(until_s) } : {}),
+  };
+}
+
+/** Both ends after one was moved: the other gives way. @param {Span} span @param {"from" | "until"} moved
+ * @param {number} duration_s @returns {Span} */
+export function apart([from_s, until_s], moved, duration_s) {
+  if (until_s - from_s >= LEAST_S) return [from_s, until_s];
+  if (moved === "from") return [Math.min(from_s, duration_s - LEAST_S), Math.min(from_s + LEAST_S, duration_s)];
+  return [Math.max(until_s - LEAST_S, 0), Math.max(until_s, LEAST_S)];
+}
+
+/** A lane for the sound and one for the motion, and the stretch that counts. @param {Course} course
+ * @param {Span} [chosen] */
+export function courseLanes({ duration_s, lanes }, [from_s, until_s] = [0, duration_s]) {
+  const share = (/** @type {number} */ t_s) => (100 * Math.min(Math.max(t_s, 0), duration_s)) / duration_s;
+  const bar = (/** @type {Span} */ [begin_s, end_s], /** @type {string} */ kind) =>
+    svg("rect", { class: kind, x: share(begin_s), width: Math.max(share(end_s) - share(begin_s), 0.3), y: 0, height: LANE });
+  const lane = (/** @type {[string, Span[]]} */ [name, spans]) => h("div", { class: "lane" }, h("span", null, name),
+    svg("svg", { viewBox: `0 0 100 ${LANE}`, preserveAspectRatio: "none", role: "img", "aria-label": `${name}: ${spokenSpans(spans)}` },
+      bar([0, duration_s], "gap"), spans.map((span) => bar(span, "there")),
+      bar([0, from_s], "off"), bar([until_s, duration_s], "off")));
+  return h("div", { class: "course" }, lanes.map(lane));
+}
+
+/** @param {Span[]} spans */
+function spokenSpans(spans) {
+  return spans.map(([from_s, until_s]) => `${formatMoment(from_s)} to ${formatMoment(until_s)}`).join(", ") || "none";
+}
+
+/** A time line on which both ends can be moved: fields `from_s` and `until_s` of a form.
+ * @param {Course} course @param {Span} [given] what was chosen before */
+export function stretchField(course, given = [0, course.duration_s]) {
+  const { duration_s } = course;
+  let chosen = given;
+  let lanes = courseLanes(course, chosen);
+  const ends = [["from", "From", 0], ["until", "Until", 1]].map(([end, words, at]) => {
+    const input = h("input", { type: "range", name: `${end}_s`, min: "0", max: String(duration_s), step: String(STEP_S) });
+    const told = h("span", { class: "figures", "aria-hidden": "true" });
+    return { end: /** @type {"from" | "until"} */ (end), at: Number(at), input, told, label: h("label", { class: "field" }, h("span", null, words, " ", told), input) };
+  });
+  const show = () => {
+    for (const { at, input, told } of ends) {
+      input.value = String(chosen[at]);
+      input.setAttribute("aria-valuetext", formatMoment(chosen[at]));
+      told.textContent = formatMoment(chosen[at]);
+    }
+    const now = courseLanes(course, chosen);
+    lanes.replaceWith(now);
+    lanes = now;
+  };
+  const body = h("fieldset", { class: "stretch" }, h("legend", null, "Which part of it"), lanes, ends.map(({ label }) => label),
+    h("small", null, "The recording stays whole; only what lies between is mapped."));
+  for (const { end, at, input } of ends) {
+    input.addEventListener("input", () => {
+      const moved = /** @type {Span} */ ([...chosen]);
+      moved[at] = Number(input.value);
+      chosen = apart(moved, end, duration_s);
+      show();
+    });
+  }
+  show();
+  return body;
+}

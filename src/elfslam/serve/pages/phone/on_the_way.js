@@ -1,0 +1,144 @@
+/** A walk on its way: what the page shows meanwhile, and what it does when the walk is interrupted. */
+
+import { Problem } from "../shared/api.js";
+import { formatDuration } from "../shared/format.js";
+import { startSending } from "./finishing.js";
+import { makeLegs } from "./legs.js";
+import { closeWalk, startWalking } from "./walking.js";
+import { stayAwake } from "./wake.js";
+import { showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+
+const SHOW_EVERY_MS = 500;
+/** A page whose timers stood still for so long was asleep. */
+const ASLEEP_MS = 2500;
+
+/**
+ * @typedef {import("./sending.js").Sent} Sent
+ * @typedef {ReturnType<typeof startSending>} Sending
+ * @typedef {{
+ *   keeper: import("./keeper.js").Keeper, software: () => string,
+ *   mediumAccess: () => import("../line/medium_access.js").MediumAccessParameters,
+ *   devices: () => Promise<import("./devices.js").Devices>, latencyS: () => number | null,
+ *   finish: (sent: Sent, sending: Sending) => Promise<void>,
+ * }} Given devices: those of this phone, opened anew where they were taken away
+ */
+
+/** @param {Given} given */
+export function makeOnTheWay(given) {
+  const { keeper, finish } = given;
+  /** @type {{sent: Sent, legs: import("./legs.js").Legs, sending: Sending, leave: () => void} | null} */
+  let now = null;
+
+  /** @param {Sent} sent */
+  const legsOf = (sent) => makeLegs(sent.state, {
+    begin: (fromS) => beginLeg(given, sent, fromS),
+    close: () => closeWalk(sent, keeper, given.software()),
+    nowMs: () => Date.now(),
+  });
+
+  /** A new walk, or one that an earlier page left behind. @param {Sent} sent */
+  async function start(sent) {
+    const legs = legsOf(sent);
+    showPause(null);
+    await legs.goOn();
+    const sending = startSending(sent, keeper);
+    now = { sent, legs, sending, leave: watchWalk(sent, sending, legs) };
+  }
+
+  /** Nothing is recorded from now on, and the page says so at once. @param {string} why */
+  async function interrupt(why) {
+    if (!now?.legs.isGoing()) return;
+    showPause(`${why} Nothing is recorded until the walk goes on; what was recorded is kept.`, true);
+    await now.legs.pause();
+  }
+
+  async function goOn() {
+    if (!now) return;
+    await now.legs.goOn();
+    showPause(null);
+  }
+
+  /** Where nothing was tapped nothing is said when it does not work: the button is still there. */
+  async function goOnIfPossible() {
+    if (now && !now.legs.isGoing()) await goOn().catch(() => {});
+  }
+
+  /** The microphone hears nothing, and motion goes on. @param {boolean} isSilent */
+  function silent(isSilent) {
+    if (!now?.legs.isGoing()) return;
+    showPause(isSilent ? "The microphone is silent, as in a call. The walk goes on by its steps until it hears again." : null);
+  }
+
+  async function end() {
+    if (!now) return;
+    const { sent, legs, sending, leave } = now;
+    now = null;
+    await legs.end();
+    leave();
+    await finish(sent, sending);
+  }
+
+  return {
+    start, interrupt, goOn, goOnIfPossible, silent, end,
+    isOn: () => now !== null,
+    isPaused: () => now !== null && !now.legs.isGoing(),
+  };
+}
+
+/** @param {Given} given @param {Sent} sent @param {number} fromS */
+async function beginLeg(given, sent, fromS) {
+  const { microphone, sound, clocks, playSlots } = await given.devices();
+  const { context } = microphone;
+  if (context.state !== "running") await context.resume();
+  if (context.sampleRate !== sent.state.rateHz) {
+    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${rateHz / 1000} kHz`);
+    throw new Problem(`The sound runs at ${now} now and ran at ${before} before: send the walk as it is.`, 0);
+  }
+  // Sound may have been opened before the server had said how the air is shared.
+  const mediumAccess = given.mediumAccess();
+  return startWalking({
+    microphone, sound, clocks, mediumAccess, sent, fromS, keeper: given.keeper, heard: showLevel,
+    latencyS: given.latencyS() ?? sent.state.facts.latencyS,
+    play: (delayS, tell) => playSlots(delayS, tell, mediumAccess),
+  });
+}
+
+/**
+ * Shows a walk as it goes, and says when the page was asleep. Gives what ends that.
+ * @param {Sent} sent @param {Sending} sending @param {import("./legs.js").Legs} legs
+ */
+function watchWalk(sent, sending, legs) {
+  const awake = stayAwake();
+  let shownMs = performance.now();
+  const show = () => {
+    const nowMs = performance.now();
+    if (nowMs - shownMs > ASLEEP_MS && legs.isGoing()) sayAsleep((nowMs - shownMs) / 1000);
+    shownMs = nowMs;
+    showFacts(sent.state.facts, totalBytes(sent.sizes), totalBytes(sending.progress.sent));
+    showNetwork(sending.progress.trouble, sent.state.recording !== null);
+  };
+  let hiddenMs = 0;
+  const turned = () => {
+    if (document.hidden) {
+      hiddenMs = performance.now();
+      legs.flush().catch(() => {});
+    } else if (legs.isGoing() && performance.now() - hiddenMs > ASLEEP_MS) {
+      sayAsleep((performance.now() - hiddenMs) / 1000);
+    }
+  };
+  show();
+  const timer = setInterval(show, SHOW_EVERY_MS);
+  document.addEventListener("visibilitychange", turned);
+  sending.done.catch((error) => showNetwork(error.message, false));
+  return () => {
+    clearInterval(timer);
+    document.removeEventListener("visibilitychange", turned);
+    awake.stop();
+    showPause(null);
+  };
+}
+
+/** @param {number} seconds */
+function sayAsleep(seconds) {
+  showPause(`This page was asleep for ${formatDuration(seconds)}: steps are missing there. The walk goes on.`);
+}

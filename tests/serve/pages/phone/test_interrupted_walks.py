@@ -1,0 +1,196 @@
+"""Walks that something interrupts: each goes on, and the page says at once while it does not."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from elfslam.data.recordings import read_recording
+
+pytestmark = pytest.mark.real
+
+CAUGHT = """
+const contexts = [];
+let tracks = [];
+window.AudioContext = class extends AudioContext {
+  constructor(...given) {
+    super(...given);
+    contexts.push(this);
+  }
+};
+const ask = navigator.mediaDevices?.getUserMedia.bind(navigator.mediaDevices);
+if (ask) navigator.mediaDevices.getUserMedia = async (wanted) => {
+  const stream = await ask(wanted);
+  tracks = stream.getAudioTracks();
+  return stream;
+};
+window.happen = {
+  taken: () => tracks.forEach((track) => {
+    track.stop();
+    track.dispatchEvent(new Event("ended"));
+  }),
+  silent: () => tracks.forEach((track) => track.dispatchEvent(new Event("mute"))),
+  heard: () => tracks.forEach((track) => track.dispatchEvent(new Event("unmute"))),
+  suspended: () => contexts.at(-1).suspend(),
+  resumed: () => contexts.at(-1).resume(),
+};
+"""
+"""No test can make a call: what a browser tells a page of one is told here."""
+OTHER_RATE = """
+window.AudioContext = class extends AudioContext {
+  constructor(given) {
+    super({ ...given, sampleRate: 48000 });
+  }
+};
+"""
+
+
+def happen(phone: Any, what: str) -> None:
+    phone.page.evaluate("(what) => window.happen[what]()", what)
+
+
+def begin(phone: Any, name: str) -> None:
+    phone.page.add_init_script(CAUGHT)
+    phone.begin(name)
+
+
+def finished(phone: Any, server: Any, folder: Path) -> Path:
+    phone.page.click("#stop")
+    phone.wait_for_text("#finish-said", "map is being made")
+    (told,) = server.recordings()
+    assert told["state"] == "ready"
+    return Path(server.download(told["id"], folder / "fetched"))
+
+
+def times_s(folder: Path, table: str) -> np.ndarray:
+    return np.loadtxt(folder / table, delimiter=",", skiprows=1, usecols=0, ndmin=1)
+
+
+def check_one_hole(folder: Path, least_s: float) -> None:
+    """Chirps and sound have the same hole; what was before it and after it is all there."""
+    holes = []
+    for table in ("baseband.csv", "chirps.csv"):
+        t_s = times_s(folder, table)
+        gaps_s = np.diff(t_s)
+        assert (gaps_s > 0).all()
+        assert np.sum(gaps_s > least_s) == 1
+        at = int(np.argmax(gaps_s))
+        assert at > 20
+        assert len(t_s) - at > 20
+        holes.append((t_s[at], t_s[at + 1]))
+    assert np.allclose(holes[0], holes[1], atol=1.5)
+    moved_s = times_s(folder, "accelerometer.csv")
+    assert (np.diff(moved_s) > 0).all()
+    assert np.diff(moved_s).max() > least_s - 0.5
+    manifest = json.loads((folder / "recording.json").read_text())
+    assert max(gap["lost_s"] for gap in manifest["capture"]["gaps"]) >= 0.9
+    recording = read_recording(folder)
+    assert recording.audio is not None
+    assert recording.imu is not None
+
+
+def test_a_walk_goes_on_after_a_reload(phone: Any, server: Any, tmp_path: Path) -> None:
+    phone.begin("Broken off")
+    phone.walk(5)
+    phone.page.reload()
+    phone.wait_for_text("#unfinished", "Nothing is recorded until you go on")
+    phone.page.click("text=Go on walking")
+    phone.wait_for(lambda: phone.page.is_visible("#stop"), "the walk goes on")
+    assert phone.text("#record-title") == "Broken off"
+    assert phone.text("#recording-badge").lower() == "recording"
+    phone.walk(5)
+    folder = finished(phone, server, tmp_path)
+    check_one_hole(folder, 1.0)
+    phone.page.goto(server.address.split("#")[0])
+    phone.walk(1)
+    assert not phone.page.is_visible("#unfinished")
+
+
+def test_a_call_is_said_at_once_and_the_walk_goes_on_by_a_tap(
+    phone: Any, server: Any, tmp_path: Path
+) -> None:
+    begin(phone, "Called")
+    phone.walk(5)
+    happen(phone, "taken")
+    phone.wait_for_text("#pause", "The microphone was taken away, as by a call. Nothing is rec")
+    assert phone.text("#recording-badge").lower() == "interrupted"
+    phone.walk(2)
+    before = phone.text("#kept")
+    phone.walk(1.5)
+    assert phone.text("#kept") == before
+    phone.page.click("#resume")
+    phone.wait_for(lambda: not phone.page.is_visible("#pause"), "the walk goes on")
+    phone.walk(5)
+    check_one_hole(finished(phone, server, tmp_path), 1.0)
+
+
+def test_a_walk_that_was_called_away_may_end_there(phone: Any, server: Any, tmp_path: Path) -> None:
+    begin(phone, "Called away")
+    phone.walk(5)
+    happen(phone, "taken")
+    phone.wait_for(lambda: phone.page.is_visible("#resume"), "it is said")
+    folder = finished(phone, server, tmp_path)
+    assert times_s(folder, "baseband.csv")[-1] > 3
+    assert read_recording(folder).imu is not None
+
+
+def test_sound_that_comes_back_lets_the_walk_go_on_by_itself(
+    phone: Any, server: Any, tmp_path: Path
+) -> None:
+    begin(phone, "Dark screen")
+    phone.walk(5)
+    happen(phone, "suspended")
+    phone.wait_for_text("#pause", "The sound was interrupted. Nothing is recorded")
+    phone.walk(2)
+    happen(phone, "resumed")
+    phone.wait_for(lambda: not phone.page.is_visible("#pause"), "the walk goes on")
+    phone.walk(5)
+    check_one_hole(finished(phone, server, tmp_path), 1.0)
+
+
+def test_a_silent_microphone_is_said_and_motion_goes_on(phone: Any, server: Any) -> None:
+    begin(phone, "Muted")
+    phone.walk(3)
+    happen(phone, "silent")
+    phone.wait_for_text("#pause", "The microphone is silent, as in a call. The walk goes on")
+    assert not phone.page.is_visible("#resume")
+    assert phone.text("#recording-badge").lower() == "recording"
+    happen(phone, "heard")
+    phone.wait_for(lambda: not phone.page.is_visible("#pause"), "it hears again")
+
+
+def test_a_page_that_slept_says_for_how_long(phone: Any, server: Any, tmp_path: Path) -> None:
+    phone.begin("Asleep")
+    phone.walk(4)
+    phone.sensors.send("Debugger.enable")
+    phone.sensors.send("Debugger.pause")
+    time.sleep(4)
+    phone.sensors.send("Debugger.resume")
+    phone.sensors.send("Debugger.disable")
+    phone.wait_for_text("#pause", "This page was asleep for 0:0")
+    assert not phone.page.is_visible("#resume")
+    phone.walk(4)
+    folder = finished(phone, server, tmp_path)
+    assert np.diff(times_s(folder, "accelerometer.csv")).max() > 2.5
+    assert times_s(folder, "baseband.csv")[-1] > 10
+
+
+def test_a_walk_of_which_the_sound_ran_otherwise_can_only_be_sent(phone: Any, server: Any) -> None:
+    phone.begin("Other sound")
+    phone.walk(4)
+    phone.page.reload()
+    phone.wait_for_text("#unfinished", "Other sound")
+    phone.page.add_init_script(OTHER_RATE)
+    phone.page.reload()
+    phone.wait_for_text("#unfinished", "Other sound")
+    phone.page.click("text=Go on walking")
+    phone.wait_for_text("#problem", "The sound runs at 48 kHz now and ran at 44.1 kHz before: send")
+    phone.wait_for_text("#unfinished", "Other sound")
+    phone.page.click("text=Continue sending")
+    phone.wait_for_text("#finish-said", "map is being made")
+    assert len(server.recordings()) == 1
