@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from elfslam.app.workers.choosing import check_on
+from elfslam.base.errors import InputError
 from elfslam.cli.options import On
+
+if TYPE_CHECKING:
+    from elfslam.serve.positions.mqtt_address import Broker
 
 DATA_FOLDER = Path("~/.elfslam")
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
@@ -44,11 +48,26 @@ def serve_command(
         list[str] | None,
         typer.Option("--name", help="What else browsers call this server; may be repeated."),
     ] = None,
+    mqtt: Annotated[
+        str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX")
+    ] = "",
+    mqtt_credentials: Annotated[
+        Path | None, typer.Option(help="A file of one line, USER:PASSWORD, for the broker.")
+    ] = None,
+    mqtt_authority: Annotated[
+        Path | None, typer.Option(help="PEM file of whom to trust at mqtts://; default: the system's.")
+    ] = None,
+    position_days: Annotated[
+        float, typer.Option(min=0, max=3650, help="How long walkers' positions are kept; 0: not.")
+    ] = 1.0,
+    local_webhooks: Annotated[
+        bool, typer.Option("--local-webhooks", help="Post to this machine and its networks, too.")
+    ] = False,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
     from elfslam.serve.network.names import checked_names, name_in
     from elfslam.serve.network.running import Listening, run
-    from elfslam.serve.settings import ServerSettings
+    from elfslam.serve.settings import Limits, ServerSettings
 
     check_on(on)
     settings = ServerSettings(
@@ -60,6 +79,9 @@ def serve_command(
         allow_public=allow_public,
         names=checked_names([*(name or ()), *name_in(address)]),
         files_url=files,
+        broker=_broker(mqtt, mqtt_credentials, mqtt_authority),
+        local_webhooks=local_webhooks,
+        limits=Limits(position_days=position_days),
     )
     run(settings, Listening(host, port, http, new_token, new_key, address), _print)
 
@@ -76,6 +98,20 @@ def invite_command(
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *code_lines(url), f"{known} scans this once; it is not shown again."]:
         _print(line)
+
+
+def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
+    """The broker of the options; None without one. Raises InputError."""
+    from elfslam.serve.positions.mqtt import client_of
+    from elfslam.serve.positions.mqtt_address import parse_broker
+
+    if not url:
+        if credentials or authority:
+            raise InputError("--mqtt-credentials, --mqtt-authority: of which broker? add --mqtt URL")
+        return None
+    broker = parse_broker(url, credentials, authority)
+    client_of(broker)  # what cannot work is said before the server starts
+    return broker
 
 
 def _print(line: str) -> None:
