@@ -21,6 +21,22 @@ FilesUrl = Annotated[
     str, typer.Option("--files", help="fsspec URL of published maps; default: in the folder.")
 ]
 
+Mqtt = Annotated[
+    str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX")
+]
+Credentials = Annotated[
+    Path | None, typer.Option(help="A file of one line, USER:PASSWORD, for the broker.")
+]
+Authority = Annotated[
+    Path | None, typer.Option(help="PEM file of whom to trust at mqtts://; else the system's.")
+]
+PositionDays = Annotated[
+    float, typer.Option(min=0, max=3650, help="How long walkers' positions are kept; 0: not.")
+]
+LocalWebhooks = Annotated[
+    bool, typer.Option("--local-webhooks", help="Post to this machine and its networks, too.")
+]
+
 
 def serve_command(
     data: DataFolder = DATA_FOLDER,
@@ -48,21 +64,11 @@ def serve_command(
         list[str] | None,
         typer.Option("--name", help="What else browsers call this server; may be repeated."),
     ] = None,
-    mqtt: Annotated[
-        str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX")
-    ] = "",
-    mqtt_credentials: Annotated[
-        Path | None, typer.Option(help="A file of one line, USER:PASSWORD, for the broker.")
-    ] = None,
-    mqtt_authority: Annotated[
-        Path | None, typer.Option(help="PEM file of whom to trust at mqtts://; default: the system's.")
-    ] = None,
-    position_days: Annotated[
-        float, typer.Option(min=0, max=3650, help="How long walkers' positions are kept; 0: not.")
-    ] = 1.0,
-    local_webhooks: Annotated[
-        bool, typer.Option("--local-webhooks", help="Post to this machine and its networks, too.")
-    ] = False,
+    mqtt: Mqtt = "",
+    mqtt_credentials: Credentials = None,
+    mqtt_authority: Authority = None,
+    position_days: PositionDays = 1.0,
+    local_webhooks: LocalWebhooks = False,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
     from elfslam.serve.network.names import checked_names, name_in
@@ -107,7 +113,9 @@ def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broke
 
     if not url:
         if credentials or authority:
-            raise InputError("--mqtt-credentials, --mqtt-authority: of which broker? add --mqtt URL")
+            raise InputError(
+                "--mqtt-credentials, --mqtt-authority: of which broker? add --mqtt URL"
+            )
         return None
     broker = parse_broker(url, credentials, authority)
     client_of(broker)  # what cannot work is said before the server starts

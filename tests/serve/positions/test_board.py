@@ -65,7 +65,10 @@ def test_a_listener_hears_of_their_map_alone(position: Made) -> None:
 
     told, gone = asyncio.run(heard())
     assert (told.kind, json.loads(told.data)["x_m"]) == ("position", 1.0)
-    assert (gone.kind, json.loads(gone.data)) == ("gone", {"walker": "b" * 32, "walk": position().walk})
+    assert (gone.kind, json.loads(gone.data)) == (
+        "gone",
+        {"walker": "b" * 32, "walk": position().walk},
+    )
 
 
 def test_a_slow_listener_loses_the_oldest_and_keeps_nobody_waiting(position: Made) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import ssl
 from typing import Any
 
@@ -34,9 +35,10 @@ def test_the_pinned_address_is_asked_by_the_name(receiver: Receiver) -> None:
 
 
 @pytest.mark.parametrize(
-    ("status", "is_final"), [(302, True), (400, True), (410, True), (408, False), (429, False), (503, False)]
+    ("status", "is_final"),
+    [(302, True), (400, True), (410, True), (408, False), (429, False), (503, False)],
 )
-def test_what_is_no_success_is_told(receiver: Receiver, status: int, is_final: bool) -> None:  # noqa: FBT001
+def test_what_is_no_success_is_told(receiver: Receiver, status: int, is_final: bool) -> None:
     receiver.statuses.append(status)
     with pytest.raises(DeliveryError, match=f"answered {status}") as refused:
         send(elsewhere(receiver))
@@ -50,15 +52,25 @@ def test_nobody_there_is_told() -> None:
     assert not refused.value.is_final
 
 
+async def closed(writers: list[asyncio.StreamWriter]) -> None:
+    """Once these are closed."""
+    for writer in writers:
+        writer.close()
+        with contextlib.suppress(OSError):
+            await writer.wait_closed()
+
+
 async def answering(content: bytes, *, then_waits: bool) -> None:
     """Post to a server that sends this and no more."""
 
     async def answer(_reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         writer.write(content)
         await writer.drain()
+        writers.append(writer)
         if not then_waits:
             writer.close()
 
+    writers: list[asyncio.StreamWriter] = []
     server = await asyncio.start_server(answer, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     try:
@@ -66,6 +78,7 @@ async def answering(content: bytes, *, then_waits: bool) -> None:
         await post(target, "127.0.0.1", b"{}", {}, timeout_s=0.2 if then_waits else 60)
     finally:
         server.close()
+        await closed(writers)
 
 
 def test_who_says_nothing_is_left_in_time() -> None:
@@ -97,8 +110,9 @@ async def posted_over_tls(name: str, *, trusted: bool) -> None:
         await reader.readuntil(b"\r\n\r\n")
         writer.write(b"HTTP/1.1 204 No Content\r\n\r\n")
         await writer.drain()
-        writer.close()
+        writers.append(writer)
 
+    writers: list[asyncio.StreamWriter] = []
     server = await asyncio.start_server(answer, "127.0.0.1", 0, ssl=context)
     port, tls = server.sockets[0].getsockname()[1], ssl.create_default_context()
     if trusted:
@@ -108,6 +122,7 @@ async def posted_over_tls(name: str, *, trusted: bool) -> None:
         await post(target, "127.0.0.1", b"{}", {}, tls=tls)
     finally:
         server.close()
+        await closed(writers)
 
 
 def test_over_tls_the_name_is_verified_not_the_address() -> None:

@@ -19,6 +19,7 @@ URL = "https://hooks.example.org/positions?key=1"
 def found(monkeypatch: pytest.MonkeyPatch) -> None:
     """Names lead to addresses that are planted here."""
     known = {"hooks.example.org": ["93.184.216.34"], "inside.example.org": ["10.0.0.7"]}
+    known["127.0.0.1"] = ["127.0.0.1"]
 
     def resolve(host: str, port: int) -> list[str]:
         if host not in known:
@@ -41,7 +42,9 @@ def test_a_webhook_is_told_its_secret_once(owner: TestClient, map_id: str) -> No
     told = owner.get(hooks_of(map_id)).json()
     assert {each["id"] for each in told} == {made.json()["id"], given["id"]}
     assert {each["url"] for each in told} == {URL}
-    assert [(each["delivered"], each["dropped"], each["last_error"]) for each in told] == 2 * [(0, 0, None)]
+    assert [(each["delivered"], each["dropped"], each["last_error"]) for each in told] == 2 * [
+        (0, 0, None)
+    ]
     assert not any("secret" in each for each in told)
 
 

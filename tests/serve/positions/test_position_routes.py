@@ -1,4 +1,4 @@
-"""Positions are told by those who may be in a map, seen by those who may see it, and kept a while."""
+"""Positions are told by who may be in a map, seen by who may see it, and kept for a while."""
 
 from __future__ import annotations
 
@@ -48,9 +48,16 @@ def publish_floor(services: Services) -> None:
         session.flush()
         session.add(
             Floor(
-                id=FLOOR, building=1, level=0, latitude_deg=47.0, longitude_deg=8.0, radius_m=9.0,
-                has_wifi=False, revision=1, manifest="{}",
-            )  # fmt: skip
+                id=FLOOR,
+                building=1,
+                level=0,
+                latitude_deg=47.0,
+                longitude_deg=8.0,
+                radius_m=9.0,
+                has_wifi=False,
+                revision=1,
+                manifest="{}",
+            )
         )
 
 
@@ -128,7 +135,9 @@ def test_in_a_published_floor_everybody_is_located_and_the_owner_sees(
     assert [each["map"] for each in guest.get(HISTORY).json()] == [FLOOR]
 
 
-def test_haste_and_size_are_bounded(owner: TestClient, services: Services, message: Message) -> None:
+def test_haste_and_size_are_bounded(
+    owner: TestClient, services: Services, message: Message
+) -> None:
     many = {**message(), "positions": 21 * message()["positions"]}
     assert owner.post(HISTORY, json=many).status_code == 422
     for wrong in ({"walk": "no hex"}, {"map": "short"}, {"map": "0" * 32}):

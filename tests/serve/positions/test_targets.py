@@ -37,10 +37,23 @@ def test_a_url_comes_apart() -> None:
 @pytest.mark.parametrize(
     "url",
     [
-        "", "hooks.example.org", "//hooks.example.org/", "file:///etc/passwd", "gopher://h/", "http://",
-        "http://user@h/", "http://user:word@h/", "http://h/#part", "http://h:0/", "http://h:99999/",
-        "http://h/a b", "http://h/\r\nX: y", "http://[::1", "http://hö/", "http://[fe80::1%25eth0]/",
-    ],  # fmt: skip
+        "",
+        "hooks.example.org",
+        "//hooks.example.org/",
+        "file:///etc/passwd",
+        "gopher://h/",
+        "http://",
+        "http://user@h/",
+        "http://user:word@h/",
+        "http://h/#part",
+        "http://h:0/",
+        "http://h:99999/",
+        "http://h/a b",
+        "http://h/\r\nX: y",
+        "http://[::1",
+        "http://hö/",
+        "http://[fe80::1%25eth0]/",
+    ],
 )
 def test_what_is_no_plain_url_is_refused(url: str) -> None:
     with pytest.raises(InputError, match="wanted http"):

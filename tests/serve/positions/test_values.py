@@ -23,7 +23,9 @@ EQUATOR_DEG_PER_M = 180 / 3.141592653589793 / 6_378_137.0
 
 
 def given(*positions: dict[str, Any]) -> NewPositions:
-    return NewPositions(map="a" * 32, walk="b" * 16, positions=[NewPosition(**p) for p in positions])
+    return NewPositions(
+        map="a" * 32, walk="b" * 16, positions=[NewPosition(**p) for p in positions]
+    )
 
 
 def told(*positions: dict[str, Any], origin: MapOrigin | None = None) -> list[LivePosition]:
@@ -65,7 +67,10 @@ def test_a_place_has_a_latitude_only_where_the_map_is_placed() -> None:
 def test_who_is_nowhere_has_no_latitude() -> None:
     origin = MapOrigin(latitude_deg=47, longitude_deg=8)
     found = told({"status": "UNKNOWN_PLACE"}, {"status": "OK", "x_m": 0, "y_m": 0}, origin=origin)
-    assert [(each.latitude_deg, each.longitude_deg) for each in found] == [(None, None), (47.0, 8.0)]
+    assert [(each.latitude_deg, each.longitude_deg) for each in found] == [
+        (None, None),
+        (47.0, 8.0),
+    ]
 
 
 @pytest.mark.parametrize(

@@ -123,7 +123,9 @@ class Board:
     def listeners_of(self, user_id: str) -> int:
         """How often somebody listens at this moment."""
         with self._lock:
-            return sum(each.user_id == user_id for all_ in self._listeners.values() for each in all_)
+            return sum(
+                each.user_id == user_id for all_ in self._listeners.values() for each in all_
+            )
 
     def close(self) -> None:
         """End all streams: the server stops."""

@@ -62,8 +62,8 @@ async def _status(
     )
     try:
         connection = h11.Connection(h11.CLIENT)
-        for event in (_request(target, body, headers), h11.Data(body), h11.EndOfMessage()):
-            writer.write(connection.send(event) or b"")
+        for part in (_request(target, body, headers), h11.Data(body), h11.EndOfMessage()):
+            writer.write(connection.send(part) or b"")
         await writer.drain()
         while not isinstance(event := connection.next_event(), h11.Response):
             if event is h11.NEED_DATA:

@@ -91,7 +91,9 @@ def forget_old_positions(services: Services) -> None:
     latest_utc = now_utc() + _kept_for(services)
     too_old = KeptPosition.time_utc < _oldest_utc(services)
     with services.positions.history.writing, transaction(services.sessions) as session:
-        session.execute(delete(KeptPosition).where(or_(too_old, KeptPosition.time_utc > latest_utc)))
+        session.execute(
+            delete(KeptPosition).where(or_(too_old, KeptPosition.time_utc > latest_utc))
+        )
 
 
 def _kept_for(services: Services) -> timedelta:

@@ -101,9 +101,7 @@ def list_webhooks(map_id: str, user: Me, services: Here) -> list[WebhookBody]:
         return [_body(services, row) for row in session.scalars(rows)]
 
 
-@router.post(
-    "/webhooks", status_code=201, operation_id="add_webhook", responses=problems(403, 409)
-)
+@router.post("/webhooks", status_code=201, operation_id="add_webhook", responses=problems(403, 409))
 def add_webhook(map_id: str, given: NewWebhook, user: Me, services: Here) -> MadeWebhook:
     """Have positions in your map posted to a URL, in batches, each with a signature."""
     with reading(services.sessions) as session:

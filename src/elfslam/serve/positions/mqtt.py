@@ -1,4 +1,4 @@
-"""Publishes positions to an MQTT broker. One that is away costs the positions of that time alone."""
+"""Publishes positions to an MQTT broker; one that is away costs what comes meanwhile alone."""
 
 from __future__ import annotations
 

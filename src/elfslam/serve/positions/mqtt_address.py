@@ -59,9 +59,7 @@ def parse_broker(
         raise InputError(f"--mqtt-authority {authority}: there is no such file; give a PEM file")
     user, password = _credentials(parts.username, parts.password, credentials)
     is_secure = parts.scheme == "mqtts"
-    return Broker(
-        host, port or PORTS[parts.scheme], prefix, is_secure, user, password, authority
-    )
+    return Broker(host, port or PORTS[parts.scheme], prefix, is_secure, user, password, authority)
 
 
 def _credentials(

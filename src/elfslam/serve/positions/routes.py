@@ -21,9 +21,7 @@ from elfslam.serve.store.database import User, now_utc, reading
 router = APIRouter(tags=["positions"])
 
 
-@router.post(
-    "/positions", status_code=204, operation_id="post_positions", responses=problems(409)
-)
+@router.post("/positions", status_code=204, operation_id="post_positions", responses=problems(409))
 def post_positions(given: NewPositions, user: Me, services: Here) -> Response:
     """Tell those who may see a map where you are in it: at most 20 fixes, all of the last minute.
 
@@ -47,8 +45,7 @@ def list_my_positions(
     before: Annotated[AwareDatetime | None, Query(description="with a zone, such as Z")] = None,
     of_map: Annotated[MapId | None, Query(alias="map")] = None,
 ) -> list[LivePosition]:
-    """Your own history, the latest first: at most 1000, `before` the last of which come the next.
-    """
+    """Your own history, the latest first: 1000 at most, and those `before` a time."""
     return history_of(services, user, before, of_map)
 
 

@@ -33,7 +33,7 @@ class KeptPosition(Base):
 
 
 class MapPositions(Base):
-    """Whether a map takes positions, and where on the Earth it lies. Without a row it takes them."""
+    """Whether a map takes positions (without a row it does), and where on the Earth it lies."""
 
     __tablename__ = "map_positions"
     map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)

@@ -1,4 +1,4 @@
-"""Posts positions to the webhooks of their maps: in batches, signed, a few times, never for ever."""
+"""Posts positions to the webhooks of their maps: in batches, signed, tried a few times."""
 
 from __future__ import annotations
 
