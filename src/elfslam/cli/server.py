@@ -13,8 +13,10 @@ from elfslam.cli.options import On
 
 if TYPE_CHECKING:
     from elfslam.serve.positions.mqtt_address import Broker
+    from elfslam.serve.settings import Limits
 
 DATA_FOLDER = Path("~/.elfslam")
+MOST_DAYS = 3650
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
 Database = Annotated[str, typer.Option(help="SQLAlchemy's URL; default: SQLite in the folder.")]
 FilesUrl = Annotated[
@@ -31,7 +33,7 @@ Authority = Annotated[
     Path | None, typer.Option(help="PEM file of whom to trust at mqtts://; else the system's.")
 ]
 PositionDays = Annotated[
-    float, typer.Option(min=0, max=3650, help="How long walkers' positions are kept; 0: not.")
+    float, typer.Option(help="How many days walkers' positions are kept; 0: not at all.")
 ]
 LocalWebhooks = Annotated[
     bool, typer.Option("--local-webhooks", help="Post to this machine and its networks, too.")
@@ -73,7 +75,7 @@ def serve_command(
     """Run the server and its phone page; prints the address and its QR code."""
     from elfslam.serve.network.names import checked_names, name_in
     from elfslam.serve.network.running import Listening, run
-    from elfslam.serve.settings import Limits, ServerSettings
+    from elfslam.serve.settings import ServerSettings
 
     check_on(on)
     settings = ServerSettings(
@@ -87,7 +89,7 @@ def serve_command(
         files_url=files,
         broker=_broker(mqtt, mqtt_credentials, mqtt_authority),
         local_webhooks=local_webhooks,
-        limits=Limits(position_days=position_days),
+        limits=_limits(position_days),
     )
     run(settings, Listening(host, port, http, new_token, new_key, address), _print)
 
@@ -104,6 +106,17 @@ def invite_command(
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *code_lines(url), f"{known} scans this once; it is not shown again."]:
         _print(line)
+
+
+def _limits(position_days: float) -> Limits:
+    """The limits of the options. Raises InputError."""
+    from elfslam.serve.settings import Limits
+
+    if not 0 <= position_days <= MOST_DAYS:
+        raise InputError(
+            f"--position-days {position_days:g}: wanted 0 to {MOST_DAYS} days, such as 1"
+        )
+    return Limits(position_days=position_days)
 
 
 def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import func, select
+from sqlalchemy.exc import OperationalError
 from starlette.testclient import TestClient
 
 from elfslam.serve.buildings.tables import Building, Floor
@@ -25,6 +26,7 @@ from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import User, now_utc, reading, transaction
 from elfslam.serve.store.sweeps import sweeping
+from tests.waiting import until
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 Message = Callable[..., dict[str, Any]]
@@ -213,6 +215,50 @@ def test_what_is_too_old_goes_with_the_sweep_and_at_a_start(
     assert kept(services) == 2
     with sweeping(services):
         assert kept(services) == 1
+
+
+def test_history_is_written_by_itself(
+    owner: TestClient, services: Services, map_id: str, message: Message
+) -> None:
+    def written() -> int:
+        with reading(services.sessions) as session:
+            return session.scalar(select(func.count()).select_from(KeptPosition)) or 0
+
+    owner.post(HISTORY, json=message())
+    until(lambda: written() == 1, "the history")
+
+
+def test_a_database_that_is_away_is_said_once(
+    services: Services, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def away(_services: Services) -> int:
+        raise OperationalError("INSERT", {}, Exception("no answer"))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(history, "write_history", away)
+        assert history._write_or_say(services, is_away=False)
+        assert history._write_or_say(services, is_away=True)
+    assert not history._write_or_say(services, is_away=True)
+    [line] = [record.message for record in caplog.records]
+    assert "is not kept" in line
+
+
+def test_what_could_not_be_written_is_written_later(
+    owner: TestClient, services: Services, map_id: str, position: Made,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    with reading(services.sessions) as session:
+        me = session.scalars(select(User.id)).one()
+
+    def away(*_: object) -> int:
+        raise OperationalError("INSERT", {}, Exception("no answer"))
+
+    with monkeypatch.context() as patched:
+        patched.setattr(history, "_written", away)
+        services.positions.history.add([position(map=map_id, walker=me)])
+        with pytest.raises(OperationalError):
+            write_history(services)
+    assert kept(services) == 1
 
 
 class TestWithoutHistory:

@@ -320,6 +320,10 @@ def test_it_fits_and_can_be_tapped(
         map_box, panel = page.locator("#place-map").bounding_box(), page.locator(".place-panel")
         assert map_box["height"] > 0.25 * size[1]
         assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
+        page.get_by_role("switch", name="Let others see where I am").check()
+        page.get_by_role("switch", name="Others see where you are").wait_for()
+        check_view(page, size[0])
+        assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
 
 
 def check_view(page: Any, width: int) -> None:

@@ -5,7 +5,7 @@ import { at } from "../view.js";
 import { startTelling } from "./telling.js";
 
 const OFFER = "Let others see where I am";
-const UNHEARD = "The server does not answer: nothing is sent at this moment.";
+const UNHEARD = "No answer: nothing is sent now.";
 
 /**
  * @param {{problem: (said: string | null) => void}} given
