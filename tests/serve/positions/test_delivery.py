@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import re
 import ssl
+import threading
+import time
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from typing import Any
 
 import pytest
 import trustme
 
 from elfslam.serve.positions.delivery import DeliveryError, post
+from elfslam.serve.positions.signature import signed_headers
 from elfslam.serve.positions.targets import Target, target_of
 from tests.serve.positions.conftest import Receiver, free_port
+
+ROOT = Path(__file__).resolve().parents[3]
 
 
 def send(target: Target, body: bytes = b"{}", **more: Any) -> None:
@@ -131,3 +140,33 @@ def test_over_tls_the_name_is_verified_not_the_address() -> None:
         asyncio.run(posted_over_tls("other.invalid", trusted=True))
     with pytest.raises(DeliveryError, match="cannot be reached"):
         asyncio.run(posted_over_tls("hooks.invalid", trusted=False))
+
+
+def test_the_receiver_of_the_documentation_checks_what_we_sign() -> None:
+    page = (ROOT / "docs" / "how-to" / "positions.md").read_text(encoding="utf-8")
+    [code] = re.findall(r"^```python\n(.*?)^```", page, re.S | re.M)
+    made: dict[str, Any] = {}
+    exec(code.rpartition("HTTPServer(")[0], made)  # its class, without the server on port 8000
+    made["Receiver"].log_message = lambda *_: None
+    body, now_s = b'{"a":1}', int(time.time())
+    with serving(made["Receiver"]) as target:
+        for secret, sent_s, is_good in (
+            ("SECRET", now_s, True),
+            ("OTHER", now_s, False),
+            ("SECRET", now_s - 1000, False),
+        ):
+            told = post(target, "127.0.0.1", body, signed_headers(secret, sent_s, body))
+            with contextlib.nullcontext() if is_good else pytest.raises(DeliveryError, match="403"):
+                asyncio.run(told)
+
+
+@contextlib.contextmanager
+def serving(handler: type[BaseHTTPRequestHandler]) -> Iterator[Target]:
+    """A server of requests, as a target."""
+    server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+    thread.start()
+    yield target_of(f"http://127.0.0.1:{server.server_port}/")
+    server.shutdown()
+    thread.join()
+    server.server_close()

@@ -97,11 +97,9 @@ class MqttPublisher:
     def _on_connect_fail(self, _client: Any, _data: Any) -> None:
         self._say_away(str(sys.exc_info()[1] or "no connection"))
 
-    def _on_disconnect(
-        self, _client: Any, _data: Any, _flags: Any, reason: Any, _more: Any
-    ) -> None:
+    def _on_disconnect(self, *_told: Any) -> None:
         if not self._stopping.is_set():
-            self._say_away(str(reason))
+            self._say_away("the connection has ended")
 
     def _say_away(self, why: str) -> None:
         """Once, until it is back."""
