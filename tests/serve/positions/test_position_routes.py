@@ -173,9 +173,11 @@ def test_who_deletes_their_history_has_none_and_is_nowhere(
     owner.post(HISTORY, json=message())
     owner.get(HISTORY)
     owner.post(HISTORY, json=message())  # one is written, one waits
+    waiting = services.positions.board.there(map_id)
     assert owner.delete(HISTORY).status_code == 204
     assert owner.get(HISTORY).json() == []
     assert owner.get(live_of(map_id)).json() == []
+    assert services.positions.outboxes.wanted(waiting) == []
     assert len(guest.get(HISTORY).json()) == 1
 
 

@@ -6,6 +6,7 @@ import asyncio
 import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -166,6 +167,33 @@ def test_what_came_while_it_rested_is_counted_as_dropped(position: Made) -> None
 
     asyncio.run(rounds())
     assert world.outboxes.deliveries_of("h").dropped == 1 + 3
+
+
+def test_what_a_walker_deletes_while_it_waits_is_not_passed_on(position: Made) -> None:
+    world = World(answers=[DeliveryError("answered 500", is_final=True)])
+
+    async def rounds() -> None:
+        postman = world.postman()
+        mine, theirs = position(), position(walker="d" * 32, x_m=9.0)
+        for waiting in ([mine], [mine, theirs]):
+            world.outboxes.put(waiting)
+            await world.round(postman)
+        world.outboxes.forget_walker(mine.walker, mine.time_utc)
+        later = position(x_m=7.0, time_utc=mine.time_utc + timedelta(seconds=1))
+        world.outboxes.put([later])
+        world.now_s = 60.0
+        await world.round(postman)
+
+    asyncio.run(rounds())
+    assert [each["x_m"] for each in world.got[-1][2]["positions"]] == [9.0, 7.0]
+    assert world.outboxes.deliveries_of("h").delivered == 2
+
+
+def test_where_nothing_is_left_nothing_is_posted(position: Made) -> None:
+    world = World()
+    world.outboxes.forget_walker("b" * 32, position().time_utc)
+    run_rounds(world, [position(time_utc=position().time_utc - timedelta(seconds=9))])
+    assert world.got == []
 
 
 def test_a_slow_webhook_keeps_no_other_waiting(position: Made) -> None:

@@ -75,7 +75,7 @@ def history_of(
 
 def delete_history(services: Services, user_id: str) -> None:
     """Delete a user's history at once, and show them nowhere."""
-    services.positions.board.leave(user_id)
+    services.positions.forget(user_id)
     history = services.positions.history
     with history.writing:
         history.add([each for each in history.take() if each.walker != user_id])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import UTC, datetime
 
 from elfslam.serve.people.rates import Rates
 from elfslam.serve.positions.board import Board
@@ -30,6 +31,11 @@ class PositionHub:
             self.history.add(positions)
         for sink in self._sinks:
             sink(positions)
+
+    def forget(self, walker: str) -> None:
+        """Show a walker no more, and pass on nothing of them that still waits."""
+        self.board.leave(walker)
+        self.outboxes.forget_walker(walker, datetime.now(UTC))
 
     @contextmanager
     def feeding(self, sink: Sink) -> Iterator[None]:

@@ -32,6 +32,7 @@ class Outboxes:
         self._lock = threading.Lock()
         self._waiting: dict[str, deque[LivePosition]] = {}
         self._deliveries: dict[str, Deliveries] = {}
+        self._forgotten_utc: dict[str, datetime] = {}
 
     def put(self, positions: Sequence[LivePosition]) -> None:
         """Positions that somebody may want to be posted."""
@@ -71,6 +72,21 @@ class Outboxes:
         """The webhook is gone."""
         with self._lock:
             self._deliveries.pop(webhook_id, None)
+
+    def forget_walker(self, walker: str, at_utc: datetime) -> None:
+        """Pass on nothing of a walker that is of this time or before."""
+        with self._lock:
+            self._forgotten_utc[walker] = at_utc
+
+    def wanted(self, positions: Sequence[LivePosition]) -> list[LivePosition]:
+        """Those that may still be passed on."""
+        with self._lock:
+            forgotten_utc = dict(self._forgotten_utc)
+        return [
+            each
+            for each in positions
+            if each.walker not in forgotten_utc or each.time_utc > forgotten_utc[each.walker]
+        ]
 
     def _set(self, webhook_id: str, deliveries: Deliveries) -> None:
         with self._lock:

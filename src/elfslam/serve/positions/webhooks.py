@@ -117,18 +117,21 @@ class Postman:
 
     async def _deliver(self, hook: Hook, queue: _Queue) -> None:
         count = min(len(queue.waiting), MOST_AT_ONCE)
-        batch = [queue.waiting.popleft() for _ in range(count)]
+        taken = [queue.waiting.popleft() for _ in range(count)]
+        batch = self._outboxes.wanted(taken)
+        if not batch:
+            return
         body = PostedPositions(map=hook.map_id, positions=batch).model_dump_json().encode()
         try:
             await self._try(hook, body)
         except (DeliveryError, InputError) as error:
-            self._outboxes.dropped(hook.id, count, now_utc(), str(error))
+            self._outboxes.dropped(hook.id, len(batch), now_utc(), str(error))
             queue.failures += 1
             queue.rests_until_s = self._clock() + min(2.0**queue.failures, LONGEST_REST_S)
         except Exception:
             LOG.exception("a webhook could not be posted to")
         else:
-            self._outboxes.delivered(hook.id, count, now_utc())
+            self._outboxes.delivered(hook.id, len(batch), now_utc())
             queue.failures, queue.rests_until_s = 0, 0.0
 
     async def _try(self, hook: Hook, body: bytes) -> None:

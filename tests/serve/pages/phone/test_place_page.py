@@ -250,6 +250,11 @@ def test_others_see_the_walker_only_while_they_say_so(
         assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
         page.wait_for_timeout(1500)
         assert len(sent) == before
+        assert server.ask("/api/positions").json() != []
+        page.click("#place-back")
+        page.get_by_role("button", name="Delete my positions").click()
+        page.locator("#positions-forget-help", has_text="Deleted").wait_for()
+        assert server.ask("/api/positions").json() == []
 
 
 def test_consent_ends_where_the_map_takes_no_positions(

@@ -5,7 +5,19 @@ import { at } from "../view.js";
 import { startTelling } from "./telling.js";
 
 const OFFER = "Let others see where I am";
+const DELETED = "Deleted: the server knows no place of yours any more.";
 const UNHEARD = "No answer: nothing is sent now.";
+
+/**
+ * The button by which a walker has the server delete where they were.
+ * @param {{act: (work: () => Promise<void>) => (event?: Event) => Promise<void>}} given
+ */
+export function offerDeletion({ act }) {
+  at("positions-forget").addEventListener("click", act(async () => {
+    await ask("DELETE", "/api/positions");
+    at("positions-forget-help").textContent = DELETED;
+  }));
+}
 
 /**
  * @param {{problem: (said: string | null) => void}} given

@@ -4,7 +4,7 @@ import { loadPlanImage } from "../../shared/map/plan_image.js";
 import { at, showView } from "../view.js";
 import { stayAwake } from "../wake.js";
 import { makeChoosing } from "./choosing.js";
-import { makeConsent } from "./consent.js";
+import { makeConsent, offerDeletion } from "./consent.js";
 import { tableOfFixes } from "./fixes_table.js";
 import { startPlacing } from "./place.js";
 import { mountPlaceMap } from "./place_map.js";
@@ -34,6 +34,7 @@ export function makeLocating({ devices, act, problem, paired }) {
   /** @type {Here} */
   const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
   const consent = makeConsent({ problem });
+  offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
 
   /** @param {import("./maps.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
