@@ -18,7 +18,7 @@ PROJECT_ROOT = Path(__file__).resolve().parents[1]
 REAL_PARTS = {
     *("browser", "phone", "pocket", "open_desk"),
     *("origin", "serve_at", "start_server", "running_server", "serve"),
-    *("ended", "postgresql", "ray", "s3"),
+    *("ended", "postgresql", "ray", "s3", "mosquitto"),
 }
 """Fixtures and parameters by which a test gets a browser, a server process, a job, a database."""
 

@@ -39,6 +39,7 @@ ONLY_IN = {
     "gtsam": {"line", "studies"},
     "ray": {"app"},
     "faiss": {"serve"},
+    "paho": {"serve"},
     "matplotlib": set[str](),
 }
 DOOR = {"base", "line", "slam", "data", "app"}

@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 from elfslam.base.errors import InputError
 from elfslam.cli.app import app as command
 from elfslam.serve.app import create_app
+from elfslam.serve.network import running
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 
@@ -46,6 +47,30 @@ def test_workers_that_are_nobody_are_refused_before_anything_is_made(tmp_path: P
     said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path / "data"), "--on", "two"])
     assert isinstance(said.exception, InputError)
     assert "wanted a number of processes, ray or ray://" in str(said.exception)
+    assert not (tmp_path / "data").exists()
+
+
+def test_what_is_said_of_positions_reaches_the_server(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told: list[ServerSettings] = []
+    monkeypatch.setattr(running, "run", lambda settings, *_: told.append(settings))
+    words = ["--mqtt", "mqtt://broker/floors", "--position-days", "0.5", "--local-webhooks"]
+    for more in ([], words):
+        said = RUNNER.invoke(command, ["serve", "--data", str(tmp_path / "data"), *more])
+        assert said.exit_code == 0
+    usual, asked = told
+    assert (usual.broker, usual.limits.position_days, usual.local_webhooks) == (None, 1.0, False)
+    assert (asked.broker and asked.broker.prefix, asked.limits.position_days) == ("floors", 0.5)
+    assert asked.local_webhooks
+
+
+@pytest.mark.parametrize("days", ["-1", "nan", "inf", "4000"])
+def test_a_time_that_is_none_is_refused(tmp_path: Path, days: str) -> None:
+    words = ["serve", "--data", str(tmp_path / "data"), "--position-days", days]
+    said = RUNNER.invoke(command, words)
+    assert isinstance(said.exception, InputError)
+    assert "wanted 0 to 3650 days" in str(said.exception)
     assert not (tmp_path / "data").exists()
 
 

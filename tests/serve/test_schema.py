@@ -82,6 +82,8 @@ def test_the_description_keeps_its_word(
         assert client.get(package).status_code == 200
         for found in schema.get_all_operations():
             operation = found.ok()
+            if operation.path.endswith("/stream"):  # it ends with the server
+                continue
             for mode in (GenerationMode.POSITIVE, GenerationMode.NEGATIVE):
                 tried += try_operation(operation, mode, client, server.bearer)
         assert client.get("/api/me").json()["is_owner"] is True

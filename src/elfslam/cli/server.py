@@ -3,18 +3,40 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from elfslam.app.workers.choosing import check_on
+from elfslam.base.errors import InputError
 from elfslam.cli.options import On
 
+if TYPE_CHECKING:
+    from elfslam.serve.positions.mqtt_address import Broker
+    from elfslam.serve.settings import Limits
+
 DATA_FOLDER = Path("~/.elfslam")
+MOST_DAYS = 3650
 DataFolder = Annotated[Path, typer.Option("--data", help="Where all data of the server lie.")]
 Database = Annotated[str, typer.Option(help="SQLAlchemy's URL; default: SQLite in the folder.")]
 FilesUrl = Annotated[
     str, typer.Option("--files", help="fsspec URL of published maps; default: in the folder.")
+]
+
+Mqtt = Annotated[
+    str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX")
+]
+Credentials = Annotated[
+    Path | None, typer.Option(help="A file of one line, USER:PASSWORD, for the broker.")
+]
+Authority = Annotated[
+    Path | None, typer.Option(help="PEM file of whom to trust at mqtts://; else the system's.")
+]
+PositionDays = Annotated[
+    float, typer.Option(help="How many days walkers' positions are kept; 0: not at all.")
+]
+LocalWebhooks = Annotated[
+    bool, typer.Option("--local-webhooks", help="Post to this machine and its networks, too.")
 ]
 
 
@@ -44,6 +66,11 @@ def serve_command(
         list[str] | None,
         typer.Option("--name", help="What else browsers call this server; may be repeated."),
     ] = None,
+    mqtt: Mqtt = "",
+    mqtt_credentials: Credentials = None,
+    mqtt_authority: Authority = None,
+    position_days: PositionDays = 1.0,
+    local_webhooks: LocalWebhooks = False,
 ) -> None:
     """Run the server and its phone page; prints the address and its QR code."""
     from elfslam.serve.network.names import checked_names, name_in
@@ -60,6 +87,9 @@ def serve_command(
         allow_public=allow_public,
         names=checked_names([*(name or ()), *name_in(address)]),
         files_url=files,
+        broker=_broker(mqtt, mqtt_credentials, mqtt_authority),
+        local_webhooks=local_webhooks,
+        limits=_limits(position_days),
     )
     run(settings, Listening(host, port, http, new_token, new_key, address), _print)
 
@@ -76,6 +106,33 @@ def invite_command(
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *code_lines(url), f"{known} scans this once; it is not shown again."]:
         _print(line)
+
+
+def _limits(position_days: float) -> Limits:
+    """The limits of the options. Raises InputError."""
+    from elfslam.serve.settings import Limits
+
+    if not 0 <= position_days <= MOST_DAYS:
+        raise InputError(
+            f"--position-days {position_days:g}: wanted 0 to {MOST_DAYS} days, such as 1"
+        )
+    return Limits(position_days=position_days)
+
+
+def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
+    """The broker of the options; None without one. Raises InputError."""
+    from elfslam.serve.positions.mqtt import client_of
+    from elfslam.serve.positions.mqtt_address import parse_broker
+
+    if not url:
+        if credentials or authority:
+            raise InputError(
+                "--mqtt-credentials, --mqtt-authority: of which broker? add --mqtt URL"
+            )
+        return None
+    broker = parse_broker(url, credentials, authority)
+    client_of(broker)  # what cannot work is said before the server starts
+    return broker
 
 
 def _print(line: str) -> None:

@@ -24,6 +24,11 @@ from elfslam.serve.page_routes import install_pages
 from elfslam.serve.people import pairing, users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
+from elfslam.serve.positions import map_routes as map_position_routes
+from elfslam.serve.positions import routes as position_routes
+from elfslam.serve.positions.history import keeping_history
+from elfslam.serve.positions.mqtt import publishing
+from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import recordings, uploads
 from elfslam.serve.services import Here, Services
@@ -39,11 +44,19 @@ ROUTERS: tuple[APIRouter, ...] = (
     map_routes.router,
     floor_plan_routes.router,
     package_routes.router,
+    position_routes.router,
+    map_position_routes.router,
 )
 """Under /api, all of them for users with a token."""
 ADMITTING: tuple[APIRouter, ...] = (building_routes.router,)
 """Also under /api; their routes look at the token themselves, in the one thread that answers."""
-BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
+BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (
+    sweeping,
+    run_jobs,
+    keeping_history,
+    publishing,
+    posting,
+)
 """Entered when the server starts and left when it stops."""
 DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version,
 for pairing codes and for the drawing script of reports wants a pairing token, as

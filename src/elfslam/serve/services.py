@@ -14,6 +14,7 @@ from sqlalchemy import Engine
 
 from elfslam.serve.people.codes import OneTimeCodes
 from elfslam.serve.people.rates import Rates
+from elfslam.serve.positions.hub import PositionHub
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Sessions, sessions_of
@@ -52,6 +53,8 @@ class Services:
     sessions: Sessions
     token_rates: Rates
     address_rates: Rates
+    positions: PositionHub
+    """Where walkers are who consent to being seen."""
     busy: Busy = field(default_factory=Busy)
     codes: OneTimeCodes = field(default_factory=OneTimeCodes)
     """That pair another device."""
@@ -78,6 +81,7 @@ def open_services(settings: ServerSettings, *, alone: bool = False) -> Services:
         sessions_of(engine),
         Rates(limits.token_requests_per_s, limits.burst_s),
         Rates(limits.address_requests_per_s, limits.burst_s),
+        PositionHub(Rates(limits.position_requests_per_s, limits.burst_s)),
     )
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
+from elfslam.serve.positions.mqtt_address import Broker
+
 MEBIBYTE = 2**20
 GIBIBYTE = 2**30
 DATA_FOLDER = Path("~/.elfslam")
@@ -48,6 +50,14 @@ class Limits:
     """An upload to which nothing was added for this long is deleted."""
     quarantine_days: float = 30.0
     """A file that no row names is set aside at a start, and deleted after this long."""
+    position_days: float = 1.0
+    """Positions that walkers told are deleted after this long; 0 keeps none."""
+    position_requests_per_s: float = 4.0
+    """In which one walker tells positions."""
+    position_streams: int = 20
+    """That one user listens to at once."""
+    webhooks: int = 5
+    """Of one map."""
     reading_s: float = 600.0
     reading_bytes: int = 6 * GIBIBYTE
     """Time and memory that reading one recording may take."""
@@ -78,6 +88,10 @@ class ServerSettings:
     pages_folder: Path = PAGES_FOLDER
     files_url: str = ""
     """fsspec's, of the parts of published floors; by default a folder in the data folder."""
+    broker: Broker | None = None
+    """Whom positions are published to by MQTT."""
+    local_webhooks: bool = False
+    """Post positions to this machine and its local networks, too."""
 
     @property
     def url(self) -> str:

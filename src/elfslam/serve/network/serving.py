@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 import socket
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import uvicorn
 from starlette.types import ASGIApp
@@ -23,9 +23,13 @@ AT_ONCE = 4
 
 
 def serve(
-    app: ASGIApp, sockets: Sequence[socket.socket], limits: Limits, certificate: Certificate | None
+    app: ASGIApp,
+    sockets: Sequence[socket.socket],
+    limits: Limits,
+    certificate: Certificate | None,
+    stopping: Callable[[], None],
 ) -> None:
-    """Serve until stopped; plain HTTP without a certificate.
+    """Serve until stopped; plain HTTP without a certificate. `stopping` ends what has no end.
 
     That is spoken to a reverse proxy, at whose one address everybody is: only all are counted.
     """
@@ -49,4 +53,17 @@ def serve(
     gc.freeze()  # what is there now stays, and need not be looked through
     secure = certificate is not None
     doors: list[socket.socket] = [Door(each, visitors, speaks_tls=secure) for each in sockets]
-    uvicorn.Server(config).run(sockets=doors)
+    StoppingServer(config, stopping).run(sockets=doors)
+
+
+class StoppingServer(uvicorn.Server):
+    """uvicorn's server, which says that it stops before it waits for answers to end."""
+
+    def __init__(self, config: uvicorn.Config, stopping: Callable[[], None]) -> None:
+        super().__init__(config)
+        self._stopping = stopping
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """As uvicorn does it, streams told to end."""
+        self._stopping()
+        await super().shutdown(sockets)

@@ -1,4 +1,4 @@
-"""What came of a recording or of a map, and goes with it: maps, jobs, and fixes.
+"""What came of a recording or of a map, and goes with it: maps, jobs, fixes, positions.
 
 A map of several recordings stays until the last of them goes. All that works on something that is
 deleted loses its claim. Each function gives the SHA-256 of what its rows named, for
@@ -13,6 +13,7 @@ from sqlalchemy import delete, or_, select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.queue import OPEN
+from elfslam.serve.positions.tables import KeptPosition
 from elfslam.serve.store.database import Job, JobFile, JobKind, Map, MapFile, MapPart
 
 
@@ -45,6 +46,7 @@ def forget_map(
     named = _forget_jobs(session, [*session.scalars(concerned), *merges])
     for table in (MapFile, MapPart):
         named += session.scalars(select(table.sha256).filter_by(map_id=map_id))
+    session.execute(delete(KeptPosition).where(KeptPosition.map_id == map_id))
     session.execute(delete(Map).where(Map.id == map_id))
     return named
 

@@ -90,6 +90,7 @@ def delete_user(services: Services, user_id: str) -> None:
         named = [sha256 for table in tables for sha256 in session.scalars(table)]
         uploads = list(session.scalars(select(Upload.id).filter_by(user_id=user_id)))
         session.execute(delete(User).where(User.id == user_id))
+    services.positions.forget(user_id)
     _clear(services, uploads, named)
 
 

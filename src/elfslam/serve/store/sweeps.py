@@ -1,6 +1,7 @@
 """What a server clears away: what a kill left over is set aside, what was abandoned goes in time.
 
-Nothing is deleted at a start but scratch. All deadlines count the time that the server ran.
+Nothing is deleted at a start but scratch, and positions whose time is over by the clock. All other
+deadlines count the time that the server ran.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from pathlib import Path
 
 from sqlalchemy import select
 
+from elfslam.serve.positions.history import forget_old_positions
 from elfslam.serve.problems import LOG, Problem
 from elfslam.serve.receiving.completing import SCRATCH
 from elfslam.serve.receiving.upload_store import forget_upload
@@ -33,6 +35,7 @@ UPLOAD, ASIDE = "upload ", "aside "
 def sweeping(services: Services) -> Iterator[None]:
     """What was left over set aside now, and once an hour a look at what was abandoned."""
     tidy(services)
+    forget_old_positions(services)
     stop = threading.Event()
     thread = threading.Thread(target=_every_hour, args=(services, stop), daemon=True)
     thread.start()
@@ -121,6 +124,7 @@ def _every_hour(services: Services, stop: threading.Event) -> None:
     while not stop.wait(BETWEEN_S):
         now_s = time.monotonic()
         try:
+            forget_old_positions(services)
             expire(services, now_s - since_s)
         except Exception:
             LOG.exception("sweeping failed")

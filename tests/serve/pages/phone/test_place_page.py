@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Map, MapFile, User, transaction
+from tests.waiting import until
 
 HERE_M = (3.0, 2.0)
 """Where the map says that it sounds as the fake microphone does."""
@@ -212,6 +214,62 @@ def test_a_floor_is_found_by_where_the_phone_is(
         page.context.grant_permissions(PERMISSIONS)
 
 
+def positions_in(server: Any, map_id: str) -> list[Any]:
+    """Who may be seen there at this moment."""
+    return list(server.ask(f"/api/maps/{map_id}/positions").json())
+
+
+def test_others_see_the_walker_only_while_they_say_so(
+    pocket: Any, server: Any, map_id: str
+) -> None:
+    with pocket.on() as page:
+        sent: list[Any] = []
+        get_map(page, server)
+        page.on("request", lambda each: sent.append(each) if "positions" in each.url else None)
+        assert not page.locator("#place-tell").is_visible()
+        locate(page, "one-shot")
+        switch = page.get_by_role("switch", name="Let others see where I am")
+        assert not switch.is_checked()
+        assert page.inner_text("#place-sent") == "Nothing is sent"
+        page.locator("#place-fixes", has_text="4").wait_for()
+        assert sent == []
+        switch.check()
+        page.get_by_role("switch", name="Others see where you are: Hall").wait_for()
+        assert page.inner_text("#place-sent") == "Positions are sent"
+        pause = partial(page.wait_for_timeout, 100)
+        [live] = until(lambda: positions_in(server, map_id), "a position", between=pause)
+        assert [live["x_m"], live["y_m"]] == pytest.approx(HERE_M, abs=0.05)
+        assert (live["status"], live["name"]) == ("OK", "owner")
+        assert live["heading_rad"] == pytest.approx(np.pi / 2, abs=1e-3)
+        page.click("#place-stop")
+        until(lambda: not positions_in(server, map_id), "the end", between=pause)
+        assert not page.locator("#place-tell").is_visible()
+        before = len(sent)
+        page.click("#place-start")
+        wait_for_words(page, "Here, within")
+        assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
+        page.wait_for_timeout(1500)
+        assert len(sent) == before
+        assert server.ask("/api/positions").json() != []
+        page.click("#place-back")
+        page.get_by_role("button", name="Delete my positions").click()
+        page.locator("#positions-forget-help", has_text="Deleted").wait_for()
+        assert server.ask("/api/positions").json() == []
+
+
+def test_consent_ends_where_the_map_takes_no_positions(
+    pocket: Any, server: Any, map_id: str
+) -> None:
+    server.ask(f"/api/maps/{map_id}/positions/settings", "PUT", {"is_on": False})
+    with pocket.on() as page:
+        get_map(page, server)
+        locate(page, "one-shot")
+        page.get_by_role("switch", name="Let others see where I am").check()
+        page.locator("#problem", has_text="switched live positions off").wait_for()
+        assert not page.get_by_role("switch", name="Let others see where I am").is_checked()
+        assert page.locator("#place-stop").is_visible()
+
+
 def test_without_steps_nothing_is_claimed(pocket: Any, server: Any, map_id: str) -> None:
     with pocket.on() as page:
         get_map(page, server)
@@ -266,6 +324,10 @@ def test_it_fits_and_can_be_tapped(
         check_view(page, size[0])
         map_box, panel = page.locator("#place-map").bounding_box(), page.locator(".place-panel")
         assert map_box["height"] > 0.25 * size[1]
+        assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
+        page.get_by_role("switch", name="Let others see where I am").check()
+        page.get_by_role("switch", name="Others see where you are").wait_for()
+        check_view(page, size[0])
         assert panel.bounding_box()["y"] + panel.bounding_box()["height"] <= size[1] + 1
 
 

@@ -7,6 +7,7 @@ import { h } from "../shared/dom.js";
 import { downloadsOf } from "./downloads.js";
 import { formatMetres, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
+import { livePart } from "./live_part.js";
 import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
 import { keptOf, recordedPart } from "./recorded.js";
@@ -72,7 +73,8 @@ export async function openMap(desk, id, root, isWanted) {
   }
 
   fillPanel("layers", "walks", "located", "plan", "recorded");
-  panel.append(...meetingPart(map), downloads);
+  const live = livePart(id, state, canvas.redraw);
+  panel.append(live.part, ...meetingPart(map), downloads);
   root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
@@ -98,6 +100,7 @@ export async function openMap(desk, id, root, isWanted) {
     leave() {
       window.removeEventListener("pagehide", hide);
       hide();
+      live.leave();
       canvas.leave();
     },
   };

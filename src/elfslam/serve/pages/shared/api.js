@@ -19,10 +19,11 @@ export const NOT_PAIRED = "This device is not paired. Scan the code that the ser
  * Ask the server; gives what its JSON says, or null where it says nothing. Raises Problem.
  * @param {string} method @param {string} path @param {unknown} [body] sent as JSON
  * @param {Record<string, string>} [headers]
+ * @param {{signal?: AbortSignal, keepalive?: boolean}} [more] what fetch is told besides
  */
-export async function ask(method, path, body, headers = {}) {
-  /** @type {{method: string, headers: Record<string, string>, body?: string}} */
-  const options = { method, headers: { Accept: "application/json", ...headers } };
+export async function ask(method, path, body, headers = {}, more = {}) {
+  /** @type {{method: string, headers: Record<string, string>, body?: string, signal?: AbortSignal, keepalive?: boolean}} */
+  const options = { method, headers: { Accept: "application/json", ...headers }, ...more };
   if (body !== undefined) {
     options.body = JSON.stringify(body);
     options.headers["Content-Type"] = "application/json";

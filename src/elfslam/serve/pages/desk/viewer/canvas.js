@@ -5,6 +5,7 @@ import { draw } from "./draw.js";
 import { onGestures } from "../../shared/map/gestures.js";
 import { density } from "../../shared/map/ground.js";
 import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.js";
+import { drawLive } from "./live.js";
 import { drawMarks, focusPlace } from "./marks.js";
 import { grabPlan } from "./placing.js";
 import { around, boundsOf, fit, toMap, toScreen } from "../../shared/map/projection.js";
@@ -39,6 +40,7 @@ export function mountCanvas(scene, state, name, told) {
     context.save();
     draw(context, scene, state, palette, density());
     drawMarks(context, scene, state, palette);
+    drawLive(context, state, palette);
     context.restore();
     scale.show(state.view);
     showTip();

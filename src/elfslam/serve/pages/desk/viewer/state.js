@@ -20,6 +20,7 @@ import { fit } from "../../shared/map/projection.js";
  * @property {Plan | null} plan
  * @property {boolean} placing whether the floor plan can be dragged
  * @property {Located[]} located
+ * @property {import("./live.js").Walker[]} live who lets others see where they are
  * @property {boolean} hurried whether a map with very many footsteps is being moved: the band of uncertainty waits
  */
 
@@ -41,6 +42,7 @@ export function firstState(scene) {
     plan: null,
     placing: false,
     located: [],
+    live: [],
     hurried: false,
   };
 }

@@ -4,6 +4,7 @@ import { loadPlanImage } from "../../shared/map/plan_image.js";
 import { at, showView } from "../view.js";
 import { stayAwake } from "../wake.js";
 import { makeChoosing } from "./choosing.js";
+import { makeConsent, offerDeletion } from "./consent.js";
 import { tableOfFixes } from "./fixes_table.js";
 import { startPlacing } from "./place.js";
 import { mountPlaceMap } from "./place_map.js";
@@ -32,6 +33,8 @@ import { READYING, STOPPED, WAITING } from "./words.js";
 export function makeLocating({ devices, act, problem, paired }) {
   /** @type {Here} */
   const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
+  const consent = makeConsent({ problem });
+  offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
 
   /** @param {import("./maps.js").MapRow} row @param {import("../../keeping/packages.js").Packages} packages */
@@ -61,7 +64,7 @@ export function makeLocating({ devices, act, problem, paired }) {
     if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
     const awake = stayAwake();
     const shown = showFixes(here, mode());
-    const told = { ...shown.told, problem: stopFor };
+    const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix), problem: stopFor };
     const placing = await startPlacing(opened, here.kept, mode(), told).catch((error) => {
       awake.stop();
       at("place-start").disabled = false;
@@ -70,7 +73,9 @@ export function makeLocating({ devices, act, problem, paired }) {
     });
     tell(WAITING[mode()]);
     shown.begin(placing.playedUntil);
+    consent.offer(here.kept.facts.map, here.kept.facts.name, placing.nowS);
     here.running = () => {
+      consent.withdraw();
       shown.end();
       placing.stop();
       awake.stop();
@@ -109,6 +114,11 @@ export function makeLocating({ devices, act, problem, paired }) {
   at("place-back").addEventListener("click", act(leave));
   at("place-mode").addEventListener("change", () => here.running && act(start)());
   return { list: choosing.list, stopFor };
+}
+
+/** @template T @param {...(value: T) => void} others @returns {(value: T) => void} */
+function tellAll(...others) {
+  return (value) => others.forEach((each) => each(value));
 }
 
 /** @param {import("./words.js").Words} words */

@@ -23,8 +23,9 @@ const TOO_OLD = "This browser cannot run the part of the page that locates. Use 
  * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array<ArrayBuffer>}} kept
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
- * @returns {Promise<{stop: () => void, zeroS: () => number, playedUntil: (heardS: number) => number}>} zeroS:
- *   when, on the clock of the fixes, the first chirp was heard; playedUntil: how many should have been
+ * @returns {Promise<{stop: () => void, zeroS: () => number, nowS: () => number,
+ *   playedUntil: (heardS: number) => number}>} zeroS: when, on the clock of the fixes, the first chirp was heard;
+ *   nowS: what that clock shows now; playedUntil: how many should have been heard
  */
 export async function startPlacing({ microphone, clocks, playSlots }, { floorMap, encoderBytes }, mode, told) {
   const worker = new Worker(new URL("./place.worker.js", import.meta.url), { type: "module" });
@@ -58,6 +59,7 @@ export async function startPlacing({ microphone, clocks, playSlots }, { floorMap
   return {
     stop,
     zeroS: () => (latest.playedS[0] ?? 0) + lateS(),
+    nowS: () => soundTime(clocks.line(), performance.now()) + lateS(),
     playedUntil: (heardS) => latest.playedS.filter((playedS) => playedS + lateS() < heardS + SAME_S).length,
   };
 }
