@@ -13,7 +13,7 @@ COMPILED = "numba:compile"
 """What numba calls it when a function is compiled; one that it kept on disk is not."""
 
 
-class _Told(Listener):
+class _Told(Listener):  # type: ignore[misc]
     def __init__(self, announce: Announce) -> None:
         self._announce = announce
 
