@@ -18,6 +18,7 @@ from sqlalchemy import Engine, inspect
 from sqlalchemy.engine import Connection
 
 import elfslam.serve.buildings.tables  # noqa: F401  (its tables are part of the schema)
+import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
 from elfslam.serve.store.backups import back_up
 from elfslam.serve.store.database import Base, answering, shown_url

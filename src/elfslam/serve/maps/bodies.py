@@ -1,0 +1,104 @@
+"""Maps as the API tells them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any, Literal
+
+from pydantic import BaseModel
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.jobs.tasks import FLOOR_PLAN
+from elfslam.serve.maps.floors import level_of
+from elfslam.serve.sharing.rights import Asker, Right, right_to
+from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.store.database import Map, MapFile, User
+
+
+class MapFileBody(BaseModel):
+    """A file of a map's folder."""
+
+    name: str
+    size_bytes: int
+    sha256: str
+
+
+class MapBody(BaseModel):
+    """A map, where it lies, and what who asks may do to it.
+
+    `sources` are the recordings that one's own map came from and that are still here; `level` is
+    how high the floor lies, by its name. With how many people one's own map is shared, and whether
+    by link, tell `shared_with` and `has_link`.
+    """
+
+    id: str
+    name: str
+    kind: str
+    venue: str | None
+    floor: str | None
+    level: int | None
+    sources: list[str]
+    facts: dict[str, Any]
+    floor_plan: dict[str, Any] | None
+    files: list[MapFileBody]
+    owner: str
+    right: Literal["read", "edit", "own"]
+    shared_with: int
+    has_link: bool
+    created_utc: datetime
+
+
+OF_THE_ROW = ("id", "name", "kind", "venue", "floor", "facts", "floor_plan", "created_utc")
+
+
+def body_of(session: Session, asker: Asker, each: Map) -> MapBody:
+    """A map as the API tells it to somebody."""
+    return bodies_of(session, asker, [each])[0]
+
+
+def bodies_of(session: Session, asker: Asker, maps: Sequence[Map]) -> list[MapBody]:
+    """Maps as the API tells them to somebody, in a few queries however many they are."""
+    ids = [each.id for each in maps]
+    files = _files(session, ids)
+    owners = select(User.id, User.name).where(User.id.in_({each.user_id for each in maps}))
+    names = {user_id: name for user_id, name in session.execute(owners)}
+    with_link = select(MapLink).where(MapLink.map_id.in_(ids))
+    links = {row.map_id: row for row in session.scalars(with_link)}
+    with_asker = select(MapShare).filter_by(user_id=asker.user_id)
+    shares = {row.map_id: row for row in session.scalars(with_asker)}
+    counts = _counts(session, ids)
+    bodies = []
+    for each in maps:
+        right = right_to(asker, each, shares.get(each.id), links.get(each.id))
+        is_own = right is Right.OWN
+        bodies.append(
+            MapBody(
+                **{name: getattr(each, name) for name in OF_THE_ROW},
+                level=level_of(each.floor),
+                sources=each.sources if is_own else [],
+                files=files[each.id],
+                owner=names.get(each.user_id, ""),
+                right=right.name.lower(),  # type: ignore[arg-type]
+                shared_with=counts.get(each.id, 0) if is_own else 0,
+                has_link=is_own and each.id in links,
+            )
+        )
+    return bodies
+
+
+def _files(session: Session, ids: Sequence[str]) -> dict[str, list[MapFileBody]]:
+    """The files of some maps' folders, by the map."""
+    rows = select(MapFile).where(MapFile.map_id.in_(ids), MapFile.name != FLOOR_PLAN)
+    found: dict[str, list[MapFileBody]] = defaultdict(list)
+    for row in session.scalars(rows.order_by(MapFile.name)):
+        found[row.map_id].append(MapFileBody.model_validate(row, from_attributes=True))
+    return found
+
+
+def _counts(session: Session, ids: Sequence[str]) -> dict[str, int]:
+    """With how many people each map is shared."""
+    rows = select(MapShare.map_id, func.count()).where(MapShare.map_id.in_(ids))
+    return {map_id: n for map_id, n in session.execute(rows.group_by(MapShare.map_id))}

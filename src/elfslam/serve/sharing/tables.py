@@ -1,0 +1,32 @@
+"""With whom maps are shared, in the database."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+from sqlalchemy import ForeignKey
+from sqlalchemy.orm import Mapped, mapped_column
+
+from elfslam.serve.store.database import Base, now_utc
+
+
+class MapShare(Base):
+    """What somebody else may do to a map: `read` or `edit`."""
+
+    __tablename__ = "map_shares"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    user_id: Mapped[str] = mapped_column(
+        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    may: Mapped[str]
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class MapLink(Base):
+    """What everyone may do to a map who has its link, the secret of which can be shown again."""
+
+    __tablename__ = "map_links"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    secret: Mapped[str]
+    may: Mapped[str]
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
