@@ -52,10 +52,10 @@ ADMITTING: tuple[APIRouter, ...] = (
 """Also under /api; each route looks itself at who asks: by token, or by the link of a map."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (sweeping, run_jobs)
 """Entered when the server starts and left when it stops."""
-DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version,
-for the signing key, for codes and links, and for the drawing script of reports wants a pairing
-token, as `Authorization: Bearer TOKEN` or as the cookie that `POST /api/session` sets. A map that is
-shared by link also opens with the cookie that `POST /api/links/open` sets for it. Refusals are
+DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` wants a pairing token, as
+`Authorization: Bearer TOKEN` or as the cookie that `POST /api/session` sets, but those for the
+version, for the signing key, for codes and links, and for the drawing script of reports. A map that
+is shared by link opens also with the cookie that `POST /api/links/open` sets for it. Refusals are
 `application/problem+json`; their `detail` is one line for people."""
 
 

@@ -63,8 +63,8 @@ def bodies_of(session: Session, asker: Asker, maps: Sequence[Map]) -> list[MapBo
     """Maps as the API tells them to somebody, in a few queries however many they are."""
     ids = [each.id for each in maps]
     files = _files(session, ids)
-    owners = select(User.id, User.name).where(User.id.in_({each.user_id for each in maps}))
-    names = {user_id: name for user_id, name in session.execute(owners)}
+    owners = select(User).where(User.id.in_({each.user_id for each in maps}))
+    names = {user.id: user.name for user in session.scalars(owners)}
     with_link = select(MapLink).where(MapLink.map_id.in_(ids))
     links = {row.map_id: row for row in session.scalars(with_link)}
     with_asker = select(MapShare).filter_by(user_id=asker.user_id)
@@ -101,4 +101,4 @@ def _files(session: Session, ids: Sequence[str]) -> dict[str, list[MapFileBody]]
 def _counts(session: Session, ids: Sequence[str]) -> dict[str, int]:
     """With how many people each map is shared."""
     rows = select(MapShare.map_id, func.count()).where(MapShare.map_id.in_(ids))
-    return {map_id: n for map_id, n in session.execute(rows.group_by(MapShare.map_id))}
+    return {row[0]: row[1] for row in session.execute(rows.group_by(MapShare.map_id))}

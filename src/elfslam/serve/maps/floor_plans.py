@@ -15,13 +15,16 @@ from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.bodies import MapBody, body_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
-from elfslam.serve.sharing.rights import Asks, Right, map_for
+from elfslam.serve.sharing.rights import Asks, Right, current_asker, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, reading, transaction
 from elfslam.serve.store.holdings import drop_unnamed
 from elfslam.serve.store.sending import scratch_file, sent_blob
 
-router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/floor-plan")
+router = APIRouter(
+    tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
+)
+"""Nobody's image is read before it is known who asks."""
 TYPES = {"PNG": "image/png", "JPEG": "image/jpeg"}
 MOST_PIXELS = 40_000_000
 TOO_MANY_PIXELS = Problem(
@@ -66,10 +69,10 @@ def put_floor_plan(
     map_id: str, image: Annotated[bytes, Depends(image_body)], asker: Asks, services: Here
 ) -> MapBody:
     """Put an image (PNG or JPEG) below a map; an older one goes, its placement stays."""
-    facts = facts_of_image(image)
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
         refuse_full(services, session, found.user_id)
+    facts = facts_of_image(image)
     store = services.settings.blobs_folder
     with scratch_file(services.settings, image) as file, blobs.locked(store):
         blob = blobs.put(store, file)

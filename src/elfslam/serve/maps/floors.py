@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import re
 
-NUMBER = re.compile(r"(?:(?<!\w)[-−–])?(?<!\d)\d{1,3}(?!\d)")
+DASHES = "-\u2212\u2013"
+"""A minus as people write it."""
+NUMBER = re.compile(rf"(?:(?<!\w)[{DASHES}])?(?<!\d)\d{{1,3}}(?!\d)")
 BASEMENT = re.compile(r"\b(?:basement|cellar|underground)\b|^(?:b|ug)\d", re.I)
 GROUND = re.compile(r"\bground\b|\blobby\b|^(?:g|eg|gf)$", re.I)
 
@@ -18,8 +20,8 @@ def level_of(floor: str | None) -> int | None:
     number, below = NUMBER.search(floor), BASEMENT.search(floor)
     if number is None:
         return -1 if below else None
-    level = int(number[0].replace("−", "-").replace("–", "-"))
-    return -abs(level) if below else level
+    level = int(number[0].lstrip(DASHES))
+    return -level if below or number[0][0] in DASHES else level
 
 
 def floor_name(level: int) -> str:

@@ -15,8 +15,8 @@ from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.package import package_of
 from elfslam.serve.network.signing import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
-from elfslam.serve.services import Here, Services
-from elfslam.serve.sharing.rights import Asker, Asks, map_for
+from elfslam.serve.services import Here
+from elfslam.serve.sharing.rights import Asks, map_for
 from elfslam.serve.store.database import MapFile, MapPart, reading
 from elfslam.serve.store.sending import sent_blob
 
@@ -51,7 +51,7 @@ def get_key(services: Here) -> KeyBody:
 def get_package(map_id: str, asker: Asks, services: Here) -> PackageBody:
     """What a phone needs to locate in a map, by digests; the phone fetches the parts it lacks."""
     try:
-        manifest = _published(services, asker, map_id) or package_of(services, asker, map_id)
+        manifest = published_manifest(services, map_id) or package_of(services, asker, map_id)
     except FileNotFoundError as error:
         raise not_found("map") from error
     key = signing_key(services.settings.authority_folder)
@@ -68,7 +68,7 @@ def get_package(map_id: str, asker: Asks, services: Here) -> PackageBody:
 def get_package_part(map_id: str, sha256: str, asker: Asks, services: Here) -> Response:
     """A tile, the encoder, or the floor plan of a map's package."""
     headers = {"ETag": f'"{sha256}"'}
-    content = published_part(services, map_id, sha256) if asker.user_id else None
+    content = published_part(services, map_id, sha256)
     if content is not None:
         return Response(content, media_type=BINARY, headers=headers)
     files = select(MapFile.sha256).where(
@@ -80,8 +80,3 @@ def get_package_part(map_id: str, sha256: str, asker: Asks, services: Here) -> R
         if sha256 not in session.scalars(parts).all():
             raise not_found("part of this map")
     return sent_blob(services.settings, sha256, "part of this map", BINARY, headers=headers)
-
-
-def _published(services: Services, asker: Asker, map_id: str) -> str | None:
-    """The manifest of a published floor, which every user may fetch; a link opens its map alone."""
-    return published_manifest(services, map_id) if asker.user_id else None

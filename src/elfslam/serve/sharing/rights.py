@@ -5,7 +5,7 @@ from __future__ import annotations
 import hmac
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Annotated, Literal
+from typing import Annotated
 
 from fastapi import Depends, Security
 from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials
@@ -34,8 +34,6 @@ IN_LINK = APIKeyCookie(
     name=LINK_COOKIE, auto_error=False, description="What `POST /api/links/open` sets for one map."
 )
 WITHDRAWN = "this link was withdrawn, or its map deleted; ask whoever gave it to you for another"
-Shared = Literal["read", "edit"]
-"""What can be given to others."""
 
 
 class Right(IntEnum):

@@ -21,11 +21,10 @@ from elfslam.serve.sharing.rights import (
     WITHDRAWN,
     Asks,
     Right,
-    Shared,
     map_for,
     opens,
 )
-from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.sharing.tables import MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, User, reading, transaction
 
 router = APIRouter(tags=["sharing"], prefix="/maps/{map_id}")
@@ -166,14 +165,14 @@ def open_link(given: GivenLink, services: Here, response: Response) -> OpenedLin
         secure=services.settings.secure_cookie,
         samesite="strict",
     )
-    return OpenedLink(map=map_id, name=found.name, may=link.may)  # type: ignore[arg-type]
+    return OpenedLink(map=map_id, name=found.name, may=link.may)
 
 
 def _shares(services: Services, session: Session, found: Map, request: Request) -> SharesBody:
     people = select(User.id, User.name, MapShare.may).join(MapShare, MapShare.user_id == User.id)
     rows = session.execute(people.where(MapShare.map_id == found.id).order_by(User.name, User.id))
     link = session.get(MapLink, found.id)
-    told = None if link is None else LinkBody(url=_url(services, link, request), may=link.may)  # type: ignore[arg-type]
+    told = None if link is None else LinkBody(url=_url(services, link, request), may=link.may)
     return SharesBody(
         people=[ShareBody(user=user, name=name, may=may) for user, name, may in rows], link=told
     )

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from datetime import datetime
+from typing import Literal
 
-from sqlalchemy import ForeignKey
+from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
 from elfslam.serve.store.database import Base, now_utc
+
+Shared = Literal["read", "edit"]
+"""What can be given to others."""
 
 
 class MapShare(Base):
@@ -18,7 +22,7 @@ class MapShare(Base):
     user_id: Mapped[str] = mapped_column(
         ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
     )
-    may: Mapped[str]
+    may: Mapped[Shared] = mapped_column(String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
@@ -28,5 +32,5 @@ class MapLink(Base):
     __tablename__ = "map_links"
     map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
     secret: Mapped[str]
-    may: Mapped[str]
+    may: Mapped[Shared] = mapped_column(String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)

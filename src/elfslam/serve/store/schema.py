@@ -17,7 +17,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Engine, inspect
 from sqlalchemy.engine import Connection
 
-import elfslam.serve.buildings.tables  # noqa: F401  (its tables are part of the schema)
+import elfslam.serve.buildings.tables
 import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
 from elfslam.serve.store.backups import back_up

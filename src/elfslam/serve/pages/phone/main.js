@@ -312,4 +312,4 @@ window.addEventListener("beforeunload", (event) => {
   if (page.ending) event.preventDefault();
 });
 page.begun = begin();
-page.begun.then(() => page.isGuest && act(locating.list)());
+page.begun.then(() => (page.isGuest ? act(locating.list)() : undefined));
