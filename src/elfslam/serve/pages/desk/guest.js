@@ -30,10 +30,11 @@ export async function openGuest(link) {
     const { map: id, name } = await openLink(link);
     document.title = `${name} · elfslam`;
     const page = await openMap(DESK, id, main, () => true);
-    poll(async () => {
+    const look = async () => {
       page?.changed();
       return false;
-    }, () => {});
+    };
+    void poll(look, () => {}).now();
   } catch (problem) {
     document.body.dataset.page = "gone";
     main.replaceChildren(blankPage("This link opens nothing", problem instanceof Error ? problem.message : String(problem),

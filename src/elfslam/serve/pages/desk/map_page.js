@@ -13,7 +13,7 @@ import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
 import { mountCanvas } from "./viewer/canvas.js";
 import { renameMap } from "./renaming.js";
-import { ownerBadge, sharedWords, shareMap } from "./sharing.js";
+import { sharedWords, shareMap } from "./sharing.js";
 import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
 import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
@@ -146,12 +146,12 @@ function headFacts({ name, venue, floor, right, owner, shared_with, has_link }) 
 function headOfMap(desk, map, { walks }, look) {
   const { closures } = factsOf(map);
   const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
-  const facts = [placeOf(map), map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(sum((walk) => walk.length_m)),
+  const facts = [placeOf(map), map.right !== "own" && `shared by ${map.owner}`, map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(sum((walk) => walk.length_m)),
     plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && plural(closures, "closed loop"), map.right === "own" && sharedWords(map)];
   return h("header", { class: "map-head" },
     desk.me && h("a", { class: "button icon", href: "#/maps", "aria-label": "Back to the maps", title: "Back to the maps" }, icon("back")),
     h("div", null, h("h1", { tabindex: "-1" }, map.name), h("p", { class: "soft" }, facts.filter(Boolean).join(" · "))),
-    ownerBadge(map), buttonsOf(desk, map, look));
+    buttonsOf(desk, map, look));
 }
 
 /** What whoever is here may do with a map. @param {Desk} desk @param {Map_} map @param {() => Promise<void>} look */

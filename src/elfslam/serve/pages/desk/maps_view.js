@@ -77,7 +77,7 @@ function rowOf(map, chosen, nowMs) {
   const words = [map.floor_plan && "on a floor plan", sharedWords(map)].filter(Boolean).join(" · ");
   return h("tr", { "data-key": id, role: "row" },
     chooseCell(id, name, chosen.has(id)),
-    rowHead(h("a", { href: address }, name), ownerBadge(map), words && h("small", null, words)),
+    rowHead(h("a", { href: address }, name), (right !== "own" || words) && h("span", { class: "marks" }, ownerBadge(map), words && h("small", null, words))),
     cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
     cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
     cell("Closed loops", facts.closures === null ? "–" : formatCount(facts.closures)),

@@ -125,8 +125,10 @@ async function ownMaps(hasLinks) {
   try {
     return await ask("GET", "/api/maps");
   } catch (error) {
-    if (hasLinks && /** @type {import("../../shared/api.js").Problem} */ (error).status === 401) return [];
-    throw error;
+    const isGuest = hasLinks && /** @type {import("../../shared/api.js").Problem} */ (error).status === 401;
+    if (!isGuest) throw error;
+    at("maps-near").parentElement.hidden = true; // the server tells its users alone what lies near
+    return [];
   }
 }
 

@@ -44,14 +44,15 @@ export function rowsOf(kept, offered) {
 }
 
 /**
- * Rows by venue, each venue where its first row was; those of no venue are one group as well.
+ * Rows by venue, each venue where its first row was; those of no venue come last.
  * @param {MapRow[]} rows @returns {{venue: string | null, rows: MapRow[]}[]}
  */
 export function venuesOf(rows) {
   /** @type {Map<string | null, MapRow[]>} */
   const groups = new Map();
   for (const row of rows) groups.set(row.venue, [...(groups.get(row.venue) ?? []), row]);
-  return [...groups].map(([venue, inside]) => ({ venue, rows: inside }));
+  const told = [...groups].map(([venue, inside]) => ({ venue, rows: inside }));
+  return [...told.filter(({ venue }) => venue !== null), ...told.filter(({ venue }) => venue === null)];
 }
 
 /** @param {KeptMap} kept @param {OfferedMap | undefined} offer @returns {MapRow} */
