@@ -114,11 +114,12 @@ class Server:
         """Where it listens."""
         return self.address.split("#")[0].rstrip("/").rpartition(":")[2]
 
-    def ask(self, path: str, method: str = "GET") -> httpx.Response:
+    def ask(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
         """What it answers its owner."""
         url, token = self.address.partition("&")[0].split("#token=")
         header = {"Authorization": f"Bearer {token}"}
-        answer = httpx.request(method, url.rstrip("/") + path, headers=header, timeout=30)
+        whole = url.rstrip("/") + path
+        answer = httpx.request(method, whole, headers=header, timeout=30, **more)
         return answer.raise_for_status()
 
     def recordings(self) -> list[dict[str, Any]]:
