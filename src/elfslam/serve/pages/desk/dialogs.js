@@ -62,7 +62,7 @@ export async function confirmDelete(what, consequence, names = []) {
   const more = names.length - MOST_NAMED;
   const body = [names.length > 0 && h("ul", { class: "plain" }, names.slice(0, MOST_NAMED).map((name) => h("li", null, name)), more > 0 && h("li", null, `and ${more} more`)),
     h("p", null, consequence)];
-  return (await askPerson({ title: `Delete ${what}?`, body, submit: "Delete for good", danger: true, cancel: "Keep it" })) !== null;
+  return (await askPerson({ title: `Delete ${what}?`, body, submit: "Delete for good", danger: true, cancel: names.length > 1 ? "Keep them" : "Keep it" })) !== null;
 }
 
 /** One line at the foot of the page, read out by screen readers.
