@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated
 
-from fastapi import Depends, Security
-from fastapi.security import APIKeyCookie, HTTPAuthorizationCredentials
+from fastapi import Cookie, Depends, Security
+from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.orm import Session
 
@@ -30,9 +30,8 @@ from elfslam.serve.sharing.tables import MapLink, MapShare
 from elfslam.serve.store.database import Map, reading
 
 LINK_COOKIE = "elfslam_link"
-IN_LINK = APIKeyCookie(
-    name=LINK_COOKIE, auto_error=False, description="What `POST /api/links/open` sets for one map."
-)
+LINK_SECRET = Cookie(alias=LINK_COOKIE, include_in_schema=False)
+"""What `POST /api/links/open` sets for one map: a way in beside the token, told of in prose."""
 WITHDRAWN = "this link was withdrawn, or its map deleted; ask whoever gave it to you for another"
 
 
@@ -123,7 +122,7 @@ def current_asker(
     services: Here,
     bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
     cookie: Annotated[str | None, Security(IN_COOKIE)],
-    secret: Annotated[str | None, Security(IN_LINK)],
+    secret: Annotated[str | None, LINK_SECRET] = None,
 ) -> Asker:
     """Who asks for a map: by token, by link, or by both.
 
