@@ -14,6 +14,7 @@ from elfslam.base.values import FloorMap
 from elfslam.serve.jobs.results import _common_place
 from elfslam.serve.maps.exports import ExportOptions, placed
 from elfslam.serve.services import Services
+from elfslam.serve.store import derived
 from elfslam.serve.store.database import Map
 
 LetIn = Callable[[str], TestClient]
@@ -97,7 +98,10 @@ def test_a_place_that_is_not_there_or_not_yours_is_not_renamed(
 
 
 @DATABASES
-def test_many_maps_are_deleted_at_once(let_in: LetIn, put_map: PutMap, services: Services) -> None:
+def test_many_maps_are_deleted_at_once(
+    let_in: LetIn, put_map: PutMap, services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(derived, "AT_ONCE", 2)
     ada, eve = let_in("Ada"), let_in("Eve")
     mine, theirs = [put_map(ada, f"map {k}") for k in range(4)], put_map(eve)
     wanted = {"ids": [*mine[:3], mine[0], "0" * 32, theirs]}

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
 from datetime import datetime
 from typing import Any, Literal
 
 from pydantic import BaseModel
-from sqlalchemy import func, select
+from sqlalchemy import ColumnElement, func, select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
@@ -56,20 +55,23 @@ OF_THE_ROW = ("id", "name", "kind", "venue", "floor", "facts", "floor_plan", "cr
 
 def body_of(session: Session, asker: Asker, each: Map) -> MapBody:
     """A map as the API tells it to somebody."""
-    return bodies_of(session, asker, [each])[0]
+    return bodies_of(session, asker, Map.id == each.id)[0]
 
 
-def bodies_of(session: Session, asker: Asker, maps: Sequence[Map]) -> list[MapBody]:
-    """Maps as the API tells them to somebody, in a few queries however many they are."""
-    ids = [each.id for each in maps]
-    files = _files(session, ids)
-    owners = select(User).where(User.id.in_({each.user_id for each in maps}))
+def bodies_of(session: Session, asker: Asker, of_maps: ColumnElement[bool]) -> list[MapBody]:
+    """Some maps as the API tells them to somebody, the newest first.
+
+    In a few queries, however many they are.
+    """
+    maps = session.scalars(select(Map).where(of_maps).order_by(Map.created_utc.desc(), Map.id))
+    files = _files(session, of_maps)
+    owners = select(User).where(User.id.in_(select(Map.user_id).where(of_maps)))
     names = {user.id: user.name for user in session.scalars(owners)}
-    with_link = select(MapLink).where(MapLink.map_id.in_(ids))
+    with_link = select(MapLink).join(Map).where(of_maps)
     links = {row.map_id: row for row in session.scalars(with_link)}
     with_asker = select(MapShare).filter_by(user_id=asker.user_id)
     shares = {row.map_id: row for row in session.scalars(with_asker)}
-    counts = _counts(session, ids)
+    counts = _counts(session, of_maps)
     bodies = []
     for each in maps:
         right = right_to(asker, each, shares.get(each.id), links.get(each.id))
@@ -89,16 +91,16 @@ def bodies_of(session: Session, asker: Asker, maps: Sequence[Map]) -> list[MapBo
     return bodies
 
 
-def _files(session: Session, ids: Sequence[str]) -> dict[str, list[MapFileBody]]:
+def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[MapFileBody]]:
     """The files of some maps' folders, by the map."""
-    rows = select(MapFile).where(MapFile.map_id.in_(ids), MapFile.name != FLOOR_PLAN)
+    rows = select(MapFile).join(Map).where(of_maps, MapFile.name != FLOOR_PLAN)
     found: dict[str, list[MapFileBody]] = defaultdict(list)
     for row in session.scalars(rows.order_by(MapFile.name)):
         found[row.map_id].append(MapFileBody.model_validate(row, from_attributes=True))
     return found
 
 
-def _counts(session: Session, ids: Sequence[str]) -> dict[str, int]:
+def _counts(session: Session, of_maps: ColumnElement[bool]) -> dict[str, int]:
     """With how many people each map is shared."""
-    rows = select(MapShare.map_id, func.count()).where(MapShare.map_id.in_(ids))
+    rows = select(MapShare.map_id, func.count()).join(Map).where(of_maps)
     return {row[0]: row[1] for row in session.execute(rows.group_by(MapShare.map_id))}

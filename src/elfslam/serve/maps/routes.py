@@ -10,7 +10,6 @@ from typing import Annotated
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel
-from sqlalchemy import select
 
 from elfslam.base.choices import Format
 from elfslam.base.errors import ElfslamError
@@ -85,9 +84,8 @@ class View(BaseModel):
 @router.get("/maps", operation_id="list_maps")
 def list_maps(user: Me, services: Here) -> list[MapBody]:
     """Your maps, and those that are shared with you; the newest first."""
-    found = select(Map).where(seen_by(user.id)).order_by(Map.created_utc.desc(), Map.id)
     with reading(services.sessions) as session:
-        return bodies_of(session, Asker(user.id), session.scalars(found).all())
+        return bodies_of(session, Asker(user.id), seen_by(user.id))
 
 
 @router.get("/maps/{map_id}", operation_id="get_map")

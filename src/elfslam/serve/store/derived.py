@@ -15,6 +15,9 @@ from sqlalchemy.orm import Session
 from elfslam.serve.jobs.queue import OPEN
 from elfslam.serve.store.database import Job, JobFile, JobKind, Map, MapFile, MapPart
 
+AT_ONCE = 1000
+"""A statement names no more maps than databases take."""
+
 
 def forget_recordings(session: Session, user_id: str, recording_ids: Iterable[str]) -> list[str]:
     """Delete what came of some recordings alone."""
@@ -33,9 +36,15 @@ def forget_maps(
     session: Session, map_ids: Iterable[str], *, spared_job: str | None = None
 ) -> list[str]:
     """Delete maps, the jobs that made them unless one is spared, and where others were in them."""
-    gone = set(map_ids)
+    ids, named = list(map_ids), []
+    for begin in range(0, len(ids), AT_ONCE):
+        named += _forget_some(session, set(ids[begin : begin + AT_ONCE]), spared_job or "")
+    return named
+
+
+def _forget_some(session: Session, gone: set[str], spared_job: str) -> list[str]:
     concerned = select(Job.id).where(
-        Job.id != (spared_job or ""),
+        Job.id != spared_job,
         or_(Job.gave["map"].as_string().in_(gone), Job.given["map"].as_string().in_(gone)),
     )
     merging = select(Job).where(Job.kind == JobKind.MERGE, Job.state.in_(OPEN))
