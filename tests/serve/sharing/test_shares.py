@@ -15,8 +15,10 @@ from starlette.testclient import TestClient
 from elfslam.base.values import FloorMap
 from elfslam.serve.app import create_app
 from elfslam.serve.people.users import add_user
+from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
+from elfslam.serve.sharing import routes
 from elfslam.serve.sharing.rights import WITHDRAWN
 
 LetIn = Callable[[str], TestClient]
@@ -130,6 +132,22 @@ def test_a_link_opens_its_map_without_an_account_until_it_is_withdrawn(
     again = link_of(ada, map_id)
     assert again != link
     assert guest.get(f"/api/maps/{map_id}").status_code == 404, "the next link is another"
+
+
+def test_no_link_is_made_that_leads_others_to_themselves(
+    let_in: LetIn, put_map: PutMap, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def reaches_nobody(asked: str, settings: object) -> str:
+        raise Problem(409, "no other device reaches this server")
+
+    ada = let_in("Ada")
+    first, second = put_map(ada), put_map(ada)
+    link = link_of(ada, first)
+    monkeypatch.setattr(routes, "url_for_others", reaches_nobody)
+    assert ada.put(f"/api/maps/{second}/link", json={"may": "read"}).status_code == 409
+    assert ada.get(f"/api/maps/{second}/shares").json()["link"] is None
+    told = ada.get(f"/api/maps/{first}/shares").json()["link"]
+    assert told["url"].startswith(f"http://127.0.0.1/desk#link={link}&key=")
 
 
 def test_what_is_no_link_opens_nothing(
