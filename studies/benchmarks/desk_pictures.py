@@ -42,6 +42,8 @@ WALKS = {
     "Third walk": (102, 3),
 }
 VISITOR = ("A visitor", (200, 1))
+VENUE, FLOORS = "North Mall", ("Ground floor", "Floor 1")
+ME, OTHERS = "Ada", ("Eve", "The facility team")
 PIXELS_PER_M = 80
 COLOURS = 256
 LONGEST_S = 1200
@@ -93,6 +95,7 @@ def fill(client: httpx.Client) -> str:
     """Upload, map, merge and locate; gives the id of the floor map, its plan in place."""
     truths = {name: upload(client, name, *how) for name, how in [*WALKS.items(), VISITOR]}
     wait(client)
+    lay_on_floors(client)
     maps = [each for each in client.get("/api/maps").json() if each["name"] in WALKS]
     start(client, {"kind": "merge", "maps": [each["id"] for each in maps], "name": "Studio"})
     wait(client)
@@ -101,10 +104,27 @@ def fill(client: httpx.Client) -> str:
     visitor = next(each["id"] for each in recordings if each["name"] == VISITOR[0])
     start(client, {"kind": "locate", "recording": visitor, "map": floor})
     put_plan(client, floor, truths)
+    share(client, floor)
     wait(client)
     first = next(each["id"] for each in recordings if each["name"] in WALKS)
     start(client, {"kind": "map", "recording": first, "by": ["elf"]})
     return str(floor)
+
+
+def lay_on_floors(client: httpx.Client) -> None:
+    """The walks on one floor of a venue, the visitor's on another."""
+    for each in client.get("/api/maps").json():
+        place = {"venue": VENUE, "floor": FLOORS[each["name"] not in WALKS]}
+        client.patch(f"/api/maps/{each['id']}", json=place).raise_for_status()
+
+
+def share(client: httpx.Client, floor: str) -> None:
+    """Let two people in, one of whom may see the map; so may everyone who has its link."""
+    client.patch("/api/me", json={"name": ME}).raise_for_status()
+    ids = [client.post("/api/users", json={"name": name}).json()["id"] for name in OTHERS]
+    may = {"may": "read"}
+    client.put(f"/api/maps/{floor}/shares/{ids[0]}", json=may).raise_for_status()
+    client.put(f"/api/maps/{floor}/link", json=may).raise_for_status()
 
 
 def upload(client: httpx.Client, name: str, seed: int, rounds: int, world: str = WORLD) -> Truth:
@@ -209,12 +229,19 @@ def plan_of(name: str) -> tuple[bytes, float]:
 
 
 def take(browser: Browser, address: str, scheme: Any, floor: str, out: Path) -> None:
-    """The recordings, and the map with its plan."""
+    """The recordings, the maps, how one is shared, and that map with its plan."""
     page = browser.new_page(viewport={"width": 1280, "height": 800}, color_scheme=scheme)
     page.goto(address.replace("/#", "/desk#"))
     page.wait_for_selector("table.list")
     page.wait_for_timeout(2500)
     keep(page, out / f"recordings_{scheme}.png")
+    page.evaluate("() => { location.hash = '#/maps'; }")
+    page.get_by_role("heading", name=VENUE).wait_for()
+    keep(page, out / f"maps_{scheme}.png")
+    page.get_by_role("button", name="Share Studio").click()
+    page.get_by_role("textbox", name="Address").wait_for()
+    keep(page, out / f"share_{scheme}.png")
+    page.get_by_role("button", name="Close").click()
     page.evaluate("id => { location.hash = `#/maps/${id}`; }", floor)
     page.get_by_role("button", name="Move the plan").wait_for()
     page.get_by_text("located", exact=True).wait_for()

@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -36,6 +37,7 @@ with warnings.catch_warnings():
 
 SPOTS, SIDE_M = 400, 30.0
 Maps = tuple[FloorMap, FloorMap]
+LetIn = Callable[[str], TestClient]
 
 
 @pytest.fixture(scope="session")
@@ -104,8 +106,41 @@ def guest(app: FastAPI, anyone: TestClient, services: Services) -> TestClient:
     return _client_of(app, anyone, add_user(services, "guest")[1])
 
 
-def _client_of(app: FastAPI, running: TestClient, token: str) -> TestClient:
-    header = {"Authorization": f"Bearer {token}"}
+@pytest.fixture
+def let_in(app: FastAPI, anyone: TestClient, services: Services) -> LetIn:
+    """Lets somebody in by name; gives their client."""
+    return lambda name: _client_of(app, anyone, add_user(services, name)[1])
+
+
+@pytest.fixture
+def passer_by(app: FastAPI, anyone: TestClient) -> Callable[[], TestClient]:
+    """Makes clients without a token, each with cookies of its own."""
+    return lambda: _client_of(app, anyone, None)
+
+
+@pytest.fixture
+def put_map(services: Services, tmp_path: Path) -> Callable[..., str]:
+    """Puts a map that is a report and nothing else among those of a client's user; its id."""
+
+    def put(client: TestClient, name: str = "Hall", **more: Any) -> str:
+        user_id, folder = client.get("/api/me").json()["id"], tmp_path / secrets.token_hex(4)
+        folder.mkdir()
+        (folder / "report.html").write_text(folder.name)
+        store = services.settings.blobs_folder
+        with blobs.locked(store), transaction(services.sessions) as session:
+            row = Map(user_id=user_id, name=name, kind="run", **more)
+            session.add(row)
+            session.flush()
+            for file, blob in blobs.put_folder(store, folder).items():
+                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
+                session.add(MapFile(map_id=row.id, name=file, **told))
+            return row.id
+
+    return put
+
+
+def _client_of(app: FastAPI, running: TestClient, token: str | None) -> TestClient:
+    header = {} if token is None else {"Authorization": f"Bearer {token}"}
     client = TestClient(
         app, headers=header, client=("127.0.0.1", 50_001), base_url="http://127.0.0.1"
     )

@@ -39,6 +39,8 @@ ROUTES = (
     "/api/uploads", "/api/uploads/{id}", "/api/jobs", "/api/jobs/{id}", "/api/jobs/{id}/cancel",
     "/api/maps", "/api/maps/{id}", "/api/maps/{id}/view", "/api/maps/{id}/floor-plan",
     "/api/maps/{id}/export", "/api/maps/{id}/package", "/api/key", "/api/find", "/", "/desk",
+    "/api/maps/{id}/shares", "/api/maps/{id}/shares/{id}", "/api/maps/{id}/link", "/api/links/open",
+    "/api/maps/delete", "/api/recordings/delete", "/api/places", "/api/people",
     "/precache.json", "/authority.pem", "/openapi.json", "/{id}", "/api/../api/me", "//", "*",
 )  # fmt: skip
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT", "G\x00T")
@@ -47,6 +49,8 @@ JSON_BODIES = (
     b'{"name": "' + b"x" * 200_000 + b'"}', b'{"name": "\\ud800"}', b'{"name": "a\\u0000b"}',
     b'{"name": 1e999}', b'{"name": ["walk"]}', b'{"kind": "map", "recording": {"$ne": 1}}',
     b'{"files": [{"name": "../../x", "size_bytes": -1, "sha256": "zz"}]}', b'{"files": {}}',
+    b'{"may": "edit"}', b'{"venue": "a", "name": "b"}',
+    b'{"link": "00000000000000000000000000000000.x"}',
     b'{"files": [{"name": "audio.flac", "size_bytes": 1e400, "sha256": ""}], "map": true}',
 )  # fmt: skip
 HEADERS: dict[str, tuple[str, ...]] = {
@@ -58,7 +62,7 @@ HEADERS: dict[str, tuple[str, ...]] = {
     "Host": ("evil.example", "", "127.0.0.1:1:1", "[::1", "a" * 300),
     "Range": ("bytes=0-0,1-1,2-2", "bytes=-99999999999999999", "lines=1", "bytes=9-1"),
     "If-None-Match": ("*", '"' + "x" * 1000, "W/"),
-    "Cookie": ("elfslam_token=", "elfslam_token=\x80; " * 20, "a" * 5000),
+    "Cookie": ("elfslam_link=x", "elfslam_token=", "elfslam_token=\x80; " * 20, "a" * 5000),
     "Authorization": ("Bearer", "Bearer " + "x" * 10_000, "Basic eDp4", "Bearer \xff"),
     "X-HTTP-Method-Override": ("PATCH", "DELETE", "CONNECT", "patch "),
     "X-Forwarded-For": ("8.8.8.8", "127.0.0.1, 1.1.1.1", "'"),

@@ -210,3 +210,24 @@ def test_the_page_can_be_put_on_the_home_screen() -> None:
                 assert icon["sizes"] == "{}x{}".format(*image.size)
         else:
             assert file.read_text().startswith("<svg")
+
+
+def test_browsers_get_a_page_at_an_address_that_leads_nowhere(
+    client: TestClient, pages: Path
+) -> None:
+    browser = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+    assert client.get("/none", headers=browser).headers["content-type"].startswith("application/p")
+    (pages / "missing.html").write_text("<h1>There is no such page</h1>")
+    for path in ("/none", "/phone/none.js", "/desk/maps/1"):
+        answer = client.get(path, headers=browser)
+        assert (answer.status_code, answer.text) == (404, "<h1>There is no such page</h1>")
+        assert answer.headers["content-type"].startswith("text/html")
+        assert "default-src 'self'" in answer.headers["content-security-policy"]
+        assert client.head(path, headers=browser).status_code == 404
+    for path, headers in (("/none", {}), ("/api/none", browser), ("/api/maps/x/y", browser)):
+        answer = client.get(path, headers=headers)
+        assert answer.status_code == 404
+        assert answer.headers["content-type"] == "application/problem+json"
+    assert "/missing.html" not in {
+        row["path"] for row in client.get("/precache.json").json()["files"]
+    }

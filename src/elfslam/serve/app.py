@@ -17,6 +17,7 @@ from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.serve.buildings import routes as building_routes
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
+from elfslam.serve.maps import changing as map_changing
 from elfslam.serve.maps import floor_plans as floor_plan_routes
 from elfslam.serve.maps import package_routes
 from elfslam.serve.maps import routes as map_routes
@@ -30,26 +31,32 @@ from elfslam.serve.positions.history import keeping_history
 from elfslam.serve.positions.mqtt import publishing
 from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.receiving import recordings, uploads
+from elfslam.serve.receiving import changing, recordings, uploads
 from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
+from elfslam.serve.sharing import routes as sharing_routes
 from elfslam.serve.store.sweeps import sweeping
 
 ROUTERS: tuple[APIRouter, ...] = (
     users.router,
     pairing.router,
     recordings.router,
+    changing.router,
     uploads.router,
     job_routes.router,
-    map_routes.router,
-    floor_plan_routes.router,
-    package_routes.router,
     position_routes.router,
     map_position_routes.router,
 )
 """Under /api, all of them for users with a token."""
-ADMITTING: tuple[APIRouter, ...] = (building_routes.router,)
-"""Also under /api; their routes look at the token themselves, in the one thread that answers."""
+ADMITTING: tuple[APIRouter, ...] = (
+    building_routes.router,
+    map_routes.router,
+    map_changing.router,
+    floor_plan_routes.router,
+    package_routes.router,
+    sharing_routes.router,
+)
+"""Also under /api; each route looks itself at who asks: by token, or by the link of a map."""
 BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (
     sweeping,
     run_jobs,
@@ -58,9 +65,10 @@ BACKGROUND: tuple[Callable[[Services], AbstractContextManager[None]], ...] = (
     posting,
 )
 """Entered when the server starts and left when it stops."""
-DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` but those for the version,
-for pairing codes and for the drawing script of reports wants a pairing token, as
-`Authorization: Bearer TOKEN` or as the cookie that `POST /api/session` sets. Refusals are
+DESCRIPTION = """Walk with a phone, see the map. Every call under `/api` wants a pairing token, as
+`Authorization: Bearer TOKEN` or as the cookie that `POST /api/session` sets, but those for the
+version, for the signing key, for codes and links, and for the drawing script of reports. A map that
+is shared by link opens also with the cookie that `POST /api/links/open` sets for it. Refusals are
 `application/problem+json`; their `detail` is one line for people."""
 
 
@@ -101,7 +109,12 @@ def drawing_script(map_id: str, version: str) -> FileResponse:
     return FileResponse(script_file(), media_type="text/javascript", headers=allowed)
 
 
-PUBLIC: tuple[APIRouter, ...] = (public, pairing.public)
+PUBLIC: tuple[APIRouter, ...] = (
+    public,
+    pairing.public,
+    package_routes.public,
+    sharing_routes.public,
+)
 """Under /api, for anyone."""
 
 

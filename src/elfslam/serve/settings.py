@@ -30,6 +30,8 @@ class Limits:
     users: int = 100
     recordings: int = 2_000
     open_uploads: int = 200
+    shares: int = 5_000
+    """Of all maps of one user, with all people together."""
     jobs: int = 200
     """Queued or running, of one user."""
     token_requests_per_s: float = 30.0

@@ -25,7 +25,7 @@ LEVEL = 6
 WORTH = 0.95
 """A copy that is not smaller than this share is not sent."""
 PIECE_BYTES = 2**16
-PHONE_PAGE = "phone.html"
+PHONE_PAGE, MISSING_PAGE = "phone.html", "missing.html"
 OF_PHONE = ("phone", "shared", "keeping", "line", "vendor")
 """Folders that the phone page needs without a network; `vendor` less what the desk alone needs."""
 ALONE = (PHONE_PAGE, "style.css", "app.webmanifest")
@@ -64,8 +64,17 @@ class PageFiles(StaticFiles):
         self._alone: dict[Path, threading.Lock] = {}
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """A file, or that it has not changed. Raises HTTPException."""
-        response = await super().get_response(path, scope)
+        """A file, or that it has not changed; a page for browsers at an address that leads nowhere.
+
+        Raises HTTPException, also where nobody asked for a page.
+        """
+        try:
+            response = await super().get_response(path, scope)
+        except HTTPException as error:
+            missing = self._folder / MISSING_PAGE
+            if error.status_code != 404 or not wants_page(Headers(scope=scope), missing):
+                raise
+            return FileResponse(missing, status_code=404)
         if not isinstance(response, FileResponse):
             return response
         try:
@@ -134,6 +143,11 @@ def _row(name: str, copy: Copy) -> dict[str, Any]:
         "size_bytes": copy.size_bytes,
         "sent_bytes": copy.sent_bytes,
     }
+
+
+def wants_page(asked: Headers, page: Path) -> bool:
+    """Whether it is a browser that opens an address, and there is that page to answer it with."""
+    return "text/html" in asked.get("accept", "").lower() and page.is_file()
 
 
 def takes_gzip(asked: Headers) -> bool:

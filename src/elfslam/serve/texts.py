@@ -1,13 +1,15 @@
-"""Text that people send: one line, printable, of bounded length."""
+"""What people send: text of one line, printable, of bounded length; and lists of things."""
 
 from __future__ import annotations
 
 import unicodedata
 from typing import Annotated
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, BaseModel, Field
 
 MOST_CHARACTERS = 120
+MOST_AT_ONCE = 2_000
+"""As many recordings as a user may have."""
 FORBIDDEN = ("Cc", "Cf", "Cs", "Co", "Cn", "Zl", "Zp")
 """Unicode categories that are not printed, and that databases and terminals stumble over."""
 
@@ -30,3 +32,17 @@ def as_line(text: object, otherwise: str) -> str:
     """What can be kept of a text from a file: cut, and without what is not printed."""
     kept = [c for c in str(text) if unicodedata.category(c) not in FORBIDDEN]
     return unicodedata.normalize("NFC", "".join(kept)).strip()[:MOST_CHARACTERS] or otherwise
+
+
+class Many(BaseModel):
+    """Some things by their ids."""
+
+    ids: list[Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]] = Field(
+        min_length=1, max_length=MOST_AT_ONCE
+    )
+
+
+class Deleted(BaseModel):
+    """How many things were there, and are no more."""
+
+    count: int

@@ -74,7 +74,12 @@ test("addresses and what they open", () => {
   assert.deepEqual(pageOf("#/maps"), { name: "maps", id: "" });
   assert.deepEqual(pageOf("#/maps/a%2Fb"), { name: "map", id: "a/b" });
   assert.deepEqual(pageOf("#/maps/%zz"), { name: "map", id: "%zz" });
-  assert.deepEqual(pageOf("#/nonsense"), { name: "recordings", id: "" });
+  assert.deepEqual(pageOf("#/"), { name: "recordings", id: "" });
+  assert.deepEqual(pageOf("#/users"), { name: "users", id: "" });
+  assert.deepEqual(pageOf("#link=a.b&key=c"), { name: "shared", id: "a.b" });
+  for (const wrong of ["#/nonsense", "#/maps/a/b", "#/jobs/1", "#/toString", "#/map"]) {
+    assert.deepEqual(pageOf(wrong), { name: "missing", id: "" }, wrong);
+  }
 });
 
 test("how much of an upload has come; unknown while the walk goes on", () => {

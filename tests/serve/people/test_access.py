@@ -19,7 +19,13 @@ BODIES = {"/api/find": {"wifi": {"04:33:89:79:fc:7c": -60}}}
 """What a route wants to see before it looks at the token."""
 
 
-PUBLIC = {"/api/version", "/api/session/code", "/api/maps/{map_id}/plotly-{version}.min.js"}
+PUBLIC = {
+    "/api/version",
+    "/api/key",
+    "/api/session/code",
+    "/api/links/open",
+    "/api/maps/{map_id}/plotly-{version}.min.js",
+}
 
 
 @pytest.mark.parametrize("token", [None, "x", "k" * 43])

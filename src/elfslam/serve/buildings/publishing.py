@@ -25,6 +25,7 @@ from elfslam.serve.buildings.position import HIGHEST_DEG
 from elfslam.serve.buildings.tables import Building, Floor, FloorPart, FloorPoint
 from elfslam.serve.buildings.wifi import FloorPoints
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
+from elfslam.serve.maps.floors import floor_name
 from elfslam.serve.maps.package import (
     Json,
     Sources,
@@ -190,8 +191,9 @@ def _put_parts(files: Files, new: NewFloor) -> tuple[Json, dict[str, int], Sourc
     content = content_of(new.floor_map, encoder, kept)
     plan = {} if new.floor_plan is None else {FLOOR_PLAN: kept(new.floor_plan[0])}
     name = f"{new.spot.building}, floor {new.spot.level}"
+    place = {"venue": new.spot.building, "floor": floor_name(new.spot.level)}
     told = None if new.floor_plan is None else new.floor_plan[1]
-    return content, sizes, Sources(name, plan, told, phone_parameters())
+    return content, sizes, Sources(name, plan, told, phone_parameters(), place)
 
 
 def _kept(

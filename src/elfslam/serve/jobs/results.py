@@ -5,6 +5,7 @@ Whoever is killed in between leaves files that nobody names; the next start swee
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,11 +71,9 @@ def _gave(held: Claim, result: Result) -> tuple[dict[str, Any], str | None]:
 def _add_map(
     session: Session, held: Claim, map_id: str, facts: dict[str, Any], made: dict[str, Blob]
 ) -> None:
-    name, sources = _origin(session, held)
     kind = RUN if held.kind is JobKind.MAP else FLOOR
-    session.add(
-        Map(id=map_id, user_id=held.user_id, name=name, kind=kind, sources=sources, facts=facts)
-    )
+    told = _origin(session, held)
+    session.add(Map(id=map_id, user_id=held.user_id, kind=kind, facts=facts, **told))
     session.flush()
     session.add_all(
         MapFile(map_id=map_id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
@@ -89,14 +88,22 @@ def _add_files(session: Session, held: Claim, made: dict[str, Blob]) -> None:
     )
 
 
-def _origin(session: Session, held: Claim) -> tuple[str, list[str]]:
-    """The name of a map and the recordings that it came from, each once.
+def _origin(session: Session, held: Claim) -> dict[str, Any]:
+    """The name of a map, the recordings that it came from, each once, and where it lies.
 
     What a claim works on is there as long as the claim holds: deleting it ends the job.
     """
     if held.kind is JobKind.MAP:
         recording = session.get_one(Recording, held.given["recording"])
-        return recording.name, [recording.id]
+        return {"name": recording.name, "sources": [recording.id]}
     maps = maps_to_merge(session, held)
     named = held.given.get("name") or JOINED.join(each.name for each in maps)[:MOST_NAME]
-    return named, list(dict.fromkeys(source for each in maps for source in each.sources))
+    sources = list(dict.fromkeys(source for each in maps for source in each.sources))
+    return {"name": named, "sources": sources, **_common_place(maps)}
+
+
+def _common_place(maps: Sequence[Map]) -> dict[str, str | None]:
+    """The venue and floor of maps that all lie there."""
+    venues, floors = {each.venue for each in maps}, {(each.venue, each.floor) for each in maps}
+    venue = venues.pop() if len(venues) == 1 else None
+    return {"venue": venue, "floor": floors.pop()[1] if len(floors) == 1 else None}

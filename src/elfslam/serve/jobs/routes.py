@@ -19,12 +19,12 @@ from elfslam.serve.jobs.folder import FIXES
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here, Services
+from elfslam.serve.sharing.rights import Asker, Right, map_for
 from elfslam.serve.store.database import (
     Job,
     JobFile,
     JobKind,
     JobState,
-    Map,
     Recording,
     RecordingState,
     User,
@@ -76,7 +76,7 @@ class MapWanted(BaseModel):
 
 
 class MergeWanted(BaseModel):
-    """Make one floor map of several runs, or of a floor map and runs."""
+    """Make one floor map of several runs, or of a floor map and runs, all of which you may edit."""
 
     kind: Literal["merge"]
     maps: list[Id] = Field(min_length=2, max_length=MOST_MAPS)
@@ -204,26 +204,27 @@ def refuse_too_many(services: Services, session: Session, user: User) -> None:
         raise Problem(
             429, f"{limits.jobs} jobs wait already; let some end first", {"Retry-After": "60"}
         )
-    refuse_full(services, session, user)
+    refuse_full(services, session, user.id)
 
 
-def refuse_full(services: Services, session: Session, user: User) -> None:
-    """Raise Problem 413 where a user may not keep anything more here."""
+def refuse_full(services: Services, session: Session, user_id: str) -> None:
+    """Raise Problem 413 where a user may keep nothing more here."""
     limits = services.settings.limits
-    if used_bytes(services, session, user.id) >= limits.user_bytes:
+    if used_bytes(services, session, user_id) >= limits.user_bytes:
         full = math.floor(limits.user_bytes / 2**30)
-        raise Problem(413, f"your {full} GiB on this server are full; delete something first")
+        raise Problem(413, f"the {full} GiB of a user are full; delete something first")
 
 
 def _check_given(
     session: Session, user: User, wanted: MapWanted | MergeWanted | LocateWanted
 ) -> None:
-    """Refuse what is not there, not yours, or not ready."""
+    """Refuse what is not there, not yours and not shared with you, or not ready."""
+    asker = Asker(user.id)
     if isinstance(wanted, MergeWanted):
         if len(set(wanted.maps)) < len(wanted.maps):
             raise Problem(422, "maps: one is named twice; name each map once")
         for map_id in wanted.maps:
-            _check_map(session, user, map_id)
+            map_for(session, asker, map_id, Right.EDIT)
         return
     recording = session.get(Recording, wanted.recording)
     if recording is None or recording.user_id != user.id:
@@ -231,13 +232,7 @@ def _check_given(
     if recording.state != RecordingState.READY:
         raise Problem(409, f"the recording is {recording.state}; it must be ready first")
     if isinstance(wanted, LocateWanted):
-        _check_map(session, user, wanted.map)
-
-
-def _check_map(session: Session, user: User, map_id: str) -> None:
-    found = session.get(Map, map_id)
-    if found is None or found.user_id != user.id:
-        raise not_found("map")
+        map_for(session, asker, wanted.map)
 
 
 def _mine(session: Session, user: User, job_id: str) -> Job:

@@ -16,6 +16,7 @@ from elfslam.base.errors import InputError
 from elfslam.serve.jobs.folder import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
+from elfslam.serve.sharing.rights import Asker, Right, right_in
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
     JobKind,
@@ -89,15 +90,14 @@ def _map(session: Session, held: Claim) -> Task:
 
 
 def _merge(session: Session, held: Claim) -> Task:
-    folders = {
-        _name_of(each): folder_of_map(session, each.id) for each in maps_to_merge(session, held)
-    }
+    maps = [_still(session, held, each, Right.EDIT) for each in maps_to_merge(session, held)]
+    folders = {_name_of(each): folder_of_map(session, each.id) for each in maps}
     return {"maps": list(folders)}, folders
 
 
 def _locate(session: Session, held: Claim) -> Task:
     name, named = _recording(session, held.given["recording"])
-    place = _existing(session, held.given["map"])
+    place = _still(session, held, _existing(session, held.given["map"]), Right.READ)
     folders = {name: named, _name_of(place): folder_of_map(session, place.id)}
     told = {"recording": name, "map": _name_of(place), "place": place.name}
     return {**told, "mode": held.given["mode"]}, folders
@@ -122,6 +122,13 @@ def _existing(session: Session, map_id: str) -> Map:
     found = session.get(Map, map_id)
     if found is None:
         raise gone("a map")
+    return found
+
+
+def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
+    """A map that whoever queued the job has not lost the right to since."""
+    if right_in(session, Asker(held.user_id), found) < wanted:
+        raise InputError("a map of this job is shared with you no more; ask its owner")
     return found
 
 

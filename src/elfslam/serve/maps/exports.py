@@ -16,8 +16,10 @@ from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import Venue
 from elfslam.serve.jobs.tasks import Named, file_name
+from elfslam.serve.maps.floors import level_of
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.database import Map
 from elfslam.serve.store.sending import ZIP, pieces, unfolded
 from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import Line
@@ -59,6 +61,13 @@ class ExportOptions(BaseModel):
     province: Line | None = None
     postal_code: Line | None = None
     language: Line | None = None
+
+
+def placed(asked: ExportOptions, found: Map) -> ExportOptions:
+    """What was asked for, and of the venue what the map knows beside."""
+    known = {"name": found.venue, "level": found.floor, "ordinal": level_of(found.floor)}
+    lacking = {name: told for name, told in known.items() if getattr(asked, name) is None}
+    return asked.model_copy(update=lacking)
 
 
 def formats_of(named: Named) -> list[Format]:

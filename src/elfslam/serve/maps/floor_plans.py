@@ -12,16 +12,19 @@ from pydantic import BaseModel, Field
 
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.routes import MapBody, body_of, my_map
-from elfslam.serve.people.access import Me
+from elfslam.serve.maps.bodies import MapBody, body_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
+from elfslam.serve.sharing.rights import Asks, Right, current_asker, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, reading, transaction
 from elfslam.serve.store.holdings import drop_unnamed
 from elfslam.serve.store.sending import scratch_file, sent_blob
 
-router = APIRouter(tags=["maps"], prefix="/maps/{map_id}/floor-plan")
+router = APIRouter(
+    tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
+)
+"""Nobody's image is read before it is known who asks."""
 TYPES = {"PNG": "image/png", "JPEG": "image/jpeg"}
 MOST_PIXELS = 40_000_000
 TOO_MANY_PIXELS = Problem(
@@ -63,18 +66,18 @@ async def image_body(request: Request) -> bytes:
     },
 )
 def put_floor_plan(
-    map_id: str, image: Annotated[bytes, Depends(image_body)], user: Me, services: Here
+    map_id: str, image: Annotated[bytes, Depends(image_body)], asker: Asks, services: Here
 ) -> MapBody:
     """Put an image (PNG or JPEG) below a map; an older one goes, its placement stays."""
-    facts = facts_of_image(image)
     with reading(services.sessions) as session:
-        my_map(session, user, map_id)
-        refuse_full(services, session, user)
+        found = map_for(session, asker, map_id, Right.EDIT)
+        refuse_full(services, session, found.user_id)
+    facts = facts_of_image(image)
     store = services.settings.blobs_folder
     with scratch_file(services.settings, image) as file, blobs.locked(store):
         blob = blobs.put(store, file)
         with transaction(services.sessions) as session:
-            found = my_map(session, user, map_id)
+            found = map_for(session, asker, map_id, Right.EDIT)
             older = session.get(MapFile, (map_id, FLOOR_PLAN))
             named = [] if older is None else [older.sha256]
             session.merge(
@@ -83,7 +86,7 @@ def put_floor_plan(
                 )
             )
             found.floor_plan = {"placement": None, **(found.floor_plan or {}), **facts}
-            answer = body_of(session, found)
+            answer = body_of(session, asker, found)
     drop_unnamed(services, named)
     return answer
 
@@ -94,10 +97,10 @@ def put_floor_plan(
     response_class=FileResponse,
     responses={200: {"content": {kind: {} for kind in TYPES.values()}}},
 )
-def get_floor_plan(map_id: str, user: Me, services: Here) -> FileResponse:
+def get_floor_plan(map_id: str, asker: Asks, services: Here) -> FileResponse:
     """The image below a map."""
     with reading(services.sessions) as session:
-        found = my_map(session, user, map_id)
+        found = map_for(session, asker, map_id)
         file = session.get(MapFile, (map_id, FLOOR_PLAN))
     if file is None or found.floor_plan is None:
         raise _none()
@@ -106,10 +109,10 @@ def get_floor_plan(map_id: str, user: Me, services: Here) -> FileResponse:
 
 
 @router.delete("", status_code=204, operation_id="delete_floor_plan")
-def delete_floor_plan(map_id: str, user: Me, services: Here) -> Response:
+def delete_floor_plan(map_id: str, asker: Asks, services: Here) -> Response:
     """Take away the image below a map."""
     with transaction(services.sessions) as session:
-        found = my_map(session, user, map_id)
+        found = map_for(session, asker, map_id, Right.EDIT)
         file = session.get(MapFile, (map_id, FLOOR_PLAN))
         if file is None:
             raise _none()
@@ -120,14 +123,16 @@ def delete_floor_plan(map_id: str, user: Me, services: Here) -> Response:
 
 
 @router.put("/placement", operation_id="place_floor_plan")
-def place_floor_plan(map_id: str, placement: ImagePlacement, user: Me, services: Here) -> MapBody:
+def place_floor_plan(
+    map_id: str, placement: ImagePlacement, asker: Asks, services: Here
+) -> MapBody:
     """Say where the image lies."""
     with transaction(services.sessions) as session:
-        found = my_map(session, user, map_id)
+        found = map_for(session, asker, map_id, Right.EDIT)
         if found.floor_plan is None:
             raise _none()
         found.floor_plan = {**found.floor_plan, "placement": placement.model_dump()}
-        return body_of(session, found)
+        return body_of(session, asker, found)
 
 
 def facts_of_image(content: bytes) -> dict[str, Any]:

@@ -6,7 +6,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -21,10 +21,10 @@ from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.routes import my_map
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
+from elfslam.serve.sharing.rights import Asker, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import (
@@ -32,7 +32,6 @@ from elfslam.serve.store.database import (
     MapFile,
     MapPackage,
     MapPart,
-    User,
     now_utc,
     reading,
     transaction,
@@ -56,6 +55,8 @@ class Sources:
     files: Mapping[str, Blob]
     floor_plan: Json | None
     parameters: Json
+    place: Json = field(default_factory=dict)
+    """The venue and the floor, where they are known."""
 
     @property
     def sha256(self) -> str:
@@ -63,28 +64,31 @@ class Sources:
         files = {name: self.files[name].sha256 for name in (MAP, ENCODER, FLOOR_PLAN)
                  if name in self.files}  # fmt: skip
         told = [FORMAT, self.name, files, self.floor_plan, self.parameters]
+        told += [self.place] if self.place else []
         return hashlib.sha256(_text(told).encode()).hexdigest()
 
 
-def package_of(services: Services, user: User, map_id: str) -> str:
-    """The manifest of a map of the user's, made anew where something changed since.
+def package_of(services: Services, asker: Asker, map_id: str) -> str:
+    """The manifest of a map that somebody may look at, made anew where something changed since.
 
     Raises Problem 404, InputError where phones cannot use the map, FileNotFoundError where it was
     deleted meanwhile.
     """
     with reading(services.sessions) as session:
-        sources = sources_of(session, my_map(session, user, map_id))
+        sources = sources_of(session, map_for(session, asker, map_id))
         known = session.get(MapPackage, map_id)
     if known is not None and known.sources_sha256 == sources.sha256:
         return known.manifest
-    return _made(services, user, map_id, sources)
+    return _made(services, asker, map_id, sources)
 
 
 def sources_of(session: Session, found: Map) -> Sources:
     """What the package of a map is made from."""
     rows = session.query(MapFile).filter_by(map_id=found.id)
     files = {row.name: Blob(row.sha256, row.size_bytes) for row in rows}
-    return Sources(found.name, files, found.floor_plan, phone_parameters())
+    place = {"venue": found.venue, "floor": found.floor}
+    known = {name: told for name, told in place.items() if told is not None}
+    return Sources(found.name, files, found.floor_plan, phone_parameters(), known)
 
 
 def phone_parameters() -> Json:
@@ -100,6 +104,7 @@ def manifest_of(
         "format": FORMAT,
         "map": map_id,
         "name": sources.name,
+        **sources.place,
         "revision": revision,
         "made_utc": made_utc.isoformat(timespec="seconds"),
         "parameters": sources.parameters,
@@ -135,7 +140,7 @@ def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]
     }
 
 
-def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
+def _made(services: Services, asker: Asker, map_id: str, sources: Sources) -> str:
     settings = services.settings
     named = {name: sources.files[name].sha256 for name in (MAP, ENCODER) if name in sources.files}
     if len(named) < 2:
@@ -158,7 +163,7 @@ def _made(services: Services, user: User, map_id: str, sources: Sources) -> str:
 
         content = content_of(floor_map, sources.files[ENCODER], kept)
         with transaction(services.sessions) as session:
-            manifest, dropped = _kept(session, my_map(session, user, map_id), content, parts)
+            manifest, dropped = _kept(session, map_for(session, asker, map_id), content, parts)
     drop_unnamed(services, dropped)
     return manifest
 

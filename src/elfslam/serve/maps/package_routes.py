@@ -13,14 +13,16 @@ from elfslam.data.facts import ENCODER
 from elfslam.serve.buildings.fetching import published_manifest, published_part
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.package import package_of
-from elfslam.serve.maps.routes import my_map
 from elfslam.serve.network.signing import fingerprint, sign, signing_key, spki_of
-from elfslam.serve.people.access import Me, not_found
+from elfslam.serve.people.access import not_found
 from elfslam.serve.services import Here
+from elfslam.serve.sharing.rights import Asks, map_for
 from elfslam.serve.store.database import MapFile, MapPart, reading
 from elfslam.serve.store.sending import sent_blob
 
 router = APIRouter(tags=["packages"])
+public = APIRouter(tags=["packages"])
+"""The key is no secret, and who has nothing but a link needs it."""
 BINARY = "application/octet-stream"
 
 
@@ -38,7 +40,7 @@ class PackageBody(BaseModel):
     signature: str
 
 
-@router.get("/key", operation_id="get_key")
+@public.get("/key", operation_id="get_key")
 def get_key(services: Here) -> KeyBody:
     """The key that signs map packages. Trust it only if its SHA-256 is the one of your address."""
     key = signing_key(services.settings.authority_folder)
@@ -46,10 +48,10 @@ def get_key(services: Here) -> KeyBody:
 
 
 @router.get("/maps/{map_id}/package", operation_id="get_package")
-def get_package(map_id: str, user: Me, services: Here) -> PackageBody:
+def get_package(map_id: str, asker: Asks, services: Here) -> PackageBody:
     """What a phone needs to locate in a map, by digests; the phone fetches the parts it lacks."""
     try:
-        manifest = published_manifest(services, map_id) or package_of(services, user, map_id)
+        manifest = published_manifest(services, map_id) or package_of(services, asker, map_id)
     except FileNotFoundError as error:
         raise not_found("map") from error
     key = signing_key(services.settings.authority_folder)
@@ -63,7 +65,7 @@ def get_package(map_id: str, user: Me, services: Here) -> PackageBody:
     response_class=FileResponse,
     responses={200: {"content": {BINARY: {}}}},
 )
-def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> Response:
+def get_package_part(map_id: str, sha256: str, asker: Asks, services: Here) -> Response:
     """A tile, the encoder, or the floor plan of a map's package."""
     headers = {"ETag": f'"{sha256}"'}
     content = published_part(services, map_id, sha256)
@@ -74,7 +76,7 @@ def get_package_part(map_id: str, sha256: str, user: Me, services: Here) -> Resp
     )
     parts = union_all(files, select(MapPart.sha256).where(MapPart.map_id == map_id))
     with reading(services.sessions) as session:
-        my_map(session, user, map_id)
+        map_for(session, asker, map_id)
         if sha256 not in session.scalars(parts).all():
             raise not_found("part of this map")
     return sent_blob(services.settings, sha256, "part of this map", BINARY, headers=headers)

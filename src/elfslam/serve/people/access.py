@@ -24,6 +24,7 @@ from elfslam.serve.store.database import User, reading
 TOKEN_BYTES = 32
 KNOWN = select(User.id).where(User.token_sha256 == bindparam("sha256"))
 NOT_KNOWN = "this pairing token is not known here; ask for a new one"
+NOTHING_SENT = "no pairing token was sent; open the address of the QR code again"
 ID = re.compile(r"[0-9a-f]{32}")
 BEARER = HTTPBearer(auto_error=False, description="The pairing token of the QR code.")
 IN_COOKIE = APIKeyCookie(name=COOKIE, auto_error=False, description="The same, as a cookie.")
@@ -53,7 +54,7 @@ async def given_token(
     """The token of a request; that of the header counts. Raises Problem 401."""
     token = bearer.credentials if bearer else cookie
     if not token:
-        raise _unknown("no pairing token was sent; open the address of the QR code again")
+        raise unknown_token(NOTHING_SENT)
     return token
 
 
@@ -66,7 +67,7 @@ def current_user(token: Token, services: Here) -> User:
     with reading(services.sessions) as session:
         user = user_of_token(session, token)
     if user is None:
-        raise _unknown(NOT_KNOWN)
+        raise unknown_token(NOT_KNOWN)
     refuse_haste(services.token_rates.take(user.id))
     return user
 
@@ -78,7 +79,7 @@ def admit(connection: Connection, token: str, rates: Rates) -> None:
     """
     user_id = connection.execute(KNOWN, {"sha256": token_sha256(token)}).scalar()
     if user_id is None:
-        raise _unknown(NOT_KNOWN)
+        raise unknown_token(NOT_KNOWN)
     refuse_haste(rates.take(user_id))
 
 
@@ -116,5 +117,6 @@ def not_found(what: str) -> Problem:
     return Problem(404, f"there is no such {what} here; it may have been deleted")
 
 
-def _unknown(detail: str) -> Problem:
+def unknown_token(detail: str) -> Problem:
+    """The refusal for who has no token, or one that is not known."""
     return Problem(401, detail, {"WWW-Authenticate": "Bearer"})

@@ -50,8 +50,15 @@ class UserBody(BaseModel):
     created_utc: datetime
 
 
-class NewUser(BaseModel):
-    """Whom to let in."""
+class PersonBody(BaseModel):
+    """Somebody with whom a map can be shared."""
+
+    id: str
+    name: str
+
+
+class UserName(BaseModel):
+    """What somebody is called."""
 
     name: Line
 
@@ -99,11 +106,38 @@ def end_session(_user: Me, services: Here) -> Response:
 def who_am_i(user: Me, services: Here) -> MeBody:
     """The user whose token was sent, what they use and what they may."""
     with reading(services.sessions) as session:
-        used = used_bytes(services, session, user.id)
+        return _me(services, session, user)
+
+
+@router.patch("/me", operation_id="rename_me")
+def rename_me(given: UserName, mine: Me, services: Here) -> MeBody:
+    """Be called otherwise: others see the name where a map is shared."""
+    with transaction(services.sessions) as session:
+        user = session.get(User, mine.id)
+        if user is None:
+            raise not_found("user")
+        user.name = given.name
+        return _me(services, session, user)
+
+
+def _me(services: Services, session: Session, user: User) -> MeBody:
     limits = told_limits(services.settings.limits)
     return MeBody(
-        id=user.id, name=user.name, is_owner=user.is_owner, used_bytes=used, limits=limits
+        id=user.id,
+        name=user.name,
+        is_owner=user.is_owner,
+        used_bytes=used_bytes(services, session, user.id),
+        limits=limits,
     )
+
+
+@router.get("/people", operation_id="list_people")
+def list_people(user: Me, services: Here) -> list[PersonBody]:
+    """Everybody else who has a token, by name: with them a map can be shared."""
+    others = select(User).where(User.id != user.id).order_by(User.name, User.id)
+    with reading(services.sessions) as session:
+        rows = session.scalars(others)
+        return [PersonBody.model_validate(each, from_attributes=True) for each in rows]
 
 
 @router.get("/users", operation_id="list_users")
@@ -115,7 +149,7 @@ def list_users(_owner: Owner, services: Here) -> list[UserBody]:
 
 
 @router.post("/users", status_code=201, operation_id="invite_user", responses=problems(409))
-def invite_user(given: NewUser, _owner: Owner, services: Here, request: Request) -> Invitation:
+def invite_user(given: UserName, _owner: Owner, services: Here, request: Request) -> Invitation:
     """Let somebody in: their token is in the answer and nowhere else (owner only)."""
     url = url_for_others(str(request.base_url), services.settings)
     user, token = add_user(services, given.name)

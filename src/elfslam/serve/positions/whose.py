@@ -1,6 +1,6 @@
 """Who may see the live positions of a map, and who may be located in it.
 
-Whoever may see a map is both; that is asked of `my_map` alone. In a published floor everybody is
+Whoever may see a map is both; that is asked of `map_for` alone. In a published floor everybody is
 located, and the server's owner sees it.
 """
 
@@ -12,11 +12,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.buildings.tables import Floor
-from elfslam.serve.maps.routes import my_map
 from elfslam.serve.people.access import known_id
 from elfslam.serve.positions.tables import MapPositions
 from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.problems import Problem
+from elfslam.serve.sharing.rights import Asker, Right, map_for
 from elfslam.serve.store.database import Map, User
 
 
@@ -33,14 +33,14 @@ def seen_map(session: Session, user: User, map_id: str) -> WalkedMap:
     """A map whose live positions the user may see. Raises Problem 404."""
     if user.is_owner and _is_floor(session, known_id(map_id, "map")):
         return WalkedMap(map_id)
-    return settled_map(session, my_map(session, user, map_id))
+    return settled_map(session, map_for(session, Asker(user.id), map_id))
 
 
 def walked_map(session: Session, user: User, map_id: str) -> WalkedMap:
     """A map in which the user may tell where they are. Raises Problem 404, 409."""
     if _is_floor(session, map_id):
         return WalkedMap(map_id)
-    found = settled_map(session, my_map(session, user, map_id))
+    found = settled_map(session, map_for(session, Asker(user.id), map_id))
     if not found.is_on:
         raise Problem(409, "the owner of this map has switched live positions off; ask them")
     return found
@@ -48,10 +48,7 @@ def walked_map(session: Session, user: User, map_id: str) -> WalkedMap:
 
 def owned_map(session: Session, user: User, map_id: str) -> Map:
     """A map that is the user's own. Raises Problem 404, 403."""
-    found = my_map(session, user, map_id)
-    if found.user_id != user.id:
-        raise Problem(403, "only the owner of this map may do that; ask them")
-    return found
+    return map_for(session, Asker(user.id), map_id, Right.OWN)
 
 
 def settled_map(session: Session, found: Map) -> WalkedMap:

@@ -30,7 +30,7 @@ from elfslam.serve.store.database import (
     transaction,
 )
 from elfslam.serve.store.folder_files import FILE_NAMES
-from elfslam.serve.store.holdings import delete_recording, upload_bytes
+from elfslam.serve.store.holdings import delete_recordings, upload_bytes
 from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import Line
 
@@ -110,7 +110,7 @@ def begin_recording(given: NewRecording, user: Me, services: Here) -> RecordingB
         recording = Recording(user_id=user.id, name=given.name, device=given.device, facts=facts)
         session.add(recording)
         session.flush()
-        return _body(services, session, recording)
+        return body_of(services, session, recording)
 
 
 @router.get("", operation_id="list_recordings")
@@ -126,7 +126,7 @@ def list_recordings(user: Me, services: Here) -> list[RecordingBody]:
 def get_recording(recording_id: str, user: Me, services: Here) -> RecordingBody:
     """One recording and what is still on its way."""
     with reading(services.sessions) as session:
-        return _body(services, session, my_recording(session, user, recording_id))
+        return body_of(services, session, my_recording(session, user, recording_id))
 
 
 @router.delete("/{recording_id}", status_code=204, operation_id="delete_recording")
@@ -134,7 +134,7 @@ def remove_recording(recording_id: str, user: Me, services: Here) -> Response:
     """Delete a recording and its files."""
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
-    delete_recording(services, recording_id)
+    delete_recordings(services, user.id, [recording_id])
     return Response(status_code=204)
 
 
@@ -201,7 +201,7 @@ def _complete(
         recording = my_recording(session, user, recording_id)
         if recording.refusal is not None:
             raise Problem(422, recording.refusal)
-        return _body(services, session, recording)
+        return body_of(services, session, recording)
 
 
 def _files(session: Session, recordings: Sequence[Recording]) -> Iterable[RecordingFile]:
@@ -210,7 +210,8 @@ def _files(session: Session, recordings: Sequence[Recording]) -> Iterable[Record
     return session.scalars(mine.order_by(RecordingFile.name))
 
 
-def _body(services: Services, session: Session, recording: Recording) -> RecordingBody:
+def body_of(services: Services, session: Session, recording: Recording) -> RecordingBody:
+    """A recording as the API tells it."""
     return _bodies(services, session, [recording])[0]
 
 

@@ -53,7 +53,7 @@ def _begin(session: Session, *, upload_id: str, found: ReadFolder) -> Recording:
     stem = upload.file_name.rpartition(".")[0]
     recording = Recording(
         user_id=upload.user_id,
-        name=as_line(found.facts.get("name", stem), stem),
+        name=as_line(stem, "walk"),
         device=as_line(found.facts.get("device", ""), "unknown"),
         facts={},
     )

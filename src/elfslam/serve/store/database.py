@@ -179,7 +179,8 @@ class JobFile(Base):
 class Map(Base):
     """What a job made: the folder of a run, or of a floor map merged from runs.
 
-    `sources` are the recordings that it came from, `floor_plan` the image below it.
+    `sources` are the recordings that it came from, `floor_plan` the image below it. It may lie in a
+    venue, and there on a floor, both by their names.
     """
 
     __tablename__ = "maps"
@@ -190,6 +191,8 @@ class Map(Base):
     sources: Mapped[list[str]] = mapped_column(default=list)
     facts: Mapped[dict[str, Any]] = mapped_column(default=dict)
     floor_plan: Mapped[dict[str, Any] | None] = mapped_column(default=None)
+    venue: Mapped[str | None] = mapped_column(default=None)
+    floor: Mapped[str | None] = mapped_column(default=None)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 

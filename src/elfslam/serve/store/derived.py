@@ -1,8 +1,8 @@
-"""What came of a recording or of a map, and goes with it: maps, jobs, fixes, positions.
+"""What came of recordings or of maps, and goes with them: maps, jobs, fixes, positions.
 
 A map of several recordings stays until the last of them goes. All that works on something that is
-deleted loses its claim. Each function gives the SHA-256 of what its rows named, for
-`holdings.drop_unnamed` after the commit.
+deleted loses its claim, whoever's it is: others may work on maps that are shared with them. Each
+function gives the SHA-256 of what its rows named, for `holdings.drop_unnamed` after the commit.
 """
 
 from __future__ import annotations
@@ -16,38 +16,45 @@ from elfslam.serve.jobs.queue import OPEN
 from elfslam.serve.positions.tables import KeptPosition
 from elfslam.serve.store.database import Job, JobFile, JobKind, Map, MapFile, MapPart
 
+AT_ONCE = 1000
+"""A statement names no more maps than databases take."""
 
-def forget_recording(session: Session, user_id: str, recording_id: str) -> list[str]:
-    """Delete what came of a recording alone."""
+
+def forget_recordings(session: Session, user_id: str, recording_ids: Iterable[str]) -> list[str]:
+    """Delete what came of some recordings alone."""
+    gone, orphans = set(recording_ids), []
     worked_on = select(Job.id).where(
-        Job.user_id == user_id, Job.given["recording"].as_string() == recording_id
+        Job.user_id == user_id, Job.given["recording"].as_string().in_(gone)
     )
-    named: list[str] = []
     for each in session.scalars(select(Map).where(Map.user_id == user_id)).all():
-        if recording_id in each.sources:
-            each.sources = [source for source in each.sources if source != recording_id]
-            named += [] if each.sources else forget_map(session, user_id, each.id)
-    return named + _forget_jobs(session, session.scalars(worked_on).all())
+        if gone & set(each.sources):
+            each.sources = [source for source in each.sources if source not in gone]
+            orphans += [] if each.sources else [each.id]
+    return forget_maps(session, orphans) + _forget_jobs(session, session.scalars(worked_on).all())
 
 
-def forget_map(
-    session: Session, user_id: str, map_id: str, *, spared_job: str | None = None
+def forget_maps(
+    session: Session, map_ids: Iterable[str], *, spared_job: str | None = None
 ) -> list[str]:
-    """Delete a map, the job that made it unless that is spared, and where others were in it."""
+    """Delete maps, the jobs that made them unless one is spared, and where others were in them."""
+    ids, named = list(map_ids), []
+    for begin in range(0, len(ids), AT_ONCE):
+        named += _forget_some(session, set(ids[begin : begin + AT_ONCE]), spared_job or "")
+    return named
+
+
+def _forget_some(session: Session, gone: set[str], spared_job: str) -> list[str]:
     concerned = select(Job.id).where(
-        Job.user_id == user_id,
-        Job.id != (spared_job or ""),
-        or_(Job.gave["map"].as_string() == map_id, Job.given["map"].as_string() == map_id),
+        Job.id != spared_job,
+        or_(Job.gave["map"].as_string().in_(gone), Job.given["map"].as_string().in_(gone)),
     )
-    merging = select(Job).where(
-        Job.user_id == user_id, Job.kind == JobKind.MERGE, Job.state.in_(OPEN)
-    )
-    merges = [job.id for job in session.scalars(merging) if map_id in job.given["maps"]]
+    merging = select(Job).where(Job.kind == JobKind.MERGE, Job.state.in_(OPEN))
+    merges = [job.id for job in session.scalars(merging) if gone & set(job.given["maps"])]
     named = _forget_jobs(session, [*session.scalars(concerned), *merges])
     for table in (MapFile, MapPart):
-        named += session.scalars(select(table.sha256).filter_by(map_id=map_id))
-    session.execute(delete(KeptPosition).where(KeptPosition.map_id == map_id))
-    session.execute(delete(Map).where(Map.id == map_id))
+        named += session.scalars(select(table.sha256).where(table.map_id.in_(gone)))
+    session.execute(delete(KeptPosition).where(KeptPosition.map_id.in_(gone)))
+    session.execute(delete(Map).where(Map.id.in_(gone)))
     return named
 
 
@@ -56,7 +63,7 @@ def forget_given(session: Session, job: Job) -> list[str]:
     named = list(session.scalars(select(JobFile.sha256).filter_by(job_id=job.id)))
     session.execute(delete(JobFile).where(JobFile.job_id == job.id))
     if "map" in job.gave:
-        named += forget_map(session, job.user_id, job.gave["map"], spared_job=job.id)
+        named += forget_maps(session, [job.gave["map"]], spared_job=job.id)
     return named
 
 

@@ -23,7 +23,7 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
-from elfslam.serve.store.derived import forget_recording
+from elfslam.serve.store.derived import forget_maps, forget_recordings
 
 NAMERS = (RecordingFile, MapFile, MapPart, JobFile)
 """The tables whose rows name blobs."""
@@ -66,28 +66,29 @@ def named_blobs(session: Session) -> set[str]:
     return {sha256 for table in NAMERS for sha256 in session.scalars(select(table.sha256))}
 
 
-def delete_recording(services: Services, recording_id: str) -> None:
-    """Delete a recording, its uploads, what came of it alone, and every blob only they name."""
+def delete_recordings(services: Services, user_id: str, recording_ids: Iterable[str]) -> int:
+    """Delete recordings of a user with all that came of them alone; how many there were."""
+    wanted = set(recording_ids)
     with transaction(services.sessions) as session:
-        recording = session.get(Recording, recording_id)
-        if recording is None:
-            return
-        named = forget_recording(session, recording.user_id, recording_id)
-        named += session.scalars(select(RecordingFile.sha256).filter_by(recording_id=recording_id))
-        uploads = list(session.scalars(select(Upload.id).filter_by(recording_id=recording_id)))
-        session.execute(delete(Recording).where(Recording.id == recording_id))
+        mine = select(Recording.id).where(Recording.user_id == user_id, Recording.id.in_(wanted))
+        ids = list(session.scalars(mine))
+        named = forget_recordings(session, user_id, ids)
+        files = select(RecordingFile.sha256).where(RecordingFile.recording_id.in_(ids))
+        named += session.scalars(files)
+        uploads = list(session.scalars(select(Upload.id).where(Upload.recording_id.in_(ids))))
+        session.execute(delete(Recording).where(Recording.id.in_(ids)))
     _clear(services, uploads, named)
+    return len(ids)
 
 
 def delete_user(services: Services, user_id: str) -> None:
-    """Delete a user and all that is theirs."""
+    """Delete a user and all that is theirs, and what others were doing with their maps."""
     with transaction(services.sessions) as session:
+        named = forget_maps(session, session.scalars(select(Map.id).filter_by(user_id=user_id)))
         of_recordings = select(RecordingFile.sha256).join(Recording).filter_by(user_id=user_id)
-        of_maps = select(MapFile.sha256).join(Map).filter_by(user_id=user_id)
-        of_parts = select(MapPart.sha256).join(Map).filter_by(user_id=user_id)
         of_jobs = select(JobFile.sha256).join(Job).filter_by(user_id=user_id)
-        tables = of_recordings, of_maps, of_parts, of_jobs
-        named = [sha256 for table in tables for sha256 in session.scalars(table)]
+        for table in (of_recordings, of_jobs):
+            named += session.scalars(table)
         uploads = list(session.scalars(select(Upload.id).filter_by(user_id=user_id)))
         session.execute(delete(User).where(User.id == user_id))
     services.positions.forget(user_id)

@@ -18,7 +18,8 @@ from sqlalchemy import Engine, inspect
 from sqlalchemy.engine import Connection
 
 import elfslam.serve.buildings.tables
-import elfslam.serve.positions.tables  # noqa: F401  (the tables of both are part of the schema)
+import elfslam.serve.positions.tables
+import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
 from elfslam.serve.store.backups import back_up
 from elfslam.serve.store.database import Base, answering, shown_url

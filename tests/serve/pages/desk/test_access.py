@@ -8,24 +8,46 @@ from typing import Any
 
 import pytest
 
-from elfslam.serve.store.database import JobKind, JobState
+from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.store.database import JobKind, JobState, transaction
 from tests.accessibility import violations
 
 Open = Callable[..., Any]
 ACTIVE = "document.activeElement"
-PAGES = ("#/recordings", "#/jobs", "#/maps", "map")
+PAGES = ("#/recordings", "#/jobs", "#/maps", "map", "shared map")
+DIALOGS = {
+    "Share round the studio": "Share round the studio",
+    "Rename round the studio": "Name and place",
+    "Rename Annex": "",
+    "Take a third off my list": "Take a third off your list?",
+    "Delete 2": "Delete 2 maps?",
+}
+"""Buttons of the list of maps, and what they ask; nothing where the button is not there."""
+SECRET = "a" * 22
 
 HERE = Path(__file__).parent
 SMALL = (HERE / "small.js").read_text()
 
 
 @pytest.fixture
-def full(person: Any, run_folder: Path, walk_folder: Path) -> Any:
-    """Somebody with one of everything."""
+def full(person: Any, invite: Any, run_folder: Path, walk_folder: Path) -> Any:
+    """Somebody with one of everything, and with whom something is shared."""
     recording = person.plant_recording("round the studio", walk_folder)
     given = {"recording": recording}
     person.map_id = person.plant_map("round the studio", run_folder)
-    person.plant_map("a second map with quite a long name of its own", run_folder)
+    person.plant_map(
+        "a second map with quite a long name of its own",
+        run_folder,
+        venue="A venue that is called something long as well",
+        floor="Ground floor",
+    )
+    person.plant_recording("round it once more", walk_folder)
+    other = invite("Somebody Else of a Long Name")
+    person.shared_id = other.plant_map("a third", run_folder, venue="Annex", floor="Floor 2")
+    with transaction(person.services.sessions) as session:
+        session.add(MapShare(map_id=person.shared_id, user_id=person.id, may="read"))
+        session.add(MapShare(map_id=person.map_id, user_id=other.id, may="edit"))
+        session.add(MapLink(map_id=person.map_id, secret=SECRET, may="read"))
     person.plant_job(JobKind.MAP, JobState.QUEUED, given=given)
     person.plant_job(JobKind.MAP, JobState.DONE, given=given, gave={"map": person.map_id})
     why = "no loop was closed: 61 footsteps never come back to where they were"
@@ -34,9 +56,15 @@ def full(person: Any, run_folder: Path, walk_folder: Path) -> Any:
 
 
 def visit(page: Any, person: Any, where: str) -> None:
-    fragment = f"#/maps/{person.map_id}" if where == "map" else where
+    maps = {"map": person.map_id, "shared map": person.shared_id}
+    fragment = f"#/maps/{maps[where]}" if where in maps else where
     page.evaluate("fragment => { location.hash = fragment; }", fragment)
-    page.wait_for_selector(".exports li" if where == "map" else "table.list")
+    if where in maps:
+        name = {"map": "round the studio", "shared map": "a third"}[where]
+        page.get_by_role("heading", name=name, level=1).wait_for()
+        page.wait_for_selector(".exports li")
+    else:
+        page.wait_for_selector("table.list")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])
@@ -45,6 +73,57 @@ def test_everything_has_a_name_and_can_be_read(full: Any, open_desk: Open, schem
     for where in PAGES:
         visit(page, full, where)
         assert violations(page) == [], where
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_is_asked_has_names_can_be_read_and_fits(
+    full: Any, open_desk: Open, scheme: str
+) -> None:
+    page = open_desk(
+        full,
+        color_scheme=scheme,
+        reduced_motion="reduce",
+        viewport={"width": 320, "height": 640},
+    )
+    visit(page, full, "#/maps")
+    for each in ("round the studio", "a second map with quite a long name of its own"):
+        page.get_by_label(f"Choose {each}").check()
+    for button, title in DIALOGS.items():
+        if not title:
+            assert page.get_by_role("button", name=button, exact=True).count() == 0, button
+            continue
+        page.get_by_role("button", name=button, exact=True).click()
+        dialog = page.get_by_role("dialog", name=title)
+        dialog.wait_for()
+        assert violations(page) == [], button
+        box = dialog.bounding_box()
+        assert box["x"] >= 0, button
+        assert box["x"] + box["width"] <= 320, button
+        wide = dialog.evaluate("each => each.scrollWidth > each.clientWidth")
+        assert not wide, button
+        page.keyboard.press("Escape")
+        dialog.wait_for(state="detached")
+
+
+@pytest.mark.parametrize("width", [320, 1280])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_what_a_guest_sees_has_names_can_be_read_and_fits(
+    full: Any, browser: Any, scheme: str, width: int
+) -> None:
+    context = browser.new_context(
+        color_scheme=scheme, reduced_motion="reduce", viewport={"width": width, "height": 700}
+    )
+    page = context.new_page()
+    for address, heading in (
+        (f"/desk#link={full.map_id}.{SECRET}", "round the studio"),
+        ("/desk#link=none", "This link opens nothing"),
+        ("/no/such/page", "There is no such page"),
+    ):
+        page.goto(f"{full.origin}{address}")
+        page.get_by_role("heading", name=heading, level=1).wait_for()
+        assert violations(page) == [], address
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, address
+    context.close()
 
 
 def test_what_is_nameless_and_faint_is_noticed(full: Any, open_desk: Open) -> None:
@@ -91,7 +170,8 @@ def test_a_table_stays_a_table_where_it_is_laid_out_as_cards(full: Any, open_des
     page = open_desk(full, viewport={"width": 360, "height": 700})
     visit(page, full, "#/maps")
     assert page.get_by_role("table", name="Maps").count() == 1
-    assert page.get_by_role("rowheader").count() == 2
+    headings = page.locator("tr.group")
+    assert page.get_by_role("rowheader").count() == 3 + headings.count()
     assert page.get_by_role("columnheader", name="Length").count() == 1
 
 
@@ -100,7 +180,7 @@ def test_the_desk_is_used_by_keyboard_alone(full: Any, open_desk: Open) -> None:
     visit(page, full, "#/maps")
     page.get_by_role("link", name="Maps").focus()
     names = []
-    for _ in range(16):
+    for _ in range(48):
         page.keyboard.press("Tab")
         names.append(page.evaluate(f"{ACTIVE}.getAttribute('aria-label') ?? {ACTIVE}.textContent"))
     for wanted in (
@@ -108,6 +188,8 @@ def test_the_desk_is_used_by_keyboard_alone(full: Any, open_desk: Open) -> None:
         "Report of round the studio",
         "Delete round the studio",
     ):
+        assert wanted in names
+    for wanted in ("Search maps", "Share round the studio", "Rename round the studio"):
         assert wanted in names
     page.get_by_role("button", name="Delete round the studio").press("Enter")
     assert page.evaluate("document.activeElement.textContent") == "Keep it", (

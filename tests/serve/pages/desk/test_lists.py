@@ -151,7 +151,7 @@ def test_somebody_else_sees_nothing_of_it(
         page.evaluate("fragment => { location.hash = fragment; }", fragment)
         page.get_by_text(words).wait_for()
     page.evaluate("fragment => { location.hash = fragment; }", f"#/maps/{secret}")
-    page.get_by_text("This map cannot be shown").wait_for()
+    page.get_by_text("This map is not here").wait_for()
     assert "secret" not in page.content()
     assert page.get_by_role("link", name="People").count() == 0, "the owner's alone"
 

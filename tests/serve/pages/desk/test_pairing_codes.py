@@ -45,7 +45,8 @@ def test_the_phone_page_takes_what_is_pasted(person: Any, open_desk: Open, brows
     page = context.new_page()
     page.goto(f"{person.origin}/")
     page.get_by_label("Or paste the address here").fill(address)
-    page.get_by_role("button", name="Pair", exact=True).click()
+    with page.expect_navigation():  # the page reloads, paired
+        page.get_by_role("button", name="Pair", exact=True).click()
     page.locator("#problem").wait_for(state="hidden")
     page.goto(f"{person.origin}/desk")
     page.get_by_text("Ada").wait_for(state="attached")

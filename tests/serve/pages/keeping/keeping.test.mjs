@@ -4,8 +4,9 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { test } from "node:test";
 
+import { forgetLink, linkedMaps, rememberLink } from "../../../../src/elfslam/serve/pages/keeping/links.js";
 import { openPackages } from "../../../../src/elfslam/serve/pages/keeping/packages.js";
-import { keyIn, pair } from "../../../../src/elfslam/serve/pages/keeping/pairing.js";
+import { keyIn, pair, pinnedKey, trustAsGuest } from "../../../../src/elfslam/serve/pages/keeping/pairing.js";
 import * as refusals from "../../../../src/elfslam/serve/pages/keeping/refusals.js";
 import { memoryStore } from "../../../../src/elfslam/serve/pages/keeping/store.js";
 import { spotsOf, wholeOf } from "../../../../src/elfslam/serve/pages/keeping/tiles.js";
@@ -235,6 +236,32 @@ test("another person's maps are forgotten, one's own stay", async () => {
   await assertHolds(store, "first");
   await pair(store, FRAGMENT, "ben");
   assert.deepEqual(await store.names(), ["pairing"]);
+});
+
+test("a guest trusts the key of the link, and keeps all when they are paired", async () => {
+  const store = memoryStore();
+  await trustAsGuest(store, FRAGMENT.replace("token", "link"));
+  assert.equal(await pinnedKey(store), STATES.key.key);
+  await openPackages(store, serverIn("first").ask).update(MAP);
+  const linked = { map: MAP, name: "Hall", venue: null, floor: null, created_utc: "", owner: "Ada" };
+  await rememberLink(store, linked);
+  await pair(store, FRAGMENT, "zoe");
+  await assertHolds(store, "first");
+  assert.deepEqual(await linkedMaps(store), [linked]);
+  await forgetLink(store, MAP);
+  assert.deepEqual(await linkedMaps(store), []);
+});
+
+test("a link makes nobody trust another key", async () => {
+  const store = await pairedStore();
+  await trustAsGuest(store, `#link=x&key=${"A".repeat(43)}`);
+  assert.equal(await pinnedKey(store), STATES.key.key);
+  const older = memoryStore();
+  await pair(older, "#token=abc", "zoe");
+  await trustAsGuest(older, FRAGMENT);
+  assert.equal(await pinnedKey(older), STATES.key.key, "none was known");
+  await pair(older, "#token=abc", "ben");
+  assert.equal(await pinnedKey(older), null);
 });
 
 test("the key of an address", () => {

@@ -114,12 +114,12 @@ class Server:
         """Where it listens."""
         return self.address.split("#")[0].rstrip("/").rpartition(":")[2]
 
-    def ask(self, path: str, method: str = "GET", body: object = None) -> httpx.Response:
+    def ask(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
         """What it answers its owner."""
         url, token = self.address.partition("&")[0].split("#token=")
         header = {"Authorization": f"Bearer {token}"}
         whole = url.rstrip("/") + path
-        answer = httpx.request(method, whole, headers=header, json=body, timeout=30)
+        answer = httpx.request(method, whole, headers=header, timeout=30, **more)
         return answer.raise_for_status()
 
     def recordings(self) -> list[dict[str, Any]]:

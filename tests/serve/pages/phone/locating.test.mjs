@@ -6,7 +6,7 @@ import { test } from "node:test";
 import { decideBySteps, decideByWindows } from "../../../../src/elfslam/serve/pages/phone/locating/deciding.js";
 import { SIGMAS, ellipseOf, radiusOf } from "../../../../src/elfslam/serve/pages/phone/locating/ellipse.js";
 import { joins, thinned } from "../../../../src/elfslam/serve/pages/phone/locating/ground_of_map.js";
-import { offersOf, rowsOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
+import { offersOf, rowsOf, venuesOf } from "../../../../src/elfslam/serve/pages/phone/locating/maps.js";
 import { makeMemory } from "../../../../src/elfslam/serve/pages/phone/locating/memory.js";
 import { delayMotion } from "../../../../src/elfslam/serve/pages/phone/locating/motion_delay.js";
 import { LOST, NOTHING_NEAR, NO_POSITION, REFUSED, floorsNear, questionOf } from "../../../../src/elfslam/serve/pages/phone/locating/near.js";
@@ -109,6 +109,23 @@ test("floors near here are offered before others, and what is kept is asked for 
   assert.deepEqual(rowsOf(kept, offers).map(({ id }) => id), ["b", "z", "y", "x", "a"]);
 });
 
+test("maps that links open are offered, and what is shared says by whom", () => {
+  const mine = [{ id: "m", name: "Mine", owner: "Ada", right: "own", venue: "Mall", floor: "1" }, { id: "s", name: "Theirs", owner: "Eve", right: "read" }];
+  const linked = [{ map: "l", name: "Linked", venue: "Mall", floor: "2", created_utc: "2026-01-01T00:00:00Z", owner: "Ben" }];
+  const kept = [{ map: "k", name: "Kept", revision: 1, madeUtc: "", sizeBytes: 1, venue: "Annex", floor: null }];
+  const rows = rowsOf(kept, offersOf(mine, [], kept, linked));
+  const told = Object.fromEntries(rows.map(({ id, owner, venue, floor }) => [id, [owner, venue, floor]]));
+  assert.deepEqual(told, { m: [null, "Mall", "1"], s: ["Eve", null, null], l: ["Ben", "Mall", "2"], k: [null, "Annex", null] });
+  assert.deepEqual(rowsOf(kept, null)[0].venue, "Annex", "without a server as well");
+});
+
+test("rows stand by venue, each where its first one was", () => {
+  const rows = ["b", null, "b", "a", "a"].map((venue, at) => ({ id: String(at), venue }));
+  const groups = venuesOf(rows).map(({ venue, rows: inside }) => [venue, inside.map(({ id }) => id).join("")]);
+  assert.deepEqual(groups, [["b", "02"], ["a", "34"], [null, "1"]]);
+  assert.deepEqual(venuesOf([]), []);
+});
+
 test("a phone asks by its position, as surely as it knows it, and by nothing else", () => {
   const coords = { latitude: 47.3, longitude: 8.5, accuracy: 49, altitude: 480, heading: 90, speed: 1 };
   const { position, ...rest } = questionOf({ coords });
@@ -132,7 +149,10 @@ test("what keeps a phone from asking is said in one line", async () => {
     answers({ status: "UNKNOWN_PLACE", candidates: [] });
     await assert.rejects(floorsNear(standing), { message: NOTHING_NEAR });
     answers({ status: "OK", candidates: [{ building: "Mall", floor: 0, map: "m", revision: 3, share: 1 }, { building: "Mall", floor: -1, map: "n", revision: 4, share: 0.1 }] });
-    assert.deepEqual(await floorsNear(standing), [{ id: "m", name: "Mall, ground floor", revision: 3 }, { id: "n", name: "Mall, floor -1", revision: 4 }]);
+    assert.deepEqual(await floorsNear(standing), [
+      { id: "m", name: "Mall, ground floor", revision: 3, venue: "Mall", floor: "Ground floor" },
+      { id: "n", name: "Mall, floor -1", revision: 4, venue: "Mall", floor: "Floor -1" },
+    ]);
   } finally {
     globalThis.fetch = before;
   }

@@ -32,6 +32,8 @@ HERE_M = (3.0, 2.0)
 SIDE_M, APART_M = 6.0, 0.5
 PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 HEIGHTS_PX = 48
+AGAIN_MS = 20_001
+"""After so long the list of maps has asked again."""
 
 EVENLY = """
 from elfslam.cli import main
@@ -184,6 +186,37 @@ def test_a_map_is_got_once_and_then_needs_no_server(
     np.testing.assert_allclose(fixes.heading_rad[known], np.pi / 2, atol=1e-5)
 
 
+def test_a_guest_is_located_by_a_link_and_without_an_account(
+    pocket: Any, server: Any, map_id: str
+) -> None:
+    link = f"/api/maps/{map_id}/link"
+    told = server.ask(link, "PUT", json={"may": "read"}).json()["link"]["url"]
+    card = f"[data-map='{map_id}']"
+    with pocket.on() as page:
+        page.goto(told.replace("/desk#", "/#"))
+        page.wait_for_selector(f"{card} >> text=Get this map")
+        assert "#" not in page.url
+        for hidden in ("#pair", "#problem", "#maps-near"):
+            assert page.locator(hidden).is_hidden(), hidden
+        assert "shared by owner" in page.inner_text(f"{card} .soft")
+        check_view(page, 390)
+        take_map(page)
+        assert locate(page, "one-shot").endswith("\u00a0m")
+    with pocket.on() as page:  # another day
+        page.clock.install()
+        page.goto(server.address.partition("#")[0])
+        page.click("#where")
+        page.wait_for_selector(f"{card} >> text=Update")
+        assert page.locator("#problem").is_hidden()
+        assert server.ask(link, "DELETE").status_code == 204
+        page.clock.fast_forward(AGAIN_MS)
+        page.locator(f"{card} >> text=Update").wait_for(state="detached")  # without a reload
+        assert page.locator(f"{card} >> text=Find me here").is_visible(), "it stays on the phone"
+        page.goto(told.replace("/desk#", "/#"))
+        page.reload()
+        page.locator("#problem", has_text="this link was withdrawn").wait_for()
+
+
 def test_a_floor_is_found_by_where_the_phone_is(
     pocket: Any, server: Any, heard_map: FloorMap, published: str
 ) -> None:
@@ -202,7 +235,8 @@ def test_a_floor_is_found_by_where_the_phone_is(
         page.click("#where")
         page.click("#maps-near")
         page.wait_for_selector(floor)
-        assert page.inner_text(f"{floor} h2") == "North Mall, floor 2"
+        assert page.inner_text(f"{floor} h3") == "North Mall, floor 2"
+        assert page.inner_text("#maps-list .venue") == "North Mall"
         check_view(page, 390)
         page.click(f"{floor} >> text=Get this map")
         page.click(f"{floor} >> text=Find me here")

@@ -19,6 +19,11 @@ export async function pairAnother() {
 
 /** What a dialog shows of an address that pairs. @param {string} url @param {string} what to do with it */
 export function invitation(url, what) {
+  return [h("p", null, what), codeOf(url), ...addressField(url)];
+}
+
+/** An address, and what copies it. @param {string} url */
+export function addressField(url) {
   const address = h("input", { readonly: true, value: url, "aria-label": "Address", name: "address" });
   const copy = h("button", { type: "button", class: "button" }, icon("copy"), "Copy the address");
   copy.addEventListener("click", async () => {
@@ -26,12 +31,11 @@ export function invitation(url, what) {
     const well = await navigator.clipboard?.writeText(url).then(() => true, () => false);
     say(well ? "The address is in the clipboard." : "It is selected; copy it with the keyboard.");
   });
-  return [h("p", null, what),
-    codeOf(url), address, h("div", { class: "row" }, copy)];
+  return [address, h("div", { class: "row" }, copy)];
 }
 
 /** @param {string} text @returns {SVGElement} a QR code, dark on white in any theme */
-function codeOf(text) {
+export function codeOf(text) {
   const code = qrcode(0, "M");
   code.addData(text);
   code.make();

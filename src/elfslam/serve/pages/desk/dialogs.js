@@ -2,6 +2,9 @@
 
 import { h } from "../shared/dom.js";
 
+/** So many names stand in a question; the others are counted. */
+const MOST_NAMED = 8;
+
 let count = 0;
 
 /**
@@ -54,10 +57,12 @@ export function showPerson(title, body) {
   });
 }
 
-/** @param {string} what @param {string} consequence @returns {Promise<boolean>} */
-export async function confirmDelete(what, consequence) {
-  const body = h("p", null, consequence);
-  return (await askPerson({ title: `Delete ${what}?`, body, submit: "Delete for good", danger: true, cancel: "Keep it" })) !== null;
+/** @param {string} what @param {string} consequence @param {string[]} [names] of all that goes @returns {Promise<boolean>} */
+export async function confirmDelete(what, consequence, names = []) {
+  const more = names.length - MOST_NAMED;
+  const body = [names.length > 0 && h("ul", { class: "plain" }, names.slice(0, MOST_NAMED).map((name) => h("li", null, name)), more > 0 && h("li", null, `and ${more} more`)),
+    h("p", null, consequence)];
+  return (await askPerson({ title: `Delete ${what}?`, body, submit: "Delete for good", danger: true, cancel: names.length > 1 ? "Keep them" : "Keep it" })) !== null;
 }
 
 /** One line at the foot of the page, read out by screen readers.

@@ -33,13 +33,22 @@ export function queryOf(format, inputs) {
   return given.length > 0 ? `?${new URLSearchParams(given)}` : "";
 }
 
-/** Everything of one map, ready for a dialog or a panel. @param {{id: string, name: string}} map */
+/** What a map knows of the venue itself. @param {{venue?: string | null, floor?: string | null, level?: number | null}} map
+ * @returns {Record<string, string>} */
+export function venueOf({ venue, floor, level }) {
+  const known = { name: venue, level: floor, ordinal: level };
+  return Object.fromEntries(Object.entries(known).filter(([, told]) => told !== null && told !== undefined).map(([name, told]) => [name, String(told)]));
+}
+
+/** Everything of one map, ready for a dialog or a panel.
+ * @param {{id: string, name: string, venue?: string | null, floor?: string | null, level?: number | null}} map */
 export async function downloadsOf(map) {
   const path = `/api/maps/${encodeURIComponent(map.id)}`;
   /** @type {string[]} */
   const formats = await askJson(`${path}/exports`);
-  const inputs = new Map([["origin", keptInput("origin", "", "47.3769,8.5417,90")],
-    ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value)]))]);
+  const known = venueOf(map);
+  const inputs = new Map([["origin", keptInput("origin", "", undefined, "47.3769,8.5417,90")],
+    ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value, known[name])]))]);
   return h("div", { class: "downloads" },
     h("div", { class: "row" },
       h("a", { class: "button", href: `${path}/report.html`, target: "_blank", rel: "noopener" }, icon("report"), "Report"),
@@ -52,11 +61,11 @@ export async function downloadsOf(map) {
       h("div", { class: "fields two" }, VENUE.map(([name, words]) => h("label", { class: "field" }, h("span", null, words), inputs.get(name))))));
 }
 
-/** A field that remembers, as long as the tab is open. @param {string} name @param {string} value
- * @param {string} [placeholder] @returns {HTMLInputElement} */
-function keptInput(name, value, placeholder) {
+/** A field that remembers, as long as the tab is open; what the map knows comes first. @param {string} name
+ * @param {string} value @param {string} [known] @param {string} [placeholder] @returns {HTMLInputElement} */
+function keptInput(name, value, known, placeholder) {
   const input = h("input", { name, placeholder, autocomplete: "off", spellcheck: "false" });
-  input.value = sessionStorage.getItem(KEPT + name) ?? value;
+  input.value = known ?? sessionStorage.getItem(KEPT + name) ?? value;
   input.addEventListener("change", () => sessionStorage.setItem(KEPT + name, input.value.trim()));
   return input;
 }

@@ -4,9 +4,11 @@ import { askJson } from "./api.js";
 import { orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { missingWords } from "../shared/missing.js";
+import { matching, sorted } from "./finding.js";
 import { formatAgo, formatDuration, formatShare, plural, secondsBetween } from "./format.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { isOpen, jobTitle } from "./store.js";
+import { nothingFound, toolbarOf } from "./toolbar.js";
 
 /** @typedef {import("./store.js").Job} Job */
 /** @typedef {import("./store.js").Known} Known */
@@ -22,13 +24,18 @@ const STATES = {
 };
 
 /** @param {Desk} desk */
-export function jobsView({ known, nowMs }) {
+export function jobsView({ known, orders, nowMs }) {
+  const order = orders.jobs;
   const open = known.jobs.filter(isOpen).length;
   const words = open > 0 ? `${plural(open, "job")} to do. The server goes on when this page is closed.` : "Nothing to do at the moment.";
-  const rows = known.jobs.map((job) => rowOf(job, known, nowMs()));
+  const named = known.jobs.map((job) => ({ job, name: jobTitle(job, known), created_utc: job.created_utc }));
+  const found = matching(named, order.find, ({ job, name }) => [name, KINDS[job.kind], STATES[job.state]?.[0], job.problem]);
+  const rows = sorted(found, order.by, () => null).map(({ job }) => rowOf(job, known, nowMs()));
+  const all = known.jobs.length;
   return h("div", { class: "page" }, headOf("Jobs", words),
+    all > 1 && toolbarOf("Jobs", order, ["newest", "oldest", "name"], { shown: rows.length, all }),
     rows.length > 0 ? tableOf("Jobs", COLUMNS, rows)
-      : emptyPage(known, "again", "No jobs yet", "Mapping, merging and locating show up here."));
+      : all > 0 ? nothingFound(order.find) : emptyPage(known, "again", "No jobs yet", "Mapping, merging and locating show up here."));
 }
 
 /** @param {Job} job @param {Known} known @param {number} nowMs */

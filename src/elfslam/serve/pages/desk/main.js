@@ -2,25 +2,30 @@
 
 import { askJson } from "./api.js";
 import { onDrop, uploader } from "./uploads.js";
-import { orSay, say } from "./dialogs.js";
+import { orSay } from "./dialogs.js";
+import { blankPage, showDoor, showWho } from "./door.js";
+import { firstOrder, forgetGone } from "./finding.js";
+import { openGuest } from "./guest.js";
 import { h, morph, one, onActions } from "../shared/dom.js";
-import { icon } from "../shared/icons.js";
 import { jobActions, jobsView } from "./jobs_view.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
-import { pairAnother } from "./codes.js";
-import { signOut, whoIsHere } from "./session.js";
-import { pairWith, secretIn } from "../shared/api.js";
+import { whoIsHere } from "./session.js";
+import { Problem, secretIn } from "../shared/api.js";
+import { linkIn, openLink } from "../shared/links.js";
 import { isOpen, keepKnown } from "./store.js";
+import { choosing, tickBoxes } from "./toolbar.js";
 import { userActions, usersView } from "./users_view.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
+ * @property {import("./session.js").Me | null} me nobody, where a link alone opened a map
  * @property {import("./store.js").Known} known
- * @property {ReturnType<typeof uploader>} uploads
- * @property {Set<string>} chosen maps to be merged
+ * @property {ReturnType<typeof uploader> | null} uploads
+ * @property {Set<string>} chosen rows of lists
+ * @property {Record<string, import("./finding.js").Order>} orders of lists
  * @property {import("./users_view.js").User[]} users
  * @property {() => Promise<void>} now ask the server again
  * @property {() => void} render
@@ -29,7 +34,7 @@ import { userActions, usersView } from "./users_view.js";
 
 const VIEWS = { recordings: recordingsView, jobs: jobsView, maps: mapsView, users: usersView };
 const ACTIONS = { recordings: recordingActions, jobs: jobActions, maps: mapActions, users: userActions };
-const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map" };
+const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map", shared: "Map", missing: "No such page" };
 
 /** @param {import("./session.js").Me} me */
 function openDesk(me) {
@@ -40,20 +45,24 @@ function openDesk(me) {
   let opened = 0;
 
   const { known, now } = keepKnown(() => {
+    if (me.is_owner && shown === "users") void loadUsers().then(render);
+    forgetGone(desk.chosen, [...known.recordings, ...known.maps]);
     render();
     map?.changed();
   }, showConnection);
 
+  const uploads = uploader(() => render(), () => void now());
   /** @type {Desk} */
   const desk = {
+    me,
     known,
+    uploads,
     chosen: new Set(),
+    orders: { recordings: firstOrder(), jobs: firstOrder(), maps: firstOrder() },
     users: [],
     render,
     nowMs: () => Date.now(),
-    uploads: uploader(() => render(), () => void now()),
     async now() {
-      if (me.is_owner && pageOf(location.hash).name === "users") await loadUsers();
       await now();
       render();
     },
@@ -69,10 +78,10 @@ function openDesk(me) {
   function render() {
     countJobs(known);
     const { name } = pageOf(location.hash);
-    if (name === "map" || name !== shown) return;
-    const wanted = h("main", { id: "main" }, VIEWS[name](desk));
-    morph(main, wanted);
-    tickBoxes(main, desk);
+    if (!(name in VIEWS) || name !== shown) return;
+    const view = VIEWS[/** @type {keyof typeof VIEWS} */ (name)];
+    morph(main, h("main", { id: "main", tabindex: "-1" }, view(desk)));
+    tickBoxes(main, desk.chosen);
   }
 
   /** Whatever comes late, as maps do, is shown only as long as nothing else was opened. */
@@ -84,13 +93,10 @@ function openDesk(me) {
     map = null;
     shown = name;
     document.title = `${TITLES[name]} · elfslam`;
-    document.body.dataset.page = name;
-    for (const link of document.querySelectorAll("nav a")) {
-      const here = link.getAttribute("href") === `#/${name === "map" ? "maps" : name}`;
-      if (here) link.setAttribute("aria-current", "page");
-      else link.removeAttribute("aria-current");
-    }
-    if (name === "map") await showMap(id, isWanted);
+    document.body.dataset.page = name === "shared" ? "map" : name;
+    markNavigation(name);
+    if (name === "map" || name === "shared") await showMap(name, id, isWanted);
+    else if (name === "missing") main.replaceChildren(blankPage("There is no such page", "The desk has no page at this address; it may have been cut off where it was copied.", h("a", { class: "button", href: "#/recordings" }, "To the recordings")));
     else {
       main.replaceChildren();
       if (name === "users") await loadUsers();
@@ -101,49 +107,59 @@ function openDesk(me) {
     scrollTo(0, 0);
   }
 
-  /** @param {string} id @param {() => boolean} isWanted */
-  async function showMap(id, isWanted) {
+  /** @param {"map" | "shared"} name @param {string} id of a map, or what a link holds @param {() => boolean} isWanted */
+  async function showMap(name, id, isWanted) {
     main.replaceChildren(h("div", { class: "map-page waiting", "aria-busy": "true" }));
     try {
-      map = (await openMap(desk, id, main, isWanted)) ?? map;
+      const mapId = name === "map" ? id : (await openLink(id)).map;
+      map = (await openMap(desk, mapId, main, isWanted)) ?? map;
     } catch (problem) {
       if (!isWanted()) return;
-      const words = problem instanceof Error ? problem.message : String(problem);
-      main.replaceChildren(h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, "This map cannot be shown"), h("p", null, words),
+      const isGone = problem instanceof Problem && problem.status === 404;
+      main.replaceChildren(blankPage(isGone ? "This map is not here" : "This map cannot be shown", problem instanceof Error ? problem.message : String(problem),
         h("a", { class: "button", href: "#/maps" }, "Back to the maps")));
     }
   }
 
+  onActions(main, choosing(main, desk.chosen, render));
   for (const [name, actions] of Object.entries(ACTIONS)) {
     const deeds = /** @type {Record<string, (id: string, element: HTMLElement) => void>} */ (actions(desk));
     onActions(main, Object.fromEntries(Object.entries(deeds).map(([action, deed]) =>
       [action, (id, element) => pageOf(location.hash).name === name && deed(id, element)])));
   }
+  main.addEventListener("input", (/** @type {Event} */ event) => {
+    const input = /** @type {HTMLInputElement | HTMLSelectElement} */ (event.target);
+    const order = desk.orders[shown];
+    if (!input.dataset.order || !order) return;
+    Object.assign(order, { [input.dataset.order]: input.value });
+    render();
+  });
   main.addEventListener("change", (/** @type {Event} */ event) => {
     const input = /** @type {HTMLInputElement} */ (event.target);
     if (input.name !== "recordings" || !input.files) return;
-    desk.uploads.send(input.files);
+    uploads.send(input.files);
     input.value = "";
   });
   onDrop((files) => {
     if (map?.receive(files)) return;
     if (pageOf(location.hash).name !== "recordings") location.hash = "#/recordings";
-    desk.uploads.send(files);
+    uploads.send(files);
   });
   window.addEventListener("hashchange", () => void open());
   window.addEventListener("beforeunload", (event) => {
-    if (desk.uploads.isBusy()) event.preventDefault();
+    if (uploads.isBusy()) event.preventDefault();
   });
   showWho(me);
   void open();
   void now();
 }
 
-/** What a person ticked is no attribute: set it again. @param {HTMLElement} main @param {Desk} desk */
-function tickBoxes(main, desk) {
-  for (const box of main.querySelectorAll('[data-action="choose"]')) {
-    const input = /** @type {HTMLInputElement} */ (box);
-    input.checked = desk.chosen.has(input.dataset.id ?? "");
+/** @param {string} name of the page that is open */
+function markNavigation(name) {
+  for (const link of document.querySelectorAll("nav a")) {
+    const isHere = link.getAttribute("href") === `#/${name === "map" ? "maps" : name}`;
+    if (isHere) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
   }
 }
 
@@ -163,48 +179,25 @@ function showConnection(problem) {
   if (problem !== null) place.textContent = problem instanceof Error ? problem.message : String(problem);
 }
 
-/** @param {import("./session.js").Me} me */
-function showWho(me) {
-  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": "Walk with this device", title: "Walk with this device" }, icon("phone")),
-    h("span", { class: "name" }, me.name),
-    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, "Pair a device"),
-    h("button", { type: "button", class: "button small quiet", click: async () => {
-    if (await orSay(signOut)) location.reload();
-  } }, "Sign out"));
-  one("#nav-users").hidden = !me.is_owner;
-  one("nav").hidden = false;
-}
-
-/** Nobody is known: say how to come in. */
-function showDoor() {
-  one("nav").hidden = true;
-  one("#who").replaceChildren();
-  const input = h("input", { name: "code", required: true, autocomplete: "off", spellcheck: "false", placeholder: "https://…/#token=…" });
-  const form = h("form", { class: "card" },
-    h("h1", null, "This browser is not paired"),
-    h("p", null, "Open the address that ", h("code", null, "elfslam serve"), " printed in its terminal, with all that follows the ", h("code", null, "#"), ", or one that “Pair a device” shows on a desk that is paired."),
-    h("label", { class: "field" }, h("span", null, "Or paste it here"), input),
-    h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Pair")));
-  form.addEventListener("submit", async (/** @type {Event} */ event) => {
-    event.preventDefault();
-    if (await orSay(() => pairWith(input.value))) location.reload();
-    else say("This code opens nothing here; copy it whole.", "problem");
-  });
-  document.body.dataset.page = "door";
-  one("main").replaceChildren(h("div", { class: "door" }, form));
-}
-
 async function start() {
+  one(".skip").addEventListener("click", (/** @type {Event} */ event) => {
+    event.preventDefault(); // an address of the desk stands behind the #
+    one("main").focus();
+  });
   window.addEventListener("hashchange", () => {
     if (secretIn(location.hash) !== null) location.reload();
   });
   try {
     const me = await whoIsHere();
-    if (me === null) return showDoor();
+    const link = linkIn(location.hash);
+    if (me === null) {
+      window.addEventListener("hashchange", () => location.reload());
+      return link === null ? showDoor() : await openGuest(link);
+    }
     document.addEventListener("elfslam:signed-out", () => location.reload(), { once: true });
     return openDesk(me);
   } catch (problem) {
-    one("main").replaceChildren(h("div", { class: "empty" }, h("h1", null, "The desk cannot be opened"), h("p", null, problem instanceof Error ? problem.message : String(problem)),
+    one("main").replaceChildren(blankPage("The desk cannot be opened", problem instanceof Error ? problem.message : String(problem),
       h("button", { type: "button", class: "button", click: () => location.reload() }, "Try again")));
     return undefined;
   }

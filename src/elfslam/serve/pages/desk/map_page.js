@@ -1,9 +1,11 @@
 // One map: the viewer, and beside it all that can be switched, placed, located and taken away.
 
-import { ask, askJson } from "./api.js";
+import { ask, askJson, Problem } from "./api.js";
 import { askToLocate, askToMap } from "./asking.js";
 import { orSay, say } from "./dialogs.js";
+import { blankPage } from "./door.js";
 import { h } from "../shared/dom.js";
+import { placeOf } from "../shared/places.js";
 import { downloadsOf } from "./downloads.js";
 import { formatMetres, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
@@ -12,6 +14,8 @@ import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
 import { keptOf, recordedPart } from "./recorded.js";
 import { mountCanvas } from "./viewer/canvas.js";
+import { renameMap } from "./renaming.js";
+import { sharedWords, shareMap } from "./sharing.js";
 import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
 import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
@@ -32,13 +36,16 @@ import { firstState } from "./viewer/state.js";
  */
 export async function openMap(desk, id, root, isWanted) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
-  const [map, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
+  const [first, view] = await Promise.all([askJson(path), askJson(`${path}/view`)]);
   if (!isWanted()) return null;
+  /** @type {Map_} */
+  let map = first;
   const scene = sceneOf(view);
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
-  const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
+  const canEdit = () => map.right !== "read";
+  const plan = planOf(id, state, scene.bounds_m, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
   let legend = legendOf(scene, state);
   canvas.stage.append(legend);
 
@@ -72,55 +79,115 @@ export async function openMap(desk, id, root, isWanted) {
     redraw();
   }
 
-  fillPanel("layers", "walks", "located", "plan", "recorded");
-  const live = livePart(id, state, canvas.redraw);
-  panel.append(live.part, ...meetingPart(map), downloads);
-  root.replaceChildren(h("div", { class: "map-page" }, headOfMap(desk, map, scene), canvas.stage, panel));
+  fillPanel("layers", "walks", ...(desk.me ? [/** @type {const} */ ("located")] : []), "plan", ...(desk.me ? [/** @type {const} */ ("recorded")] : []));
+  const live = desk.me && livePart(id, state, canvas.redraw);
+  panel.append(...(live ? [live.part] : []), ...meetingPart(map), downloads);
+  let head = headOfMap(desk, map, scene, look);
+  root.replaceChildren(h("div", { class: "map-page" }, head, canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
   const changed = () => {
+    void look();
     void loadLocated(desk, id, seen, state, () => fillPanel("layers", "located"));
     const now = recordingOf(desk, map);
     if (now?.id === recording?.id) return;
     recording = now;
     fillPanel("recorded");
   };
+  let isGone = false;
+
+  /** What the server knows of it now: it may have been renamed, or be there no more. */
+  async function look() {
+    if (isGone || !isWanted()) return;
+    try {
+      const now = /** @type {Map_} */ (desk.known.maps.find((each) => each.id === id) ?? (await askJson(path)));
+      const [isSame, mayOther] = [headFacts(now) === headFacts(map), now.right !== map.right];
+      map = now;
+      if (isSame || isGone) return;
+      const wanted = headOfMap(desk, map, scene, look);
+      head.replaceWith(wanted);
+      head = wanted;
+      if (mayOther) fillPanel("plan");
+    } catch (problem) {
+      if (problem instanceof Problem && problem.status === 404) leaveGone(problem.message);
+    }
+  }
+
+  /** @param {string} why */
+  function leaveGone(why) {
+    if (isGone || !isWanted()) return;
+    isGone = true;
+    leave();
+    root.replaceChildren(blankPage("This map is gone", why, desk.me && h("a", { class: "button", href: "#/maps" }, "Back to the maps")));
+    document.body.dataset.page = "gone";
+  }
+
+  function leave() {
+    window.removeEventListener("pagehide", hide);
+    if (!isGone) hide();
+    if (live) live.leave();
+    canvas.leave();
+  }
   const hide = () => void plan.save();
   window.addEventListener("pagehide", hide);
   changed();
   return {
     changed,
     receive(files) {
+      if (!canEdit()) return false;
       const image = files.find((file) => /^image\/(png|jpeg)$/.test(file.type));
       if (image) void plan.upload(image);
       return image !== undefined;
     },
     leave() {
-      window.removeEventListener("pagehide", hide);
-      hide();
-      live.leave();
-      canvas.leave();
+      if (!isGone) leave();
     },
   };
 }
 
-/** @param {Desk} desk @param {Map_} map @param {import("./viewer/scene.js").Scene} scene */
-function headOfMap(desk, map, { walks }) {
+/** What of a map its head shows, as text. @param {Map_} map */
+function headFacts({ name, venue, floor, right, owner, shared_with, has_link }) {
+  return JSON.stringify([name, venue, floor, right, owner, shared_with, has_link]);
+}
+
+/** @param {Desk} desk @param {Map_} map @param {import("./viewer/scene.js").Scene} scene @param {() => Promise<void>} look */
+function headOfMap(desk, map, { walks }, look) {
   const { closures, distance_m } = factsOf(map);
   const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
-  const facts = [map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(distance_m ?? sum((walk) => walk.length_m)),
-    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && `${plural(closures, "place")} passed again`];
-  const remove = h("button", { type: "button", class: "button icon danger", "aria-label": `Delete ${map.name}`, title: "Delete", click: async () => {
+  const facts = [placeOf(map), map.right !== "own" && `shared by ${map.owner}`, map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(distance_m ?? sum((walk) => walk.length_m)),
+    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && `${plural(closures, "place")} passed again`, map.right === "own" && sharedWords(map)];
+  return h("header", { class: "map-head" },
+    desk.me && h("a", { class: "button icon", href: "#/maps", "aria-label": "Back to the maps", title: "Back to the maps" }, icon("back")),
+    h("div", null, h("h1", { tabindex: "-1" }, map.name), h("p", { class: "soft" }, facts.filter(Boolean).join(" · "))),
+    buttonsOf(desk, map, look));
+}
+
+/** What whoever is here may do with a map. @param {Desk} desk @param {Map_} map @param {() => Promise<void>} look */
+function buttonsOf(desk, map, look) {
+  const button = (/** @type {Parameters<typeof icon>[0]} */ picture, /** @type {string} */ words, /** @type {() => Promise<unknown>} */ deed, kind = "") =>
+    h("button", { type: "button", class: `button icon ${kind}`.trim(), "aria-label": `${words} ${map.name}`, title: words, click: deed }, icon(picture));
+  const again = async () => {
+    await desk.now();
+    await look();
+  };
+  const rename = async () => (await renameMap(map, desk.known.maps)) && again();
+  const share = async () => {
+    await shareMap(map);
+    await again();
+  };
+  const remove = async () => {
     if (!(await deleteMap(map))) return;
     location.hash = "#/maps";
     await desk.now();
-  } }, icon("trash"));
-  return h("header", { class: "map-head" },
-    h("a", { class: "button icon", href: "#/maps", "aria-label": "Back to the maps", title: "Back to the maps" }, icon("back")),
-    h("div", null, h("h1", { tabindex: "-1" }, map.name), h("p", { class: "soft" }, facts.filter(Boolean).join(" · "))),
-    remove);
+  };
+  return [
+    desk.me === null && h("a", { class: "button primary find-me", href: `./${location.hash}` }, icon("locate"), "Find me here"),
+    map.right !== "read" && button("edit", "Rename", rename),
+    map.right === "own" && button("share", "Share", share),
+    map.right === "own" && button("trash", "Delete", remove, "danger"),
+  ];
 }
 
 /** @param {Map_} map @param {HTMLElement} place */

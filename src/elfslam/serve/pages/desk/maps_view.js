@@ -1,41 +1,84 @@
-// The maps: of single walks, and of floors that were merged from them.
+// The maps, by venue and floor: of single walks, and of floors that were merged from them; one's own and shared ones.
 
 import { ask, askJson } from "./api.js";
 import { askToMerge } from "./asking.js";
 import { confirmDelete, orSay, say, showPerson } from "./dialogs.js";
 import { downloadsOf } from "./downloads.js";
 import { h } from "../shared/dom.js";
+import { grouped } from "../shared/places.js";
+import { chosenOf, matching, sorted } from "./finding.js";
 import { formatAgo, formatCount, formatMetres, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
-import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { cell, emptyPage, headOf, iconButton, rowHead, tableInGroups } from "./parts.js";
 import { keptOf } from "./recorded.js";
+import { renameMap, renamePlace } from "./renaming.js";
+import { leaveMap, ownerBadge, sharedWords, shareMap } from "./sharing.js";
+import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
 
 const COLUMNS = ["Chosen", "Map", "Of", "Length", "Passed again", "Made", "Actions"];
+const GONE = "Maps, their reports and floor plans leave this server, also for those whom they are shared with, and cannot be brought back. The recordings stay.";
 
 /** @param {Desk} desk */
-export function mapsView({ known, chosen, nowMs }) {
-  const rows = known.maps.map((map) => rowOf(map, chosen, nowMs()));
-  const count = known.maps.filter(({ id }) => chosen.has(id)).length;
-  const merge = h("button", { type: "button", class: "button primary", "data-action": "merge", "aria-disabled": String(count < 2), title: count < 2 ? "Choose two maps or more" : null },
-    icon("layers"), count < 2 ? "Merge chosen maps" : `Merge ${count} maps`);
+export function mapsView({ known, chosen, orders, nowMs }) {
+  const order = orders.maps;
+  const shown = shownMaps(known.maps, order);
+  const mine = chosenOf(shown, chosen).filter(({ right }) => right === "own");
+  const editable = chosenOf(shown, chosen).filter(({ right }) => right !== "read");
+  const groups = grouped(shown);
+  const bodies = groups.map((group, at) => [...headingsOf(groups, at), ...group.things.map((map) => rowOf(map, chosen, nowMs()))]);
   return h("div", { class: "page" },
-    headOf("Maps", "Choose several of one floor to merge them into one map.", known.maps.length > 1 && merge),
-    rows.length > 0 ? tableOf("Maps", COLUMNS, rows)
-      : emptyPage(known, "map", "No maps yet", "A recording becomes a map as soon as it has arrived."));
+    headOf("Maps", "Yours, and those that others share with you. Choose several of one floor to merge them into one map.", known.maps.length > 1 && mergeButton(editable.length)),
+    known.maps.length > 1 && toolbarOf("Maps", order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all: known.maps.length, chosen: deleteChosen(mine.length) }),
+    shown.length > 0 ? tableInGroups("Maps", COLUMNS, bodies)
+      : known.maps.length > 0 ? nothingFound(order.find)
+        : emptyPage(known, "map", "No maps yet", "A recording becomes a map as soon as it has arrived."));
+}
+
+/** @param {Map_[]} maps @param {import("./finding.js").Order} order */
+function shownMaps(maps, { find, by }) {
+  const found = matching(maps, find, ({ name, venue, floor, owner, right }) => [name, venue, floor, right === "own" ? "" : owner]);
+  return sorted(found, by, (map) => factsOf(map).distance_m);
+}
+
+/** @param {number} count */
+function mergeButton(count) {
+  return h("button", { type: "button", class: "button primary", "data-action": "merge", "aria-disabled": String(count < 2), title: count < 2 ? "Choose two maps or more that you may change" : null },
+    icon("layers"), count < 2 ? "Merge chosen maps" : `Merge ${count} maps`);
+}
+
+/** Headings among the rows: of a venue before its first floor, and of each floor; none where no map lies anywhere.
+ * @param {{venue: string | null, floor: string | null, things: Map_[]}[]} groups @param {number} at */
+function headingsOf(groups, at) {
+  const { venue, floor, things } = groups[at];
+  if (groups.every((group) => group.venue === null)) return [];
+  const editable = venue !== null && things.some(({ right }) => right !== "read");
+  const isFirst = at === 0 || groups[at - 1].venue !== venue;
+  return [
+    isFirst && headingRow("h2", venue ?? "Not on a floor yet", editable ? [venue, null] : null),
+    floor !== null && headingRow("h3", floor, editable ? [venue, floor] : null),
+  ];
+}
+
+/** @param {"h2" | "h3"} level @param {string} words @param {(string | null)[] | null} place what can be renamed */
+function headingRow(level, words, place) {
+  const key = JSON.stringify(place ?? words);
+  return h("tr", { class: `group ${level}`, "data-key": `group-${level}-${key}`, role: "row" },
+    h("th", { scope: "rowgroup", role: "rowheader", colspan: COLUMNS.length },
+      h("div", null, h(level, null, words), place && iconButton("edit", "rename-place", key, `Rename ${words}`))));
 }
 
 /** @param {Map_} map @param {Set<string>} chosen @param {number} nowMs */
 function rowOf(map, chosen, nowMs) {
-  const { id, name, kind, created_utc } = map;
+  const { id, name, kind, created_utc, right } = map;
   const address = `#/maps/${encodeURIComponent(id)}`;
   const facts = factsOf(map);
-  const box = h("input", { type: "checkbox", "data-action": "choose", "data-id": id, "aria-label": `Choose ${name}`, checked: chosen.has(id) });
+  const words = [map.floor_plan && "on a floor plan", keptOf(map.facts) && "of a stretch of the recording", sharedWords(map)].filter(Boolean).join(" · ");
   return h("tr", { "data-key": id, role: "row" },
-    h("td", { role: "cell", class: "chosen" }, h("label", null, box)),
-    rowHead(h("a", { href: address }, name), map.floor_plan && h("small", null, "on a floor plan"), keptOf(map.facts) && h("small", null, "of a stretch of the recording")),
+    chooseCell(id, name, chosen.has(id)),
+    rowHead(h("a", { href: address }, name), (right !== "own" || words) && h("span", { class: "marks" }, ownerBadge(map), words && h("small", null, words))),
     cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
     cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
     cell("Passed again", facts.closures === null ? "–" : formatCount(facts.closures)),
@@ -44,10 +87,12 @@ function rowOf(map, chosen, nowMs) {
       h("a", { class: "button small", href: address }, icon("map"), h("span", null, "Open", h("span", { class: "visually-hidden" }, ` ${name}`))),
       h("a", { class: "button icon", href: `/api/maps/${encodeURIComponent(id)}/report.html`, target: "_blank", rel: "noopener", "aria-label": `Report of ${name}`, title: "Report" }, icon("report")),
       iconButton("download", "downloads", id, `Downloads of ${name}`),
-      iconButton("trash", "delete", id, `Delete ${name}`, "danger")));
+      right !== "read" && iconButton("edit", "rename", id, `Rename ${name}`),
+      right === "own" && iconButton("share", "share", id, `Share ${name}`),
+      right === "own" ? iconButton("trash", "delete", id, `Delete ${name}`, "danger") : iconButton("leave", "leave", id, `Take ${name} off my list`)));
 }
 
-/** The few numbers that a list shows, whichever of them are known. @param {Map_} map
+/** The few numbers that a list shows, whichever of them are known. @param {{facts: any}} map
  * @returns {Record<"footsteps" | "closures" | "walks" | "distance_m", number | null>} */
 export function factsOf({ facts }) {
   const known = (/** @type {string} */ name) => (Number.isFinite(facts?.[name]) ? Number(facts[name]) : null);
@@ -56,15 +101,15 @@ export function factsOf({ facts }) {
 
 /** @param {Desk} desk */
 export function mapActions(desk) {
-  const found = (/** @type {string} */ id) => desk.known.maps.find((map) => map.id === id);
+  /** Does something with a map, and looks again. @param {(map: Map_) => Promise<unknown>} deed */
+  const on = (deed) => async (/** @type {string} */ id) => {
+    const map = desk.known.maps.find((each) => each.id === id);
+    if (map && (await deed(map))) await desk.now();
+  };
+  const chosen = () => chosenOf(shownMaps(desk.known.maps, desk.orders.maps), desk.chosen);
   return {
-    choose(/** @type {string} */ id) {
-      if (!desk.chosen.delete(id)) desk.chosen.add(id);
-      desk.render();
-    },
     async merge() {
-      const maps = desk.known.maps.filter(({ id }) => desk.chosen.has(id));
-      const job = await askToMerge(maps);
+      const job = await askToMerge(chosen().filter(({ right }) => right !== "read"));
       if (!job) return;
       const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
       if (well) {
@@ -73,20 +118,31 @@ export function mapActions(desk) {
       }
       await desk.now();
     },
-    async downloads(/** @type {string} */ id) {
-      const map = found(id);
-      if (map) await orSay(async () => showPerson(`Downloads of ${map.name}`, await downloadsOf(map)));
+    downloads: on(async (map) => {
+      await orSay(async () => showPerson(`Downloads of ${map.name}`, await downloadsOf(map)));
+    }),
+    rename: on((map) => renameMap(map, desk.known.maps)),
+    "rename-place": async (/** @type {string} */ told) => {
+      const [venue, floor] = JSON.parse(told);
+      if (await renamePlace(venue, floor)) await desk.now();
     },
-    async delete(/** @type {string} */ id) {
-      const map = found(id);
-      if (map && (await deleteMap(map))) await desk.now();
+    share: on(async (map) => {
+      await shareMap(map);
+      return true;
+    }),
+    leave: on(leaveMap),
+    delete: on(deleteMap),
+    async "delete-chosen"() {
+      const maps = chosen().filter(({ right }) => right === "own");
+      if (!(await confirmDelete(plural(maps.length, "map"), GONE, maps.map(({ name }) => name)))) return;
+      await orSay(() => askJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
+      await desk.now();
     },
   };
 }
 
 /** @param {Map_} map @returns {Promise<boolean>} whether it is gone */
 export async function deleteMap(map) {
-  const words = "The map, its report and its floor plan leave this server and cannot be brought back. The recordings stay.";
-  if (!(await confirmDelete(map.name, words))) return false;
+  if (!(await confirmDelete(map.name, GONE))) return false;
   return orSay(() => ask(`/api/maps/${encodeURIComponent(map.id)}`, { method: "DELETE" }));
 }

@@ -13,11 +13,16 @@ export function headOf(title, words, ...actions) {
 /** A table that says so even where narrow screens lay its rows out as cards.
  * @param {string} name @param {string[]} columns @param {any[]} rows */
 export function tableOf(name, columns, rows) {
+  return tableInGroups(name, columns, [rows]);
+}
+
+/** The same, its rows in several bodies. @param {string} name @param {string[]} columns @param {any[][]} bodies */
+export function tableInGroups(name, columns, bodies) {
   const head = columns.map((column) => h("th", { scope: "col", role: "columnheader", class: column === "Actions" ? "actions" : null },
     /^(Actions|Chosen)$/.test(column) ? h("span", { class: "visually-hidden" }, column) : column));
   return h("table", { class: "list", role: "table", "aria-label": name },
     h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, head)),
-    h("tbody", { role: "rowgroup" }, rows));
+    bodies.map((rows) => h("tbody", { role: "rowgroup" }, rows)));
 }
 
 /** @param {string} label @param {...any} children */

@@ -4,27 +4,39 @@ import { ask, askJson } from "./api.js";
 import { askToLocate, askToMap } from "./asking.js";
 import { confirmDelete, orSay, say } from "./dialogs.js";
 import { h } from "../shared/dom.js";
+import { chosenOf, matching, sorted } from "./finding.js";
 import { fileName, formatAgo, formatBytes, formatDuration, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { stateOfJob } from "./jobs_view.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
+import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
 
 /** @typedef {import("./store.js").Known} Known */
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {import("./main.js").Desk} Desk */
 
-const COLUMNS = ["Recording", "When", "Length", "Size", "State", "Actions"];
+const COLUMNS = ["Chosen", "Recording", "When", "Length", "Size", "State", "Actions"];
 
 /** @param {Desk} desk */
-export function recordingsView({ known, uploads, nowMs }) {
+export function recordingsView({ known, uploads, chosen, orders, nowMs }) {
+  const order = orders.recordings;
+  const all = known.recordings.length;
   const add = h("label", { class: "button primary" }, icon("upload"), "Add recordings",
     h("input", { type: "file", accept: ".zip,application/zip", multiple: true, class: "visually-hidden", name: "recordings" }));
-  const rows = known.recordings.map((recording) => rowOf(recording, known, nowMs()));
+  const shown = shownRecordings(known.recordings, order);
+  const rows = shown.map((recording) => rowOf(recording, known, chosen, nowMs()));
   return h("div", { class: "page" },
     headOf("Recordings", "Walks from a phone. A folder packed as .zip can be dropped anywhere on this page.", add),
-    uploads.list(),
-    rows.length === 0 ? nothing(known) : tableOf("Recordings", COLUMNS, rows));
+    uploads?.list(),
+    all > 1 && toolbarOf("Recordings", order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all, chosen: deleteChosen(chosenOf(shown, chosen).length) }),
+    rows.length > 0 ? tableOf("Recordings", COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
+}
+
+/** @param {Recording[]} recordings @param {import("./finding.js").Order} order */
+function shownRecordings(recordings, { find, by }) {
+  return sorted(matching(recordings, find, ({ name, device }) => [name, device]), by, ({ facts }) => facts?.duration_s);
 }
 
 /** @param {Known} known */
@@ -33,11 +45,12 @@ function nothing(known) {
     "Open ", h("a", { href: "./" }, "the phone page"), " on a phone and walk, or drop a recording's .zip here."]);
 }
 
-/** @param {Recording} recording @param {Known} known @param {number} nowMs */
-function rowOf(recording, known, nowMs) {
+/** @param {Recording} recording @param {Known} known @param {Set<string>} chosen @param {number} nowMs */
+function rowOf(recording, known, chosen, nowMs) {
   const { id, name, device, facts, created_utc } = recording;
   const ready = recording.state === "ready";
   return h("tr", { "data-key": id, role: "row" },
+    chooseCell(id, name, chosen.has(id)),
     rowHead(h("strong", null, name), h("small", null, device)),
     cell("When", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     cell("Length", formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, plural(facts.footsteps, "footstep")) : null),
@@ -47,6 +60,7 @@ function rowOf(recording, known, nowMs) {
       ready && h("button", { type: "button", class: "button small", "data-action": "map", "data-id": id }, icon("map"), h("span", null, "Map", h("span", { class: "visually-hidden" }, ` ${name}`))),
       ready && known.maps.length > 0 && iconButton("locate", "locate", id, `Locate ${name} in a map`),
       ready && h("a", { class: "button icon", href: `/api/recordings/${encodeURIComponent(id)}/recording.zip`, download: `${fileName(name)}.zip`, "aria-label": `Download ${name}`, title: "Download as .zip" }, icon("download")),
+      iconButton("edit", "rename", id, `Rename ${name}`),
       iconButton("trash", "delete", id, `Delete ${name}`, "danger")));
 }
 
@@ -81,6 +95,11 @@ function stateOf(recording, known) {
   return link ? [link] : [h("span", { class: "badge" }, "Ready to map")];
 }
 
+/** What goes with a recording. @param {number | null} bytes */
+function goneWords(bytes) {
+  return `${formatBytes(bytes)} leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.`;
+}
+
 /** @param {Desk} desk */
 export function recordingActions(desk) {
   const found = (/** @type {string} */ id) => desk.known.recordings.find((recording) => recording.id === id);
@@ -101,14 +120,24 @@ export function recordingActions(desk) {
       const recording = found(id);
       if (recording) await post(await askToLocate([recording], desk.known.maps), `${recording.name} is waiting to be located.`);
     },
+    async rename(/** @type {string} */ id) {
+      const recording = found(id);
+      if (recording && (await renameRecording(recording))) await desk.now();
+    },
     async delete(/** @type {string} */ id) {
       const recording = found(id);
       if (!recording) return;
-      const words = `${formatBytes(bytesOf(recording))} of it leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.`;
-      if (!(await confirmDelete(recording.name, words))) return;
+      if (!(await confirmDelete(recording.name, goneWords(bytesOf(recording))))) return;
       await orSay(() => ask(`/api/recordings/${encodeURIComponent(id)}`, { method: "DELETE" }));
       await desk.now();
     },
-    "stop-upload": (/** @type {string} */ id) => desk.uploads.stop(id),
+    async "delete-chosen"() {
+      const recordings = chosenOf(shownRecordings(desk.known.recordings, desk.orders.recordings), desk.chosen);
+      const bytes = recordings.reduce((sum, recording) => sum + (bytesOf(recording) ?? 0), 0);
+      if (!(await confirmDelete(plural(recordings.length, "recording"), goneWords(bytes), recordings.map(({ name }) => name)))) return;
+      await orSay(() => askJson("/api/recordings/delete", { method: "POST", json: { ids: recordings.map(({ id }) => id) } }));
+      await desk.now();
+    },
+    "stop-upload": (/** @type {string} */ id) => desk.uploads?.stop(id),
   };
 }

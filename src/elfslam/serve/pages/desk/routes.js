@@ -1,13 +1,20 @@
 // Which page an address means. Pure.
 
-/** @typedef {"recordings" | "jobs" | "maps" | "users" | "map"} PageName */
+import { linkIn } from "../shared/links.js";
 
-/** @param {string} fragment such as #/maps/ID @returns {{name: PageName, id: string}} */
+/** @typedef {"recordings" | "jobs" | "maps" | "users" | "map" | "shared" | "missing"} PageName */
+
+const LISTS = ["recordings", "jobs", "maps", "users"];
+
+/** @param {string} fragment such as #/maps/ID, or #link=… @returns {{name: PageName, id: string}} */
 export function pageOf(fragment) {
-  const [name, id] = fragment.replace(/^#\/?/, "").split("/");
-  if (name === "maps" && id) return { name: "map", id: decoded(id) };
-  if (name === "jobs" || name === "maps" || name === "users") return { name, id: "" };
-  return { name: "recordings", id: "" };
+  const link = linkIn(fragment);
+  if (link !== null) return { name: "shared", id: link };
+  const [name, id, ...more] = fragment.replace(/^#\/?/, "").split("/");
+  if (name === "" && !id) return { name: "recordings", id: "" };
+  if (name === "maps" && id && more.length === 0) return { name: "map", id: decoded(id) };
+  if (LISTS.includes(name) && !id) return { name: /** @type {PageName} */ (name), id: "" };
+  return { name: "missing", id: "" };
 }
 
 /** @param {string} text */

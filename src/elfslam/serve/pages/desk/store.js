@@ -5,7 +5,7 @@ import { poll } from "./polling.js";
 
 /** @typedef {{id: string, name: string, device: string, state: "receiving" | "ready" | "refused", refusal: string | null, facts: any, files: {name: string, size_bytes: number}[], uploads: {id: string, file_name: string, offset_bytes: number, length_bytes: number | null}[], created_utc: string}} Recording */
 /** @typedef {{id: string, kind: "map" | "merge" | "locate", state: "queued" | "running" | "done" | "failed" | "cancelled", given: any, gave: any, doing: string, share: number | null, attempts: number, problem: string | null, created_utc: string, started_utc: string | null, finished_utc: string | null}} Job */
-/** @typedef {{id: string, name: string, kind: "run" | "floor", sources: string[], facts: any, floor_plan: any, files: any[], created_utc: string}} Map_ */
+/** @typedef {{id: string, name: string, kind: "run" | "floor", sources: string[], facts: any, floor_plan: any, files: any[], created_utc: string, venue: string | null, floor: string | null, level: number | null, owner: string, right: "read" | "edit" | "own", shared_with: number, has_link: boolean}} Map_ */
 /** @typedef {{recordings: Recording[], jobs: Job[], maps: Map_[], loaded: boolean}} Known */
 
 /**

@@ -19,7 +19,7 @@ const COLUMNS = ["Name", "Since", "Actions"];
 export function usersView({ users, nowMs }) {
   const invite = h("button", { type: "button", class: "button primary", "data-action": "invite" }, icon("plus"), "Invite somebody");
   return h("div", { class: "page" },
-    headOf("People", "Everyone sees their own recordings and maps, and nobody else's.", invite),
+    headOf("People", "Everyone sees their own recordings and maps, and the maps that others share with them.", invite),
     tableOf("People", COLUMNS, users.map((user) => rowOf(user, nowMs()))));
 }
 
@@ -47,7 +47,7 @@ export function userActions(desk) {
     async delete(/** @type {string} */ id) {
       const user = desk.users.find((each) => each.id === id);
       if (!user) return;
-      if (!(await confirmDelete(user.name, "Their recordings, jobs and maps are deleted with them, and their code opens nothing any more."))) return;
+      if (!(await confirmDelete(user.name, "Their recordings, jobs and maps are deleted with them, also for those whom they shared them with, and their code opens nothing any more."))) return;
       await orSay(() => ask(`/api/users/${encodeURIComponent(id)}`, { method: "DELETE" }));
       await desk.now();
     },

@@ -11,7 +11,7 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
 /**
  * @typedef {{sha256: string, size_bytes: number}} Part
  * @typedef {{
- *   format: number, map: string, name: string, revision: number, made_utc: string,
+ *   format: number, map: string, name: string, venue?: string, floor?: string, revision: number, made_utc: string,
  *   encoder: Part & {identity: string}, parameters: import("../line/floor_map.js").MapParameters,
  *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
  *   floor_plan?: Plan,

@@ -15,7 +15,8 @@ const MOST_WAITS = 20;
 /**
  * @typedef {import("./manifest.js").Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key
  *   that signed it
- * @typedef {{map: string, name: string, revision: number, madeUtc: string, spots: number, sizeBytes: number}} Held
+ * @typedef {{map: string, name: string, venue: string | null, floor: string | null, revision: number, madeUtc: string,
+ *   spots: number, sizeBytes: number}} Held
  * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number,
  *   sizeBytes: number}} Updated
  * @typedef {{doneBytes: number, totalBytes: number}} Progress of what has to be fetched
@@ -46,6 +47,8 @@ async function list(store) {
   return kept.map((told) => ({
     map: told.map,
     name: told.name,
+    venue: told.venue ?? null,
+    floor: told.floor ?? null,
     revision: told.revision,
     madeUtc: told.made_utc,
     spots: told.tiles.reduce((sum, tile) => sum + tile.spots, 0),

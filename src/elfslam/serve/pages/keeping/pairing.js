@@ -3,6 +3,8 @@
 import { openStore } from "./store.js";
 
 const PAIRING = "pairing";
+/** Nobody: a link opened a map here, and no account was ever paired. */
+const GUEST = "";
 const KEY = /^[A-Za-z0-9_-]{43}$/;
 
 /** @typedef {{user: string, key: string | null}} Pairing */
@@ -13,14 +15,24 @@ export async function pinnedKey(store) {
 }
 
 /**
- * Trust the key that an address names; what somebody else kept here is forgotten.
+ * Trust the key that an address names; what somebody else kept here is forgotten, what a guest kept stays.
  * @param {import("./store.js").Store} store @param {string} fragment @param {string} user their id
  */
 export async function pair(store, fragment, user) {
   const before = await store.read(PAIRING);
-  if (before && before.user !== user) await store.remove(await store.names());
-  const known = before?.user === user ? before.key : null;
+  const isOther = before && before.user !== GUEST && before.user !== user;
+  if (isOther) await store.remove(await store.names());
+  const known = before && !isOther ? before.key : null;
   await store.write(PAIRING, { user, key: keyIn(fragment) ?? known });
+}
+
+/**
+ * Trust the key that a link names, where this phone trusts none yet.
+ * @param {import("./store.js").Store} store @param {string} fragment
+ */
+export async function trustAsGuest(store, fragment) {
+  const before = await store.read(PAIRING);
+  if (!before?.key) await store.write(PAIRING, { user: before?.user ?? GUEST, key: keyIn(fragment) });
 }
 
 /** @param {string} fragment such as "#token=abc&key=def" @returns {string | null} */

@@ -5,6 +5,7 @@ import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
 import { showSending, startSending } from "./finishing.js";
+import { hasLinks, openShared } from "./guest.js";
 import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
 import { describeDevice, NO_FACTS } from "./manifest.js";
@@ -36,10 +37,10 @@ const keeper = startKeeper();
  * @type {{
  *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
  *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters,
- *   current?: Sent, sending?: Sending, begun?: Promise<void>,
- * }} current: the walk that is shown
+ *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean,
+ * }} current: the walk that is shown; isGuest: a link brought somebody here
  */
-const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [] };
+const page = { chirp: CHIRP, mediumAccess: MEDIUM_ACCESS, software: "elfslam", phone: null, walks: [], isGuest: false };
 
 /**
  * Runs what a tap starts; what goes wrong is said in one line.
@@ -67,17 +68,19 @@ function act(work) {
 async function begin() {
   const clearing = clearUp();
   try {
+    page.isGuest = await openShared(window.location, window.history);
     await openSession(window.location, window.history);
-    await ask("GET", "/api/me");
     const { version, chirp, medium_access: mediumAccess } = await ask("GET", "/api/version");
     page.software = `elfslam ${version}, phone page`;
     if (chirp) page.chirp = only(chirp, Object.keys(CHIRP));
     if (mediumAccess) page.mediumAccess = only(mediumAccess, Object.keys(MEDIUM_ACCESS));
+    await ask("GET", "/api/me");
   } catch (error) {
     const { status } = /** @type {Problem} */ (error);
     const isAway = status === 0;
-    at("pair").hidden = status !== 401;
-    showProblem(isAway ? WITHOUT_SERVER : /** @type {Error} */ (error).message, isAway ? "doubt" : "fail");
+    const isGuest = status === 401 && (page.isGuest || (await hasLinks()));
+    at("pair").hidden = isGuest || status !== 401;
+    if (!isGuest) showProblem(isAway ? WITHOUT_SERVER : /** @type {Error} */ (error).message, isAway ? "doubt" : "fail");
   }
   await clearing;
 }
@@ -309,3 +312,4 @@ window.addEventListener("beforeunload", (event) => {
 });
 watchForRoom();
 page.begun = begin();
+page.begun.then(() => (page.isGuest ? act(locating.list)() : undefined));

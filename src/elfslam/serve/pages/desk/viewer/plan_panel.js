@@ -30,10 +30,10 @@ function keptPlacement(kept) {
 /**
  * The floor plan of a map: its part of the panel, and its loading and saving.
  * @param {string} mapId @param {State} state @param {import("../../shared/map/projection.js").Bounds} bounds_m
- * @param {{redraw: () => void, changed: () => void, showAll: () => void}} told `changed` when the plan
- * came or went
+ * @param {{canEdit: () => boolean, redraw: () => void, changed: () => void, showAll: () => void}} told `changed` when
+ * the plan came or went
  */
-export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
+export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showAll }) {
   const path = `/api/maps/${encodeURIComponent(mapId)}/floor-plan`;
   const status = h("p", { class: "soft saved", role: "status" });
   /** @type {Map<string, HTMLInputElement>} */
@@ -129,21 +129,27 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
     return h("label", { class: "button" }, icon("image"), state.plan ? "Another image" : "Choose an image", input);
   }
 
+  /** Light lines on a dark ground, on this screen alone. */
+  function negativeTick() {
+    const negative = h("input", { type: "checkbox", name: "plan-inverted" });
+    negative.checked = state.plan?.inverted ?? false;
+    negative.addEventListener("change", () => {
+      if (state.plan) state.plan.inverted = negative.checked;
+      redraw();
+    });
+    return h("label", { class: "tick" }, negative, h("span", null, "Light on dark"));
+  }
+
   function body() {
+    if (!canEdit()) return state.plan ? negativeTick() : h("p", { class: "soft" }, "None yet. Who may edit the map can put one below it.");
     if (!state.plan) return [h("p", { class: "soft" }, "A picture of the floor (PNG or JPEG) to lie under the walks."), pick()];
     const placing = h("button", { type: "button", class: "button", "aria-pressed": String(state.placing), click: () => {
       state.placing = !state.placing;
       placing.setAttribute("aria-pressed", String(state.placing));
       redraw();
     } }, icon("fit"), "Move the plan");
-    const negative = h("input", { type: "checkbox", name: "plan-inverted" });
-    negative.checked = state.plan.inverted;
-    negative.addEventListener("change", () => {
-      if (state.plan) state.plan.inverted = negative.checked;
-      redraw();
-    });
     const shown = [h("div", { class: "row" }, placing), ...fieldsOf(),
-      h("label", { class: "tick" }, negative, h("span", null, "Light on dark")), status,
+      negativeTick(), status,
       h("div", { class: "row" }, pick(), h("button", { type: "button", class: "button danger", click: remove }, icon("trash"), "Remove"))];
     fillIn();
     return shown;

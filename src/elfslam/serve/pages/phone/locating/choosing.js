@@ -3,11 +3,13 @@
 import { openPackages } from "../../keeping/packages.js";
 import { openStore } from "../../keeping/store.js";
 import { ask } from "../../shared/api.js";
+import { openLinks } from "../guest.js";
 import { at, showView } from "../view.js";
-import { offersOf, rowsOf } from "./maps.js";
+import { offersOf, rowsOf, venuesOf } from "./maps.js";
 import { floorsNear } from "./near.js";
-import { askRemove, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
+import { askRemove, isGetting, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
 
+const AGAIN_MS = 20_000;
 const NO_SERVER = "The server does not answer. The maps on this phone work without it.";
 
 /**
@@ -27,21 +29,38 @@ export function makeChoosing({ act, chosen, paired }) {
   let opened = null;
   /** @type {import("./near.js").NearMap[]} */
   let near = [];
+  let shown = "";
 
   async function list() {
     showView("maps");
     showOffline();
+    shown = "";
+    await fill();
+  }
+
+  /**
+   * Only where something is another than before: who is about to tap keeps the button.
+   * @param {MapRow[]} rows @param {import("./place_view.js").Deeds} does
+   */
+  function show(rows, does) {
+    const now = JSON.stringify(rows);
+    if (now === shown) return;
+    shown = now;
+    showMaps(venuesOf(rows), does);
+  }
+
+  async function fill() {
     const packages = (opened ??= openPackages(await openStore()));
     const does = deedsOn(packages);
     const kept = await packages.list();
-    showMaps(rowsOf(kept, null), does);
+    if (shown === "") show(rowsOf(kept, null), does);
     await paired();
     const offered = await offeredMaps(kept, near).catch((error) => {
       showMapsTrouble(kept.length > 0 && error.status === 0 ? NO_SERVER : error.message);
       return null;
     });
     if (offered) showMapsTrouble(null);
-    showMaps(rowsOf(kept, offered), does);
+    show(rowsOf(kept, offered), does);
   }
 
   /** @param {MapRow} row @param {Packages} packages */
@@ -80,20 +99,37 @@ export function makeChoosing({ act, chosen, paired }) {
     remove: (row, event) => act(() => remove(row, packages))(event),
   });
   at("maps-near").addEventListener("click", act(lookAround));
+  // What was deleted, renamed or shared elsewhere shows without a reload.
+  setInterval(() => {
+    if (!at("maps").hidden && !document.hidden && !isGetting()) fill().catch(() => {});
+  }, AGAIN_MS);
   return { list };
 }
 
 /**
- * The server's maps, those near here, and the revision of those that this phone has.
+ * The server's maps, those that links open, those near here, and the revision of those that this phone has.
  * @param {import("./maps.js").KeptMap[]} kept @param {import("./near.js").NearMap[]} near
  */
 async function offeredMaps(kept, near) {
-  const offers = offersOf(await ask("GET", "/api/maps"), near, kept);
+  const linked = await openLinks();
+  const offers = offersOf(await ownMaps(linked.length > 0), near, kept, linked);
   const held = new Set(kept.map(({ map }) => map));
   /** @param {OfferedMap} offer @returns {Promise<OfferedMap>} */
   const withRevision = async (offer) =>
     held.has(offer.id) ? { ...offer, revision: await revisionOf(offer.id) } : offer;
   return (await Promise.all(offers.map(withRevision))).filter(({ revision }) => revision !== null);
+}
+
+/** Nothing for who has a link and no account. @param {boolean} hasLinks @returns {Promise<OfferedMap[]>} */
+async function ownMaps(hasLinks) {
+  try {
+    return await ask("GET", "/api/maps");
+  } catch (error) {
+    const isGuest = hasLinks && /** @type {import("../../shared/api.js").Problem} */ (error).status === 401;
+    if (!isGuest) throw error;
+    at("maps-near").parentElement.hidden = true; // the server tells its users alone what lies near
+    return [];
+  }
 }
 
 /** Null where the server has no such map any more. @param {string} id @returns {Promise<number | null>} */

@@ -15,7 +15,7 @@ export const LOST = "The phone does not know where it is. Go near a window and t
 export const NOTHING_NEAR =
   "No map of a place near here is published. Choose from the list, or walk through the place to map it.";
 
-/** @typedef {{id: string, name: string, revision: number}} NearMap */
+/** @typedef {{id: string, name: string, revision: number, venue: string, floor: string}} NearMap */
 
 /**
  * The published floors around the phone, the likeliest first.
@@ -42,12 +42,15 @@ export function questionOf({ coords: { latitude, longitude, accuracy } }) {
  * @returns {NearMap[]}
  */
 export function floorsOf({ candidates }) {
-  return candidates.map(({ building, floor, map, revision }) => ({ id: map, name: nameOf(building, floor), revision }));
+  return candidates.map(({ building, floor, map, revision }) => {
+    const name = floorName(floor);
+    return { id: map, name: `${building}, ${name.toLowerCase()}`, revision, venue: building, floor: name };
+  });
 }
 
-/** @param {string} building @param {number} floor */
-function nameOf(building, floor) {
-  return floor === 0 ? `${building}, ground floor` : `${building}, floor ${floor}`;
+/** As maps on floors of published buildings tell it. @param {number} level */
+function floorName(level) {
+  return level === 0 ? "Ground floor" : `Floor ${level}`;
 }
 
 /** @param {Geolocation | undefined} geolocation @returns {Promise<GeolocationPosition>} */

@@ -68,14 +68,23 @@ export function showMapsTrouble(said) {
   at("maps-trouble").firstElementChild.textContent = said ?? "";
 }
 
-/** @param {MapRow[]} rows @param {Deeds} does */
-export function showMaps(rows, does) {
-  at("maps-list").replaceChildren(...rows.map((row) => mapCard(row, does)));
-  at("maps-none").hidden = rows.length > 0;
+/** @param {{venue: string | null, rows: MapRow[]}[]} venues @param {Deeds} does */
+export function showMaps(venues, does) {
+  const hasVenues = venues.some(({ venue }) => venue !== null);
+  at("maps-list").replaceChildren(...venues.flatMap(({ venue, rows }) => [
+    ...(hasVenues ? [make("li", { className: "venue" }, [make("h2", {}, [venue ?? "Elsewhere"])])] : []),
+    ...rows.map((row) => mapCard(row, does, hasVenues ? "h3" : "h2")),
+  ]));
+  at("maps-none").hidden = venues.length > 0;
 }
 
-/** @param {MapRow} row @param {Deeds} does */
-function mapCard(row, does) {
+/** Whether a map is on its way to this phone. */
+export function isGetting() {
+  return document.querySelector("#maps-list [data-progress]:not([hidden])") !== null;
+}
+
+/** @param {MapRow} row @param {Deeds} does @param {"h2" | "h3"} heading */
+function mapCard(row, does, heading) {
   /** @param {string} words @param {string} className @param {Deed} deed */
   const button = (words, className, deed) => {
     const onclick = (/** @type {Event} */ event) => deed(row, event);
@@ -89,7 +98,7 @@ function mapCard(row, does) {
     row.isHere && button("Remove", "danger", does.remove),
   ].filter((each) => each !== false);
   return make("li", { className: "card map-card", data: { map: row.id } }, [
-    make("div", { className: "row apart" }, [make("h2", {}, [row.name]), badge(row)]),
+    make("div", { className: "row apart" }, [make(heading, {}, [row.name]), badge(row)]),
     make("p", { className: "soft" }, [factsOf(row)]),
     make("div", { className: "stack tight", hidden: true, data: { progress: row.id } }, [
       make("progress", { max: 1, ariaLabel: `Getting ${row.name}` }),
@@ -106,8 +115,8 @@ function badge({ isHere, isOld }) {
 }
 
 /** @param {MapRow} row */
-function factsOf({ sizeBytes, when }) {
-  return [when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
+function factsOf({ sizeBytes, when, floor, owner }) {
+  return [floor, owner && `shared by ${owner}`, when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
 }
 
 /** Why the page itself does not open without a network, where it does not. */

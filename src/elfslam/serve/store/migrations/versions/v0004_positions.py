@@ -12,7 +12,7 @@ from sqlalchemy import (
     String,
 )
 
-revision, down_revision = "0003", "0002"
+revision, down_revision = "0004", "0003"
 branch_labels = depends_on = None
 
 NUMBER = BigInteger().with_variant(Integer, "sqlite")

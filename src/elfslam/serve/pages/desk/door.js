@@ -1,0 +1,49 @@
+// Who is here: their name and what they can do in the bar; and what nobody knows sees.
+
+import { orSay, say } from "./dialogs.js";
+import { pairAnother } from "./codes.js";
+import { renameMe } from "./renaming.js";
+import { signOut } from "./session.js";
+import { pairWith } from "../shared/api.js";
+import { h, one } from "../shared/dom.js";
+import { icon } from "../shared/icons.js";
+
+/** @param {import("./session.js").Me} me */
+export function showWho(me) {
+  const name = h("button", { type: "button", class: "button small quiet name", title: "Change your name", click: async () => {
+    if (await renameMe(me.name)) location.reload();
+  } }, me.name);
+  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": "Walk with this device", title: "Walk with this device" }, icon("phone")),
+    name,
+    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, "Pair a device"),
+    h("button", { type: "button", class: "button small quiet", click: async () => {
+    if (await orSay(signOut)) location.reload();
+  } }, "Sign out"));
+  one("#nav-users").hidden = !me.is_owner;
+  one("nav").hidden = false;
+}
+
+/** Nobody is known: say how to come in. */
+export function showDoor() {
+  one("nav").hidden = true;
+  one("#who").replaceChildren();
+  const input = h("input", { name: "code", required: true, autocomplete: "off", spellcheck: "false", placeholder: "https://…/#token=…" });
+  const form = h("form", { class: "card" },
+    h("h1", null, "This browser is not paired"),
+    h("p", null, "Open the address that ", h("code", null, "elfslam serve"), " printed in its terminal, with all that follows the ", h("code", null, "#"), ", or one that “Pair a device” shows on a desk that is paired."),
+    h("label", { class: "field" }, h("span", null, "Or paste it here"), input),
+    h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Pair")));
+  form.addEventListener("submit", async (/** @type {Event} */ event) => {
+    event.preventDefault();
+    if (await orSay(() => pairWith(input.value))) location.reload();
+    else say("This code opens nothing here; copy it whole.", "problem");
+  });
+  document.body.dataset.page = "door";
+  one("main").replaceChildren(h("div", { class: "door" }, form));
+}
+
+/** In the place of a page that cannot be shown. @param {string} title @param {string} words @param {any} [next] a link
+ * or a button */
+export function blankPage(title, words, next) {
+  return h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, title), h("p", null, words), next);
+}

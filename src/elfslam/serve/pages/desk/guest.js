@@ -1,0 +1,43 @@
+// A map that was shared by link, for who has no account: the map, and nothing else of the desk.
+
+import { blankPage } from "./door.js";
+import { openMap } from "./map_page.js";
+import { poll } from "./polling.js";
+import { openLink } from "../shared/links.js";
+import { h, one } from "../shared/dom.js";
+
+/** Knows nothing but what it is told. @type {import("./main.js").Desk} */
+const DESK = {
+  me: null,
+  known: { recordings: [], jobs: [], maps: [], loaded: false },
+  uploads: null,
+  chosen: new Set(),
+  orders: {},
+  users: [],
+  now: async () => {},
+  render: () => {},
+  nowMs: () => Date.now(),
+};
+
+/** @param {string} link what the address has behind `#link=` */
+export async function openGuest(link) {
+  const main = one("main");
+  one("nav").hidden = true;
+  one("#who").replaceChildren();
+  document.body.dataset.page = "map";
+  document.title = "Map · elfslam";
+  try {
+    const { map: id, name } = await openLink(link);
+    document.title = `${name} · elfslam`;
+    const page = await openMap(DESK, id, main, () => true);
+    const look = async () => {
+      page?.changed();
+      return false;
+    };
+    void poll(look, () => {}).now();
+  } catch (problem) {
+    document.body.dataset.page = "gone";
+    main.replaceChildren(blankPage("This link opens nothing", problem instanceof Error ? problem.message : String(problem),
+      h("button", { type: "button", class: "button", click: () => location.reload() }, "Try again")));
+  }
+}

@@ -1,0 +1,1 @@
+"""Who else may use a map: people of this server, and everyone who has its link."""

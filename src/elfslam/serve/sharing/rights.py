@@ -1,0 +1,144 @@
+"""Who may do what to a map: one function decides, and whatever touches a map asks it."""
+
+from __future__ import annotations
+
+import hmac
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Annotated
+
+from fastapi import Cookie, Depends, Security
+from fastapi.security import HTTPAuthorizationCredentials
+from sqlalchemy import ColumnElement, or_, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.people.access import (
+    BEARER,
+    ID,
+    IN_COOKIE,
+    NOT_KNOWN,
+    NOTHING_SENT,
+    known_id,
+    not_found,
+    refuse_haste,
+    unknown_token,
+    user_of_token,
+)
+from elfslam.serve.problems import Problem
+from elfslam.serve.services import Here
+from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.store.database import Map, reading
+
+LINK_COOKIE = "elfslam_link"
+LINK_SECRET = Cookie(alias=LINK_COOKIE, include_in_schema=False)
+"""What `POST /api/links/open` sets for one map: a way in beside the token, told of in prose."""
+WITHDRAWN = "this link was withdrawn, or its map deleted; ask whoever gave it to you for another"
+
+
+class Right(IntEnum):
+    """What somebody may do to a map; each holds those before it.
+
+    READ: look at it, take it home, be located in it. EDIT: rename it, lay it on a floor, put a
+    plan below it, merge it. OWN: share and delete it.
+    """
+
+    NONE = 0
+    READ = 1
+    EDIT = 2
+    OWN = 3
+
+
+TOO_LITTLE = {
+    Right.EDIT: "you may look at this map, and not change it; ask its owner to let you",
+    Right.OWN: "this map is somebody else's, and only they may do that; ask them",
+}
+
+
+@dataclass(frozen=True)
+class Asker:
+    """Who asks for a map: a user, whoever holds the secret of a link, or both."""
+
+    user_id: str | None = None
+    link: str | None = None
+
+
+def right_to(
+    asker: Asker, found: Map, share: MapShare | None = None, link: MapLink | None = None
+) -> Right:
+    """What somebody may do to a map, whose `share` is with them and whose `link` is this."""
+    if asker.user_id is not None and asker.user_id == found.user_id:
+        return Right.OWN
+    rights = [Right.NONE]
+    if share is not None and (share.map_id, share.user_id) == (found.id, asker.user_id):
+        rights.append(Right[share.may.upper()])
+    if link is not None and link.map_id == found.id and _is_secret(link, asker.link):
+        rights.append(Right[link.may.upper()])
+    return max(rights)
+
+
+def map_for(
+    session: Session, asker: Asker, map_id: str, wanted: Right = Right.READ, *, lock: bool = False
+) -> Map:
+    """A map to which somebody has a right; `lock`: until the commit no other such call returns.
+
+    Raises Problem 404 where they have none, as where there is no such map, and 403 where they
+    have a lesser one.
+    """
+    found = session.get(Map, known_id(map_id, "map"), with_for_update=True if lock else None)
+    right = Right.NONE if found is None else right_in(session, asker, found)
+    if found is None or right is Right.NONE:
+        raise not_found("map")
+    if right < wanted:
+        raise Problem(403, TOO_LITTLE[wanted])
+    return found
+
+
+def right_in(session: Session, asker: Asker, found: Map) -> Right:
+    """What somebody may do to a map, as the database has it."""
+    share = session.get(MapShare, (found.id, asker.user_id)) if asker.user_id else None
+    link = session.get(MapLink, found.id) if asker.link else None
+    return right_to(asker, found, share, link)
+
+
+def seen_by(user_id: str) -> ColumnElement[bool]:
+    """The maps that a user sees in lists: their own, and those that are shared with them."""
+    shared = select(MapShare.map_id).where(MapShare.user_id == user_id)
+    return or_(Map.user_id == user_id, Map.id.in_(shared))
+
+
+def opens(session: Session, map_id: str, secret: str) -> MapLink | None:
+    """The link of a map, if that is its secret."""
+    link = session.get(MapLink, map_id) if ID.fullmatch(map_id) else None
+    return link if link is not None and _is_secret(link, secret) else None
+
+
+def _is_secret(link: MapLink, secret: str | None) -> bool:
+    given = (secret or "").encode("utf-8", "surrogatepass")
+    return hmac.compare_digest(link.secret.encode(), given)
+
+
+def current_asker(
+    map_id: str,
+    services: Here,
+    bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
+    cookie: Annotated[str | None, Security(IN_COOKIE)],
+    secret: Annotated[str | None, LINK_SECRET] = None,
+) -> Asker:
+    """Who asks for a map: by token, by link, or by both.
+
+    Raises Problem 401 for who has neither, 404 for a withdrawn link, 429 for too many requests.
+    """
+    token = bearer.credentials if bearer else cookie
+    with reading(services.sessions) as session:
+        user = user_of_token(session, token) if token else None
+        has_link = secret is not None and opens(session, map_id, secret) is not None
+    if user is None and not has_link:
+        if token:
+            raise unknown_token(NOT_KNOWN)
+        raise Problem(404, WITHDRAWN) if secret else unknown_token(NOTHING_SENT)
+    refuse_haste(services.token_rates.take(user.id if user else f"link {map_id}"))
+    return Asker(user.id if user else None, secret if has_link else None)
+
+
+Asks = Annotated[Asker, Depends(current_asker)]
+"""A route's parameter: who asks for the map of its path."""

@@ -1,0 +1,195 @@
+"""Routes of sharing: a map with people, and with everyone who has its link."""
+
+from __future__ import annotations
+
+import secrets
+from contextlib import suppress
+
+from fastapi import APIRouter, Request, Response
+from pydantic import BaseModel, Field
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from elfslam.serve.network.reach import url_for_others
+from elfslam.serve.network.signing import pairing_fragment
+from elfslam.serve.people.access import known_id, not_found
+from elfslam.serve.people.users import ONE_YEAR_S
+from elfslam.serve.problems import EVERYWHERE, Problem, problems
+from elfslam.serve.services import Here, Services
+from elfslam.serve.sharing.rights import (
+    LINK_COOKIE,
+    WITHDRAWN,
+    Asks,
+    Right,
+    map_for,
+    opens,
+)
+from elfslam.serve.sharing.tables import MapLink, MapShare, Shared
+from elfslam.serve.store.database import Map, User, reading, transaction
+
+router = APIRouter(tags=["sharing"], prefix="/maps/{map_id}")
+public = APIRouter(tags=["sharing"])
+"""For who has nothing but a link."""
+SECRET_BYTES = 16
+
+
+class Sharing(BaseModel):
+    """What others may do: read (look, export, be located), or edit as well."""
+
+    may: Shared
+
+
+class ShareBody(BaseModel):
+    """Somebody with whom a map is shared."""
+
+    user: str
+    name: str
+    may: Shared
+
+
+class LinkBody(BaseModel):
+    """The address that opens a map without an account."""
+
+    url: str
+    may: Shared
+
+
+class SharesBody(BaseModel):
+    """With whom a map is shared."""
+
+    people: list[ShareBody]
+    link: LinkBody | None
+
+
+class GivenLink(BaseModel):
+    """What the address of a link has behind `#link=`."""
+
+    link: str = Field(max_length=200)
+
+
+class OpenedLink(BaseModel):
+    """The map of a link."""
+
+    map: str
+    name: str
+    may: Shared
+
+
+@router.get("/shares", operation_id="list_shares")
+def list_shares(map_id: str, asker: Asks, services: Here, request: Request) -> SharesBody:
+    """With whom one of your maps is shared."""
+    with reading(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN)
+        return _shares(services, session, found, request)
+
+
+@router.put("/shares/{user_id}", operation_id="share_map", responses=problems(409))
+def share_map(
+    map_id: str, user_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+) -> SharesBody:
+    """Share one of your maps with somebody, or change what they may."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN, lock=True)
+        person = session.get(User, known_id(user_id, "user"), with_for_update=True)
+        if person is None:
+            raise not_found("user")
+        if person.id == found.user_id:
+            raise Problem(409, "this map is yours already; share it with somebody else")
+        share = session.get(MapShare, (found.id, person.id))
+        if share is None:
+            _refuse_too_many(services, session, found.user_id)
+            share = MapShare(map_id=found.id, user_id=person.id)
+            session.add(share)
+        share.may = given.may
+        session.flush()
+        return _shares(services, session, found, request)
+
+
+@router.delete("/shares/{user_id}", status_code=204, operation_id="unshare_map")
+def unshare_map(map_id: str, user_id: str, asker: Asks, services: Here) -> Response:
+    """Share a map with somebody no more; whom it is shared with may leave by themselves."""
+    wanted = Right.READ if asker.user_id == user_id else Right.OWN
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, wanted)
+        share = session.get(MapShare, (found.id, known_id(user_id, "user")))
+        if share is None:
+            raise not_found("share")
+        session.delete(share)
+    return Response(status_code=204)
+
+
+@router.put("/link", operation_id="make_link", responses=problems(409))
+def make_link(
+    map_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+) -> SharesBody:
+    """Let everyone in who has the link of one of your maps, or change what they may."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN, lock=True)
+        url_for_others(str(request.base_url), services.settings)
+        link = session.get(MapLink, found.id)
+        if link is None:
+            link = MapLink(map_id=found.id, secret=secrets.token_urlsafe(SECRET_BYTES))
+            session.add(link)
+        link.may = given.may
+        session.flush()
+        return _shares(services, session, found, request)
+
+
+@router.delete("/link", status_code=204, operation_id="withdraw_link")
+def withdraw_link(map_id: str, asker: Asks, services: Here) -> Response:
+    """Let the link of a map open nothing any more; the next one is another."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN)
+        link = session.get(MapLink, found.id)
+        if link is None:
+            raise not_found("link")
+        session.delete(link)
+    return Response(status_code=204)
+
+
+@public.post("/links/open", operation_id="open_link", responses=EVERYWHERE)
+def open_link(given: GivenLink, services: Here, response: Response) -> OpenedLink:
+    """Open a map by its link: a cookie for this map alone, which scripts cannot read."""
+    map_id, _, secret = given.link.partition(".")
+    with reading(services.sessions) as session:
+        link = opens(session, map_id, secret)
+        found = None if link is None else session.get(Map, map_id)
+    if link is None or found is None:
+        raise Problem(404, WITHDRAWN)
+    response.set_cookie(
+        LINK_COOKIE,
+        secret,
+        max_age=ONE_YEAR_S,
+        path=f"/api/maps/{map_id}",
+        httponly=True,
+        secure=services.settings.secure_cookie,
+        samesite="strict",
+    )
+    return OpenedLink(map=map_id, name=found.name, may=link.may)
+
+
+def _shares(services: Services, session: Session, found: Map, request: Request) -> SharesBody:
+    people = select(User.id, User.name, MapShare.may).join(MapShare, MapShare.user_id == User.id)
+    rows = session.execute(people.where(MapShare.map_id == found.id).order_by(User.name, User.id))
+    link = session.get(MapLink, found.id)
+    told = None if link is None else LinkBody(url=_url(services, link, request), may=link.may)
+    return SharesBody(
+        people=[ShareBody(user=user, name=name, may=may) for user, name, may in rows], link=told
+    )
+
+
+def _url(services: Services, link: MapLink, request: Request) -> str:
+    base = str(request.base_url)
+    with suppress(Problem):  # this machine may have left its network since
+        base = url_for_others(base, services.settings)
+    told = f"{link.map_id}.{link.secret}"
+    fragment = pairing_fragment(told, services.settings.authority_folder, name="link")
+    return f"{base}desk{fragment}"
+
+
+def _refuse_too_many(services: Services, session: Session, owner_id: str) -> None:
+    """Raise Problem 409 where somebody has shared as often as they may."""
+    most = services.settings.limits.shares
+    count = select(func.count()).select_from(MapShare).join(Map).where(Map.user_id == owner_id)
+    if (session.scalar(count) or 0) >= most:
+        raise Problem(409, f"your maps are shared {most} times already; withdraw some first")

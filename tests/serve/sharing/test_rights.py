@@ -1,0 +1,251 @@
+"""Who may do what to a map: every role on every route, and jobs as well."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from starlette.testclient import TestClient
+
+from elfslam.base.errors import InputError
+from elfslam.serve.jobs import queue
+from elfslam.serve.jobs.tasks import lay_out
+from elfslam.serve.services import Services
+from elfslam.serve.sharing.rights import WITHDRAWN, Asker, Right, right_to
+from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.store.database import Map, Recording, RecordingState, transaction
+from elfslam.serve.store.holdings import delete_user
+
+LetIn = Callable[[str], TestClient]
+PutMap = Callable[..., str]
+PNG = {"headers": {"Content-Type": "image/png"}, "content": b"no picture"}
+PLACED = {"json": {"width_m": 1, "x_m": 0, "y_m": 0}}
+READ, EDIT = {"json": {"may": "read"}}, {"json": {"may": "edit"}}
+SOMEBODY = "0" * 32
+ROUTES: dict[tuple[str, str], tuple[Right, dict[str, Any]]] = {
+    ("GET", ""): (Right.READ, {}),
+    ("GET", "/view"): (Right.READ, {}),
+    ("GET", "/report.html"): (Right.READ, {}),
+    ("GET", "/map.zip"): (Right.READ, {}),
+    ("GET", "/exports"): (Right.READ, {}),
+    ("GET", "/exports/{to}"): (Right.READ, {}),
+    ("GET", "/floor-plan"): (Right.READ, {}),
+    ("GET", "/package"): (Right.READ, {}),
+    ("GET", "/package/{sha256}"): (Right.READ, {}),
+    ("PATCH", ""): (Right.EDIT, {"json": {"name": "Other"}}),
+    ("PUT", "/floor-plan"): (Right.EDIT, PNG),
+    ("PUT", "/floor-plan/placement"): (Right.EDIT, PLACED),
+    ("DELETE", "/floor-plan"): (Right.EDIT, {}),
+    ("GET", "/shares"): (Right.OWN, {}),
+    ("PUT", "/shares/{user_id}"): (Right.OWN, READ),
+    ("DELETE", "/shares/{user_id}"): (Right.OWN, {}),
+    ("PUT", "/link"): (Right.OWN, READ),
+    ("DELETE", "/link"): (Right.OWN, {}),
+    ("DELETE", ""): (Right.OWN, {}),
+}
+"""The right that each route wants, and what is sent to it; what deletes the map comes last."""
+OF_USERS = ("/positions", "/webhooks")
+"""What only users have: tested beside its code."""
+ROLES = {
+    "owner": Right.OWN,
+    "editor": Right.EDIT,
+    "reader": Right.READ,
+    "link to edit": Right.EDIT,
+    "link to read": Right.READ,
+    "reader with a link to edit": Right.EDIT,
+    "another user": Right.NONE,
+    "owner of the server": Right.NONE,
+    "withdrawn link": Right.NONE,
+    "link of another map": Right.NONE,
+    "nobody": Right.NONE,
+}
+
+
+def id_of(client: TestClient) -> str:
+    return str(client.get("/api/me").json()["id"])
+
+
+def shared_with(ada: TestClient, map_id: str, other: TestClient, may: str = "read") -> TestClient:
+    address = f"/api/maps/{map_id}/shares/{id_of(other)}"
+    assert ada.put(address, json={"may": may}).status_code == 200
+    return other
+
+
+def linked(ada: TestClient, map_id: str, client: TestClient, may: str = "read") -> TestClient:
+    """That client, once it has opened the link of a map."""
+    told = ada.put(f"/api/maps/{map_id}/link", json={"may": may}).json()["link"]
+    link = told["url"].partition("#link=")[2].partition("&")[0]
+    opened = client.post("/api/links/open", json={"link": link})
+    assert opened.json() == {"map": map_id, "name": "Hall", "may": may}
+    return client
+
+
+def was_let_in(answer: httpx.Response) -> bool:
+    """Whether a route went on: what it then lacks is not what this is about."""
+    if answer.status_code == 404:
+        detail = answer.json()["detail"]
+        return not detail.startswith("there is no such map") and detail != WITHDRAWN
+    return answer.status_code not in (401, 403)
+
+
+@pytest.fixture
+def client_in(
+    role: str,
+    owner: TestClient,
+    let_in: LetIn,
+    passer_by: Callable[[], TestClient],
+    put_map: PutMap,
+) -> tuple[TestClient, str]:
+    """Somebody in a role, and the map that it is about."""
+    ada, eve = let_in("Ada"), let_in("Eve")
+    map_id = put_map(ada)
+    clients: dict[str, Callable[[], TestClient]] = {
+        "owner": lambda: ada,
+        "editor": lambda: shared_with(ada, map_id, eve, "edit"),
+        "reader": lambda: shared_with(ada, map_id, eve),
+        "link to edit": lambda: linked(ada, map_id, passer_by(), "edit"),
+        "link to read": lambda: linked(ada, map_id, passer_by()),
+        "reader with a link to edit": lambda: linked(
+            ada, map_id, shared_with(ada, map_id, eve), "edit"
+        ),
+        "another user": lambda: eve,
+        "owner of the server": lambda: owner,
+        "withdrawn link": lambda: withdrawn(ada, map_id, passer_by()),
+        "link of another map": lambda: with_cookie_of(ada, put_map(ada), map_id, passer_by()),
+        "nobody": passer_by,
+    }
+    return clients[role](), map_id
+
+
+def withdrawn(ada: TestClient, map_id: str, client: TestClient) -> TestClient:
+    linked(ada, map_id, client)
+    assert ada.delete(f"/api/maps/{map_id}/link").status_code == 204
+    return client
+
+
+def with_cookie_of(ada: TestClient, other_id: str, map_id: str, client: TestClient) -> TestClient:
+    """A browser sends the cookie to its own map alone; who means harm sends it anywhere."""
+    ada.put(f"/api/maps/{map_id}/link", **EDIT).raise_for_status()
+    linked(ada, other_id, client)
+    [secret] = [each.value for each in client.cookies.jar if other_id in each.path]
+    client.cookies.clear()
+    client.cookies.set("elfslam_link", str(secret))
+    return client
+
+
+@pytest.mark.parametrize("role", ROLES)
+def test_every_role_on_every_route(client_in: tuple[TestClient, str], role: str) -> None:
+    client, map_id = client_in
+    for (method, path), (wanted, sent) in ROUTES.items():
+        told = path.format(to="tum", sha256="0" * 64, user_id=SOMEBODY)
+        answer = client.request(method, f"/api/maps/{map_id}{told}", **sent)
+        case = role, method, path, answer.status_code, answer.text[:200]
+        if ROLES[role] >= wanted:
+            assert was_let_in(answer), case
+        elif ROLES[role] is Right.NONE:
+            assert answer.status_code == (401 if role == "nobody" else 404), case
+            assert not was_let_in(answer), case
+        else:
+            assert answer.status_code == 403, case
+
+
+def test_the_table_has_every_route_of_a_map(app: FastAPI) -> None:
+    prefix, public = "/api/maps/{map_id}", "/plotly-{version}.min.js"
+    found = {
+        (method.upper(), path.removeprefix(prefix))
+        for path, methods in app.openapi()["paths"].items()
+        for method in methods
+        if path.startswith(prefix)
+        and not path.endswith(public)
+        and not path.removeprefix(prefix).startswith(OF_USERS)
+    }
+    assert found == set(ROUTES)
+
+
+def test_a_right_is_for_that_map_and_that_person_alone() -> None:
+    ada, eve, hall, yard = "a" * 32, "e" * 32, "1" * 32, "2" * 32
+    found = Map(id=hall, user_id=ada)
+    share = MapShare(map_id=hall, user_id=eve, may="edit")
+    link = MapLink(map_id=hall, secret="secret", may="read")
+    assert right_to(Asker(ada), found) is Right.OWN
+    assert right_to(Asker(), Map(id=hall, user_id=None)) is Right.NONE
+    assert right_to(Asker(eve), found, share) is Right.EDIT
+    assert right_to(Asker("0" * 32), found, share) is Right.NONE
+    assert right_to(Asker(eve), Map(id=yard, user_id=ada), share, link) is Right.NONE
+    assert right_to(Asker(None, "secret"), found, None, link) is Right.READ
+    assert right_to(Asker(None, "Secret"), found, None, link) is Right.NONE
+    assert right_to(Asker(None, "\u017fecret\ud800"), found, None, link) is Right.NONE
+    assert right_to(Asker(None, None), found, None, link) is Right.NONE
+
+
+def recording_of(services: Services, client: TestClient) -> str:
+    """A recording that is ready."""
+    row = Recording(user_id=id_of(client), name="walk", state=RecordingState.READY)
+    with transaction(services.sessions) as session:
+        session.add(row)
+    return row.id
+
+
+def test_jobs_ask_for_the_same_rights(let_in: LetIn, put_map: PutMap, services: Services) -> None:
+    ada, eve = let_in("Ada"), let_in("Eve")
+    theirs, own = put_map(ada), put_map(eve)
+    merge = {"kind": "merge", "maps": [theirs, own]}
+    locate = {"kind": "locate", "recording": recording_of(services, eve), "map": theirs}
+    for may, of_merge, of_locate in ((None, 404, 404), ("read", 403, 202), ("edit", 202, 202)):
+        if may:
+            shared_with(ada, theirs, eve, may)
+        assert eve.post("/api/jobs", json=merge).status_code == of_merge, may
+        assert eve.post("/api/jobs", json=locate).status_code == of_locate, may
+
+
+@pytest.mark.parametrize("kind", ["merge", "locate"])
+def test_a_right_that_was_withdrawn_since_ends_a_job(
+    let_in: LetIn, put_map: PutMap, services: Services, kind: str
+) -> None:
+    ada, eve = let_in("Ada"), let_in("Eve")
+    theirs, own = put_map(ada), put_map(eve)
+    shared_with(ada, theirs, eve, "edit")
+    asked = {"kind": "merge", "maps": [own, theirs]}
+    if kind == "locate":
+        asked = {"kind": kind, "recording": recording_of(services, eve), "map": theirs}
+    eve.post("/api/jobs", json=asked).raise_for_status()
+    held = queue.claim(services.sessions)
+    assert held is not None
+    folder = services.settings.work_folder
+    for name in ("first", "second"):
+        (folder / name).mkdir()
+    lay_out(services, held, folder / "first")
+    ada.delete(f"/api/maps/{theirs}/shares/{id_of(eve)}").raise_for_status()
+    with pytest.raises(InputError, match="shared with you no more"):
+        lay_out(services, held, folder / "second")
+
+
+@pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+@pytest.mark.parametrize("goes", ["map", "owner"])
+def test_what_others_did_with_a_map_goes_with_it(
+    let_in: LetIn, put_map: PutMap, services: Services, goes: str
+) -> None:
+    ada, eve = let_in("Ada"), let_in("Eve")
+    theirs, own = put_map(ada), put_map(eve)
+    shared_with(ada, theirs, eve, "edit")
+    ada.put(f"/api/maps/{theirs}/link", **READ)
+    recording = recording_of(services, eve)
+    for asked in (
+        {"kind": "merge", "maps": [own, theirs]},
+        {"kind": "locate", "recording": recording, "map": theirs},
+        {"kind": "locate", "recording": recording, "map": own},
+    ):
+        eve.post("/api/jobs", json=asked).raise_for_status()
+    if goes == "map":
+        ada.delete(f"/api/maps/{theirs}").raise_for_status()
+    else:
+        delete_user(services, id_of(ada))
+    assert [job["given"]["map"] for job in eve.get("/api/jobs").json()] == [own]
+    assert [each["id"] for each in eve.get("/api/maps").json()] == [own]
+    assert eve.get(f"/api/maps/{theirs}").status_code == 404
+    with transaction(services.sessions) as session:
+        assert session.query(MapShare).count() == 0
+        assert session.query(MapLink).count() == 0
