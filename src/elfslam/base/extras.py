@@ -11,6 +11,7 @@ DISTRIBUTIONS = {
     "cryptography": "trustme",
     "faiss": "faiss-cpu",
     "h11": "uvicorn",
+    "paho": "paho-mqtt",
     "pydantic": "fastapi",
     "sklearn": "scikit-learn",
     "starlette": "fastapi",
