@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from tests.accessibility import violations
-from tests.waiting import until
 
 Open = Callable[..., Any]
 
@@ -27,7 +26,7 @@ def test_a_code_of_the_desk_pairs_another_browser_once(
     other = browser.new_context()
     page = other.new_page()
     page.goto(address)
-    until(lambda: "code=" not in page.url, "the code leaves the address")
+    page.wait_for_url(lambda url: "code=" not in url)
     page.goto(f"{person.origin}/desk")
     page.get_by_text("Ada").wait_for(state="attached")
     other.close()

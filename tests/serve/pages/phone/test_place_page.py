@@ -294,7 +294,7 @@ def test_others_see_the_walker_only_while_they_say_so(
 def test_consent_ends_where_the_map_takes_no_positions(
     pocket: Any, server: Any, map_id: str
 ) -> None:
-    server.ask(f"/api/maps/{map_id}/positions/settings", "PUT", {"is_on": False})
+    server.ask(f"/api/maps/{map_id}/positions/settings", "PUT", json={"is_on": False})
     with pocket.on() as page:
         get_map(page, server)
         locate(page, "one-shot")
