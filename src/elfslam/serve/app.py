@@ -25,7 +25,7 @@ from elfslam.serve.people import pairing, users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.receiving import recordings, uploads
+from elfslam.serve.receiving import looking, recordings, uploads
 from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
 from elfslam.serve.store.sweeps import sweeping
@@ -34,6 +34,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     users.router,
     pairing.router,
     recordings.router,
+    looking.router,
     uploads.router,
     job_routes.router,
     map_routes.router,

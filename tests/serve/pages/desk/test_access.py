@@ -12,7 +12,7 @@ from elfslam.serve.store.database import JobKind, JobState
 
 Open = Callable[..., Any]
 ACTIVE = "document.activeElement"
-PAGES = ("#/recordings", "#/jobs", "#/maps", "map")
+PAGES = ("#/recordings", "#/jobs", "#/maps", "map", "recording")
 
 HERE = Path(__file__).parent
 NAMELESS = (HERE / "nameless.js").read_text()
@@ -22,8 +22,8 @@ FAINT = (HERE / "faint.js").read_text()
 @pytest.fixture
 def full(person: Any, run_folder: Path, walk_folder: Path) -> Any:
     """Somebody with one of everything."""
-    recording = person.plant_recording("round the studio", walk_folder)
-    given = {"recording": recording}
+    person.recording = person.plant_recording("round the studio", walk_folder)
+    given = {"recording": person.recording}
     person.map_id = person.plant_map("round the studio", run_folder)
     person.plant_map("a second map with quite a long name of its own", run_folder)
     person.plant_job(JobKind.MAP, JobState.QUEUED, given=given)
@@ -34,9 +34,11 @@ def full(person: Any, run_folder: Path, walk_folder: Path) -> Any:
 
 
 def visit(page: Any, person: Any, where: str) -> None:
-    fragment = f"#/maps/{person.map_id}" if where == "map" else where
+    things = {"map": f"#/maps/{person.map_id}", "recording": f"#/recordings/{person.recording}"}
+    fragment = things.get(where, where)
     page.evaluate("fragment => { location.hash = fragment; }", fragment)
-    page.wait_for_selector(".exports li" if where == "map" else "table.list")
+    waited = {"map": ".exports li", "recording": "figure.plot"}
+    page.wait_for_selector(waited.get(where, "table.list"))
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

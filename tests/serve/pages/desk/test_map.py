@@ -254,7 +254,7 @@ def test_a_removed_plan_is_gone(page: Any, map_id: str, floor_plan: Path, asked:
     page.locator("input[name=plan-file]").set_input_files(floor_plan)
     page.get_by_role("button", name="Remove").click()
     page.get_by_role("button", name="Delete for good").click()
-    page.get_by_text("Choose an image").wait_for()
+    page.get_by_text("Choose a plan").wait_for()
     assert asked(page, f"/api/maps/{map_id}")["floor_plan"] is None
     assert asked(page, f"/api/maps/{map_id}/floor-plan") == 404
 

@@ -8,6 +8,7 @@ import { icon } from "../shared/icons.js";
 import { jobActions, jobsView } from "./jobs_view.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";
+import { openRecording } from "./recording/page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
 import { pairAnother } from "./codes.js";
@@ -27,21 +28,30 @@ import { userActions, usersView } from "./users_view.js";
  * @property {() => number} nowMs
  */
 
+/** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened a page that
+ * looks after itself; `receive` takes dropped files, or does not want them */
+
 const VIEWS = { recordings: recordingsView, jobs: jobsView, maps: mapsView, users: usersView };
 const ACTIONS = { recordings: recordingActions, jobs: jobActions, maps: mapActions, users: userActions };
-const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map" };
+const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map", recording: "Recording" };
+
+/** Pages of one thing: who opens them, their list, and what is said where it cannot be shown. */
+const THINGS = {
+  map: { open: openMap, list: "maps", waiting: "map-page waiting", lost: "This map cannot be shown", back: "Back to the maps" },
+  recording: { open: openRecording, list: "recordings", waiting: "page waiting", lost: "This recording cannot be shown", back: "Back to the recordings" },
+};
 
 /** @param {import("./session.js").Me} me */
 function openDesk(me) {
   const main = one("main");
-  /** @type {import("./map_page.js").Opened | null} */
-  let map = null;
+  /** @type {Opened | null} */
+  let thing = null;
   let shown = "";
   let opened = 0;
 
   const { known, now } = keepKnown(() => {
     render();
-    map?.changed();
+    thing?.changed();
   }, showConnection);
 
   /** @type {Desk} */
@@ -65,11 +75,11 @@ function openDesk(me) {
     });
   }
 
-  /** The list that is open, brought up to date. A map looks after itself. */
+  /** The list that is open, brought up to date. A page of one thing looks after itself. */
   function render() {
     countJobs(known);
     const { name } = pageOf(location.hash);
-    if (name === "map" || name !== shown) return;
+    if (name === "map" || name === "recording" || name !== shown) return;
     const wanted = h("main", { id: "main" }, VIEWS[name](desk));
     morph(main, wanted);
     tickBoxes(main, desk);
@@ -80,17 +90,17 @@ function openDesk(me) {
     const { name, id } = pageOf(location.hash);
     const turn = ++opened;
     const isWanted = () => turn === opened;
-    map?.leave();
-    map = null;
+    thing?.leave();
+    thing = null;
     shown = name;
     document.title = `${TITLES[name]} · elfslam`;
     document.body.dataset.page = name;
     for (const link of document.querySelectorAll("nav a")) {
-      const here = link.getAttribute("href") === `#/${name === "map" ? "maps" : name}`;
+      const here = link.getAttribute("href") === `#/${name === "map" || name === "recording" ? THINGS[name].list : name}`;
       if (here) link.setAttribute("aria-current", "page");
       else link.removeAttribute("aria-current");
     }
-    if (name === "map") await showMap(id, isWanted);
+    if (name === "map" || name === "recording") await showThing(THINGS[name], id, isWanted);
     else {
       main.replaceChildren();
       if (name === "users") await loadUsers();
@@ -101,16 +111,16 @@ function openDesk(me) {
     scrollTo(0, 0);
   }
 
-  /** @param {string} id @param {() => boolean} isWanted */
-  async function showMap(id, isWanted) {
-    main.replaceChildren(h("div", { class: "map-page waiting", "aria-busy": "true" }));
+  /** @param {typeof THINGS.map | typeof THINGS.recording} kind @param {string} id @param {() => boolean} isWanted */
+  async function showThing(kind, id, isWanted) {
+    main.replaceChildren(h("div", { class: kind.waiting, "aria-busy": "true" }));
     try {
-      map = (await openMap(desk, id, main, isWanted)) ?? map;
+      thing = (await kind.open(desk, id, main, isWanted)) ?? thing;
     } catch (problem) {
       if (!isWanted()) return;
       const words = problem instanceof Error ? problem.message : String(problem);
-      main.replaceChildren(h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, "This map cannot be shown"), h("p", null, words),
-        h("a", { class: "button", href: "#/maps" }, "Back to the maps")));
+      main.replaceChildren(h("div", { class: "empty" }, h("h1", { tabindex: "-1" }, kind.lost), h("p", null, words),
+        h("a", { class: "button", href: `#/${kind.list}` }, kind.back)));
     }
   }
 
@@ -126,7 +136,7 @@ function openDesk(me) {
     input.value = "";
   });
   onDrop((files) => {
-    if (map?.receive(files)) return;
+    if (thing?.receive(files)) return;
     if (pageOf(location.hash).name !== "recordings") location.hash = "#/recordings";
     desk.uploads.send(files);
   });
