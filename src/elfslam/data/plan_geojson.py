@@ -54,8 +54,6 @@ def read_plan_shapes(file: Path, origin: Origin | None = None) -> PlanShapes:
     """
     found = _shapes(file)
     corners = found.corners_m
-    if len(corners) > MOST_CORNERS:
-        raise InputError(f"{file}: has {len(corners)} corners, wanted {MOST_CORNERS}; simplify it")
     if np.ptp(corners, axis=0).max() < WIDEST_DEG and (np.abs(corners) <= [180, 90]).all():
         found = _in_metres(found, origin or _middle(corners))
     size_m = float(np.ptp(found.corners_m, axis=0).max())
@@ -100,6 +98,9 @@ def _shapes(file: Path) -> PlanShapes:
             f"{file}: holds no Polygon and no LineString; wanted the accessible ground as "
             "polygons, or its walls as lines"
         )
+    rings = [ring for polygon, _ in polygons for ring in polygon]
+    if (count := sum(map(len, [*rings, *lines]))) > MOST_CORNERS:
+        raise InputError(f"{file}: has {count} corners, wanted {MOST_CORNERS}; simplify it")
     return PlanShapes(
         tuple(polygon for polygon, open_ in polygons if open_),
         tuple(polygon for polygon, open_ in polygons if not open_),
@@ -111,7 +112,7 @@ def _shapes(file: Path) -> PlanShapes:
 def _parts(feature: dict[str, Any], kinds: dict[str, bool]) -> list[Any]:
     """Coordinates of the geometries of some kind in a feature."""
     geometry = feature.get("geometry", feature) or {}
-    many = kinds.get(geometry.get("type"))
+    many = kinds.get(str(geometry.get("type")))
     if many is None:
         return []
     return list(geometry["coordinates"]) if many else [geometry["coordinates"]]

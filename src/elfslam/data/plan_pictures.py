@@ -99,9 +99,9 @@ def _of_svg(content: bytes, file: Path) -> bytes:
         raise _lacking("SVG") from cause
     text, (width, height) = clean_svg(content, file)
     scale = MOST_SIDE_PX / max(width, height)
-    side = {"width": max(1, round(width * scale)), "height": max(1, round(height * scale))}
+    across, down = max(1, round(width * scale)), max(1, round(height * scale))
     try:
-        made = resvg_py.svg_to_bytes(svg_string=text, background="white", **side)
+        made = resvg_py.svg_to_bytes(svg_string=text, background="white", width=across, height=down)
     except Exception as cause:  # whatever the library makes of a damaged drawing
         raise InputError(
             f"{file}: cannot be drawn ({cause!s:.80}); save it as plain SVG"

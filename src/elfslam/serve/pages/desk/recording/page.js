@@ -3,7 +3,8 @@
 import { askJson } from "../api.js";
 import { h } from "../../shared/dom.js";
 import { icon } from "../../shared/icons.js";
-import { fileName, formatBytes, formatCount, formatDuration, formatWhen } from "../format.js";
+import { formatWhen } from "../../shared/format.js";
+import { fileName, formatBytes, formatCount, formatDuration } from "../format.js";
 import { bytesOf, deleteRecording, mapRecording, stateOf } from "../recordings_view.js";
 import { plotOf } from "./plot.js";
 import { factsOf, filesOf } from "./words.js";
