@@ -32,9 +32,9 @@ NAMES: Mapping[str, str] = {
     LogFormat.RONIN: "a log of RoNIN",
 }
 WANTED = (
-    "wanted a recording of elfslam, or what Sensor Logger (.zip), phyphox (.zip of CSV), "
+    "wanted a recording of elfslam (.zip), or one of Sensor Logger (.zip), phyphox (.zip of CSV), "
     "GetSensorData (.txt), RoNIN (.zip), the mall data set (.txt, .tar.xz) or the magnetic walks "
-    "(.mat) consist of"
+    "(.mat); export it as that"
 )
 OTHERS = {
     b"%PDF": "a PDF",

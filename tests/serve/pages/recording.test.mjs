@@ -4,7 +4,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 
 import {
-  extentOf, pathOf, readingText, runsOf, shareDown, stretchAt, summaryOf, tickText, ticksOf, titleOf,
+  extentOf, pathOf, readingText, runsOf, shareDown, spanOf, stretchAt, summaryOf, tickText, ticksOf, timeAt, titleOf,
 } from "../../../src/elfslam/serve/pages/desk/recording/curves.js";
 import { factsOf, filesOf, rateText } from "../../../src/elfslam/serve/pages/desk/recording/words.js";
 import { pageOf } from "../../../src/elfslam/serve/pages/desk/routes.js";
@@ -30,10 +30,10 @@ test("an extent holds every value and is never flat", () => {
 test("ticks are round, inside, and few", () => {
   for (const [low, high] of [[0, 1], [-3.2, 17], [9.79, 9.83], [-120, 0], [48000, 48100], [-1e-6, 2e-6]]) {
     const ticks = ticksOf({ low, high });
-    assert.ok(ticks.length >= 1 && ticks.length <= 4, `${low} to ${high}: ${ticks}`);
+    assert.ok(ticks.length >= 2 && ticks.length <= 6, `${low} to ${high}: ${ticks}`);
     assert.ok(ticks.every((tick) => tick >= low - 1e-9 && tick <= high + 1e-9));
   }
-  assert.deepEqual(ticksOf({ low: -3.2, high: 17 }), [0, 10]);
+  assert.deepEqual(ticksOf({ low: -3.2, high: 17 }), [0, 5, 10, 15]);
   assert.equal(tickText(-120), "−120");
   assert.equal(tickText(0.30000000000000004), "0.3");
   assert.equal(shareDown({ low: 0, high: 10 }, 10), 0);
@@ -44,19 +44,29 @@ test("a gap parts a curve in two", () => {
   assert.deepEqual(runsOf([1, 2, null, 3, null, null]), [[0, 1], [3, 3]]);
   assert.deepEqual(runsOf([null]), []);
   const made = curve([0, 0, null, 5], [10, 10, null, 10]);
-  const path = pathOf(made, { low: 0, high: 10 }, { width: 40, height: 100 });
+  const path = pathOf(made, { low: 0, high: 10 }, spanOf([made]), { width: 40, height: 100 });
   assert.equal(path, "M5 0L15 0L15 100L5 100ZM35 0L35 50Z");
+});
+
+test("curves of one page share their time", () => {
+  const early = { ...curve([1, 1], [2, 2]), start_s: 0, step_s: 1 };
+  const late = { ...curve([1], [2]), start_s: 3, step_s: 1 };
+  const span = spanOf([early, late]);
+  assert.deepEqual(span, { start_s: 0, end_s: 4 });
+  assert.equal(timeAt(span, 0.5), 2);
+  assert.match(pathOf(late, { low: 0, high: 2 }, span, { width: 400, height: 10 }), /^M350 /);
 });
 
 test("counts are bars from zero", () => {
   const made = curve([null, 4], [null, 4], "access points");
-  assert.equal(pathOf(made, { low: 0, high: 8 }, { width: 20, height: 80 }), "M15 80V40");
+  assert.equal(pathOf(made, { low: 0, high: 8 }, spanOf([made]), { width: 20, height: 80 }), "M15 80V40");
 });
 
 test("what is under the finger is told in words", () => {
   const made = curve([-1.25, null], [2, null]);
-  assert.equal(stretchAt(made, 0.3), 0);
-  assert.equal(stretchAt(made, 1), 1);
+  assert.equal(stretchAt(made, 0.6), 0);
+  assert.equal(stretchAt(made, 2), 1);
+  assert.equal(stretchAt(made, -3), 0);
   assert.equal(readingText(made, 0), "−1.25 to 2 m/s²");
   assert.equal(readingText(made, 1), "nothing read");
   assert.equal(readingText(curve([3], [3]), 0), "3 m/s²");

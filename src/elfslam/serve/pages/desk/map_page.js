@@ -37,7 +37,7 @@ export async function openMap(desk, id, root, isWanted) {
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished), onTap: (xy_m) => plan.tap(xy_m) });
   const plan = planOf(id, state, scene.bounds_m, { redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
   let legend = legendOf(scene, state);
-  canvas.stage.append(legend);
+  canvas.stage.append(legend, plan.bar);
 
   function redraw() {
     const now = legendOf(scene, state);

@@ -2,6 +2,7 @@
 
 /** @typedef {{name: string, unit: string, start_s: number, step_s: number, low: (number | null)[], high: (number | null)[]}} Curve */
 /** @typedef {{low: number, high: number}} Extent */
+/** @typedef {{start_s: number, end_s: number}} Span */
 /** @typedef {{width: number, height: number}} Box */
 
 /** What the server calls a curve, and what people do. @type {Record<string, string>} */
@@ -36,9 +37,9 @@ export function extentOf(curve) {
   return high - low >= least ? { low, high } : { low: low - least, high: high + least };
 }
 
-/** Round numbers within an extent, three or four. @param {Extent} extent @returns {number[]} */
+/** Round numbers within an extent, two to five. @param {Extent} extent @returns {number[]} */
 export function ticksOf({ low, high }) {
-  const rough = (high - low) / 3;
+  const rough = (high - low) / 5;
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = power * ([1, 2, 5, 10].find((each) => each * power >= rough) ?? 10);
   const ticks = [];
@@ -70,10 +71,23 @@ export function runsOf(values) {
   return runs;
 }
 
-/** The path of a curve in a box: a band from least to largest, or a bar for each count.
- * @param {Curve} curve @param {Extent} extent @param {Box} box @returns {string} */
-export function pathOf(curve, extent, box) {
-  const x = (/** @type {number} */ at) => fixed((at + 0.5) * (box.width / curve.low.length));
+/** From the first reading to the last, of several curves together. @param {Curve[]} curves @returns {Span} */
+export function spanOf(curves) {
+  const starts = curves.map(({ start_s }) => start_s);
+  const ends = curves.map(({ start_s, step_s, low }) => start_s + step_s * low.length);
+  return { start_s: Math.min(...starts), end_s: Math.max(...ends) };
+}
+
+/** @param {Span} span @param {number} share 0 to 1 @returns {number} seconds */
+export function timeAt({ start_s, end_s }, share) {
+  return start_s + share * (end_s - start_s);
+}
+
+/** The path of a curve in a box that shows a span: a band from least to largest, or a bar for each count.
+ * @param {Curve} curve @param {Extent} extent @param {Span} span @param {Box} box @returns {string} */
+export function pathOf(curve, extent, span, box) {
+  const perSecond = box.width / (span.end_s - span.start_s);
+  const x = (/** @type {number} */ at) => fixed((curve.start_s + (at + 0.5) * curve.step_s - span.start_s) * perSecond);
   const y = (/** @type {number | null} */ value) => fixed(shareDown(extent, value ?? 0) * box.height);
   if (isCounted(curve)) return curve.high.map((value, at) => (value === null ? "" : `M${x(at)} ${y(0)}V${y(value)}`)).join("");
   return runsOf(curve.low).map(([first, last]) => {
@@ -89,9 +103,9 @@ function fixed(value) {
   return Number(value.toFixed(2));
 }
 
-/** The stretch that lies at a share of the width. @param {Curve} curve @param {number} share 0 to 1 */
-export function stretchAt({ low }, share) {
-  return Math.min(low.length - 1, Math.max(0, Math.floor(share * low.length)));
+/** The stretch in which a time lies. @param {Curve} curve @param {number} t_s */
+export function stretchAt({ start_s, step_s, low }, t_s) {
+  return Math.min(low.length - 1, Math.max(0, Math.floor((t_s - start_s) / step_s)));
 }
 
 /** What was read in a stretch, in words. @param {Curve} curve @param {number} at @returns {string} */

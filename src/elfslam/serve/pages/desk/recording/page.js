@@ -6,6 +6,7 @@ import { icon } from "../../shared/icons.js";
 import { formatWhen } from "../../shared/format.js";
 import { fileName, formatBytes, formatCount, formatDuration } from "../format.js";
 import { bytesOf, deleteRecording, mapRecording, stateOf } from "../recordings_view.js";
+import { spanOf } from "./curves.js";
 import { plotOf } from "./plot.js";
 import { factsOf, filesOf } from "./words.js";
 
@@ -72,7 +73,8 @@ async function showSensors(recording, path, facts, curves) {
   try {
     const look = /** @type {Look} */ (await askJson(`${path}/sensors`));
     fillFacts(facts, recording, look);
-    const plots = look.curves.map(plotOf).filter(Boolean);
+    const span = spanOf(look.curves);
+    const plots = look.curves.map((curve) => plotOf(curve, span)).filter(Boolean);
     curves.replaceChildren(...(plots.length > 0 ? plots : [h("p", { class: "soft" }, "No sensor of it can be drawn.")]));
   } catch (problem) {
     curves.replaceChildren(h("p", { class: "problem" }, problem instanceof Error ? problem.message : String(problem)));

@@ -89,11 +89,14 @@ export function mountCanvas(scene, state, name, told) {
     fit: showAll,
     leave: () => setFocus(null),
     point(at_px, reach_px) {
+      if (state.tie) return;
       const reach_m = reach_px / state.view.px_per_m;
       setFocus(focusAt(scene, state, toMap(state.view, state.size, at_px), reach_m));
     },
     tap(at_px) {
-      if (state.tie) told.onTap(toMap(state.view, state.size, at_px));
+      if (!state.tie) return;
+      state.focus = null;
+      told.onTap(toMap(state.view, state.size, at_px));
     },
     step(by) {
       setFocus(nextFocus(scene, state, by), true);

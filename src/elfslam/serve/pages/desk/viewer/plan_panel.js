@@ -146,10 +146,14 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
   }
 
   function body() {
+    tie.bar.hidden = state.tie === null;
     if (!state.plan) return [h("p", { class: "soft" }, `A plan of the floor (${KINDS}) to lie under the walks.`), pick()];
-    if (state.tie) return tie.part();
     const placing = h("button", { type: "button", class: "button", "aria-pressed": String(state.placing), click: () => {
       state.placing = !state.placing;
+      if (state.tie) {
+        state.tie = null;
+        changed();
+      }
       placing.setAttribute("aria-pressed", String(state.placing));
       redraw();
     } }, icon("fit"), "Move the plan");
@@ -166,5 +170,5 @@ export function planOf(mapId, state, bounds_m, { redraw, changed, showAll }) {
     return shown;
   }
 
-  return { load, place, save, upload, tap: tie.tap, part: () => part("Floor plan", body()) };
+  return { load, place, save, upload, tap: tie.tap, bar: tie.bar, part: () => part("Floor plan", body()) };
 }

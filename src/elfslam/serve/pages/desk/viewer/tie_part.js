@@ -1,4 +1,4 @@
-// The part of the panel that scales and places a floor plan by points, step by step.
+// Scaling and placing a floor plan by points, step by step: two buttons in the panel, and a bar on the map.
 
 import { h } from "../../shared/dom.js";
 import { askFor, FEWEST_PAIRS, noTie, scaledTo, tapped, tied, wantedNext } from "./tying.js";
@@ -11,9 +11,11 @@ import { askFor, FEWEST_PAIRS, noTie, scaledTo, tapped, tied, wantedNext } from 
  */
 export function tiePart(state, { place, redraw, changed }) {
   const words = h("p", { role: "status" });
+  const done = h("button", { type: "button", class: "button small", click: end }, "Done");
   const length = h("input", { type: "number", step: "0.01", min: "0.1", name: "plan-length", inputmode: "decimal" });
   const form = h("form", { class: "row" }, h("label", { class: "field" }, h("span", null, "Length, m"), length),
     h("button", { type: "submit", class: "button" }, "Scale it"));
+  const bar = h("div", { class: "tie-bar", hidden: true }, words, form, done);
   form.addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     const made = state.tie && state.plan && scaledTo(state.tie, state.plan.placement, length.valueAsNumber);
@@ -30,6 +32,7 @@ export function tiePart(state, { place, redraw, changed }) {
     state.tie = noTie(kind);
     state.placing = false;
     changed();
+    bar.closest(".stage")?.scrollIntoView({ block: "nearest" });
   }
 
   function end() {
@@ -51,20 +54,18 @@ export function tiePart(state, { place, redraw, changed }) {
   }
 
   function show() {
+    bar.hidden = state.tie === null;
     if (!state.tie) return;
     words.textContent = askFor(state.tie);
     form.hidden = state.tie.kind !== "length" || wantedNext(state.tie) !== null;
   }
 
   function part() {
-    if (!state.tie) {
-      return [h("div", { class: "row" },
-        h("button", { type: "button", class: "button", click: () => begin("points") }, "Place by points"),
-        h("button", { type: "button", class: "button", click: () => begin("length") }, "Scale by a length"))];
-    }
     show();
-    return [words, form, h("div", { class: "row" }, h("button", { type: "button", class: "button", click: end }, "Done"))];
+    const begins = (/** @type {import("./tying.js").TieKind} */ kind, /** @type {string} */ title) =>
+      h("button", { type: "button", class: "button", "aria-pressed": String(state.tie?.kind === kind), click: () => begin(kind) }, title);
+    return [h("div", { class: "row" }, begins("points", "Place by points"), begins("length", "Scale by a length"))];
   }
 
-  return { part, tap };
+  return { part, tap, bar };
 }
