@@ -243,8 +243,10 @@ def test_a_dragged_plan_stays_where_it_was_put(
 
 
 def tapped(page: Any, run_folder: Path, *places_m: tuple[float, float]) -> None:
+    box = canvas_box(page)
     for place in places_m:
-        page.mouse.click(*px_of(page, run_folder, place))
+        x, y = px_of(page, run_folder, place)
+        page.mouse.click(box["x"] + x, box["y"] + y)
 
 
 def test_a_plan_is_placed_by_two_points(
