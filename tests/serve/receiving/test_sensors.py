@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Audio, Imu, Magnetometer, Recording, WifiScans
+from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.serve.receiving.curves import Curve, Look
 from elfslam.serve.receiving.sensors import MOST_STRETCHES, curve, look_at, loudness
 
@@ -110,6 +111,31 @@ def test_hours_are_few_numbers() -> None:
 
 
 def test_a_recording_of_nothing_has_nothing_to_show() -> None:
-    assert look_at(walk()) == Look([], [], None)
+    assert look_at(walk()) == Look([], [], None, None)
     played = look_at(walk(played_t_s=np.array([0.1, 0.2])))
-    assert played.chirps == 2
+    assert played.chirps_played == 2
+
+
+def chirping(missing: int) -> Audio:
+    """Four seconds of chirps ten times a second, the last so many of them silent."""
+    chirp = make_chirp(ChirpParameters(), 44_100)
+    sound = np.random.default_rng(1).normal(0, 1e-4, (1, 4 * 44_100)).astype(np.float32)
+    for k in range(40 - missing):
+        at = 1000 + 4410 * k
+        sound[0, at : at + len(chirp.samples)] += 0.5 * chirp.samples[: 4 * 44_100 - at]
+    return Audio(sound, 44_100)
+
+
+def test_the_share_of_chirps_that_are_heard() -> None:
+    due_s = (1000 + 4410 * np.arange(40)) / 44_100
+    share = [
+        look_at(walk(audio=chirping(missing), played_t_s=due_s)).chirps_heard_share
+        for missing in (0, 10)
+    ]
+    assert share == pytest.approx([1.0, 0.75], abs=0.03)
+    assert look_at(walk(audio=chirping(0))).chirps_heard_share == pytest.approx(1, abs=0.03)
+
+
+def test_sound_without_chirps_holds_none() -> None:
+    noise = np.random.default_rng(2).normal(0, 0.01, (1, 3 * 44_100)).astype(np.float32)
+    assert look_at(walk(audio=Audio(noise, 44_100))).chirps_heard_share == 0

@@ -32,5 +32,7 @@ class Look:
 
     sensors: list[SensorRate]
     curves: list[Curve]
-    chirps: int | None
-    """How many were played, where that was noted."""
+    chirps_played: int | None
+    """Where that was noted."""
+    chirps_heard_share: float | None
+    """Of those that were due; None without sound."""

@@ -17,9 +17,11 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.errors import InputError
+from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.recordings import read_recording
+from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.line.echo import EchoParameters, find_frames
 from elfslam.line.motion.level import level
 from elfslam.line.motion.parameters import MotionParameters
 from elfslam.serve.receiving.curves import Curve, Look, SensorRate
@@ -40,7 +42,19 @@ def look_at(recording: Recording) -> Look:
         list(_sensors(recording)),
         list(_curves(recording)),
         None if played is None else len(played),
+        None if recording.audio is None else _heard_share(recording.audio, played),
     )
+
+
+def _heard_share(audio: Audio, played_t_s: F64 | None) -> float:
+    """Of how many chirps the direct arrival is found; none of sound in which nothing chirps."""
+    parameters = EchoParameters(found_share=0.0, clipped_share=1.0)
+    try:
+        chirp = make_chirp(ChirpParameters(), audio.rate_hz)
+        frames = find_frames(audio, chirp, parameters, played_t_s)
+    except ElfslamError:
+        return 0.0
+    return round(float(np.mean(frames.found >= 0)), 3)
 
 
 def _sensors(recording: Recording) -> Iterator[SensorRate]:

@@ -1,7 +1,7 @@
 // What is told of a recording, and what each of its files holds. Pure.
 
 /** @typedef {import("../store.js").Recording} Recording */
-/** @typedef {{sensors: {name: string, readings: number, rate_hz: number | null}[], curves: import("./curves.js").Curve[], chirps: number | null}} Look */
+/** @typedef {{sensors: {name: string, readings: number, rate_hz: number | null}[], curves: import("./curves.js").Curve[], chirps_played: number | null, chirps_heard_share: number | null}} Look */
 
 /** Sensors as people call them. @type {Record<string, string>} */
 const SENSORS = {
@@ -59,10 +59,17 @@ export function factsOf({ facts }, look, { duration, bytes, count }) {
     ["Size", bytes],
     ["Recorded with", facts?.imported ? (PROGRAMS[facts.imported] ?? String(facts.imported)) : null],
     ["Damaged lines left out", facts?.damaged_lines > 0 ? count(facts.damaged_lines) : null],
-    ["Chirps played", look?.chirps ? count(look.chirps) : null],
+    ["Chirps played", look?.chirps_played ? count(look.chirps_played) : null],
+    ["Chirps heard", heardText(look?.chirps_heard_share ?? null)],
     ...rates(facts, look),
   ];
   return told.flatMap(([name, value]) => (value === null ? [] : [[name, value]]));
+}
+
+/** @param {number | null} share of the chirps that were due, 0 to 1; null without sound */
+function heardText(share) {
+  if (share === null) return null;
+  return share === 0 ? "none" : `${Math.floor(share * 100)} %`;
 }
 
 /** @param {any} facts @param {Look | null} look @returns {[string, string][]} */
