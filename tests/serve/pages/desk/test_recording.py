@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -9,8 +11,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from planted_logs import LOGS
 
 from elfslam.base.values import Recording
+from elfslam.data.importing import LogFormat
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
@@ -162,3 +166,32 @@ def test_what_the_server_refuses_has_not_arrived(
     ).wait_for()
     page.locator("table.list").get_by_text("begins with 'milk, bread', which").wait_for()
     assert page.locator("table.list tbody tr").count() == 1
+
+
+DROP = """async (files) => {
+  const carried = new DataTransfer();
+  for (const [name, text] of files) {
+    const bytes = Uint8Array.from(atob(text), (each) => each.charCodeAt(0));
+    carried.items.add(new File([bytes], name));
+  }
+  document.dispatchEvent(new DragEvent("drop", { dataTransfer: carried, bubbles: true }));
+}"""
+
+
+def test_several_logs_are_dropped_at_once_and_told_apart(
+    person: Any, open_desk: Open, asked: Any
+) -> None:
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w") as packed:
+        for name, text in LOGS[LogFormat.PHYPHOX]().items():
+            packed.writestr(name, text)
+    log = LOGS[LogFormat.GETSENSORDATA]()["walk.txt"].encode()
+    files = {"round.zip": content.getvalue(), "hall.txt": log, "plan.dwg": b"AC1032"}
+    page = open_desk(person)
+    told = [[name, base64.b64encode(data).decode()] for name, data in files.items()]
+    page.evaluate(DROP, told)
+    page.get_by_role("alert").get_by_text("plan.dwg: wanted what ends in").wait_for()
+    for name in ("round", "hall"):
+        page.get_by_role("link", name=name, exact=True).wait_for()
+    kept = {each["name"]: each["facts"]["imported"] for each in asked(page, "/api/recordings")}
+    assert kept == {"round": "phyphox", "hall": "getsensordata"}
