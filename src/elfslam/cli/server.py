@@ -23,7 +23,7 @@ def serve_command(
     host: Annotated[str | None, typer.Option(help="Default: the LAN address and loopback.")] = None,
     address: Annotated[
         str | None,
-        typer.Option(help="Where other devices reach it, for the QR code: a host or https://HOST/"),
+        typer.Option(help="A host or https://HOST/ where other devices reach it, for the QR code."),
     ] = None,
     port: Annotated[int, typer.Option(min=0, max=65_535, help="0 chooses a free one.")] = 8443,
     database: Database = "",

@@ -26,7 +26,7 @@ from elfslam.serve.people import pairing, users
 from elfslam.serve.people.access import current_user
 from elfslam.serve.people.guards import Guard
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.receiving import changing, recordings, uploads
+from elfslam.serve.receiving import changing, looking, recordings, uploads
 from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
 from elfslam.serve.sharing import routes as sharing_routes
@@ -37,6 +37,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     pairing.router,
     recordings.router,
     changing.router,
+    looking.router,
     uploads.router,
     job_routes.router,
 )
