@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 import soundfile
 from PIL import Image
+from planted_logs import LOGS
 
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli.app import VERBS, command_of, run
+from elfslam.data.importing import LogFormat
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.phyphox_experiment import phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
@@ -378,6 +380,9 @@ def test_a_damaged_recording_is_refused_in_one_line(
         (["marks", "{tmp}/none", "{tmp}/none.csv", "M1"], "is no folder"),
         (["import", "phyphox", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["import", "ronin", "{walk}", "{tmp}/out"], "acce.txt"),
+        (["import", "auto", "{walk}/truth.tum", "{tmp}/out"], "which no known log does"),
+        (["import", "auto", "{walk}", "{tmp}/out"], "is a recording already"),
+        (["import", "radar", "{walk}", "{tmp}/out"], "'radar': wanted auto, mall"),
         (["import", "getsensordata", "{walk}/truth.tum", "{tmp}/out"], "truth.tum"),
         (["phyphox", "{tmp}/e.phyphox", "--set", "chirp.period_s=0.100001"], "chirp.period_s"),
     ],
@@ -450,6 +455,23 @@ def test_one_bad_log_among_many_costs_no_other(tmp_path: Path, elfslam: Elfslam)
     assert json.loads(out)[0]["recordings"] == 1
     assert "bad.txt" in err
     assert [item.name for item in (tmp_path / "walks").iterdir()] == ["good"]
+
+
+@pytest.mark.parametrize("log_format", LOGS)
+def test_a_log_is_imported_as_what_it_is(
+    log_format: LogFormat, tmp_path: Path, elfslam: Elfslam
+) -> None:
+    (tmp_path / "log").mkdir()
+    for name, text in LOGS[log_format]().items():
+        file = tmp_path / "log" / name
+        file.parent.mkdir(exist_ok=True)
+        file.write_text(text)
+    alone = log_format is LogFormat.GETSENSORDATA
+    log = tmp_path / "log" / "walk.txt" if alone else tmp_path / "log"
+    code, out, err = elfslam("import", "auto", log, tmp_path / "walk", "--json")
+    assert (code, err) == (0, "")
+    assert json.loads(out)[0] == {"format": log_format, "recordings": 1, "damaged_lines": 0}
+    assert read_recording(tmp_path / "walk").imu is not None
 
 
 QUICK = tuple(

@@ -13,6 +13,7 @@ from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
 from elfslam.data.importing import Imported, LogFormat, read_logs
+from elfslam.data.recognising import recognise
 from elfslam.data.recordings import read_recording, write_recording
 
 ROUNDS = 60
@@ -117,3 +118,33 @@ def test_a_damaged_log_is_read_or_refused_in_one_line(
         path.write_bytes(content if inside else damaged(content, chance))
         refusals += refusal_of(log_format, path)
     assert refusals or alone, "some of it must have been noticed"
+
+
+@pytest.mark.parametrize("inside", [True, False], ids=["a file of it", "the whole"])
+@pytest.mark.parametrize("log_format", LOGS)
+def test_a_damaged_log_is_never_taken_for_another(
+    tmp_path: Path, log_format: LogFormat, inside: bool
+) -> None:
+    path, chance = tmp_path / "walk", random.Random(11)
+    alone = log_format is LogFormat.GETSENSORDATA
+    whole = {name: text.encode() for name, text in LOGS[log_format]().items()}
+    known = []
+    for _ in range(ROUNDS):
+        name = chance.choice(sorted(whole))
+        files = {**whole, name: damaged(whole[name], chance)} if inside else whole
+        content = packed(files, alone=alone)
+        path.write_bytes(content if inside else damaged(content, chance))
+        known.append(recognised(path))
+    assert set(known) <= {log_format, None}
+    assert log_format in known or not inside
+
+
+def recognised(path: Path) -> LogFormat | None:
+    """The format; None where it is refused in one line that names the log."""
+    try:
+        return recognise(path)
+    except InputError as cause:
+        said = str(cause)
+    assert said.startswith(str(path))
+    assert "\n" not in said
+    return None

@@ -99,12 +99,12 @@ def test_polygons_are_ground_and_those_not_accessible_are_not(tmp_path: Path) ->
 
 def test_geojson_without_ground_is_refused(tmp_path: Path) -> None:
     closed = feature(polygon_of(ORIGIN, (SQUARE,)), {"accessible": False})
-    metres = feature({"type": "Polygon", "coordinates": [[[0, 0], [600, 0], [9, 9], [0, 0]]]}, {})
-    far = feature({"type": "Polygon", "coordinates": [[[0, 0], [6, 0], [6, 9], [0, 0]]]}, {})
+    wide = feature({"type": "Polygon", "coordinates": [[[0, 0], [6e6, 0], [9, 9], [0, 0]]]}, {})
+    far = feature({"type": "Polygon", "coordinates": [[[0, 0], [6e3, 0], [6, 9], [0, 0]]]}, {})
     for features, what in (
         ([], "no Polygon"),
         ([closed], "no polygon is accessible"),
-        ([metres], "cannot be read"),
+        ([wide], "cannot be read"),
         ([far], "keep one floor"),
     ):
         with pytest.raises(InputError, match=what):
@@ -169,7 +169,7 @@ def test_a_plan_of_countless_corners_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     file = written(tmp_path / "p.geojson", [feature(polygon_of(ORIGIN, (SQUARE,)), {})])
-    monkeypatch.setattr("elfslam.data.floor_plans.MOST_CORNERS", 3)
+    monkeypatch.setattr("elfslam.data.plan_geojson.MOST_CORNERS", 3)
     with pytest.raises(InputError, match="has 4 corners"):
         read_plan_geojson(file)
 

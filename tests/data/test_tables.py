@@ -91,3 +91,10 @@ def test_what_is_in_order_is_as_long_as_can_be(t_s: list[int]) -> None:
         itertools.combinations(t_s, size) for size in range(len(t_s) + 1)
     )
     assert kept.sum() == max(len(each) for each in subsets if list(each) == sorted(each))
+
+
+def test_a_row_of_countless_characters_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "walk.csv"
+    file.write_text("t_s,x\n0,1\n1," + "2" * 200_000 + "\n")
+    with pytest.raises(InputError, match="row 3 has 200002 characters, wanted at most 100000"):
+        read_table(file, ["t_s", "x"])

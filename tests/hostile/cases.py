@@ -53,8 +53,8 @@ def _targets() -> Iterator[Target]:
         yield Target("worlds", "world.toml", world)
     yield Target("worlds", "world.toml", "show {given} {out}", "out.html")
     yield Target("worlds", "world.toml", "map {base}/quiet {out} --floor-plan {given}")
-    for plan in ("plan.png", "plan.geojson"):
-        told = "{given}" + (":10" if plan == "plan.png" else "")
+    for plan in ("plan.png", "plan.svg", "plan.pdf", "plan.geojson"):
+        told = "{given}" + ("" if plan == "plan.geojson" else ":10")
         yield Target("plans", plan, f"anchor {{base}}/run {told} {{out}}")
         yield Target("plans", plan, f"anchor {{base}}/run {told} {{out}} --start 2,2,0 --follow")
         yield Target("plans", plan, f"map {{base}}/quiet {{out}} --floor-plan {told}")
@@ -83,8 +83,10 @@ def _targets() -> Iterator[Target]:
         "magnetic.mat",
     ):
         yield Target("logs", log, f"import {log.partition('.')[0]} {{given}} {{out}}")
+        yield Target("logs", log, "import auto {given} {out}")
     for mall in ("mall", "mall.tar.xz"):
         yield Target("logs", mall, "import mall {given} {out}")
+        yield Target("logs", mall, "import auto {given} {out}")
     yield Target("fixes and truths", "fixes.csv", "score {given} {base}/walk", None)
     for truth in ("truth.tum", "waypoints.csv"):
         yield Target("fixes and truths", truth, "score {base}/fixes.csv {given}", None)

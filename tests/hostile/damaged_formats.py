@@ -329,6 +329,7 @@ BY_ENDING: Mapping[str, tuple[Damage, ...]] = {
     ".zip": ZIPPED,
     ".png": (*[changed(a_picture_header)] * 2, *[changed(a_large_picture)] * 2),
     ".onnx": (*[changed(an_encoder)] * 6,),
+    ".svg": (*[changed(a_value)] * 2, changed(a_long_text)),
     ".xz": (a_tar, a_tar, changed(inside_xz), changed(inside_xz)),
 }
 

@@ -14,6 +14,7 @@ from foreign_encoders import GOOD, foreign_encoder
 from forked_commands import Commands
 from PIL import Image, ImageDraw
 from planted_logs import LOGS, T_S
+from planted_plans import SVG, pdf
 
 from elfslam.base.values import Audio
 from elfslam.data.audio_files import WAV
@@ -216,3 +217,5 @@ def _plans(folder: Path) -> None:
     feature = {"type": "Feature", "geometry": shape, "properties": {"accessible": True}}
     plan = {"type": "FeatureCollection", "features": [feature]}
     (folder / "plan.geojson").write_text(json.dumps(plan))
+    (folder / "plan.svg").write_text(SVG)
+    (folder / "plan.pdf").write_bytes(pdf())

@@ -59,6 +59,11 @@ class Zip:
             end += len(piece)
         return content
 
+    def start(self, entry: zipfile.ZipInfo, most_bytes: int) -> bytes:
+        """The first bytes of a file, at most so many. Raises InputError where it is damaged."""
+        with _refusing(self.path), self.archive.open(entry) as stream:
+            return stream.read(most_bytes)
+
     def text(self, entry: zipfile.ZipInfo) -> str:
         """What a file of text says, in UTF-8. Raises InputError where it is damaged or none."""
         try:

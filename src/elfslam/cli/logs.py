@@ -23,16 +23,23 @@ from elfslam.data.folders import new_file
 from elfslam.data.importing import LogFormat, Refused, declared_start, read_logs, takes_many
 from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
+from elfslam.data.recognising import recognise
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
+
+AUTO = "auto"
+FORMATS = (AUTO, *LogFormat)
 
 
 def import_command(
     log_format: Annotated[
-        LogFormat, typer.Argument(metavar="FORMAT", help=f"{', '.join(LogFormat)}.")
+        str,
+        typer.Argument(metavar="FORMAT", help=f"{', '.join(FORMATS)}; {AUTO} looks what it is."),
     ],
     path: Annotated[Path, typer.Argument(help="The log, or a folder of them.")],
-    out: Annotated[Path, typer.Argument(help="A recording folder; for mall, a folder of them.")],
+    out: Annotated[
+        Path, typer.Argument(help="A recording folder; where there are many, a folder of them.")
+    ],
     declare_start: Annotated[
         bool, typer.Option("--declare-start", help="The first waypoint is the declared start.")
     ] = False,
@@ -40,22 +47,33 @@ def import_command(
     as_json: AsJson = False,
 ) -> None:
     """Turn someone else's log into recordings."""
+    known = _format_of(log_format, path)
     count = damaged = 0
     refused: dict[str, str] = {}
     with progress_bar() as announce:
-        for item in read_logs(log_format, path, np.random.default_rng(drift_seed)):
+        for item in read_logs(known, path, np.random.default_rng(drift_seed)):
             if isinstance(item, Refused):
                 refused[item.name] = item.reason
                 continue
             announce(item.recording.name, None)
-            folder = out / item.recording.name if takes_many(log_format) else out
+            folder = out / item.recording.name if takes_many(known, path) else out
             recording = declared_start(item) if declare_start else item.recording
             write_recording(recording, folder, truth=item.truth)
             count, damaged = count + 1, damaged + item.damaged_lines
     refuse_if_none("imported", path, refused, count)
-    summary = {"format": str(log_format), "recordings": count, "damaged_lines": damaged}
+    summary = {"format": str(known), "recordings": count, "damaged_lines": damaged}
     print_rows([summary], title="Imported", as_json=as_json)
     say_refused("imported", refused)
+
+
+def _format_of(named: str, path: Path) -> LogFormat:
+    """The format that was named, or that of the log. Raises InputError."""
+    if named not in FORMATS:
+        raise InputError(f"format {named!r:.40}: wanted {', '.join(FORMATS)}")
+    found = recognise(path) if named == AUTO else LogFormat(named)
+    if found is None:
+        raise InputError(f"{path}: is a recording already; elfslam map reads it as it is")
+    return found
 
 
 def phyphox_command(

@@ -1,8 +1,9 @@
-"""Floor plans from elsewhere: images with their width in metres, and GeoJSON."""
+"""Floor plans from elsewhere: images, PDF and SVG with their width in metres, and GeoJSON."""
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -13,20 +14,23 @@ from scipy.ndimage import label
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.grid import FloorGrid, Polygon, drawn_grid
-from elfslam.base.text_files import read_bytes, read_json
-from elfslam.data.geographic import Origin, from_lon_lat
+from elfslam.base.text_files import read_bytes
+from elfslam.data.geographic import Origin
+from elfslam.data.plan_geojson import NARROWEST_M, WIDEST_M, read_plan_shapes
+from elfslam.data.plan_pictures import PlanKind, drawn_picture, kind_of
 
-IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp")
+IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".pdf", ".svg")
 FORMATS = ("PNG", "PPM", "JPEG", "BMP")
 """Others are run by other programs, or hold more than a picture."""
+DRAWN = (PlanKind.PDF, PlanKind.SVG)
+"""These are drawn first."""
 MOST_PIXELS, MOST_SIDE = 40_000_000, 3000
 """Of the image, and along each side of what is made of it."""
-MOST_CORNERS = 100_000
 GEOJSON = (".geojson", ".json")
 DARK = 128
 """Pixels darker than this are walls."""
-NARROWEST_M, WIDEST_M = 1.0, 2000.0
-CELL_M = 0.05
+CELL_M, MOST_CELLS, WALL_CELLS = 0.05, 2000, 2
+"""Squares of ground: how wide, how many across, and how many a wall of no width is thick."""
 
 
 def read_plan_image(file: Path, width_m: float) -> FloorGrid:
@@ -48,44 +52,63 @@ def read_plan_image(file: Path, width_m: float) -> FloorGrid:
     return FloorGrid(ground[::-1], np.zeros(2), width_m / pixels)
 
 
-def read_plan_geojson(file: Path, origin: Origin | None = None) -> tuple[FloorGrid, Origin]:
-    """Accessible ground of the polygons of a GeoJSON file, and the frame that it is in.
+def read_plan_geojson(file: Path, origin: Origin | None = None) -> tuple[FloorGrid, Origin | None]:
+    """Accessible ground of the polygons of a GeoJSON file, and where on the Earth its frame lies.
 
-    Polygons whose property `accessible` is false are walls or furniture. Without an origin that
-    is the middle of all corners, x to the east. Raises InputError.
+    Lines are walls; without polygons the ground is what they enclose. No origin is known of a
+    file in metres. Raises InputError.
     """
-    polygons = _polygons(file)
-    corners = np.concatenate([polygon[0] for polygon, _ in polygons])
-    middle = (corners.min(axis=0) + corners.max(axis=0)) / 2
-    frame = origin or Origin(round(float(middle[1]), 7), round(float(middle[0]), 7))
-    flat: list[tuple[Polygon, bool]] = [
-        (tuple(from_lon_lat(frame, ring) for ring in polygon), open_) for polygon, open_ in polygons
-    ]
-    size_m = np.ptp(np.concatenate([polygon[0] for polygon, _ in flat]), axis=0)
-    if size_m.max() > WIDEST_M:
-        raise InputError(
-            f"{file}: is {size_m.max():.0f} m across, wanted {WIDEST_M:g} at most; "
-            "keep one floor (RFC 7946: longitude and latitude in degrees)"
-        )
-    ground = [polygon for polygon, open_ in flat if open_]
-    blocked = [polygon for polygon, open_ in flat if not open_]
-    if not ground:
-        raise InputError(f"{file}: no polygon is accessible; remove the property from one")
+    shapes = read_plan_shapes(file, origin)
+    cell_m = max(CELL_M, float(np.ptp(shapes.corners_m, axis=0).max()) / MOST_CELLS)
+    walls = [wall for line in shapes.lines for wall in _walls(line, WALL_CELLS * cell_m)]
+    blocked = [*shapes.blocked, *walls]
     try:
-        return drawn_grid(ground, blocked, max(CELL_M, float(size_m.max()) / 2000)), frame
+        if shapes.ground:
+            return drawn_grid(shapes.ground, blocked, cell_m), shapes.origin
+        if shapes.lines:
+            return _enclosed(shapes.corners_m, blocked, cell_m), shapes.origin
     except InputError as cause:
         raise InputError(f"{file}: {cause}") from cause
+    raise InputError(f"{file}: no polygon is accessible; remove the property from one")
+
+
+def _walls(line: F64, thick_m: float) -> list[Polygon]:
+    """A line (n, 2) as thin rectangles, one a segment, that overlap where it bends."""
+    ahead = np.diff(line, axis=0)
+    length = np.linalg.norm(ahead, axis=1, keepdims=True)
+    ahead = ahead / np.where(length > 0, length, 1) * thick_m / 2
+    aside = ahead @ np.array([[0.0, 1.0], [-1.0, 0.0]])
+    first, last = line[:-1] - ahead, line[1:] + ahead
+    rings = np.stack([first - aside, last - aside, last + aside, first + aside], axis=1)
+    return [(ring,) for ring in rings[length[:, 0] > 0]]
+
+
+def _enclosed(corners_m: F64, blocked: Sequence[Polygon], cell_m: float) -> FloorGrid:
+    """What lines enclose. Raises InputError where they are open."""
+    margin_m = (WALL_CELLS + 1) * cell_m
+    (left, low), (right, high) = corners_m.min(axis=0) - margin_m, corners_m.max(axis=0) + margin_m
+    around = np.array([[left, low], [right, low], [right, high], [left, high]])
+    grid = drawn_grid([(around,)], blocked, cell_m)
+    rows, columns = (np.flatnonzero(grid.free.any(axis=axis)) for axis in (1, 0))
+    box = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    free = np.zeros_like(grid.free)
+    free[box] = grid.free[box] & ~_outside(grid.free[box])
+    if not free.any():
+        raise InputError("its lines enclose no ground; close the walls, or give polygons")
+    return FloorGrid(free, grid.corner_m, cell_m)
 
 
 def _brightness(file: Path) -> Any:
     """Brightness 0 to 255 of each pixel (rows, columns); what is transparent is white."""
     from PIL import Image
 
-    content = BytesIO(read_bytes(file))
+    content = read_bytes(file)
+    if kind_of(content) in DRAWN:
+        content = drawn_picture(file).content
     try:
         with (
             warnings.catch_warnings(action="ignore"),
-            Image.open(content, formats=FORMATS) as image,
+            Image.open(BytesIO(content), formats=FORMATS) as image,
         ):
             if image.width * image.height > MOST_PIXELS:
                 raise ValueError(f"{image.width} by {image.height} pixels; make it smaller")
@@ -122,43 +145,3 @@ def _outside(light: Bool) -> Bool:
         outside[side] = True
     outside[0] = False
     return np.asarray(outside[parts])
-
-
-def _polygons(file: Path) -> list[tuple[Polygon, bool]]:
-    """Polygons in degrees, and whether each is accessible."""
-    content = read_json(file)
-    try:
-        features = content.get("features", [content])
-        found = [each for feature in features for each in _of_feature(feature)]
-    except (ValueError, KeyError, TypeError, AttributeError) as cause:
-        raise InputError(f"{file}: cannot be read as GeoJSON ({cause!r:.80}); check it") from cause
-    if not found:
-        raise InputError(f"{file}: holds no Polygon; wanted the accessible ground as polygons")
-    corners = sum(len(ring) for polygon, _ in found for ring in polygon)
-    if corners > MOST_CORNERS:
-        raise InputError(f"{file}: has {corners} corners, wanted {MOST_CORNERS}; simplify it")
-    return found
-
-
-def _of_feature(feature: dict[str, Any]) -> list[tuple[Polygon, bool]]:
-    geometry = feature.get("geometry", feature) or {}
-    kind = geometry.get("type")
-    if kind not in ("Polygon", "MultiPolygon"):
-        return []
-    parts = [geometry["coordinates"]] if kind == "Polygon" else geometry["coordinates"]
-    accessible = (feature.get("properties") or {}).get("accessible", True) is not False
-    return [(_rings(rings), accessible) for rings in parts]
-
-
-def _rings(rings: list[Any]) -> Polygon:
-    if not isinstance(rings, list) or not rings:
-        raise ValueError("a polygon needs a ring")
-    return tuple(_ring(ring) for ring in rings)
-
-
-def _ring(positions: list[Any]) -> F64:
-    """The corners of a ring, longitude and latitude, without the repeated last one."""
-    ring = np.array([position[:2] for position in positions], dtype=np.float64)[:-1]
-    if ring.ndim != 2 or len(ring) < 3 or not (np.abs(ring) <= [180, 90]).all():
-        raise ValueError("a ring needs three corners or more in degrees")
-    return ring

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.getsensordata import read_getsensordata
+from elfslam.data.log_files import files_in, is_zip
 from elfslam.data.magnetic import read_magnetic
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.data.phyphox import read_phyphox
@@ -36,6 +38,14 @@ ONE_RECORDING: Mapping[LogFormat, Callable[[Path], Recording]] = {
     LogFormat.RONIN: read_ronin,
 }
 """Readers of formats that hold one recording and no truth."""
+CHIRPING = frozenset((LogFormat.PHYPHOX,))
+"""Of programs that can play chirps; the sound of others holds no echoes of them."""
+FILES: Mapping[LogFormat, Callable[[Path], Iterator[Path]]] = {
+    LogFormat.MALL: walks_in,
+    LogFormat.MAGNETIC: partial(files_in, ending=".mat"),
+    LogFormat.GETSENSORDATA: partial(files_in, ending=".txt"),
+}
+"""The files, each of one walk, at a path that may hold many."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,28 +79,42 @@ def declared_start(item: Imported) -> Recording:
 def read_logs(
     log_format: LogFormat, path: Path, generator: np.random.Generator
 ) -> Iterator[Imported | Refused]:
-    """Every recording at `path`; `generator` drifts odometry that would else be the truth."""
+    """Every recording at `path`; `generator` drifts odometry that would else be the truth.
+
+    Raises InputError where `path` itself is no log of that format, or a broken archive.
+    """
+    if log_format not in FILES:
+        yield _read_one(log_format, path, generator)
+        return
+    for file in FILES[log_format](path):
+        try:
+            item = _read_one(log_format, file, generator)
+        except InputError as error:
+            if file == path:
+                raise
+            yield Refused(file.name, str(error).replace(f"{file.parent}/", ""))
+            continue
+        yield item
+
+
+def _read_one(log_format: LogFormat, path: Path, generator: np.random.Generator) -> Imported:
     if log_format is LogFormat.MALL:
-        for file in walks_in(path):
-            try:
-                walk = read_walk(file)
-            except InputError as error:
-                if file == path:
-                    raise
-                yield Refused(file.name, str(error))
-                continue
-            truth = walk.truth if len(walk.truth.t_s) else None
-            yield Imported(walk.recording, truth, walk.damaged_lines)
-    elif log_format is LogFormat.MAGNETIC:
-        recording, truth = read_magnetic(path, generator)
-        yield Imported(recording, truth, 0)
-    elif log_format is LogFormat.GETSENSORDATA:
+        walk = read_walk(path)
+        return Imported(walk.recording, _unless_empty(walk.truth), walk.damaged_lines)
+    if log_format is LogFormat.MAGNETIC:
+        return Imported(*read_magnetic(path, generator), 0)
+    if log_format is LogFormat.GETSENSORDATA:
         log = read_getsensordata(path)
-        yield Imported(log.recording, log.truth if len(log.truth.t_s) else None, log.damaged_lines)
-    else:
-        yield Imported(ONE_RECORDING[log_format](path), None, 0)
+        return Imported(log.recording, _unless_empty(log.truth), log.damaged_lines)
+    return Imported(ONE_RECORDING[log_format](path), None, 0)
 
 
-def takes_many(log_format: LogFormat) -> bool:
-    """Whether one path of this format can hold several recordings."""
-    return log_format is LogFormat.MALL
+def _unless_empty(truth: Truth) -> Truth | None:
+    return truth if len(truth.t_s) else None
+
+
+def takes_many(log_format: LogFormat, path: Path) -> bool:
+    """Whether there may be several recordings of this format at `path`."""
+    if log_format is LogFormat.MALL:
+        return True
+    return log_format in FILES and (path.is_dir() or is_zip(path))

@@ -22,6 +22,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
+from elfslam.data.log_files import XZ_START, files_in, starts_with
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
@@ -93,7 +94,7 @@ def read_walk(path: Path) -> MallWalk:
 
 
 def walks_in(path: Path) -> Iterator[Path]:
-    """The walk files at `path`: a .txt, a folder (recursively, sorted) or a .tar.xz archive.
+    """The walk files at `path`: a .txt, a folder (recursively, sorted), a .zip or a .tar.xz.
 
     A walk from an archive is unpacked for a moment: its path is good until the next is asked
     for. Raises InputError where there is nothing to read or an archive is broken, before the
@@ -111,11 +112,11 @@ def walks_in(path: Path) -> Iterator[Path]:
             yield from _walks_in_archive(archive)
     elif not path.is_file():
         raise InputError(f"{path}: does not exist; wanted a walk, a folder or a .tar.xz archive")
-    elif path.name.endswith(".tar.xz"):
+    elif path.name.endswith(".tar.xz") or starts_with(path, XZ_START):
         check_archive(path)
         yield from _walks_in_archive(path)
     else:
-        yield path
+        yield from files_in(path, ".txt")
 
 
 def _walks_in_archive(path: Path) -> Iterator[Path]:

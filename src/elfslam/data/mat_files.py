@@ -11,6 +11,7 @@ import struct
 import warnings
 import zlib
 from collections.abc import Collection, Iterator
+from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,8 @@ from elfslam.base.bounds import MEBIBYTE, most_bytes
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 
+MAT_START = b"MATLAB 5.0 MAT-file"
+"""So begin those of version 5 to 7."""
 START_BYTES, TAG = 128, {b"IM": "<II", b"MI": ">II"}
 """Of the header, which ends in two letters that say how numbers are written."""
 PACKED = 15
@@ -34,15 +37,28 @@ NUMBER_BYTES = 8
 def read_mat(file: Path, names: Collection[str]) -> dict[str, npt.NDArray[Any]]:
     """The arrays of these names, as far as they are there. Raises InputError."""
     content = read_bytes(file)
+    with _refusing(file):
+        _check_claims(content, names)
+        found = scipy.io.loadmat(BytesIO(content), variable_names=list(names))
+    return {name: np.atleast_2d(found[name]) for name in names if name in found}
+
+
+def names_in_mat(content: bytes, source: Path) -> set[str]:
+    """The names of the arrays in the bytes of a file. Raises InputError, naming `source`."""
+    with _refusing(source):
+        _check_claims(content, ())
+        return {name for name, _, _ in scipy.io.whosmat(BytesIO(content))}
+
+
+@contextmanager
+def _refusing(file: Path) -> Iterator[None]:
     try:
         with warnings.catch_warnings(action="ignore"):
-            _check_claims(content, names)
-            found = scipy.io.loadmat(BytesIO(content), variable_names=list(names))
+            yield
     except Exception as cause:  # scipy raises whatever the damaged bytes led to
         raise InputError(
             f"{file}: cannot be read as a .mat file ({cause!s:.120}); copy it again"
         ) from cause
-    return {name: np.atleast_2d(found[name]) for name in names if name in found}
 
 
 def _check_claims(content: bytes, names: Collection[str]) -> None:

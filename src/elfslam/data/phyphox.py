@@ -13,17 +13,16 @@ from __future__ import annotations
 import csv
 import io
 import re
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
-from elfslam.base.zips import unpack_zip
+from elfslam.data.log_files import is_clutter, log_folder, name_of
 from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, RATE_COLUMN, SOUND_COLUMN
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
@@ -61,17 +60,20 @@ class SensorTable:
 
 
 def read_phyphox(path: Path) -> Recording:
-    """The recording in a .zip of CSVs, t = 0 where the experiment was started.
+    """The recording in a .zip of CSVs, or in their folder, t = 0 where the experiment was started.
 
     Raises InputError naming what is missing or bad, for an export as Excel, and for an
     experiment that was paused and went on.
     """
-    with tempfile.TemporaryDirectory() as name:
-        unpack_zip(path, Path(name))
-        try:
-            return _read_folder(Path(name), path.stem)
-        except InputError as cause:
-            raise InputError(str(cause).replace(name, str(path))) from None
+    with log_folder(path) as folder:
+        return _read_folder(_folder_of_tables(folder), name_of(path))
+
+
+def _folder_of_tables(folder: Path) -> Path:
+    """Where the CSVs lie: whoever packs an export again packs the folder around them."""
+    inside = [each for each in folder.iterdir() if not is_clutter(PurePosixPath(each.name))]
+    alone = len(inside) == 1 and inside[0].is_dir() and inside[0].name != META
+    return inside[0] if alone else folder
 
 
 def _read_folder(folder: Path, name: str) -> Recording:

@@ -7,7 +7,6 @@ game_rv.txt (`nanoseconds x y z w`). The nanoseconds count from any origin, one 
 
 from __future__ import annotations
 
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +15,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
-from elfslam.base.zips import unpack_zip
+from elfslam.data.log_files import log_folder, name_of
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
@@ -40,14 +39,8 @@ def read_ronin(path: Path) -> Recording:
 
     Raises InputError naming what is missing or bad.
     """
-    if path.is_dir():
-        return _read_folder(path, path.name)
-    with tempfile.TemporaryDirectory() as name:
-        unpack_zip(path, Path(name))
-        try:
-            return _read_folder(Path(name), path.stem)
-        except InputError as cause:
-            raise InputError(str(cause).replace(name, str(path))) from None
+    with log_folder(path) as folder:
+        return _read_folder(folder, name_of(path))
 
 
 def _read_folder(root: Path, name: str) -> Recording:

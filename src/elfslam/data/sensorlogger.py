@@ -10,7 +10,6 @@ says in `standardisation`. Only Android writes an acceleration with gravity.
 from __future__ import annotations
 
 import math
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -19,8 +18,8 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording, WifiScans
-from elfslam.base.zips import unpack_zip
 from elfslam.data.audio_files import read_audio
+from elfslam.data.log_files import log_folder, name_of
 from elfslam.data.sensor_files import (
     AXES,
     LARGEST_ACCEL_MPS2,
@@ -46,17 +45,13 @@ Table = tuple[F64, F64]
 
 
 def read_sensorlogger(path: Path) -> Recording:
-    """The recording in a .zip of the app, t = 0 where the app began.
+    """The recording in a .zip of the app, or in its folder, t = 0 where the app began.
 
     Sound is kept only where lossless at 44.1 kHz or more (the app itself plays no chirps), the
     attitude only where it agrees with gravity. Raises InputError naming what is missing or bad.
     """
-    with tempfile.TemporaryDirectory() as name:
-        unpack_zip(path, Path(name))
-        try:
-            return _read_folder(Path(name), path.stem)
-        except InputError as cause:
-            raise InputError(str(cause).replace(name, str(path))) from None
+    with log_folder(path) as folder:
+        return _read_folder(folder, name_of(path))
 
 
 def _read_folder(folder: Path, name: str) -> Recording:

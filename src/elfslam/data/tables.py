@@ -20,6 +20,8 @@ TIME_FORMAT = "%.6f"
 NUMBER_FORMAT = "%.9g"
 MOST_LINES = 5_000_000
 """Seven hours at 200 Hz; each is an object of its own, a hundred bytes if not more."""
+LONGEST_LINE = 100_000
+"""Characters of a row of numbers; thousands of columns have fewer."""
 
 
 def read_text(file: Path) -> str:
@@ -86,6 +88,7 @@ def parse_rows(
 ) -> F64:
     """Numbers (rows, columns) from lines whose cells are parted by commas, or by white space."""
     delimiter = "," if comma else None
+    _check_length(file, lines, first_row)
     try:
         numbers = np.loadtxt(lines, delimiter=delimiter, usecols=columns, comments=None, ndmin=2)
     except (ValueError, IndexError):
@@ -94,6 +97,16 @@ def parse_rows(
     if len(numbers) != len(lines) or not np.isfinite(numbers).all():
         _refuse_bad_row(file, lines, columns, first_row, delimiter)
     return np.asarray(numbers, dtype=np.float64)
+
+
+def _check_length(file: Path, lines: Sequence[str], first_row: int) -> None:
+    """Refuse a row that is no row: numpy takes its length several times over."""
+    for row, line in enumerate(lines, start=first_row):
+        if len(line) > LONGEST_LINE:
+            raise InputError(
+                f"{file}: row {row} has {len(line)} characters, wanted at most {LONGEST_LINE}; "
+                "the file is damaged there, remove that row"
+            )
 
 
 def _refuse_bad_row(

@@ -31,7 +31,7 @@ from elfslam.serve.positions.history import keeping_history
 from elfslam.serve.positions.mqtt import publishing
 from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
-from elfslam.serve.receiving import changing, recordings, uploads
+from elfslam.serve.receiving import changing, looking, recordings, uploads
 from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
 from elfslam.serve.sharing import routes as sharing_routes
@@ -42,6 +42,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     pairing.router,
     recordings.router,
     changing.router,
+    looking.router,
     uploads.router,
     job_routes.router,
     position_routes.router,

@@ -159,7 +159,8 @@ def test_a_floor_plan_is_kept_placed_and_replaced(
     assert "floor-plan" not in {file["name"] for file in told["files"]}
     assert put(owner, map_id, image("JPEG", 50, 20, turned=6), "image/jpeg") == 200
     plan = owner.get(f"/api/maps/{map_id}").json()["floor_plan"]
-    assert plan == {"width_px": 20, "height_px": 50, "type": "image/jpeg", "placement": where}
+    shown = {"width_px": 20, "height_px": 50, "type": "image/jpeg", "width_m": None}
+    assert plan == {**shown, "placement": where}
     assert len(files_of(services)) == len(before) + 1
     assert owner.delete(place).status_code == 204
     assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
@@ -172,13 +173,27 @@ def test_a_floor_plan_is_kept_placed_and_replaced(
     [
         (b"", "image/png", 422),
         (image()[:60], "image/png", 422),
-        (b"<svg onload='alert(1)'/>", "image/svg+xml", 415),
+        (b"<svg onload='alert(1)'/>", "image/svg+xml", 422),
+        (b"GIF89a", "image/gif", 415),
+        (b"%PDF-1.7 and no more", "application/pdf", 422),
+        (b'{"features": []}', "application/geo+json", 422),
         (b"<svg onload='alert(1)'/>", "image/png", 422),
         (image("GIF"), "image/png", 422),
         (image("PNG", 10_000, 10_000), "image/png", 422),
         (b"\0" * (17 * 2**20), "image/png", 413),
     ],
-    ids=["empty", "cut off", "svg", "svg as png", "gif as png", "huge", "heavy"],
+    ids=[
+        "empty",
+        "cut off",
+        "no svg",
+        "gif",
+        "no pdf",
+        "no shapes",
+        "svg as png",
+        "gif as png",
+        "huge",
+        "heavy",
+    ],
 )
 def test_what_is_no_floor_plan_is_refused(
     owner: TestClient, keep_map: Keep, services: Services, content: bytes, kind: str, status: int
@@ -188,6 +203,53 @@ def test_what_is_no_floor_plan_is_refused(
     assert put(owner, map_id, content, kind) == status
     assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
     assert files_of(services) == before
+
+
+SVG = (
+    b'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 30" onload="alert(1)">'
+    b'<script>alert(1)</script><rect width="20" height="30" fill="black"/></svg>'
+)
+SHAPES = {"type": "LineString", "coordinates": [[0, 0], [19.8, 0], [19.8, 9.8]]}
+
+
+@pytest.mark.parametrize(
+    ("content", "kind", "width_m"),
+    [
+        (SVG, "image/svg+xml", None),
+        (SVG, "image/png", None),
+        (json.dumps(SHAPES).encode(), "application/geo+json", 20.0),
+        (json.dumps(SHAPES).encode(), "application/json", 20.0),
+    ],
+)
+def test_what_is_no_picture_is_drawn_as_one(
+    owner: TestClient,
+    keep_map: Keep,
+    services: Services,
+    content: bytes,
+    kind: str,
+    width_m: float | None,
+) -> None:
+    map_id = keep_map(owner, "one")
+    assert put(owner, map_id, content, kind) == 200
+    told = owner.get(f"/api/maps/{map_id}").json()["floor_plan"]
+    assert (told["type"], told["placement"]) == ("image/png", None)
+    assert told["width_m"] == (width_m and pytest.approx(width_m, abs=0.02))
+    answer = owner.get(f"/api/maps/{map_id}/floor-plan")
+    assert answer.headers["content-type"] == "image/png"
+    with Image.open(io.BytesIO(answer.content)) as drawn:
+        assert drawn.size == (told["width_px"], told["height_px"])
+        assert drawn.format == "PNG"
+        assert {each for _, each in drawn.convert("L").getcolors(256) or []} >= {0, 255}
+    assert list(services.settings.work_folder.iterdir()) == []
+
+
+def test_a_drawing_that_takes_too_long_is_refused(
+    owner: TestClient, keep_map: Keep, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    map_id = keep_map(owner, "one")
+    monkeypatch.setattr("elfslam.serve.maps.plan_pictures.DRAWING_S", 0.01)
+    assert put(owner, map_id, SVG, "image/svg+xml") == 422
+    assert owner.get(f"/api/maps/{map_id}").json()["floor_plan"] is None
 
 
 def test_nobody_else_sees_a_map(owner: TestClient, guest: TestClient, keep_map: Keep) -> None:

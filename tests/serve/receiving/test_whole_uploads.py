@@ -1,23 +1,29 @@
-"""Whole recordings as zips: the server never opens one, and what is hostile is refused in words."""
+"""Whole recordings and logs as files: the server opens none itself, and refuses in words."""
 
 from __future__ import annotations
 
 import base64
+import io
 import struct
+import tarfile
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import pytest
+from planted_logs import LOGS
 from starlette.testclient import TestClient
 
+from elfslam.data.importing import LogFormat
 from elfslam.serve.problems import Problem
-from elfslam.serve.receiving.reading import read_apart
+from elfslam.serve.receiving.reading import Walk, walks_apart
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
+from elfslam.serve.store.folder_files import FILE_NAMES
 
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
+MOST = 3
 
 
 def zipped(path: Path, method: int = zipfile.ZIP_DEFLATED) -> bytes:
@@ -72,23 +78,26 @@ def test_a_hostile_zip_becomes_a_refused_recording(
     assert list(services.settings.blobs_folder.glob("*/*")) == []
 
 
+def read(tmp_path: Path, name: str = "walk.zip", **limits: float) -> list[Walk]:
+    """What is found in a file of that name; what comes of it lies in out/."""
+    (tmp_path / "out").mkdir()
+    known = Limits(**{"free_bytes": 0, **limits})  # type: ignore[arg-type]
+    return walks_apart(tmp_path / name, tmp_path / "out", MOST, known)
+
+
 def test_what_is_in_a_zip_is_read_where_it_was_unpacked(tmp_path: Path) -> None:
     zipped(tmp_path / "walk.zip")
-    (tmp_path / "out").mkdir()
-    found = read_apart(tmp_path / "out", Limits(free_bytes=0), tmp_path / "walk.zip")
-    assert (found.refusal, found.facts["device"], found.facts["sensors"]) == (
-        None,
-        "phone",
-        ["wifi"],
-    )
-    assert {file.name for file in (tmp_path / "out").iterdir()} == {"recording.json", "wifi.csv"}
+    (walk,) = read(tmp_path)
+    assert (walk.found.refusal, walk.place) == (None, "walk")
+    assert (walk.found.facts["device"], walk.found.facts["sensors"]) == ("phone", ["wifi"])
+    kept = {file.name for file in (tmp_path / "out" / "walk").iterdir()}
+    assert kept == {"recording.json", "wifi.csv"}
 
 
 def test_a_disk_without_room_is_no_refusal(tmp_path: Path) -> None:
     zipped(tmp_path / "walk.zip")
-    (tmp_path / "out").mkdir()
     with pytest.raises(Problem) as full:
-        read_apart(tmp_path / "out", Limits(free_bytes=2**62), tmp_path / "walk.zip")
+        read(tmp_path, free_bytes=2**62)
     assert full.value.status_code == 507
 
 
@@ -97,7 +106,142 @@ def test_a_zip_that_is_cut_off_while_unpacking_leaves_no_file(tmp_path: Path) ->
     whole = zipped(tmp_path / "walk.zip")
     at = whole.index(b"wifi.csv") + 12
     (tmp_path / "walk.zip").write_bytes(whole[:at] + b"\xff\xff\xff" + whole[at + 3 :])
-    (tmp_path / "out").mkdir()
-    found = read_apart(tmp_path / "out", Limits(free_bytes=0), tmp_path / "walk.zip")
-    assert "not whole" in str(found.refusal)
-    assert [file for file in (tmp_path / "out").iterdir() if file.is_file()] == []
+    (walk,) = read(tmp_path)
+    assert "not whole" in str(walk.found.refusal)
+    assert walk.place is None
+
+
+def packed(path: Path, files: Mapping[str, str]) -> Path:
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in files.items():
+            archive.writestr(name, text)
+    return path
+
+
+MALL = "".join(
+    f"{20 * k}\tTYPE_{kind}\t0.1\t0.2\t9.8\t3\n"
+    for k in range(80)
+    for kind in ("ACCELEROMETER", "GYROSCOPE")
+)
+
+
+@pytest.mark.parametrize("log_format", LOGS)
+def test_a_log_of_another_program_becomes_a_recording(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    files = LOGS[log_format]()
+    if log_format is LogFormat.GETSENSORDATA:
+        (tmp_path / "walk.zip").write_text(files["walk.txt"])
+    else:
+        packed(tmp_path / "walk.zip", files)
+    (walk,) = read(tmp_path)
+    assert walk.found.refusal is None
+    assert walk.found.facts["imported"] == log_format
+    assert walk.found.facts["name"] == "walk"
+    assert walk.found.facts["chirps"] == (log_format is LogFormat.PHYPHOX)
+    kept = {file.name for file in (tmp_path / "out" / str(walk.place)).iterdir()}
+    assert {"recording.json", "accelerometer.csv", "gyroscope.csv"} <= kept <= FILE_NAMES
+    left = [file for file in (tmp_path / "out").iterdir() if file.name != walk.place]
+    assert left == [], "nothing that was unpacked stays"
+
+
+@pytest.mark.parametrize(
+    ("limits", "words"),
+    [
+        ({"recording_bytes": 2_000}, "unpacks to"),
+        ({"file_bytes": 1_000}, "accelerometer.csv: becomes"),
+        ({"reading_s": 0.01}, "takes longer than 0.01 s"),
+        ({"reading_bytes": 2**20}, "needs more memory"),
+    ],
+)
+def test_what_a_log_may_cost(tmp_path: Path, limits: dict[str, float], words: str) -> None:
+    packed(tmp_path / "walk.zip", {"walk.txt": MALL})
+    (walk,) = read(tmp_path, **limits)
+    assert words in str(walk.found.refusal)
+    assert str(tmp_path) not in str(walk.found.refusal)
+    assert walk.place is None
+
+
+def test_a_log_for_which_the_disk_has_no_room_is_no_refusal(tmp_path: Path) -> None:
+    packed(tmp_path / "walk.zip", {"walk.txt": MALL})
+    with pytest.raises(Problem) as full:
+        read(tmp_path, free_bytes=2**62)
+    assert full.value.status_code == 507
+
+
+def test_what_all_walks_of_an_archive_may_become(tmp_path: Path) -> None:
+    """Nobody knows it before they are unpacked."""
+    with tarfile.open(tmp_path / "walks.tar.xz", "w:xz") as archive:
+        for name in ("one.txt", "two.txt"):
+            entry = tarfile.TarInfo(name)
+            entry.size = len(MALL)
+            archive.addfile(entry, io.BytesIO(MALL.encode()))
+    (walk,) = read(tmp_path, "walks.tar.xz", recording_bytes=len(MALL))
+    assert f"its walks are more than {len(MALL)} bytes" in str(walk.found.refusal)
+    assert walk.place is None
+
+
+def test_more_walks_than_are_taken_are_refused(tmp_path: Path) -> None:
+    packed(tmp_path / "walk.zip", {f"{k}.txt": MALL for k in range(MOST + 1)})
+    (walk,) = read(tmp_path)
+    assert "holds more than 3 walks" in str(walk.found.refusal)
+
+
+def sent(owner: TestClient, name: str, data: bytes) -> str:
+    """The recording that came of a file, the first of several."""
+    told = f"filename {base64.b64encode(name.encode()).decode()}"
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(data))}
+    made = owner.post("/api/uploads", headers=headers, content=data)
+    assert made.status_code == 201, made.text
+    head = owner.head(made.headers["location"], headers=TUS)
+    assert head.headers["elfslam-recording"] == made.headers["elfslam-recording"]
+    return str(made.headers["elfslam-recording"])
+
+
+def test_each_walk_of_a_file_becomes_a_recording_with_its_name(
+    owner: TestClient, services: Services, tmp_path: Path
+) -> None:
+    data = packed(tmp_path / "w.zip", {"one.txt": MALL, "two.txt": "1\tTYPE_X\t1\n"}).read_bytes()
+    first = sent(owner, "walks.zip", data)
+    kept = {each["name"]: each for each in owner.get("/api/recordings").json()}
+    assert {name: each["state"] for name, each in kept.items()} == {
+        "one": "ready",
+        "two": "refused",
+    }
+    assert first == kept["one"]["id"]
+    assert kept["two"]["refusal"].startswith("two.txt: has no TYPE_ACCELEROMETER records")
+    jobs = [job["given"]["recording"] for job in owner.get("/api/jobs").json()]
+    assert jobs == [first], "what was refused is not mapped"
+    assert list(services.settings.work_folder.iterdir()) == []
+    assert list(services.settings.uploads_folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("name", "kept"),
+    [
+        ("round the hall.TXT", "round the hall"),
+        ("../../over/walk.txt", ".._.._over_walk"),
+        ("路" * 100 + ".txt", "路" * 60),
+        (".txt.txt", "txt"),
+    ],
+)
+def test_a_walk_is_called_as_its_file(owner: TestClient, name: str, kept: str) -> None:
+    told = owner.get(f"/api/recordings/{sent(owner, name, MALL.encode())}").json()
+    assert (told["name"], told["state"]) == (kept.lstrip("."), "ready")
+
+
+def test_sound_of_a_program_that_plays_no_chirps_is_mapped_by_motion(
+    owner: TestClient, tmp_path: Path
+) -> None:
+    told = sent(owner, "walk.txt", MALL.encode())
+    (job,) = owner.get("/api/jobs").json()
+    assert job["given"] == {"recording": told, "by": ["motion"]}
+
+
+@pytest.mark.parametrize("name", ["walk.pdf", "walk.csv", "walk", "audio.flac", ".zi"])
+def test_what_ends_in_nothing_known_is_not_begun(owner: TestClient, name: str) -> None:
+    told = f"filename {base64.b64encode(name.encode()).decode()}"
+    headers = {**TUS, "Upload-Metadata": told, "Upload-Length": "1"}
+    answer = owner.post("/api/uploads", headers=headers)
+    assert answer.status_code == 400
+    assert ".tar.xz" in answer.json()["detail"]

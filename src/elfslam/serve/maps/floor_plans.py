@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-import io
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
-from PIL import Image, UnidentifiedImageError
 from pydantic import BaseModel, Field
 
+from elfslam.data.plan_pictures import PlanKind
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.bodies import MapBody, body_of
+from elfslam.serve.maps.plan_pictures import picture_of
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
 from elfslam.serve.sharing.rights import Asks, Right, current_asker, map_for
@@ -24,14 +24,11 @@ from elfslam.serve.store.sending import scratch_file, sent_blob
 router = APIRouter(
     tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
 )
-"""Nobody's image is read before it is known who asks."""
-TYPES = {"PNG": "image/png", "JPEG": "image/jpeg"}
-MOST_PIXELS = 40_000_000
-TOO_MANY_PIXELS = Problem(
-    422, f"the image has more than {MOST_PIXELS // 10**6} million pixels; make it smaller"
-)
-ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
-"""Of EXIF: browsers turn such images by a quarter."""
+"""Nobody's plan is read before it is known who asks."""
+PICTURES = (PlanKind.PNG, PlanKind.JPEG)
+"""What a plan is kept and sent as, whatever it came as."""
+ALSO = "application/json"
+"""What browsers call GeoJSON."""
 FARTHEST_M = 1e6
 
 
@@ -46,9 +43,9 @@ class ImagePlacement(BaseModel):
 
 
 async def image_body(request: Request) -> bytes:
-    """The body of a request that carries an image."""
-    if request.headers.get("content-type", "").partition(";")[0].strip() not in TYPES.values():
-        raise Problem(415, f"wanted {' or '.join(TYPES.values())}; save the plan as one of these")
+    """The body of a request that carries a plan."""
+    if request.headers.get("content-type", "").partition(";")[0].strip() not in (*PlanKind, ALSO):
+        raise Problem(415, f"wanted {', '.join(PlanKind)}; save the plan as one of these")
     return await request.body()
 
 
@@ -60,7 +57,7 @@ async def image_body(request: Request) -> bytes:
         "requestBody": {
             "required": True,
             "content": {
-                kind: {"schema": {"type": "string", "format": "binary"}} for kind in TYPES.values()
+                str(kind): {"schema": {"type": "string", "format": "binary"}} for kind in PlanKind
             },
         }
     },
@@ -68,11 +65,15 @@ async def image_body(request: Request) -> bytes:
 def put_floor_plan(
     map_id: str, image: Annotated[bytes, Depends(image_body)], asker: Asks, services: Here
 ) -> MapBody:
-    """Put an image (PNG or JPEG) below a map; an older one goes, its placement stays."""
+    """Put a plan below a map; an older one goes, its placement stays.
+
+    PNG and JPEG are kept as they are; the first page of a PDF, an SVG and GeoJSON (degrees or
+    metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is.
+    """
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
         refuse_full(services, session, found.user_id)
-    facts = facts_of_image(image)
+    image, facts = picture_of(services.settings, image)
     store = services.settings.blobs_folder
     with scratch_file(services.settings, image) as file, blobs.locked(store):
         blob = blobs.put(store, file)
@@ -95,7 +96,7 @@ def put_floor_plan(
     "",
     operation_id="get_floor_plan",
     response_class=FileResponse,
-    responses={200: {"content": {kind: {} for kind in TYPES.values()}}},
+    responses={200: {"content": {str(kind): {} for kind in PICTURES}}},
 )
 def get_floor_plan(map_id: str, asker: Asks, services: Here) -> FileResponse:
     """The image below a map."""
@@ -133,25 +134,6 @@ def place_floor_plan(
             raise _none()
         found.floor_plan = {**found.floor_plan, "placement": placement.model_dump()}
         return body_of(session, asker, found)
-
-
-def facts_of_image(content: bytes) -> dict[str, Any]:
-    """Type and size of a whole PNG or JPEG, as a browser shows it. Raises Problem 422."""
-    try:
-        with Image.open(io.BytesIO(content), formats=list(TYPES)) as image:
-            width, height = image.size
-            if width * height > MOST_PIXELS:
-                raise TOO_MANY_PIXELS
-            image.load()
-            turned = image.getexif().get(ORIENTATION) in ON_ITS_SIDE
-            kind = TYPES[str(image.format)]
-    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as cause:
-        raise TOO_MANY_PIXELS from cause
-    except (OSError, ValueError, SyntaxError) as cause:
-        why = "something else" if isinstance(cause, UnidentifiedImageError) else "a damaged one"
-        raise Problem(422, f"wanted a PNG or JPEG image, got {why}; save the plan again") from cause
-    size = (height, width) if turned else (width, height)
-    return {"width_px": size[0], "height_px": size[1], "type": kind}
 
 
 def _none() -> Problem:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import secrets
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -19,6 +19,7 @@ from typing import Any
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
+from elfslam.base.choices import Modality
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.reading import ReadFolder, read_apart
@@ -61,6 +62,18 @@ class Come:
     blob: Blob
 
 
+@dataclass(frozen=True)
+class Part:
+    """A recording to be kept: its files, and what they hold.
+
+    `begin` gives the row of the recording that still waits for them, or None where none does.
+    """
+
+    come: list[Come]
+    found: ReadFolder
+    begin: Begin
+
+
 def complete(
     services: Services, recording_id: str, files: list[Promised], *, wants_map: bool
 ) -> None:
@@ -80,7 +93,7 @@ def complete(
                 blobs.link_or_copy(file.path, folder / file.name)
             found = read_apart(folder, services.settings.limits)
         begin = partial(_receiving, recording_id=recording_id)
-        keep(services, come, found, begin, wants_map=wants_map)
+        keep(services, [Part(come, found, begin)], wants_map=wants_map)
         for upload in uploads:
             (services.settings.uploads_folder / upload.id).unlink(missing_ok=True)
 
@@ -119,28 +132,30 @@ def scratch(settings: ServerSettings) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def keep(
-    services: Services, come: list[Come], found: ReadFolder, begin: Begin, *, wants_map: bool
-) -> None:
-    """Keep the files of a recording and say what it is, in one commit.
-
-    `begin` gives the row of the recording that still waits for this, or None where none does.
-    """
+def keep(services: Services, parts: Sequence[Part], *, wants_map: bool) -> None:
+    """Keep the files of recordings and say what they are, all in one commit."""
+    files = [file for part in parts for file in part.come]
     folder = services.settings.blobs_folder
     try:
         with blobs.locked(folder):
-            for file in come:
+            for file in files:
                 blobs.place(folder, file.path, file.blob)
             with transaction(services.sessions) as session:
-                recording = begin(session)
-                if recording is not None:
-                    _describe(session, recording, come, found)
-                    if wants_map and not found.refusal:
-                        session.add(map_job(recording))
+                for part in parts:
+                    _keep_part(session, part, wants_map=wants_map)
     except BaseException:
-        drop_unnamed(services, [file.blob.sha256 for file in come])
+        drop_unnamed(services, [file.blob.sha256 for file in files])
         raise
     services.jobs_wanted.set()
+
+
+def _keep_part(session: Session, part: Part, *, wants_map: bool) -> None:
+    recording = part.begin(session)
+    if recording is None:
+        return
+    _describe(session, recording, part.come, part.found)
+    if wants_map and not part.found.refusal:
+        session.add(map_job(recording))
 
 
 def _receiving(session: Session, recording_id: str) -> Recording | None:
@@ -165,8 +180,10 @@ def _describe(session: Session, recording: Recording, come: list[Come], found: R
 
 
 def map_job(recording: Recording) -> Job:
-    """The job that maps a recording."""
+    """The job that maps a recording; by motion where it is known that nothing chirped."""
     given: dict[str, Any] = {"recording": recording.id}
+    if recording.facts.get("chirps") is False:
+        given["by"] = [Modality.MOTION]
     start_pose = recording.facts.get("start_pose")
     if start_pose is not None:
         given["start_pose"] = start_pose

@@ -1,7 +1,6 @@
 """Reads the folder of a recording and prints what it holds, as JSON.
 
-`python -m elfslam.serve.receiving.reader FOLDER LIMITS [ZIP]` keeps to the limits, and first
-unpacks the zip into the folder where one is named. Exits with `DISK_FULL` where that has no room.
+`python -m elfslam.serve.receiving.reader FOLDER LIMITS` keeps to the limits.
 """
 
 from __future__ import annotations
@@ -9,6 +8,7 @@ from __future__ import annotations
 import json
 import resource
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -24,41 +24,29 @@ from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.serve.problems import is_disk_full
 from elfslam.serve.receiving.reading import DISK_FULL, ReadFolder
 from elfslam.serve.settings import Limits
-from elfslam.serve.store.zips import unpack_recording
 from elfslam.slam.coverage import spans_of
 
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""
+TOO_MUCH_MEMORY = "reading needs more memory than is allowed; cut it in parts"
 
 
-def find(folder: Path, limits: Limits, packed: Path | None = None) -> ReadFolder:
-    """What a folder holds, read here and now, once `packed` is in it. Raises OSError ENOSPC."""
+def find(folder: Path) -> ReadFolder:
+    """What a folder holds, read here and now."""
     try:
-        if packed is not None:
-            _unpack(packed, folder, limits)
         recording = read_recording(folder)
         if recording.audio is not None:
             check_rate(recording.audio.rate_hz)
         return ReadFolder(facts_of(recording))
     except InputError as error:
-        return ReadFolder(refusal=_without(str(error), folder, packed))
+        return ReadFolder(refusal=without(str(error), folder))
     except MemoryError:
-        return ReadFolder(refusal="reading needs more memory than is allowed; cut it in parts")
+        return ReadFolder(refusal=TOO_MUCH_MEMORY)
 
 
-def _unpack(packed: Path, folder: Path, limits: Limits) -> None:
-    """All of a zip or nothing: what is cut short lies in a folder of its own."""
-    partial = folder / "partial"
-    partial.mkdir()
-    unpack_recording(packed, partial, limits)
-    for file in partial.iterdir():
-        file.rename(folder / file.name)
-    partial.rmdir()
-
-
-def _without(text: str, *paths: Path | None) -> str:
+def without(text: str, *paths: Path) -> str:
     """The text without the places of this machine."""
-    for path in filter(None, paths):
+    for path in paths:
         text = text.replace(f"{path}/", "").replace(f"{path}: ", "")
     return text
 
@@ -103,20 +91,19 @@ def _footsteps(recording: Recording) -> int | None:
         return None
 
 
-def main(folder: Path, limits: Limits, packed: Path | None) -> int:
-    """Print what is found in a folder, with at most so much memory; gives the exit code."""
+def answer(limits: Limits, work: Callable[[], Any]) -> int:
+    """Print what comes of the work, as JSON, with at most so much memory; gives the exit code."""
     resource.setrlimit(resource.RLIMIT_AS, (limits.reading_bytes, limits.reading_bytes))
     try:
-        found = find(folder, limits, packed)
+        found = work()
     except OSError as error:
         if is_disk_full(error):
             return DISK_FULL
         raise
-    print(json.dumps(asdict(found), allow_nan=False))
+    print(json.dumps(found, allow_nan=False))
     return 0
 
 
 if __name__ == "__main__":
-    told_folder, told_limits, *told_zips = sys.argv[1:]
-    told_zip = Path(told_zips[0]) if told_zips else None
-    sys.exit(main(Path(told_folder), Limits(**json.loads(told_limits)), told_zip))
+    told_folder, told_limits = sys.argv[1:]
+    sys.exit(answer(Limits(**json.loads(told_limits)), lambda: asdict(find(Path(told_folder)))))

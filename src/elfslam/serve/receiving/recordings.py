@@ -12,7 +12,7 @@ from anyio import to_thread
 from fastapi import APIRouter, Response
 from fastapi.responses import StreamingResponse
 from pydantic import AfterValidator, BaseModel, Field
-from sqlalchemy import func, select
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import Me, known_id, not_found
@@ -30,7 +30,11 @@ from elfslam.serve.store.database import (
     transaction,
 )
 from elfslam.serve.store.folder_files import FILE_NAMES
-from elfslam.serve.store.holdings import delete_recordings, upload_bytes
+from elfslam.serve.store.holdings import (
+    delete_recordings,
+    refuse_more_recordings,
+    upload_bytes,
+)
 from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import Line
 
@@ -101,11 +105,8 @@ class Completion(BaseModel):
 @router.post("", status_code=201, operation_id="begin_recording", responses=problems(409))
 def begin_recording(given: NewRecording, user: Me, services: Here) -> RecordingBody:
     """Begin a recording, to which files are then uploaded."""
-    most = services.settings.limits.recordings
     with transaction(services.sessions) as session:
-        count = select(func.count()).select_from(Recording).filter_by(user_id=user.id)
-        if (session.scalar(count) or 0) >= most:
-            raise Problem(409, f"you have {most} recordings; delete one first")
+        refuse_more_recordings(services, session, user.id)
         facts = {} if given.start_pose is None else {"start_pose": list(given.start_pose)}
         recording = Recording(user_id=user.id, name=given.name, device=given.device, facts=facts)
         session.add(recording)

@@ -26,8 +26,8 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
-from elfslam.serve.store.folder_files import FILE_NAMES, is_whole
-from elfslam.serve.store.holdings import upload_bytes, used_bytes
+from elfslam.serve.store.folder_files import FILE_NAMES, WHOLE, is_whole
+from elfslam.serve.store.holdings import refuse_more_recordings, upload_bytes, used_bytes
 from elfslam.serve.texts import plain_line
 
 
@@ -73,7 +73,7 @@ def wanted_of(told: dict[str, str], length: int | None, defers: str | None) -> W
         raise Problem(
             400,
             f"filename {name!r:.60}: wanted a file of a recording folder with its recording, "
-            "or a .zip without one",
+            f"or all of a walk without one ({', '.join(WHOLE)})",
         )
     return Wanted(name, recording_id, length, told.get("map", "true") != "false")
 
@@ -83,6 +83,8 @@ def begin(services: Services, user: User, wanted: Wanted) -> Upload:
     limits, upload_id = services.settings.limits, new_id()
     file = file_of(services.settings, upload_id)
     with transaction(services.sessions) as session:
+        if wanted.recording_id is None:
+            refuse_more_recordings(services, session, user.id)
         _check_recording(session, user, wanted)
         count = select(func.count()).select_from(Upload).filter_by(user_id=user.id, finished=False)
         if (session.scalar(count) or 0) >= limits.open_uploads:

@@ -49,7 +49,7 @@ TOLD = _described(
     Upload_Offset="bytes that are on the disk",
     Upload_Length="bytes in all, where that was said",
     Upload_Expires="when it is deleted if nothing is added",
-    Elfslam_Recording="the recording that came of a .zip",
+    Elfslam_Recording="the recording that came of a whole file, the first of several",
 )
 BEGUN = {**TOLD, **_described(Location="where the bytes go")}
 
@@ -97,7 +97,9 @@ async def begin_upload(
 ) -> Response:
     """Begin the upload of one file; `Location` says where its bytes go.
 
-    `Upload-Metadata` names the `recording` and the `filename`, or a `filename` ending in .zip.
+    `Upload-Metadata` names the `recording` and the `filename`, or else a `filename` that ends in
+    .zip, .tar.xz, .txt or .mat: a whole recording, or the log of another program. It is told by its
+    content which, and each walk in it becomes a recording.
     """
     wanted = wanted_of(tus.parse_metadata(upload_metadata), upload_length, upload_defer_length)
     checksum = tus.parse_checksum(upload_checksum)

@@ -25,10 +25,16 @@ FILE_NAMES = frozenset(
         "waypoints.csv",
     )
 )
-ZIP = ".zip"
-"""So end the names of whole recordings."""
+WHOLE = (".zip", ".tar.xz", ".txt", ".mat")
+"""So end the names of whole recordings, and of what other programs write."""
 
 
 def is_whole(name: str) -> bool:
-    """Whether an upload of this name is a whole recording."""
-    return name.lower().endswith(ZIP)
+    """Whether an upload of this name is all of a recording, or of several."""
+    return name.lower().endswith(WHOLE)
+
+
+def stem_of(name: str) -> str:
+    """The name of such an upload without its ending."""
+    ending = next((each for each in WHOLE if name.lower().endswith(each)), "")
+    return name[: len(name) - len(ending)]

@@ -7,6 +7,7 @@ from collections.abc import Iterable
 from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
+from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store import blobs
@@ -45,6 +46,19 @@ def used_bytes(services: Services, session: Session, user_id: str) -> int:
         kept += int(session.scalar(mine) or 0)
     uploads = session.scalars(select(Upload.id).filter_by(user_id=user_id))
     return kept + sum(upload_bytes(services.settings, name) for name in uploads)
+
+
+def recordings_left(services: Services, session: Session, user_id: str) -> int:
+    """How many recordings a user may still have."""
+    count = select(func.count()).select_from(Recording).filter_by(user_id=user_id)
+    return services.settings.limits.recordings - (session.scalar(count) or 0)
+
+
+def refuse_more_recordings(services: Services, session: Session, user_id: str) -> None:
+    """Raise Problem 409 where a user has as many as they may."""
+    if recordings_left(services, session, user_id) <= 0:
+        most = services.settings.limits.recordings
+        raise Problem(409, f"you have {most} recordings; delete one first")
 
 
 def drop_unnamed(services: Services, sha256s: Iterable[str]) -> None:

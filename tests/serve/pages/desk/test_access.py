@@ -14,7 +14,7 @@ from tests.accessibility import violations
 
 Open = Callable[..., Any]
 ACTIVE = "document.activeElement"
-PAGES = ("#/recordings", "#/jobs", "#/maps", "map", "shared map")
+PAGES = ("#/recordings", "#/jobs", "#/maps", "map", "shared map", "recording")
 DIALOGS = {
     "Share round the studio": "Share round the studio",
     "Rename round the studio": "Name and place",
@@ -32,8 +32,8 @@ SMALL = (HERE / "small.js").read_text()
 @pytest.fixture
 def full(person: Any, invite: Any, run_folder: Path, walk_folder: Path) -> Any:
     """Somebody with one of everything, and with whom something is shared."""
-    recording = person.plant_recording("round the studio", walk_folder)
-    given = {"recording": recording}
+    person.recording = person.plant_recording("round the studio", walk_folder)
+    given = {"recording": person.recording}
     person.map_id = person.plant_map("round the studio", run_folder)
     person.plant_map(
         "a second map with quite a long name of its own",
@@ -57,14 +57,15 @@ def full(person: Any, invite: Any, run_folder: Path, walk_folder: Path) -> Any:
 
 def visit(page: Any, person: Any, where: str) -> None:
     maps = {"map": person.map_id, "shared map": person.shared_id}
-    fragment = f"#/maps/{maps[where]}" if where in maps else where
-    page.evaluate("fragment => { location.hash = fragment; }", fragment)
+    things = {name: f"#/maps/{map_id}" for name, map_id in maps.items()}
+    things["recording"] = f"#/recordings/{person.recording}"
+    page.evaluate("fragment => { location.hash = fragment; }", things.get(where, where))
     if where in maps:
         name = {"map": "round the studio", "shared map": "a third"}[where]
         page.get_by_role("heading", name=name, level=1).wait_for()
         page.wait_for_selector(".exports li")
     else:
-        page.wait_for_selector("table.list")
+        page.wait_for_selector("figure.plot" if where == "recording" else "table.list")
 
 
 @pytest.mark.parametrize("scheme", ["light", "dark"])

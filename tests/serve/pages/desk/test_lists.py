@@ -192,10 +192,12 @@ def test_a_dropped_zip_is_uploaded_and_becomes_a_recording(
     assert row(page, "0:").count() == 1, "its length is known"
 
 
-def test_what_is_no_zip_is_refused_in_words(person: Any, open_desk: Open, tmp_path: Path) -> None:
-    file = tmp_path / "walk.txt"
+def test_what_no_program_writes_is_refused_in_words(
+    person: Any, open_desk: Open, tmp_path: Path
+) -> None:
+    file = tmp_path / "walk.doc"
     file.write_text("no")
     page = open_desk(person)
     page.locator("input[name=recordings]").set_input_files(file)
-    page.get_by_role("alert").get_by_text("walk.txt is no .zip").wait_for()
+    page.get_by_role("alert").get_by_text("walk.doc: wanted what ends in .zip").wait_for()
     page.get_by_text("No recordings yet").wait_for()  # nothing was begun

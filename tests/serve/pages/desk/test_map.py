@@ -244,6 +244,61 @@ def test_a_dragged_plan_stays_where_it_was_put(
     assert (pixels(page) != before).any()
 
 
+def tapped(page: Any, run_folder: Path, *places_m: tuple[float, float]) -> None:
+    box = canvas_box(page)
+    for place in places_m:
+        x, y = px_of(page, run_folder, place)
+        page.mouse.click(box["x"] + x, box["y"] + y)
+
+
+def test_a_plan_is_placed_by_two_points(
+    page: Any, map_id: str, floor_plan: Path, asked: Any, run_folder: Path
+) -> None:
+    page.locator("input[name=plan-file]").set_input_files(floor_plan)
+    page.get_by_role("button", name="Place by points").click()
+    width_m, x_m, y_m, _ = placement_fields(page)
+    first = x_m + 0.3 * width_m, y_m + 0.3 * width_m
+    page.get_by_text("Tap a place on the plan, such as a corner (1 of 2).").wait_for()
+    there = first[0] + 0.1 * width_m, first[1] + 0.1 * width_m
+    tapped(page, run_folder, first, there, (first[0] + 0.3 * width_m, first[1]))
+    page.get_by_text("Now tap where that is on the walk.").wait_for()
+    tapped(page, run_folder, (there[0] + 0.2 * width_m, there[1]))
+    page.get_by_text("A third place makes it more exact").wait_for()
+    page.get_by_role("button", name="Done").click()
+    page.get_by_text("Saved", exact=True).wait_for()
+    kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]["placement"]
+    near = 3 / px_per_m(page)
+    assert kept["width_m"] == pytest.approx(width_m / 1.5, abs=4 * near)
+    assert [kept["x_m"], kept["y_m"]] == pytest.approx(
+        [there[0] - 0.2 * width_m, there[1] - 0.2 * width_m], abs=2 * near
+    )
+    assert kept["heading_rad"] == pytest.approx(0, abs=0.05)
+
+
+SVG = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 40 30">'
+    '<rect x="1" y="1" width="38" height="28" fill="none" stroke="black"/></svg>'
+)
+
+
+def test_an_svg_is_scaled_by_a_known_length(
+    page: Any, map_id: str, tmp_path: Path, asked: Any, run_folder: Path
+) -> None:
+    (tmp_path / "plan.svg").write_text(SVG)
+    page.locator("input[name=plan-file]").set_input_files(tmp_path / "plan.svg")
+    page.get_by_role("button", name="Scale by a length").click()
+    width_m, x_m, y_m, _ = placement_fields(page)
+    across = [(x_m + share * width_m, y_m + 0.3 * width_m) for share in (0.3, 0.7)]
+    tapped(page, run_folder, *across)
+    page.locator("input[name=plan-length]").fill("8")
+    page.get_by_role("button", name="Scale it").click()
+    page.get_by_text("Saved", exact=True).wait_for()
+    kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]
+    assert kept["placement"]["width_m"] == pytest.approx(20, rel=0.03)
+    assert kept["type"] == "image/png"
+    assert page.locator(".tie-bar").is_hidden()
+
+
 def test_a_plan_that_is_no_image_is_refused_in_words(page: Any, tmp_path: Path) -> None:
     file = tmp_path / "plan.png"
     file.write_bytes(b"no image at all")
@@ -256,7 +311,7 @@ def test_a_removed_plan_is_gone(page: Any, map_id: str, floor_plan: Path, asked:
     page.locator("input[name=plan-file]").set_input_files(floor_plan)
     page.get_by_role("button", name="Remove").click()
     page.get_by_role("button", name="Delete for good").click()
-    page.get_by_text("Choose an image").wait_for()
+    page.get_by_text("Choose a plan").wait_for()
     assert asked(page, f"/api/maps/{map_id}")["floor_plan"] is None
     assert asked(page, f"/api/maps/{map_id}/floor-plan") == 404
 

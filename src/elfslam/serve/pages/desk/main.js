@@ -10,6 +10,7 @@ import { h, morph, one, onActions } from "../shared/dom.js";
 import { jobActions, jobsView } from "./jobs_view.js";
 import { mapActions, mapsView } from "./maps_view.js";
 import { openMap } from "./map_page.js";
+import { openRecording } from "./recording/page.js";
 import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
 import { whoIsHere } from "./session.js";
@@ -32,15 +33,24 @@ import { userActions, usersView } from "./users_view.js";
  * @property {() => number} nowMs
  */
 
+/** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened a page that
+ * looks after itself; `receive` takes dropped files, or does not want them */
+
 const VIEWS = { recordings: recordingsView, jobs: jobsView, maps: mapsView, users: usersView };
 const ACTIONS = { recordings: recordingActions, jobs: jobActions, maps: mapActions, users: userActions };
-const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map", shared: "Map", missing: "No such page" };
+const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map", shared: "Map", recording: "Recording", missing: "No such page" };
+
+/** Pages of one thing: who opens them, their list, and what is said where it is gone or cannot be shown. */
+const THINGS = {
+  map: { open: openMap, list: "maps", waiting: "map-page waiting", gone: "This map is not here", lost: "This map cannot be shown", back: "Back to the maps" },
+  recording: { open: openRecording, list: "recordings", waiting: "page waiting", gone: "This recording is not here", lost: "This recording cannot be shown", back: "Back to the recordings" },
+};
 
 /** @param {import("./session.js").Me} me */
 function openDesk(me) {
   const main = one("main");
-  /** @type {import("./map_page.js").Opened | null} */
-  let map = null;
+  /** @type {Opened | null} */
+  let thing = null;
   let shown = "";
   let opened = 0;
 
@@ -48,7 +58,7 @@ function openDesk(me) {
     if (me.is_owner && shown === "users") void loadUsers().then(render);
     forgetGone(desk.chosen, [...known.recordings, ...known.maps]);
     render();
-    map?.changed();
+    thing?.changed();
   }, showConnection);
 
   const uploads = uploader(() => render(), () => void now());
@@ -74,7 +84,7 @@ function openDesk(me) {
     });
   }
 
-  /** The list that is open, brought up to date. A map looks after itself. */
+  /** The list that is open, brought up to date. A page of one thing looks after itself. */
   function render() {
     countJobs(known);
     const { name } = pageOf(location.hash);
@@ -89,13 +99,14 @@ function openDesk(me) {
     const { name, id } = pageOf(location.hash);
     const turn = ++opened;
     const isWanted = () => turn === opened;
-    map?.leave();
-    map = null;
+    thing?.leave();
+    thing = null;
     shown = name;
     document.title = `${TITLES[name]} · elfslam`;
     document.body.dataset.page = name === "shared" ? "map" : name;
     markNavigation(name);
-    if (name === "map" || name === "shared") await showMap(name, id, isWanted);
+    if (name === "map" || name === "recording") await showThing(THINGS[name], async () => id, isWanted);
+    else if (name === "shared") await showThing(THINGS.map, async () => (await openLink(id)).map, isWanted);
     else if (name === "missing") main.replaceChildren(blankPage("There is no such page", "The desk has no page at this address; it may have been cut off where it was copied.", h("a", { class: "button", href: "#/recordings" }, "To the recordings")));
     else {
       main.replaceChildren();
@@ -107,17 +118,16 @@ function openDesk(me) {
     scrollTo(0, 0);
   }
 
-  /** @param {"map" | "shared"} name @param {string} id of a map, or what a link holds @param {() => boolean} isWanted */
-  async function showMap(name, id, isWanted) {
-    main.replaceChildren(h("div", { class: "map-page waiting", "aria-busy": "true" }));
+  /** @param {typeof THINGS.map | typeof THINGS.recording} kind @param {() => Promise<string>} idOf which one @param {() => boolean} isWanted */
+  async function showThing(kind, idOf, isWanted) {
+    main.replaceChildren(h("div", { class: kind.waiting, "aria-busy": "true" }));
     try {
-      const mapId = name === "map" ? id : (await openLink(id)).map;
-      map = (await openMap(desk, mapId, main, isWanted)) ?? map;
+      thing = (await kind.open(desk, await idOf(), main, isWanted)) ?? thing;
     } catch (problem) {
       if (!isWanted()) return;
       const isGone = problem instanceof Problem && problem.status === 404;
-      main.replaceChildren(blankPage(isGone ? "This map is not here" : "This map cannot be shown", problem instanceof Error ? problem.message : String(problem),
-        h("a", { class: "button", href: "#/maps" }, "Back to the maps")));
+      main.replaceChildren(blankPage(isGone ? kind.gone : kind.lost, problem instanceof Error ? problem.message : String(problem),
+        h("a", { class: "button", href: `#/${kind.list}` }, kind.back)));
     }
   }
 
@@ -141,7 +151,7 @@ function openDesk(me) {
     input.value = "";
   });
   onDrop((files) => {
-    if (map?.receive(files)) return;
+    if (thing?.receive(files)) return;
     if (pageOf(location.hash).name !== "recordings") location.hash = "#/recordings";
     uploads.send(files);
   });
@@ -157,7 +167,7 @@ function openDesk(me) {
 /** @param {string} name of the page that is open */
 function markNavigation(name) {
   for (const link of document.querySelectorAll("nav a")) {
-    const isHere = link.getAttribute("href") === `#/${name === "map" ? "maps" : name}`;
+    const isHere = link.getAttribute("href") === `#/${name === "map" || name === "recording" ? THINGS[name].list : name}`;
     if (isHere) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }

@@ -19,14 +19,13 @@ import { sharedWords, shareMap } from "./sharing.js";
 import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
 import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
-import { planOf } from "./viewer/plan_panel.js";
+import { planOf, planType } from "./viewer/plan_panel.js";
 import { sceneOf } from "./viewer/scene.js";
 import { firstState } from "./viewer/state.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
-/** @typedef {{changed: () => void, receive: (files: File[]) => boolean, leave: () => void}} Opened `receive`
- * takes dropped files, or does not want them */
+/** @typedef {import("./main.js").Opened} Opened */
 
 /**
  * The page of a map, in `root`; null where nobody wants it any more once it has come. Throws Problem where
@@ -43,11 +42,11 @@ export async function openMap(desk, id, root, isWanted) {
   const scene = sceneOf(view);
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": "About this map" });
-  const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished) });
+  const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished), onTap: (xy_m) => plan.tap(xy_m) });
   const canEdit = () => map.right !== "read";
   const plan = planOf(id, state, scene.bounds_m, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
   let legend = legendOf(scene, state);
-  canvas.stage.append(legend);
+  canvas.stage.append(legend, plan.bar);
 
   function redraw() {
     const now = legendOf(scene, state);
@@ -137,7 +136,7 @@ export async function openMap(desk, id, root, isWanted) {
     changed,
     receive(files) {
       if (!canEdit()) return false;
-      const image = files.find((file) => /^image\/(png|jpeg)$/.test(file.type));
+      const image = files.find((file) => planType(file) !== undefined);
       if (image) void plan.upload(image);
       return image !== undefined;
     },

@@ -8,6 +8,7 @@ import { chosenOf, matching, sorted } from "./finding.js";
 import { fileName, formatAgo, formatBytes, formatDuration, plural } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { stateOfJob } from "./jobs_view.js";
+import { ENDINGS } from "./uploads.js";
 import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
 import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
@@ -24,11 +25,11 @@ export function recordingsView({ known, uploads, chosen, orders, nowMs }) {
   const order = orders.recordings;
   const all = known.recordings.length;
   const add = h("label", { class: "button primary" }, icon("upload"), "Add recordings",
-    h("input", { type: "file", accept: ".zip,application/zip", multiple: true, class: "visually-hidden", name: "recordings" }));
+    h("input", { type: "file", accept: [...ENDINGS, ".xz"].join(","), multiple: true, class: "visually-hidden", name: "recordings" }));
   const shown = shownRecordings(known.recordings, order);
   const rows = shown.map((recording) => rowOf(recording, known, chosen, nowMs()));
   return h("div", { class: "page" },
-    headOf("Recordings", "Walks from a phone. A folder packed as .zip can be dropped anywhere on this page.", add),
+    headOf("Recordings", "Walks from a phone, and what Sensor Logger, phyphox and other programs recorded: drop the files anywhere on this page.", add),
     uploads?.list(),
     all > 1 && toolbarOf("Recordings", order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all, chosen: deleteChosen(chosenOf(shown, chosen).length) }),
     rows.length > 0 ? tableOf("Recordings", COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
@@ -42,7 +43,7 @@ function shownRecordings(recordings, { find, by }) {
 /** @param {Known} known */
 function nothing(known) {
   return emptyPage(known, "phone", "No recordings yet", [
-    "Open ", h("a", { href: "./" }, "the phone page"), " on a phone and walk, or drop a recording's .zip here."]);
+    "Open ", h("a", { href: "./" }, "the phone page"), " on a phone and walk, or drop recordings here."]);
 }
 
 /** @param {Recording} recording @param {Known} known @param {Set<string>} chosen @param {number} nowMs */
@@ -51,7 +52,7 @@ function rowOf(recording, known, chosen, nowMs) {
   const ready = recording.state === "ready";
   return h("tr", { "data-key": id, role: "row" },
     chooseCell(id, name, chosen.has(id)),
-    rowHead(h("strong", null, name), h("small", null, device)),
+    rowHead(h("a", { href: `#/recordings/${encodeURIComponent(id)}` }, name), h("small", null, device)),
     cell("When", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     cell("Length", formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, plural(facts.footsteps, "footstep")) : null),
     cell("Size", formatBytes(bytesOf(recording))),
@@ -80,7 +81,7 @@ export function shareCome({ uploads }) {
 }
 
 /** @param {Recording} recording @param {Known} known */
-function stateOf(recording, known) {
+export function stateOf(recording, known) {
   if (recording.state === "refused") {
     return [h("span", { class: "badge", "data-verdict": "fail" }, "Refused"), h("small", { class: "problem" }, recording.refusal)];
   }
@@ -103,22 +104,14 @@ function goneWords(bytes) {
 /** @param {Desk} desk */
 export function recordingActions(desk) {
   const found = (/** @type {string} */ id) => desk.known.recordings.find((recording) => recording.id === id);
-  const post = async (/** @type {object | null} */ job, /** @type {string} */ words) => {
-    if (!job) return;
-    await orSay(async () => {
-      await askJson("/api/jobs", { method: "POST", json: job });
-      say(words);
-    });
-    await desk.now();
-  };
   return {
     async map(/** @type {string} */ id) {
       const recording = found(id);
-      if (recording) await post(await askToMap(recording), `${recording.name} is waiting to be mapped.`);
+      if (recording) await mapRecording(desk, recording);
     },
     async locate(/** @type {string} */ id) {
       const recording = found(id);
-      if (recording) await post(await askToLocate([recording], desk.known.maps), `${recording.name} is waiting to be located.`);
+      if (recording) await post(desk, await askToLocate([recording], desk.known.maps), `${recording.name} is waiting to be located.`);
     },
     async rename(/** @type {string} */ id) {
       const recording = found(id);
@@ -126,10 +119,7 @@ export function recordingActions(desk) {
     },
     async delete(/** @type {string} */ id) {
       const recording = found(id);
-      if (!recording) return;
-      if (!(await confirmDelete(recording.name, goneWords(bytesOf(recording))))) return;
-      await orSay(() => ask(`/api/recordings/${encodeURIComponent(id)}`, { method: "DELETE" }));
-      await desk.now();
+      if (recording) await deleteRecording(desk, recording);
     },
     async "delete-chosen"() {
       const recordings = chosenOf(shownRecordings(desk.known.recordings, desk.orders.recordings), desk.chosen);
@@ -140,4 +130,28 @@ export function recordingActions(desk) {
     },
     "stop-upload": (/** @type {string} */ id) => desk.uploads?.stop(id),
   };
+}
+
+/** Ask for a job and say so. @param {Desk} desk @param {object | null} job null where nobody wants one
+ * @param {string} words */
+async function post(desk, job, words) {
+  if (!job) return;
+  await orSay(async () => {
+    await askJson("/api/jobs", { method: "POST", json: job });
+    say(words);
+  });
+  await desk.now();
+}
+
+/** @param {Desk} desk @param {Recording} recording */
+export async function mapRecording(desk, recording) {
+  await post(desk, await askToMap(recording), `${recording.name} is waiting to be mapped.`);
+}
+
+/** @param {Desk} desk @param {Recording} recording @returns {Promise<boolean>} whether it is gone */
+export async function deleteRecording(desk, recording) {
+  if (!(await confirmDelete(recording.name, goneWords(bytesOf(recording))))) return false;
+  const gone = await orSay(() => ask(`/api/recordings/${encodeURIComponent(recording.id)}`, { method: "DELETE" }));
+  await desk.now();
+  return gone;
 }

@@ -2,7 +2,7 @@
 
 import { linkIn } from "../shared/links.js";
 
-/** @typedef {"recordings" | "jobs" | "maps" | "users" | "map" | "shared" | "missing"} PageName */
+/** @typedef {"recordings" | "jobs" | "maps" | "users" | "map" | "recording" | "shared" | "missing"} PageName */
 
 const LISTS = ["recordings", "jobs", "maps", "users"];
 
@@ -13,6 +13,7 @@ export function pageOf(fragment) {
   const [name, id, ...more] = fragment.replace(/^#\/?/, "").split("/");
   if (name === "" && !id) return { name: "recordings", id: "" };
   if (name === "maps" && id && more.length === 0) return { name: "map", id: decoded(id) };
+  if (name === "recordings" && id && more.length === 0) return { name: "recording", id: decoded(id) };
   if (LISTS.includes(name) && !id) return { name: /** @type {PageName} */ (name), id: "" };
   return { name: "missing", id: "" };
 }

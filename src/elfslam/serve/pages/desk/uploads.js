@@ -1,5 +1,6 @@
-// Recordings as .zip files, dropped or chosen, sent piece by piece so that they survive a bad network.
+// Recordings and other programs' logs, dropped or chosen, sent piece by piece so that they survive a bad network.
 
+import { askJson } from "./api.js";
 import { h } from "../shared/dom.js";
 import { say } from "./dialogs.js";
 import { formatBytes, formatShare } from "./format.js";
@@ -7,6 +8,9 @@ import { icon } from "../shared/icons.js";
 
 const PIECE_BYTES = 4 * 1024 * 1024;
 const RETRY_MS = [500, 1000, 3000, 5000, 10_000, 20_000];
+
+/** So end the files that the server looks into. */
+export const ENDINGS = [".zip", ".txt", ".mat", ".tar.xz"];
 
 /** @typedef {{key: number, name: string, sent: number, bytes: number, problem: string | null, stop: () => void}} Sending */
 
@@ -21,10 +25,9 @@ export function uploader(changed, arrived) {
 
   /** @param {Iterable<File>} files */
   function send(files) {
-    for (const file of files) {
-      if (/\.zip$/i.test(file.name)) begin(file);
-      else say(`${file.name} is no .zip; pack the recording's folder first.`, "problem");
-    }
+    const { taken, refused } = sorted([...files]);
+    taken.forEach(begin);
+    if (refused.length > 0) say(`${refused.join(", ")}: wanted what ends in ${ENDINGS.join(", ")}; export the recording as .zip.`, "problem");
   }
 
   /** @param {File} file */
@@ -41,9 +44,9 @@ export function uploader(changed, arrived) {
         entry.sent = sent;
         changed();
       },
-      onSuccess() {
+      onSuccess(/** @type {any} */ success) {
         drop(entry.key);
-        say(`${file.name} has arrived.`);
+        void sayWhatCame(file.name, success?.lastResponse?.getHeader("Elfslam-Recording"));
         arrived();
       },
       onError(/** @type {any} */ error) {
@@ -77,6 +80,20 @@ export function uploader(changed, arrived) {
   return { send, stop, list: () => sendingList(sending), isBusy: () => sending.some((entry) => !entry.problem) };
 }
 
+/** Which files the server looks into. @template {{name: string}} F @param {F[]} files */
+export function sorted(files) {
+  const isTaken = (/** @type {F} */ { name }) => ENDINGS.some((ending) => name.toLowerCase().endsWith(ending));
+  return { taken: files.filter(isTaken), refused: files.filter((file) => !isTaken(file)).map(({ name }) => name) };
+}
+
+/** A file that the server refused has not arrived. @param {string} name @param {string | undefined} id of its
+ * recording, the first of several */
+async function sayWhatCame(name, id) {
+  const recording = id ? await askJson(`/api/recordings/${encodeURIComponent(id)}`).catch(() => null) : null;
+  if (recording?.state === "refused") say(`${name} was refused: ${recording.refusal}`, "problem");
+  else say(`${name} has arrived.`);
+}
+
 /** What the server said, else what went wrong. @param {any} error */
 function refusalIn(error) {
   try {
@@ -97,7 +114,7 @@ function sendingList(sending) {
       h("button", { type: "button", class: "icon", "data-action": "stop-upload", "data-id": String(key), "aria-label": `Stop the upload of ${name}`, title: "Stop" }, icon("stop")))));
 }
 
-/** Files dropped anywhere on the page. @param {(files: File[]) => void} receive */
+/** Files dropped anywhere on the page; folders are told of. @param {(files: File[]) => void} receive */
 export function onDrop(receive) {
   let depth = 0;
   const carriesFiles = (/** @type {DragEvent} */ event) => event.dataTransfer?.types.includes("Files") ?? false;
@@ -116,6 +133,16 @@ export function onDrop(receive) {
     event.preventDefault();
     depth = 0;
     show(false);
-    receive([...(event.dataTransfer?.files ?? [])]);
+    const folders = foldersIn(event);
+    if (folders.length > 0) say(`${folders.join(", ")}: wanted files, got a folder; pack it as .zip first.`, "problem");
+    const files = [...(event.dataTransfer?.files ?? [])].filter(({ name }) => !folders.includes(name));
+    if (files.length > 0) receive(files);
   });
+}
+
+/** The names of the folders that are dropped: browsers give them as files without content.
+ * @param {DragEvent} event @returns {string[]} */
+function foldersIn(event) {
+  const entries = [...(event.dataTransfer?.items ?? [])].map((item) => item.webkitGetAsEntry?.());
+  return entries.flatMap((entry) => (entry?.isDirectory ? [entry.name] : []));
 }

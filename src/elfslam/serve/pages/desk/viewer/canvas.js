@@ -22,7 +22,8 @@ const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all
 
 /**
  * @param {Scene} scene @param {State} state @param {string} name of the map
- * @param {{onPlacement: (placement: import("../../shared/map/placement.js").Placement, finished: boolean) => void}} told
+ * @param {{onPlacement: (placement: import("../../shared/map/placement.js").Placement, finished: boolean) => void, onTap: (xy_m: import("../../shared/map/projection.js").Point) => void}} told
+ * `onTap` while a plan is tied to the walks
  */
 export function mountCanvas(scene, state, name, told) {
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
@@ -90,8 +91,14 @@ export function mountCanvas(scene, state, name, told) {
     fit: showAll,
     leave: () => setFocus(null),
     point(at_px, reach_px) {
+      if (state.tie) return;
       const reach_m = reach_px / state.view.px_per_m;
       setFocus(focusAt(scene, state, toMap(state.view, state.size, at_px), reach_m));
+    },
+    tap(at_px) {
+      if (!state.tie) return;
+      state.focus = null;
+      told.onTap(toMap(state.view, state.size, at_px));
     },
     step(by) {
       setFocus(nextFocus(scene, state, by), true);

@@ -3,6 +3,7 @@
 import { dot } from "../../shared/map/ground.js";
 import { corners, middle } from "../../shared/map/placement.js";
 import { toScreen } from "../../shared/map/projection.js";
+import { placesOf } from "./tying.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./state.js").State} State */
@@ -17,6 +18,7 @@ export function drawMarks(context, scene, state, palette) {
   if (state.layers.fixes) state.located.filter((walk) => walk.shown).forEach((walk) => drawLocated(context, walk, state, palette));
   drawFocus(context, scene, state, palette);
   if (state.placing && state.plan) drawHandles(context, state, palette);
+  if (state.tie && state.plan) drawTie(context, state, palette);
 }
 
 /** @param {CanvasRenderingContext2D} context @param {import("./state.js").Located} located
@@ -122,4 +124,27 @@ function drawHandles(context, state, palette) {
     context.stroke();
   }
   dot(context, knob, HANDLE_PX - 1, palette.surface, palette.accent);
+}
+
+/** The places by which a plan is tied, numbered: discs on the plan, rings on the map, a line between.
+ * @param {CanvasRenderingContext2D} context @param {State} state @param {Palette} palette */
+function drawTie(context, { tie, plan, view, size }, palette) {
+  if (!tie || !plan) return;
+  const places = placesOf(tie, plan.placement).map((xy) => toScreen(view, size, xy));
+  const others = (tie.kind === "length" ? places.slice(1) : tie.map.map((xy) => toScreen(view, size, xy)));
+  context.strokeStyle = palette.accent;
+  context.lineWidth = 2;
+  others.forEach((other, at) => {
+    context.beginPath();
+    polygon(context, [places[at], other]);
+    context.stroke();
+  });
+  context.lineWidth = 3;
+  others.forEach((other) => dot(context, other, 9, "transparent", palette.accent));
+  context.font = "650 15px system-ui, sans-serif";
+  places.forEach((place, at) => {
+    dot(context, place, 6, palette.accent, palette.surface);
+    context.fillStyle = palette.ink;
+    context.fillText(String(at + 1), place[0] + 11, place[1] - 9);
+  });
 }

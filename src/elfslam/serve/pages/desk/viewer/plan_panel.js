@@ -5,6 +5,7 @@ import { confirmDelete, orSay, say } from "../dialogs.js";
 import { h } from "../../shared/dom.js";
 import { icon } from "../../shared/icons.js";
 import { part } from "./panel.js";
+import { tiePart } from "./tie_part.js";
 import { loadPlanImage } from "../../shared/map/plan_image.js";
 import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
 
@@ -13,6 +14,18 @@ import { firstPlacement, moved, rounded, turned, widened } from "../../shared/ma
 
 const SAVE_AFTER_MS = 500;
 const DEGREE = Math.PI / 180;
+
+/** What plans come as, by how their files end. @type {Record<string, string>} */
+const TYPES = {
+  png: "image/png", jpg: "image/jpeg", jpeg: "image/jpeg", pdf: "application/pdf", svg: "image/svg+xml",
+  geojson: "application/geo+json", json: "application/geo+json",
+};
+const KINDS = "PNG, JPEG, PDF, SVG or GeoJSON";
+
+/** What a file says it is, by how it ends; undefined of what is no plan. @param {{name: string}} file */
+export function planType({ name }) {
+  return TYPES[name.toLowerCase().split(".").at(-1) ?? ""];
+}
 
 /** @type {[string, string, string, (p: Placement) => number, (p: Placement, aspect: number, value: number) => Placement][]} */
 const FIELDS = [
@@ -40,11 +53,12 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
   const inputs = new Map();
   let timer = 0;
   let dirty = false;
+  const tie = tiePart(state, { place, redraw, changed });
 
   /** @param {any} kept */
   async function load(kept) {
     const picture = await loadPlanImage(`${path}?${Date.now()}`);
-    state.plan = { ...picture, placement: keptPlacement(kept) ?? firstPlacement(bounds_m, picture.aspect) };
+    state.plan = { ...picture, placement: keptPlacement(kept) ?? firstPlacement(bounds_m, picture.aspect, kept?.width_m) };
     state.layers.plan = true;
     changed();
   }
@@ -74,23 +88,25 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
   /** @param {File} file */
   async function upload(file) {
     const well = await orSay(async () => {
-      const headers = { "Content-Type": file.type || "application/octet-stream" };
+      const headers = { "Content-Type": planType(file) ?? "application/octet-stream" };
       const map = await askJson(path, { method: "PUT", body: file, headers });
       await load(map.floor_plan);
     });
     if (!well || !state.plan) return;
     state.placing = true;
+    state.tie = null;
     dirty = true;
     await save();
     changed();
     showAll();
-    say("Drag the plan under the walks; its corners stretch it, the knob turns it.");
+    say("Drag the plan under the walks; its corners stretch it, the knob turns it. Or place it by points.");
   }
 
   async function remove() {
     if (!(await confirmDelete("the floor plan", "The image and its place are deleted. The map itself stays as it is."))) return;
     if (!(await orSay(() => ask(path, { method: "DELETE" })))) return;
     state.plan = null;
+    state.tie = null;
     state.placing = false;
     dirty = false;
     changed();
@@ -124,9 +140,9 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
   }
 
   function pick() {
-    const input = h("input", { type: "file", accept: "image/png,image/jpeg", class: "visually-hidden", name: "plan-file" });
+    const input = h("input", { type: "file", accept: Object.keys(TYPES).map((ending) => `.${ending}`).join(","), class: "visually-hidden", name: "plan-file" });
     input.addEventListener("change", () => input.files?.[0] && upload(input.files[0]));
-    return h("label", { class: "button" }, icon("image"), state.plan ? "Another image" : "Choose an image", input);
+    return h("label", { class: "button" }, icon("image"), state.plan ? "Another plan" : "Choose a plan", input);
   }
 
   /** Light lines on a dark ground, on this screen alone. */
@@ -141,19 +157,24 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
   }
 
   function body() {
+    tie.bar.hidden = state.tie === null;
     if (!canEdit()) return state.plan ? negativeTick() : h("p", { class: "soft" }, "None yet. Who may edit the map can put one below it.");
-    if (!state.plan) return [h("p", { class: "soft" }, "A picture of the floor (PNG or JPEG) to lie under the walks."), pick()];
+    if (!state.plan) return [h("p", { class: "soft" }, `A plan of the floor (${KINDS}) to lie under the walks.`), pick()];
     const placing = h("button", { type: "button", class: "button", "aria-pressed": String(state.placing), click: () => {
       state.placing = !state.placing;
+      if (state.tie) {
+        state.tie = null;
+        changed();
+      }
       placing.setAttribute("aria-pressed", String(state.placing));
       redraw();
     } }, icon("fit"), "Move the plan");
-    const shown = [h("div", { class: "row" }, placing), ...fieldsOf(),
+    const shown = [h("div", { class: "row" }, placing), ...tie.part(), ...fieldsOf(),
       negativeTick(), status,
       h("div", { class: "row" }, pick(), h("button", { type: "button", class: "button danger", click: remove }, icon("trash"), "Remove"))];
     fillIn();
     return shown;
   }
 
-  return { load, place, save, upload, part: () => part("Floor plan", body()) };
+  return { load, place, save, upload, tap: tie.tap, bar: tie.bar, part: () => part("Floor plan", body()) };
 }

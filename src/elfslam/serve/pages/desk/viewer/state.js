@@ -19,6 +19,7 @@ import { fit } from "../../shared/map/projection.js";
  * @property {Focus | null} focus what is under the finger
  * @property {Plan | null} plan
  * @property {boolean} placing whether the floor plan can be dragged
+ * @property {import("./tying.js").Tie | null} tie the places by which the plan is being scaled or placed
  * @property {Located[]} located
  * @property {import("./live.js").Walker[]} live who lets others see where they are
  * @property {boolean} hurried whether a map with very many footsteps is being moved: the band of uncertainty waits
@@ -41,6 +42,7 @@ export function firstState(scene) {
     focus: null,
     plan: null,
     placing: false,
+    tie: null,
     located: [],
     live: [],
     hurried: false,

@@ -9,6 +9,7 @@ import { pan, pinch, zoomAt } from "./projection.js";
  * @property {() => {view: View, size: import("./projection.js").Size}} look
  * @property {(view: View) => void} turnTo
  * @property {(at_px: Point, reach_px: number) => void} point something is under the finger
+ * @property {(at_px: Point) => void} [tap] a finger or the mouse was put there and taken away
  * @property {() => void} leave nothing is
  * @property {(at_px: Point, reach_px: number) => ((to_px: Point) => void) | null} grab what a drag
  * moves instead of the map
@@ -95,7 +96,9 @@ function listenToPointers(canvas, hands) {
     down.delete(event.pointerId);
     if (!place) return;
     if (grabbed) release();
-    if (travelled_px < TAP_PX && event.type === "pointerup") hands.point(place, reachOf(event));
+    if (travelled_px >= TAP_PX || event.type !== "pointerup") return;
+    hands.tap?.(place);
+    hands.point(place, reachOf(event));
   };
   function release() {
     grabbed = null;

@@ -40,9 +40,9 @@ export function isOnPlan(placement, aspect, xy_m) {
 }
 
 /** A first guess: centred, a little larger than the walks. @param {import("./projection.js").Bounds} bounds
- * @param {number} aspect @returns {Placement} */
-export function firstPlacement([x0, y0, x1, y1], aspect) {
-  const width_m = 1.15 * Math.max(x1 - x0, (y1 - y0) / aspect, 1);
+ * @param {number} aspect @param {number | null} [known_m] its width, where that is known @returns {Placement} */
+export function firstPlacement([x0, y0, x1, y1], aspect, known_m = null) {
+  const width_m = known_m ?? 1.15 * Math.max(x1 - x0, (y1 - y0) / aspect, 1);
   const [x_m, y_m] = [(x0 + x1 - width_m) / 2, (y0 + y1 - width_m * aspect) / 2];
   return rounded({ width_m, x_m, y_m, heading_rad: 0, opacity: 0.6 });
 }

@@ -1,0 +1,97 @@
+// A floor plan scaled and placed by points: where places of it are on the walks, or how long a part of it is.
+// Pure.
+
+import { mapToPlan, NARROWEST_M, planToMap, WIDEST_M } from "../../shared/map/placement.js";
+
+/** @typedef {import("../../shared/map/projection.js").Point} Point */
+/** @typedef {import("../../shared/map/placement.js").Placement} Placement */
+/** @typedef {"points" | "length"} TieKind */
+/** @typedef {{kind: TieKind, plan: Point[], map: Point[]}} Tie what was tapped so far: places of the plan, in
+ * widths of it, and where those are on the map, metres */
+
+export const FEWEST_PAIRS = 2;
+const MOST_PAIRS = 3;
+
+/** @param {TieKind} kind @returns {Tie} */
+export function noTie(kind) {
+  return { kind, plan: [], map: [] };
+}
+
+/** What is to be tapped next; null where that is all. @param {Tie} tie @returns {"plan" | "map" | null} */
+export function wantedNext({ kind, plan, map }) {
+  if (kind === "length") return plan.length < 2 ? "plan" : null;
+  if (plan.length > map.length) return "map";
+  return map.length < MOST_PAIRS ? "plan" : null;
+}
+
+/** What to do now, in words. @param {Tie} tie @returns {string} */
+export function askFor(tie) {
+  const next = wantedNext(tie);
+  if (tie.kind === "length") return next ? `Tap one end of a known length on the plan (${tie.plan.length + 1} of 2).` : "How long is that?";
+  if (next === "map") return "Now tap where that is on the walk.";
+  if (next === null) return "Three places are tied; the plan lies as well as they let it.";
+  return tie.map.length < FEWEST_PAIRS ? `Tap a place on the plan, such as a corner (${tie.map.length + 1} of 2).` : "A third place makes it more exact, or be done.";
+}
+
+/** With one more tap. @param {Tie} tie @param {Placement} placement of the plan at this moment @param {Point} xy_m
+ * @returns {Tie} */
+export function tapped(tie, placement, xy_m) {
+  const next = wantedNext(tie);
+  if (next === "plan") return { ...tie, plan: [...tie.plan, inWidths(placement, xy_m)] };
+  return next === "map" ? { ...tie, map: [...tie.map, xy_m] } : tie;
+}
+
+/** Where the tapped places of the plan lie now. @param {Tie} tie @param {Placement} placement @returns {Point[]} */
+export function placesOf({ plan }, placement) {
+  return plan.map(([u, v]) => planToMap(placement, [u * placement.width_m, v * placement.width_m]));
+}
+
+/** @param {Placement} placement @param {Point} xy_m @returns {Point} */
+function inWidths(placement, xy_m) {
+  const [u_m, v_m] = mapToPlan(placement, xy_m);
+  return [u_m / placement.width_m, v_m / placement.width_m];
+}
+
+/** The placement that brings the tied places of the plan nearest to where they are (least squares of a
+ * similarity); null with fewer than two, or where they are one. @param {Tie} tie @param {Placement} placement
+ * @returns {Placement | null} */
+export function tied({ plan, map }, placement) {
+  if (map.length < FEWEST_PAIRS) return null;
+  const from = plan.slice(0, map.length);
+  const [pu, pv] = mean(from);
+  const [mx, my] = mean(map);
+  let [real, turn, spread] = [0, 0, 0];
+  from.forEach(([u, v], at) => {
+    const [du, dv, dx, dy] = [u - pu, v - pv, map[at][0] - mx, map[at][1] - my];
+    real += du * dx + dv * dy;
+    turn += du * dy - dv * dx;
+    spread += du * du + dv * dv;
+  });
+  const width_m = Math.hypot(real, turn) / spread;
+  if (!isWide(width_m)) return null;
+  const heading_rad = Math.atan2(turn, real);
+  const [x_m, y_m] = planToMap({ ...placement, x_m: mx, y_m: my, heading_rad }, [-pu * width_m, -pv * width_m]);
+  return { ...placement, width_m, heading_rad, x_m, y_m };
+}
+
+/** The placement in which the two tapped places are so far apart; the first stays where it is. Null where they
+ * are one. @param {Tie} tie @param {Placement} placement @param {number} length_m @returns {Placement | null} */
+export function scaledTo(tie, placement, length_m) {
+  if (tie.plan.length < 2) return null;
+  const [one, other] = tie.plan;
+  const width_m = length_m / Math.hypot(other[0] - one[0], other[1] - one[1]);
+  if (!isWide(width_m)) return null;
+  const [x_m, y_m] = placesOf(tie, placement)[0];
+  const [dx, dy] = placesOf(tie, { ...placement, width_m, x_m: 0, y_m: 0 })[0];
+  return { ...placement, width_m, x_m: x_m - dx, y_m: y_m - dy };
+}
+
+/** @param {number} width_m */
+function isWide(width_m) {
+  return Number.isFinite(width_m) && width_m >= NARROWEST_M && width_m <= WIDEST_M;
+}
+
+/** @param {Point[]} points @returns {Point} */
+function mean(points) {
+  return [points.reduce((sum, [x]) => sum + x, 0) / points.length, points.reduce((sum, [, y]) => sum + y, 0) / points.length];
+}
