@@ -67,7 +67,7 @@ def _parts(walks: Sequence[Walk], made: Path, upload_id: str) -> list[Part]:
     for walk in walks:
         files = sorted((made / walk.place).iterdir()) if walk.place else []
         come = [Come(file.name, file, blobs.blob_of(file)) for file in files if file.is_file()]
-        begin = partial(_begin, upload_id=upload_id, found=walk.found)
+        begin = partial(_begin, upload_id=upload_id, found=walk.found, alone=len(walks) == 1)
         parts.append(Part(come, walk.found, begin))
     return parts
 
@@ -80,15 +80,16 @@ def _row(services: Services, upload_id: str) -> Upload:
     return upload
 
 
-def _begin(session: Session, *, upload_id: str, found: ReadFolder) -> Recording:
+def _begin(session: Session, *, upload_id: str, found: ReadFolder, alone: bool) -> Recording:
     """The row of a new recording; the upload belongs to the first. Raises Problem 404."""
     upload = session.get(Upload, upload_id, with_for_update=True)
     if upload is None:
         raise not_found("upload")
     stem = stem_of(upload.file_name)
+    is_its_zip = alone and upload.file_name.lower().endswith(".zip")
     recording = Recording(
         user_id=upload.user_id,
-        name=as_line(stem, "walk"),
+        name=as_line(stem if is_its_zip else found.facts.get("name", stem), "walk"),
         device=as_line(found.facts.get("device", ""), "unknown"),
         facts={},
     )
