@@ -13,6 +13,7 @@ DISTRIBUTIONS = {
     "h11": "uvicorn",
     "paho": "paho-mqtt",
     "pydantic": "fastapi",
+    "resvg_py": "resvg-py",
     "sklearn": "scikit-learn",
     "starlette": "fastapi",
 }
@@ -23,6 +24,8 @@ FOR_TESTS = "test"
 def extra_with(module: str) -> str | None:
     """The first extra that brings a module such as torch.nn, as the installed package says."""
     top = module.partition(".")[0]
+    if top == "elfslam":  # extras that name each other are of this name, too
+        return None
     wanted = DISTRIBUTIONS.get(top, top)
     for line in metadata.requires("elfslam") or ():
         named = re.match(r"""([\w-]+).*extra == ["'](\w+)["']""", line)
