@@ -108,7 +108,7 @@ def in_words(error: ElfslamError, folder: Path) -> str:
 def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
     """As `elfslam map` does."""
     by = tuple(Modality(name) for name in task["by"])
-    kept_s = parse_stretch(task["from_s"], task["until_s"])
+    kept_s = parse_stretch(task.get("from_s"), task.get("until_s"))
     start = _start_pose(task["start_pose"])
     job = MapJob(by, start, ENCODER, Settings(), overwrite=False, kept_s=kept_s)
 
