@@ -146,7 +146,7 @@ def test_a_recording_is_deleted_from_its_page(full: Any, open_desk: Open, asked:
 def test_a_recording_that_is_not_there_says_so(person: Any, open_desk: Open) -> None:
     page = open_desk(person)
     page.evaluate("location.hash = '#/recordings/0123'")
-    page.get_by_role("heading", name="This recording cannot be shown").wait_for()
+    page.get_by_role("heading", name="This recording is not here").wait_for()
     page.get_by_role("link", name="Back to the recordings").click()
     page.get_by_text("No recordings yet").wait_for()
 
