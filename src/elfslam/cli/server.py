@@ -24,7 +24,7 @@ FilesUrl = Annotated[
 ]
 
 Mqtt = Annotated[
-    str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX")
+    str, typer.Option(help="Publish positions: mqtt[s]://[USER:PASSWORD@]HOST[:PORT]/PREFIX.")
 ]
 Credentials = Annotated[
     Path | None, typer.Option(help="A file of one line, USER:PASSWORD, for the broker.")

@@ -133,7 +133,7 @@ def test_what_is_nameless_and_faint_is_noticed(full: Any, open_desk: Open) -> No
         """() => {
           const faint = Object.assign(document.createElement("p"), { textContent: "hardly there" });
           faint.style.color = "#bbb";
-          document.querySelector("main").append(document.createElement("button"), faint);
+          document.querySelector("header").append(document.createElement("button"), faint);
         }"""
     )
     found = violations(page)

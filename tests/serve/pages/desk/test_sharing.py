@@ -218,7 +218,7 @@ def test_lists_are_searched_and_sorted(person: Any, open_desk: Open, walk_folder
     for name in ("Café", "hall 10", "hall 9"):
         person.plant_recording(name, walk_folder)
     page = open_desk(person)
-    names = page.locator("table.list tbody th strong")
+    names = page.locator("table.list tbody th :is(strong, a)")
     page.get_by_label("Sort recordings").select_option("name")
     assert names.all_inner_texts() == ["Café", "hall 9", "hall 10"]
     search = page.get_by_label("Search recordings")
