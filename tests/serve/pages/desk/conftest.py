@@ -34,6 +34,7 @@ from elfslam.serve.store.database import (
     User,
     transaction,
 )
+from elfslam.serve.store.holdings import delete_user
 from elfslam.world.simulate import load_world, simulate
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
@@ -182,16 +183,21 @@ def person_at() -> Callable[..., Person]:
 
 
 @pytest.fixture
-def invite(origin: tuple[str, Path]) -> Callable[[str], Person]:
-    """Somebody new on the server, with nothing yet."""
+def invite(origin: tuple[str, Path]) -> Iterator[Callable[[str], Person]]:
+    """Somebody new on the server, with nothing yet, there as long as the test."""
     url, data = origin
     services = open_services(ServerSettings(data, secure_cookie=False))
+    ids: list[str] = []
 
     def invited(name: str) -> Person:
         user, token = add_user(services, name)
+        ids.append(user.id)
         return Person(services, url, user.id, token)
 
-    return invited
+    yield invited
+    for each in ids:
+        delete_user(services, each)
+    services.engine.dispose()
 
 
 @pytest.fixture
@@ -215,8 +221,8 @@ Open = Callable[..., Any]
 
 
 @pytest.fixture
-def open_desk(browser: Any) -> Iterator[Open]:
-    """Opens somebody's desk in a browser of its own.
+def open_desk(browser: Any, invite: Callable[[str], Person]) -> Iterator[Open]:
+    """Opens somebody's desk in a browser of its own, which is closed before they leave.
 
     When the test ends nothing may stand in the console, and no request may have left the origin.
     """

@@ -248,6 +248,22 @@ def test_a_floor_is_found_by_where_the_phone_is(
         page.context.grant_permissions(PERMISSIONS)
 
 
+def test_why_nothing_near_was_found_stands_while_the_list_is_asked_for_again(
+    pocket: Any, server: Any
+) -> None:
+    with pocket.on() as page:
+        page.clock.install()
+        page.goto(server.address)
+        page.click("#where")
+        page.click("#maps-near")
+        refusal = page.locator("#maps-trouble", has_text="allow it in the browser's settings")
+        refusal.wait_for()
+        for _ in range(2):  # when the second answer is here, the first was shown
+            with page.expect_response("**/api/maps"):
+                page.clock.fast_forward(AGAIN_MS)
+        assert refusal.is_visible()
+
+
 def positions_in(server: Any, map_id: str) -> list[Any]:
     """Who may be seen there at this moment."""
     return list(server.ask(f"/api/maps/{map_id}/positions").json())

@@ -30,11 +30,14 @@ export function makeChoosing({ act, chosen, paired }) {
   /** @type {import("./near.js").NearMap[]} */
   let near = [];
   let shown = "";
+  /** Why nothing near was found; stands until the list is asked for anew. @type {string | null} */
+  let aroundTrouble = null;
 
   async function list() {
     showView("maps");
     showOffline();
     shown = "";
+    aroundTrouble = null;
     await fill();
   }
 
@@ -59,7 +62,7 @@ export function makeChoosing({ act, chosen, paired }) {
       showMapsTrouble(kept.length > 0 && error.status === 0 ? NO_SERVER : error.message);
       return null;
     });
-    if (offered) showMapsTrouble(null);
+    if (offered) showMapsTrouble(aroundTrouble);
     show(rowsOf(kept, offered), does);
   }
 
@@ -77,12 +80,14 @@ export function makeChoosing({ act, chosen, paired }) {
     at("maps-near").disabled = true;
     try {
       near = await floorsNear(navigator.geolocation);
-      await list();
     } catch (error) {
-      showMapsTrouble(/** @type {Error} */ (error).message);
+      aroundTrouble = /** @type {Error} */ (error).message;
+      showMapsTrouble(aroundTrouble);
+      return;
     } finally {
       at("maps-near").disabled = false;
     }
+    await list();
   }
 
   /** @param {MapRow} row @param {Packages} packages */
