@@ -59,6 +59,7 @@ from studies.benchmarks.acoustic_loop import (
     pulse_audio,
     room_between,
 )
+from studies.benchmarks.served import serving
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or ""
 ARGUMENTS = (
@@ -114,23 +115,6 @@ def plan_course(world: World, seed: int, rounds: int) -> Course:
     first = round(BAND_LOW_HZ / BIN_HZ)
     transfer[:, first : first + BAND_BINS] = band
     return Course(motion, imu, truth_of_motion(motion), transfer)
-
-
-@contextmanager
-def serving(data: Path, port: int = 0) -> Iterator[str]:
-    """A server of its own on plain HTTP, on any free port; gives the address that pairs."""
-    command = "from elfslam.cli import main; main()"
-    options = ["serve", "--http", "--port", str(port), "--data", str(data)]
-    arguments = [sys.executable, "-c", command, *options]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
-        try:
-            assert server.stdout is not None
-            address = server.stdout.readline().strip()
-            if not address.startswith("http"):
-                raise RuntimeError(f"the server does not start: {address!r}")
-            yield address
-        finally:
-            server.terminate()
 
 
 @contextmanager

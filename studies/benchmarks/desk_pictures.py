@@ -13,14 +13,10 @@ from __future__ import annotations
 import argparse
 import base64
 import io
-import subprocess
-import sys
 import tempfile
 import time
 import tomllib
 import zipfile
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,6 +30,7 @@ from elfslam.base.values import Truth
 from elfslam.data.recordings import write_recording
 from elfslam.world import worlds
 from elfslam.world.simulate import describe_chirp, load_world, simulate
+from studies.benchmarks.served import serving
 
 WORLD = "studio"
 WALKS = {
@@ -47,15 +44,6 @@ ME, OTHERS = "Ada", ("Eve", "The facility team")
 PIXELS_PER_M = 80
 COLOURS = 256
 LONGEST_S = 1200
-COMMAND = [
-    sys.executable,
-    "-c",
-    "from elfslam.cli import main; main()",
-    "serve",
-    "--http",
-    "--port",
-    "0",
-]
 BROWSER = ["--no-sandbox", "--disable-gpu", "--disable-background-networking"]
 
 
@@ -65,7 +53,8 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     out: Path = parser.parse_args().folder
     out.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory() as data, serving(Path(data)) as address:
+    with tempfile.TemporaryDirectory() as data, serving(Path(data)) as at:
+        address = at.replace("/desk", "/")
         url, token = address.partition("&")[0].split("/#token=")
         client = httpx.Client(
             base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
@@ -76,19 +65,6 @@ def main() -> None:
             for scheme in ("light", "dark"):
                 take(browser, address, scheme, floor, out)
             browser.close()
-
-
-@contextmanager
-def serving(data: Path) -> Iterator[str]:
-    """A server with jobs; gives the address that pairs."""
-    command = [*COMMAND, "--data", str(data)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    try:
-        yield process.stdout.readline().strip().replace("/desk", "/")
-    finally:
-        process.terminate()
-        process.wait()
 
 
 def fill(client: httpx.Client) -> str:

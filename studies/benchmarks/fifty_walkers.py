@@ -15,9 +15,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -31,33 +28,12 @@ from elfslam.serve.people.users import add_user
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import transaction
-from studies.benchmarks.served import PATIENCE_S, Served
-from studies.benchmarks.twenty_phones import peak_mib, processor_s
+from studies.benchmarks.served import Served, started
 
-START = """
-import sys; from pathlib import Path
-from elfslam.serve.network.running import Listening, run
-from elfslam.serve.settings import Limits, ServerSettings
-often = Limits(address_requests_per_s=1e6, address_connections=500)
-settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=often)
-run(settings, Listening("127.0.0.1", 0, plain_http=True), print)
-"""
+OFTEN = {"address_requests_per_s": 1e6, "address_connections": 500}
+"""Limits of a server that refuses no address its haste."""
 PERIOD_S = 0.5
 SETTLING_S = 1.0
-
-
-def start(data: Path) -> Served:
-    """A server that refuses no address its haste."""
-    told = data / "authority" / "url"
-    command = [sys.executable, "-c", START, str(data)]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-    until_s = time.monotonic() + PATIENCE_S
-    while not told.is_file():
-        if process.poll() is not None or time.monotonic() > until_s:
-            raise SystemExit("the server does not start")
-        time.sleep(0.01)
-    token = (data / "authority" / "owner.token").read_text().strip()
-    return Served(process, told.read_text().strip(), token, data)
 
 
 def plant(data: Path, walkers: int) -> tuple[str, list[str]]:
@@ -137,19 +113,11 @@ async def together(
 
 def measured(walkers: int, listeners: int, seconds: float) -> dict[str, object]:
     """The row of the table."""
-    with tempfile.TemporaryDirectory() as folder:
-        served = start(Path(folder) / "data")
-        try:
-            map_id, tokens = plant(served.data, walkers)
-            used_s, begin_s = processor_s(served.process.pid), time.perf_counter()
-            posted_s, delays_s, lost = asyncio.run(
-                together(served, map_id, tokens, listeners, seconds)
-            )
-            wall_s = time.perf_counter() - begin_s
-            used_s = processor_s(served.process.pid) - used_s
-            memory_mib = peak_mib(served.process.pid)
-        finally:
-            served.kill()
+    with started(limits=OFTEN) as served:
+        map_id, tokens = plant(served.data, walkers)
+        (posted_s, delays_s, lost), used = served.while_asked(
+            lambda: asyncio.run(together(served, map_id, tokens, listeners, seconds))
+        )
     return {
         "walkers": walkers,
         "listeners": listeners,
@@ -159,8 +127,7 @@ def measured(walkers: int, listeners: int, seconds: float) -> dict[str, object]:
         "seen, median ms": 1000 * float(np.median(delays_s)),
         "seen, 99 % ms": 1000 * float(np.quantile(delays_s, 0.99)),
         "not seen": lost,
-        "of one core": f"{used_s / wall_s:.0%}",
-        "memory MiB": round(memory_mib),
+        **used,
     }
 
 

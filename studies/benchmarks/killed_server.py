@@ -14,12 +14,9 @@ of `elfslam map` on an undisturbed machine, and what was deleted must stay delet
 from __future__ import annotations
 
 import argparse
-import base64
 import io
 import random
-import socket
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -40,6 +37,7 @@ from elfslam.app.settings import Settings
 from elfslam.data.recordings import write_recording
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.own_postgresql import own_postgresql
+from studies.benchmarks.served import PIECE, TUS, command, free_port, metadata
 
 WORLD, SEED = "studio", 40
 WALKS = 3
@@ -50,15 +48,7 @@ DELETED_SHARE = 0.3
 STARTING_SHARE, LONGEST_S = 0.25, 4.0
 """Kills while the server starts, and the longest life of one that answered."""
 PATIENCE_S = 900.0
-TUS = {"Tus-Resumable": "1.0.0"}
-SERVE = """
-import sys; from pathlib import Path
-from elfslam.serve.network.running import Listening, run
-from elfslam.serve.settings import Limits, ServerSettings
-limits = Limits(token_requests_per_s=1000, address_requests_per_s=1000)
-run(ServerSettings(Path(sys.argv[1]), sys.argv[2], limits=limits),
-    Listening("127.0.0.1", int(sys.argv[3]), plain_http=True), lambda line: None)
-"""
+OFTEN = {"token_requests_per_s": 1000, "address_requests_per_s": 1000}
 
 
 @dataclass
@@ -94,8 +84,15 @@ class Server:
     def begin(self) -> subprocess.Popen[bytes]:
         """A process of it."""
         with self.log.open("ab") as log:
-            given = [str(self.folder), self.database, str(self.port)]
-            return subprocess.Popen([sys.executable, "-c", SERVE, *given], stderr=log)
+            how: dict[str, Any] = {
+                "jobs": True,
+                "database": self.database,
+                "port": self.port,
+                "limits": OFTEN,
+            }
+            return subprocess.Popen(
+                command(self.folder, **how), stdout=subprocess.DEVNULL, stderr=log
+            )
 
     def answers(self) -> bool:
         """Whether it can be asked."""
@@ -137,13 +134,6 @@ def main() -> None:
 def _database(kind: str) -> Iterator[str]:
     with own_postgresql() if kind == "postgresql" else nullcontext() as running:
         yield "" if running is None else running.url
-
-
-def free_port() -> int:
-    """A port that nobody listens at."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
 
 
 @dataclass(frozen=True)
@@ -256,8 +246,8 @@ def phone(
 
 def uploaded(client: httpx.Client, content: bytes, ledger: Ledger) -> str:
     """Send a walk in pieces, from where the server says; the recording that came of it."""
-    name = base64.b64encode(b"walk.zip").decode()
-    told = {**TUS, "Upload-Metadata": f"filename {name}", "Upload-Length": str(len(content))}
+    told = {**TUS, "Upload-Metadata": metadata(filename="walk.zip")}
+    told["Upload-Length"] = str(len(content))
     place = patiently(lambda: client.post("/api/uploads", headers=told)).headers["location"]
     acknowledged = 0
     while True:
@@ -277,8 +267,7 @@ def sent(client: httpx.Client, place: str, content: bytes, offset: int, ledger: 
     """Send pieces until the server is gone or all has come; how much it acknowledged in all."""
     while offset < len(content):
         piece = content[offset : offset + PIECE_BYTES]
-        headers = {**TUS, "Content-Type": "application/offset+octet-stream",
-                   "Upload-Offset": str(offset)}  # fmt: skip
+        headers = {**PIECE, "Upload-Offset": str(offset)}
         try:
             answer = client.patch(place, headers=headers, content=piece)
         except httpx.TransportError:

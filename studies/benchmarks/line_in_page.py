@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -29,20 +27,6 @@ CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
 PATIENCE_MS = 600_000
 TYPES = {".html": "text/html", ".js": "text/javascript"}
-
-
-@contextmanager
-def serving(data: Path) -> Iterator[str]:
-    """A server of its own on plain HTTP; gives its address with the token."""
-    command = "from elfslam.cli import main; main()"
-    options = ["serve", "--http", "--port", "0", "--no-jobs", "--data", str(data)]
-    arguments = [sys.executable, "-c", command, *options]
-    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
-        try:
-            assert server.stdout is not None
-            yield server.stdout.readline().strip()
-        finally:
-            server.terminate()
 
 
 @contextmanager

@@ -43,8 +43,8 @@ from studies.benchmarks.browser_walk import (
     INJECTED_HZ,
     PERMISSIONS,
     MotionSensors,
-    serving,
 )
+from studies.benchmarks.served import serving
 
 KINDS = ("reload", "sleep", "call", "offline", "battery")
 OUTCOMES = ("ended in a map", "told before", "lost")

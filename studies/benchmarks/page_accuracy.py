@@ -28,13 +28,8 @@ from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import locate
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.line_in_page import (
-    browsing,
-    run_in_page,
-    serving,
-    write_f32,
-    write_floor_map,
-)
+from studies.benchmarks.line_in_page import browsing, run_in_page, write_f32, write_floor_map
+from studies.benchmarks.served import serving
 from studies.located import STRANGER, Mapped, fix_numbers, mapped_walk
 
 MAPPING_ROUNDS = 3
@@ -149,7 +144,7 @@ def main() -> None:
         folder = Path(name) / "given"
         folder.mkdir()
         walks = prepared(folder, given)
-        with serving(Path(name) / "data") as address, browsing() as browser:
+        with serving(Path(name) / "data", "--no-jobs") as address, browsing() as browser:
             said, _ = run_in_page(browser, address, "accuracy", folder)
     print_agreement(walks, said)
 

@@ -27,13 +27,8 @@ from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.line_in_page import (
-    browsing,
-    run_in_page,
-    serving,
-    write_f32,
-    write_floor_map,
-)
+from studies.benchmarks.line_in_page import browsing, run_in_page, write_f32, write_floor_map
+from studies.benchmarks.served import serving
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")
@@ -142,7 +137,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "given"
         walk_s = prepare(folder, given.spots, given.rate)
-        with serving(Path(name) / "data") as address, browsing() as browser:
+        with serving(Path(name) / "data", "--no-jobs") as address, browsing() as browser:
             runs = [measured(browser, address, folder, given.rate, *passes) for passes in PASSES]
             print_times(runs[0][0])
             print_processor([spent_s for _, spent_s in runs], len(runs[0][0]["windows"]), walk_s)

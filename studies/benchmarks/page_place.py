@@ -45,9 +45,9 @@ from studies.benchmarks.browser_walk import (
     MotionSensors,
     elfslam,
     plan_course,
-    serving,
     simulated_twin,
 )
+from studies.benchmarks.served import serving
 
 MAP = "Mapped walk"
 MODES = {"tracking": "track", "one-shot": "one-shot"}

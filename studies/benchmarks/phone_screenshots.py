@@ -25,10 +25,10 @@ from studies.benchmarks.browser_walk import (
     MotionSensors,
     browsing,
     plan_course,
-    serving,
 )
 from studies.benchmarks.lost_walks import TAKE_AWAY
 from studies.benchmarks.page_place import make_map
+from studies.benchmarks.served import serving
 
 FOLDER = Path(__file__).resolve().parents[2] / "docs" / "phone"
 SIZE = {"width": 375, "height": 740}

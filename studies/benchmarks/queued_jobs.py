@@ -16,14 +16,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import secrets
 import shutil
 import signal
 import subprocess
-import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 from sqlalchemy import delete, func, select
@@ -51,6 +47,8 @@ from elfslam.serve.store.database import (
 )
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
+from studies.benchmarks.own_postgresql import own_postgresql
+from studies.benchmarks.served import COMMAND
 from studies.queue import FIRST_SEED, ROUNDS, WORLD, rss_of
 
 USERS = 50
@@ -72,77 +70,21 @@ def main() -> None:
     asked = parser.parse_args()
     folder = asked.folder.absolute()
     folder.mkdir(parents=True, exist_ok=True)
-    with postgresql(folder / "postgresql") as url:
-        services = open_services(ServerSettings(folder / "data", url))
+    with own_postgresql(folder / "postgresql") as database:
+        services = open_services(ServerSettings(folder / "data", database.url))
         kept = folder / "kept.json"
         if not kept.exists():
             fill(services, folder / "walks", asked.jobs, asked.walks)
             keep(kept, {"samples": [], "server_killed": False, "process_killed": False})
         known = json.loads(kept.read_text())
         while open_jobs(services):
-            serve(services, asked, url, known, kept)
+            serve(services, asked, known, kept)
         print_rows(milestones(known, asked.jobs), title="The queue", as_json=False)
         print_rows([judged(services)], title="The jobs", as_json=False)
         services.engine.dispose()
     for item in ("data", "postgresql"):
         shutil.rmtree(folder / item)
     kept.unlink()
-
-
-@contextmanager
-def postgresql(folder: Path) -> Iterator[str]:
-    """A PostgreSQL whose data lie in a folder; the URL of its database."""
-    found = shutil.which("initdb") or next(
-        iter(sorted(map(str, Path("/usr/lib/postgresql").glob("*/bin/initdb")))), None
-    )
-    if found is None:
-        raise SystemExit("PostgreSQL is not installed (Debian: apt-get install postgresql)")
-    programs = Path(found).resolve().parent
-    user = "postgres" if os.getuid() == 0 else None
-    socket = Path(f"/tmp/pg{secrets.token_hex(4)}")  # a short path: sockets allow 107 characters
-    for place in (folder, socket):
-        place.mkdir(exist_ok=True)
-        if user is not None:
-            shutil.chown(place, user)
-    data = folder / "data"
-    if not data.exists():
-        make: list[str | Path] = [
-            programs / "initdb",
-            "-D",
-            data,
-            "-A",
-            "trust",
-            "-U",
-            "elfslam",
-            "-E",
-            "UTF8",
-        ]
-        subprocess.run(make, check=True, stdout=subprocess.DEVNULL, user=user, cwd="/")
-    (data / "postmaster.pid").unlink(missing_ok=True)
-    options: list[str | Path] = ["-k", socket, "-c", "listen_addresses="]
-    server = subprocess.Popen(
-        [programs / "postgres", "-D", data, *options], stderr=subprocess.DEVNULL, user=user, cwd="/"
-    )
-    try:
-        yield _answering(socket)
-    finally:
-        server.send_signal(signal.SIGINT)
-        server.wait()
-        shutil.rmtree(socket, ignore_errors=True)
-
-
-def _answering(socket: Path) -> str:
-    import psycopg
-
-    until_s = time.monotonic() + PATIENCE_S
-    while time.monotonic() < until_s:
-        try:
-            psycopg.connect(f"host={socket} user=elfslam dbname=postgres").close()
-        except psycopg.OperationalError:
-            time.sleep(0.1)
-        else:
-            return f"postgresql+psycopg://elfslam@/postgres?host={socket}"
-    raise SystemExit("PostgreSQL does not start")
 
 
 def fill(services: Services, walks: Path, jobs: int, count: int) -> None:
@@ -179,14 +121,13 @@ def _stored(services: Services, walk: Path, number: int) -> dict[str, blobs.Blob
         return blobs.put_folder(store, walk)
 
 
-def serve(
-    services: Services, asked: argparse.Namespace, url: str, known: Known, kept: Path
-) -> None:
+def serve(services: Services, asked: argparse.Namespace, known: Known, kept: Path) -> None:
     """One server, until nothing is open or it was killed."""
-    command = [sys.executable, "-c", "from elfslam.cli import main; main()", "serve", "--http"]
-    where = ["--data", str(services.settings.data_folder), "--database", url, "--port", "0"]
+    where = {"--data": services.settings.data_folder, "--database": services.settings.database_url,
+             "--port": 0, "--on": asked.on}  # fmt: skip
+    command = [*COMMAND, *(str(word) for option in where.items() for word in option)]
     with (kept.parent / "server.log").open("ab") as log:
-        server = subprocess.Popen([*command, *where, "--on", asked.on], stdout=log, stderr=log)
+        server = subprocess.Popen(command, stdout=log, stderr=log)
     samples = known["samples"]
     assert isinstance(samples, list)
     before_s = samples[-1][0] if samples else 0.0

@@ -1,32 +1,48 @@
-"""A real server in a process of its own, and what benchmarks ask of it."""
+"""A real server in a process of its own, for benchmarks and tests, and what they ask of it."""
 
 from __future__ import annotations
 
 import base64
 import hashlib
+import json
+import os
+import socket
 import ssl
 import subprocess
 import sys
+import tempfile
 import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, TypeVar
 
 import httpx
 import numpy as np
 
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.recordings import write_recording
+from elfslam.serve.settings import PAGES_FOLDER
 
+Answer = TypeVar("Answer")
+NO_LIMITS: Mapping[str, float] = {}
 START = """
-import sys; from pathlib import Path
+import json, sys; from pathlib import Path
 from elfslam.serve.network.running import Listening, run
-from elfslam.serve.settings import ServerSettings
-settings = ServerSettings(Path(sys.argv[1]), run_jobs=sys.argv[3] == "jobs")
-run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)
+from elfslam.serve.settings import Limits, ServerSettings
+told = json.loads(sys.argv[1])
+settings = ServerSettings(
+    Path(told["data"]), told["database"], run_jobs=told["jobs"], limits=Limits(**told["limits"]),
+    pages_folder=Path(told["pages"]),
+)
+run(settings, Listening("127.0.0.1", told["port"], plain_http=told["speaks"] == "http"), print)
 """
+COMMAND = (sys.executable, "-c", "from elfslam.cli import main; main()", "serve", "--http")
+TICKS = os.sysconf("SC_CLK_TCK")
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
-PATIENCE_S = 120.0
+PATIENCE_S = 180.0
 
 
 @dataclass(frozen=True)
@@ -56,25 +72,98 @@ class Served:
             base_url=self.url, headers=self.bearer, verify=self.trusted, timeout=PATIENCE_S
         )
 
+    def while_asked(self, ask: Callable[[], Answer]) -> tuple[Answer, dict[str, object]]:
+        """What comes of asking; the server's share of a core meanwhile, and its most memory."""
+        used_s, begin_s = processor_s(self.process.pid), time.perf_counter()
+        answer = ask()
+        share = (processor_s(self.process.pid) - used_s) / (time.perf_counter() - begin_s)
+        memory_mib = round(peak_mib(self.process.pid))
+        return answer, {"of one core": f"{share:.0%}", "memory MiB": memory_mib}
+
     def kill(self) -> None:
         """End it as `kill -9` does."""
         self.process.kill()
         self.process.wait()
 
 
-def start(data: Path, *, speaks: str = "http", jobs: bool = False) -> Served:
-    """A server of a data folder, once it listens."""
+def command(
+    data: Path,
+    *,
+    speaks: str = "http",
+    jobs: bool = False,
+    database: str = "",
+    port: int = 0,
+    pages: Path = PAGES_FOLDER,
+    limits: Mapping[str, float] = NO_LIMITS,
+) -> list[str]:
+    """What runs a server of a data folder."""
+    told = {"data": str(data), "speaks": speaks, "jobs": jobs, "database": database,
+            "port": port, "pages": str(pages), "limits": {**limits}}  # fmt: skip
+    return [sys.executable, "-c", START, json.dumps(told)]
+
+
+def start(data: Path, *, quiet: bool = False, **how: Any) -> Served:
+    """A server of a data folder, as `command` has it, once it listens."""
     told = data / "authority" / "url"
     told.unlink(missing_ok=True)
-    command = [sys.executable, "-c", START, str(data), speaks, "jobs" if jobs else "none"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
+    errors = subprocess.DEVNULL if quiet else None
+    process = subprocess.Popen(command(data, **how), stdout=subprocess.DEVNULL, stderr=errors)
     until_s = time.monotonic() + PATIENCE_S
     while not told.is_file():
         if process.poll() is not None or time.monotonic() > until_s:
+            process.kill()
             raise SystemExit("the server does not start")
         time.sleep(0.01)
     token = (data / "authority" / "owner.token").read_text().strip()
     return Served(process, told.read_text().strip(), token, data)
+
+
+@contextmanager
+def started(**how: Any) -> Iterator[Served]:
+    """A server of a new data folder, as long as the block lasts."""
+    with tempfile.TemporaryDirectory() as folder:
+        served = start(Path(folder) / "data", **how)
+        try:
+            yield served
+        finally:
+            served.kill()
+
+
+@contextmanager
+def serving(data: Path, *options: str) -> Iterator[str]:
+    """`elfslam serve` on plain HTTP as long as the block lasts; gives the address that pairs."""
+    arguments = [*COMMAND, "--port", "0", "--data", str(data), *options]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            address = server.stdout.readline().strip()
+            if not address.startswith("http://127.0.0.1:"):
+                raise RuntimeError(f"the server does not start: {address!r}")
+            yield address
+        finally:
+            server.terminate()
+
+
+def free_port() -> int:
+    """A port of loopback on which nobody listens."""
+    with socket.socket() as found:
+        found.bind(("127.0.0.1", 0))
+        return int(found.getsockname()[1])
+
+
+def processor_s(process: int) -> float:
+    """Processor time of a process so far, and of its children that have ended."""
+    try:
+        cells = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except (FileNotFoundError, ProcessLookupError):
+        return 0.0
+    return sum(map(int, cells[11:15])) / TICKS
+
+
+def peak_mib(process: int) -> float:
+    """The most memory that a process had."""
+    lines = Path(f"/proc/{process}/status").read_text().splitlines()
+    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
 
 
 def metadata(**told: str) -> str:

@@ -21,21 +21,18 @@ import multiprocessing
 import os
 import socket
 import ssl
-import tempfile
 import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import httpx
 import numpy as np
 
 from elfslam.app.console import print_rows, say
-from studies.benchmarks.served import PIECE, TUS, Served, metadata, start
-from studies.benchmarks.twenty_phones import peak_mib
+from studies.benchmarks.served import PIECE, TUS, Served, metadata, peak_mib, started
 
 HOST, OTHER = "127.0.0.1", "127.0.0.2"
 DRIP_S = 2.0
@@ -242,20 +239,16 @@ def held(served: Served) -> int:
 
 def measured(speaks: str, kind: str, place: str, clients: int, seconds: float) -> Row:
     """One row of the table."""
-    with tempfile.TemporaryDirectory() as folder:
-        served = start(Path(folder) / "data", speaks=speaks)
-        try:
-            before, empty = ask(served, BEFORE_S), held(served)
-            told = Attack(kind, place, clients, seconds, port_of(served), speaks == "https")
-            process = multiprocessing.get_context("spawn").Process(target=attack, args=(told,))
-            with uploading(served) as uploaded:
-                process.start()
-                during = ask(served, seconds)
-                left = held(served) - empty
-            process.join()
-            memory_mib = peak_mib(served.process.pid)
-        finally:
-            served.kill()
+    with started(speaks=speaks) as served:
+        before, empty = ask(served, BEFORE_S), held(served)
+        told = Attack(kind, place, clients, seconds, port_of(served), speaks == "https")
+        process = multiprocessing.get_context("spawn").Process(target=attack, args=(told,))
+        with uploading(served) as uploaded:
+            process.start()
+            during = ask(served, seconds)
+            left = held(served) - empty
+        process.join()
+        memory_mib = peak_mib(served.process.pid)
     failures = ", ".join(f"{count} {name}" for name, count in during.failures.most_common())
     row: Row = {"speaks": speaks, "slow": kind, "from": place}
     row |= _times("before", before.taken_s) | _times("during", during.taken_s)

@@ -21,7 +21,8 @@ from typing import Any
 from playwright.sync_api import Browser, sync_playwright
 
 from elfslam.app.console import print_rows, say
-from studies.benchmarks.browser_walk import CHROMIUM, serving
+from studies.benchmarks.browser_walk import CHROMIUM
+from studies.benchmarks.served import serving
 
 SLOWER = 4
 DELAY_MS, RATE_BPS = 150, 1_600_000

@@ -13,18 +13,15 @@ from __future__ import annotations
 import argparse
 import asyncio
 import os
-import tempfile
 import time
-from pathlib import Path
 
 import httpx
 import numpy as np
 
 from elfslam.app.console import print_rows
-from studies.benchmarks.served import PIECE, TUS, Served, metadata, start
+from studies.benchmarks.served import PIECE, TUS, Served, metadata, started
 
 PIECE_S = 1.0
-TICKS = os.sysconf("SC_CLK_TCK")
 
 
 async def phone(client: httpx.AsyncClient, index: int, kbit: float, seconds: float) -> list[float]:
@@ -62,30 +59,12 @@ async def phones(served: Served, count: int, kbit: float, seconds: float) -> np.
         return np.concatenate(await asyncio.gather(*walks))
 
 
-def processor_s(process_id: int) -> float:
-    """Processor time of a process so far."""
-    cells = Path(f"/proc/{process_id}/stat").read_text().rpartition(")")[2].split()
-    return (int(cells[11]) + int(cells[12])) / TICKS
-
-
-def peak_mib(process_id: int) -> float:
-    """The most memory that a process had."""
-    lines = Path(f"/proc/{process_id}/status").read_text().splitlines()
-    return next(int(line.split()[1]) / 1024 for line in lines if line.startswith("VmHWM"))
-
-
 def measured(count: int, kbit: float, seconds: float) -> dict[str, object]:
     """One row of the table."""
-    with tempfile.TemporaryDirectory() as folder:
-        served = start(Path(folder) / "data", speaks="https")
-        try:
-            used_s, begin_s = processor_s(served.process.pid), time.perf_counter()
-            taken_s = asyncio.run(phones(served, count, kbit, seconds))
-            wall_s = time.perf_counter() - begin_s
-            used_s = processor_s(served.process.pid) - used_s
-            memory_mib = peak_mib(served.process.pid)
-        finally:
-            served.kill()
+    with started(speaks="https") as served:
+        taken_s, used = served.while_asked(
+            lambda: asyncio.run(phones(served, count, kbit, seconds))
+        )
     return {
         "phones": count,
         "kbit/s each": kbit,
@@ -93,8 +72,7 @@ def measured(count: int, kbit: float, seconds: float) -> dict[str, object]:
         "median ms": 1000 * float(np.median(taken_s)),
         "99 % ms": 1000 * float(np.quantile(taken_s, 0.99)),
         "worst ms": 1000 * float(taken_s.max()),
-        "of one core": f"{used_s / wall_s:.0%}",
-        "memory MiB": round(memory_mib),
+        **used,
     }
 
 

@@ -18,9 +18,6 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import os
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
@@ -40,18 +37,12 @@ from elfslam.serve.nearest import NearestParameters, build_index
 from elfslam.serve.store.database import open_database
 from elfslam.serve.store.schema import upgrade
 from studies.benchmarks.own_postgresql import Postgresql, own_postgresql
-from studies.benchmarks.served import Served
+from studies.benchmarks.served import Served, processor_s, start
 from studies.benchmarks.simulated_city import PARAMETERS, SIGMA_M, Asker, City, askers, city_of
 
-START = """
-import sys; from pathlib import Path
-from elfslam.serve.network.running import Listening, run
-from elfslam.serve.settings import Limits, ServerSettings
-often = Limits(token_requests_per_s=1e6, address_requests_per_s=1e6)
-settings = ServerSettings(Path(sys.argv[1]), sys.argv[2], run_jobs=False, limits=often)
-run(settings, Listening("127.0.0.1", 0, plain_http=True), print)
-"""
-PATIENCE_S, DRAIN_S = 120.0, 20.0
+OFTEN = {"token_requests_per_s": 1e6, "address_requests_per_s": 1e6}
+"""Limits of a server that refuses no haste."""
+DRAIN_S = 20.0
 QUESTIONS = 2000
 SAID = ("OK", "OK wrong", "AMBIGUOUS", "UNKNOWN_PLACE")
 ALONE = ("wifi", "position", "both", "echoes")
@@ -60,7 +51,6 @@ SENSES = ("wifi", "position", "mixed")
 """
 SPOTS, STEPS, SIZE, ENCODER = 100, 4, 128, "simulated"
 """Of each floor and of each question: vectors with much in common, as many as there are ELFs."""
-TICKS = os.sysconf("SC_CLK_TCK")
 Row = dict[str, object]
 
 
@@ -153,20 +143,12 @@ def serving(database: Postgresql, city: City, *, echoes: bool) -> Iterator[Serve
         data = Path(folder) / "data"
         if echoes:
             place_index(data, city)
-        command = [sys.executable, "-c", START, str(data), database.url]
-        quiet = subprocess.DEVNULL  # of every phone that is refused it says a line
-        process = subprocess.Popen(command, stdout=quiet, stderr=quiet)
+        # quiet: of every phone that is refused it says a line
+        served = start(data, quiet=True, database=database.url, limits=OFTEN)
         try:
-            told, until_s = data / "authority" / "url", time.monotonic() + PATIENCE_S
-            while not told.is_file():
-                if process.poll() is not None or time.monotonic() > until_s:
-                    raise SystemExit("the server does not start")
-                time.sleep(0.05)
-            token = (data / "authority" / "owner.token").read_text().strip()
-            yield Served(process, told.read_text().strip(), token, data)
+            yield served
         finally:
-            process.kill()
-            process.wait()
+            served.kill()
 
 
 def requests_of(phones: Sequence[Asker], senses: str, token: str) -> list[Asked]:
@@ -235,42 +217,29 @@ async def _ask(port: int, asked: Asked, due_s: float) -> Answered:
     return Answered(taken_s, told["status"] + (" right" if first == asked.floor else " wrong"))
 
 
-def processor_s(process: int, *, with_children: bool = False) -> float:
-    """Processor time of a process so far, and of those that it started."""
-    used = _used_s(process)
-    if with_children:
-        for folder in Path("/proc").iterdir():
-            if folder.name.isdigit() and _parent(int(folder.name)) == process:
-                used += _used_s(int(folder.name))
-    return used
-
-
-def _cells(process: int) -> list[str]:
-    try:
-        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
-    except (FileNotFoundError, ProcessLookupError):
-        return ["0"] * 20
-
-
-def _used_s(process: int) -> float:
-    """Its own, and that of its children which have ended."""
-    return sum(map(int, _cells(process)[11:15])) / TICKS
+def database_s(process: int) -> float:
+    """Processor time of a database so far, and of the processes that it started."""
+    found = (int(each.name) for each in Path("/proc").glob("[0-9]*"))
+    return sum(map(processor_s, [process, *(each for each in found if _parent(each) == process)]))
 
 
 def _parent(process: int) -> int:
-    return int(_cells(process)[1])
+    try:
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    except (FileNotFoundError, ProcessLookupError):
+        return 0
 
 
 def measured(
     served: Served, database: Postgresql, asked: Sequence[Asked], rate: float, seconds: float
 ) -> Row:
     """One row of the table."""
-    before = processor_s(served.process.pid), processor_s(database.process.pid, with_children=True)
+    before = processor_s(served.process.pid), database_s(database.process.pid)
     begin_s = time.perf_counter()
     answers = asyncio.run(load(served, asked, rate, seconds))
     wall_s = time.perf_counter() - begin_s
     server_s = processor_s(served.process.pid) - before[0]
-    database_s = processor_s(database.process.pid, with_children=True) - before[1]
+    kept_s = database_s(database.process.pid) - before[1]
     taken_ms = 1000 * np.array([each.taken_s for each in answers])
     outcomes = Counter(each.outcome for each in answers)
     said: Counter[str] = Counter()
@@ -286,9 +255,9 @@ def measured(
         "worst ms": float(taken_ms.max()),
         "errors": sum(outcomes.values()),
         "server ms each": 1000 * server_s / answered,
-        "database ms each": 1000 * database_s / answered,
+        "database ms each": 1000 * kept_s / answered,
         "server core": f"{server_s / wall_s:.0%}",
-        "database core": f"{database_s / wall_s:.0%}",
+        "database core": f"{kept_s / wall_s:.0%}",
         **share,
     }
 

@@ -14,7 +14,6 @@ import pytest
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import FixStatus
-from elfslam.cli.app import run
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.importing import Imported, declared_start
 from elfslam.data.mall import read_walk, walks_in
@@ -37,14 +36,6 @@ def walks(shared_data: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
         place = folder / "asked" if number == COUNT else folder / "walks" / f"walk{number}"
         write_recording(declared_start(item), place, truth=walk.truth)
     return folder
-
-
-@pytest.fixture
-def elfslam(capsys: pytest.CaptureFixture[str]) -> Command:
-    def ended(*arguments: object) -> tuple[int, str]:
-        return run(list(map(str, arguments))), capsys.readouterr().err
-
-    return ended
 
 
 @pytest.fixture

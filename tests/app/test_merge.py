@@ -14,7 +14,6 @@ import pytest
 from elfslam.app.merge import merge_into
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.values import Run
-from elfslam.cli.app import run
 from elfslam.data.map_files import read_map
 from elfslam.data.runs import write_run
 from elfslam.line.feature import load_encoder
@@ -46,14 +45,6 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
         run: Run = map_by_echoes(recording, encoder, Parameters())
         write_run(replace(run, echoes=None), folder / name, facts={}, encoder=b"an encoder")
     return folder
-
-
-@pytest.fixture
-def elfslam(capsys: pytest.CaptureFixture[str]) -> Command:
-    def ended(*arguments: object) -> tuple[int, str]:
-        return run(list(map(str, arguments))), capsys.readouterr().err
-
-    return ended
 
 
 def test_walks_are_merged_into_a_map_and_one_more_is_added(

@@ -49,14 +49,6 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.fixture
-def elfslam(capsys: pytest.CaptureFixture[str]) -> Command:
-    def ended(*arguments: object) -> tuple[int, str]:
-        return run(list(map(str, arguments))), capsys.readouterr().err
-
-    return ended
-
-
 def test_a_map_of_means_locates_without_headings_and_with_its_own_encoder(
     floor: Path, tmp_path: Path, elfslam: Command
 ) -> None:

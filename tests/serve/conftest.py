@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import secrets
-import subprocess
-import sys
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -14,22 +12,19 @@ from typing import Any
 import numpy as np
 import pytest
 from fastapi import FastAPI
-from sqlalchemy import select
 
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import MAP, write_map
 from elfslam.data.recordings import write_recording
-from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.line.feature import load_encoder
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
-from elfslam.serve.store import blobs
-from elfslam.serve.store.database import Map, MapFile, User, transaction
+from elfslam.serve.store.database import Map
 from studies.benchmarks.own_postgresql import initdb, own_postgresql
-from tests.waiting import until
+from studies.benchmarks.served import Served, start
+from tests.serve.planting import plant_files, plant_floor_map
 
 with warnings.catch_warnings():
     warnings.simplefilter("ignore")  # of Starlette about the HTTP client it would rather have
@@ -126,15 +121,7 @@ def put_map(services: Services, tmp_path: Path) -> Callable[..., str]:
         user_id, folder = client.get("/api/me").json()["id"], tmp_path / secrets.token_hex(4)
         folder.mkdir()
         (folder / "report.html").write_text(folder.name)
-        store = services.settings.blobs_folder
-        with blobs.locked(store), transaction(services.sessions) as session:
-            row = Map(user_id=user_id, name=name, kind="run", **more)
-            session.add(row)
-            session.flush()
-            for file, blob in blobs.put_folder(store, folder).items():
-                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
-                session.add(MapFile(map_id=row.id, name=file, **told))
-            return row.id
+        return plant_files(services, Map(user_id=user_id, name=name, kind="run", **more), folder)
 
     return put
 
@@ -165,61 +152,21 @@ def walk_files(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in folder.iterdir()}
 
 
-@dataclass(frozen=True)
-class Started:
-    """A server in a process of its own."""
-
-    process: subprocess.Popen[bytes]
-    url: str
-    token: str
-    data: Path
-
-    @property
-    def bearer(self) -> dict[str, str]:
-        """The owner's header."""
-        return {"Authorization": f"Bearer {self.token}"}
-
-
-START = """
-import sys; from pathlib import Path
-from elfslam.serve.network.running import Listening, run
-from elfslam.serve.settings import Limits, ServerSettings
-limits, pages = Limits(**eval(sys.argv[3])), Path(sys.argv[4])
-settings = ServerSettings(Path(sys.argv[1]), run_jobs=False, limits=limits, pages_folder=pages)
-run(settings, Listening("127.0.0.1", 0, plain_http=sys.argv[2] == "http"), print)
-"""
-
-
 @pytest.fixture(scope="module")
-def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Started]]:
+def start_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[..., Served]]:
     """Starts real servers on free ports; all are killed at the end."""
-    started: list[subprocess.Popen[bytes]] = []
+    started: list[Served] = []
 
-    def start(
-        data: Path | None = None,
-        speaks: str = "http",
-        pages: Path = PAGES_FOLDER,
-        **limits: float,
-    ) -> Started:
-        data = data or tmp_path_factory.mktemp("served") / "data"
-        told = data / "authority" / "url"
-        told.unlink(missing_ok=True)
-        command = [sys.executable, "-c", START, str(data), speaks, repr(limits), str(pages)]
-        process = subprocess.Popen(command, stdout=subprocess.DEVNULL)
-        started.append(process)
+    def begin(
+        data: Path | None = None, speaks: str = "http", pages: Path = PAGES_FOLDER, **limits: float
+    ) -> Served:
+        folder = data or tmp_path_factory.mktemp("served") / "data"
+        started.append(start(folder, speaks=speaks, pages=pages, limits=limits))
+        return started[-1]
 
-        def has_started() -> bool:
-            assert process.poll() is None, "the server did not start"
-            return told.is_file()
-
-        until(has_started, "the start of the server", patience_s=180)
-        token = (data / "authority" / "owner.token").read_text().strip()
-        return Started(process, told.read_text().strip(), token, data)
-
-    yield start
-    for process in started:
-        process.kill()
-        process.wait()
+    yield begin
+    for served in started:
+        served.kill()
 
 
 @pytest.fixture(scope="session")
@@ -260,21 +207,7 @@ class Planted:
         """A map of the owner's, or another content of one; its id."""
         folder = self.scratch / f"map{len(list(self.scratch.iterdir()))}"
         folder.mkdir()
-        write_map(floor_map, folder / MAP)
-        shipped = load_encoder("compact")
-        assert isinstance(shipped, OnnxEncoder)
-        (folder / ENCODER).write_bytes(encoder or shipped.content)
-        store = self.services.settings.blobs_folder
-        with blobs.locked(store), transaction(self.services.sessions) as session:
-            made = blobs.put_folder(store, folder)
-            owner = session.scalars(select(User).filter_by(is_owner=True)).one()
-            row = session.get(Map, map_id or "") or Map(user_id=owner.id, name="Hall", kind="run")
-            session.add(row)
-            session.flush()
-            for name, blob in made.items():
-                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
-                session.merge(MapFile(map_id=row.id, name=name, **told))
-            return row.id
+        return plant_floor_map(self.services, floor_map, folder, map_id, encoder)
 
 
 @pytest.fixture

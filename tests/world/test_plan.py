@@ -8,7 +8,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
-from elfslam.world.materials import Material
 from elfslam.world.plan import (
     PERSON_HEIGHT_M,
     PERSON_RADIUS_M,
@@ -16,18 +15,16 @@ from elfslam.world.plan import (
     meets_wall,
     note_crossings,
 )
-from elfslam.world.room import Block, Room, box, shoebox
-from elfslam.world.scene import FEW_BLOCKS, Scene, scene_of
-
-ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
-PLAIN = Material("plain", 0.3, 0.0, "planted")
-NOBODY = np.zeros((0, 2))
-TABLE = box("table", [2.0, 1.0, 0.0], [1.0, 2.0, 0.7], PLAIN, 0.0, 0.0)
-LAMP = box("lamp", [4.0, 1.0, 1.8], [1.0, 2.0, 0.4], PLAIN, 0.0, 0.0)
-
-
-def scene_with(*blocks: Block) -> Scene:
-    return scene_of(shoebox(np.array([8.0, 6.0, 2.5]), (PLAIN,) * 6, blocks))
+from elfslam.world.room import Block
+from elfslam.world.scene import FEW_BLOCKS, Scene
+from tests.world.planted_blocks import (
+    LAMP,
+    NOBODY,
+    TABLE,
+    random_blocks,
+    scene_with,
+    scene_with_a_notch,
+)
 
 
 def crossed(scene: Scene, a: F64, b: F64, people: F64 = NOBODY, start: float = 0.0) -> F64:
@@ -85,13 +82,7 @@ def plain_crossings(blocks: list[Block], a: F64, b: F64) -> F64:
 @given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 5, FEW_BLOCKS + 9]))
 def test_the_grid_finds_what_looking_at_every_block_finds(seed: int, count: int) -> None:
     generator = np.random.default_rng(seed)
-    blocks = [
-        Block(
-            f"{k}", PLAIN, generator.uniform([0, 0], [8, 6]), generator.uniform(0.1, 2.0, 3),
-            generator.uniform(0, 3), generator.uniform(0, 0.5), 0.0,
-        )
-        for k in range(count)
-    ]  # fmt: skip
+    blocks = random_blocks(generator, count)
     scene = scene_with(*blocks)
     for a, b in generator.uniform([0, 0], [8, 6], (10, 2, 2)):
         np.testing.assert_allclose(crossed(scene, a, b), plain_crossings(blocks, a, b), atol=1e-9)
@@ -102,13 +93,13 @@ def test_the_grid_finds_what_looking_at_every_block_finds(seed: int, count: int)
     [([5.5, 2.5], [1, 4], True), ([5, 1], [1, 1], False), ([5, 2], [2, 4.9], True)],
 )
 def test_a_line_across_the_notch_meets_its_walls(a: list[float], b: list[float], met: bool) -> None:
-    scene = scene_of(Room(ELL_M, 2.5, (PLAIN,) * 6, PLAIN, PLAIN))
+    scene = scene_with_a_notch()
     assert bool(meets_wall(scene, *map(float, a), *map(float, b), -1, -1)) == met
 
 
 def test_a_wall_is_not_met_by_lines_that_start_on_it() -> None:
     """From just behind the side x = 3 of the notch, as rounding may have it."""
-    scene = scene_of(Room(ELL_M, 2.5, (PLAIN,) * 6, PLAIN, PLAIN))
+    scene = scene_with_a_notch()
     line = (3.0 + 1e-12, 4.0, 1.0, 2.0)
     assert meets_wall(scene, *line, -1, -1)
     assert not meets_wall(scene, *line, 3, -1)

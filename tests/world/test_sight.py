@@ -8,20 +8,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
-from elfslam.world.materials import Material
 from elfslam.world.plan import make_crossings, note_crossings
-from elfslam.world.room import Block, Room, box, shoebox
-from elfslam.world.scene import FEW_BLOCKS, Scene, scene_of
+from elfslam.world.room import Block
+from elfslam.world.scene import FEW_BLOCKS, Scene
 from elfslam.world.sight import SECTORS, Sight, hides, look, make_sight
-
-PLAIN = Material("plain", 0.3, 0.0, "planted")
-NOBODY = np.zeros((0, 2))
-TABLE = box("table", [2.0, 1.0, 0.0], [1.0, 2.0, 0.7], PLAIN, 0.0, 0.0)
-LAMP = box("lamp", [4.0, 1.0, 1.8], [1.0, 2.0, 0.4], PLAIN, 0.0, 0.0)
-
-
-def scene_with(*blocks: Block) -> Scene:
-    return scene_of(shoebox(np.array([8.0, 6.0, 2.5]), (PLAIN,) * 6, blocks))
+from tests.world.planted_blocks import (
+    LAMP,
+    NOBODY,
+    PLAIN,
+    TABLE,
+    random_blocks,
+    scene_with,
+    scene_with_a_notch,
+)
 
 
 def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:
@@ -61,9 +60,7 @@ def test_sight_passes_over_a_person(height_m: float, hidden: bool) -> None:
 
 @pytest.mark.parametrize(("to_m", "hidden"), [([2.5, 4.8, 1.0], True), ([1, 4, 1.0], False)])
 def test_nobody_sees_round_a_corner(to_m: list[float], hidden: bool) -> None:
-    outline = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
-    scene = scene_of(Room(outline, 2.5, (PLAIN,) * 6, PLAIN, PLAIN))
-    assert is_hidden(scene, np.array([5.0, 1.0, 1.0]), np.array(to_m)) == hidden
+    assert is_hidden(scene_with_a_notch(), np.array([5.0, 1.0, 1.0]), np.array(to_m)) == hidden
 
 
 def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
@@ -80,14 +77,7 @@ def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
 @given(seed=st.integers(0, 10_000), count=st.sampled_from([1, 5, FEW_BLOCKS + 9]))
 def test_sight_agrees_with_what_the_line_crosses(seed: int, count: int) -> None:
     generator = np.random.default_rng(seed)
-    blocks = [
-        Block(
-            f"{k}", PLAIN, generator.uniform([0, 0], [8, 6]), generator.uniform(0.1, 2.0, 3),
-            generator.uniform(0, 3), generator.uniform(0, 0.5), 0.0,
-        )
-        for k in range(count)
-    ]  # fmt: skip
-    scene = scene_with(*blocks)
+    scene = scene_with(*random_blocks(generator, count))
     for a, b in generator.uniform([0, 0, 0], [8, 6, 2.5], (10, 2, 3)):
         assert is_hidden(scene, a, b) == by_crossings(scene, a, b)
 

@@ -19,18 +19,15 @@ from elfslam.data.recordings import write_recording
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.serve.buildings.tables import Floor
 from elfslam.serve.services import Services
-from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
     Map,
-    MapFile,
-    RecordingFile,
     User,
     reading,
-    transaction,
 )
 from elfslam.serve.store.database import (
     Recording as RecordingRow,
 )
+from tests.serve.planting import plant_files
 
 Elfslam = Callable[..., tuple[int, str]]
 BSSIDS = tuple(f"04:33:89:79:{k:02x}:10" for k in range(8))
@@ -157,22 +154,11 @@ def test_a_floor_from_a_map_of_the_server(
     elfslam: Elfslam, owner: TestClient, services: Services, map_folder: Path, walk_folder: Path
 ) -> None:
     """With the Wi-Fi of the walks that it was made from."""
-    store = services.settings.blobs_folder
-    with blobs.locked(store), transaction(services.sessions) as session:
+    with reading(services.sessions) as session:
         mine = session.query(User).filter_by(is_owner=True).one()
-        walk = RecordingRow(user_id=mine.id, name="walk")
-        session.add(walk)
-        session.flush()
-        made = Map(user_id=mine.id, name="Hall", kind="run", sources=[walk.id])
-        session.add(made)
-        session.flush()
-        for table, of, folder in (
-            (RecordingFile, {"recording_id": walk.id}, walk_folder),
-            (MapFile, {"map_id": made.id}, map_folder),
-        ):
-            for name, blob in blobs.put_folder(store, folder).items():
-                told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
-                session.add(table(name=name, **of, **told))
+    walk_id = plant_files(services, RecordingRow(user_id=mine.id, name="walk"), walk_folder)
+    made = Map(user_id=mine.id, name="Hall", kind="run", sources=[walk_id])
+    plant_files(services, made, map_folder)
     code, out = elfslam("publish", made.id, "--building", "Mall", "--floor", 0, "--at", "47.1,8.2")
     assert code == 0
     assert "8 access points" in out

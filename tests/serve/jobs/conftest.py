@@ -16,20 +16,12 @@ from elfslam.data.recordings import read_recording, write_recording
 from elfslam.line.feature import load_encoder
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store import blobs
-from elfslam.serve.store.database import (
-    Map,
-    MapFile,
-    Recording,
-    RecordingFile,
-    RecordingState,
-    new_id,
-    transaction,
-)
+from elfslam.serve.store.database import Map, Recording, RecordingState
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import describe_chirp, load_world, simulate
+from tests.serve.planting import plant_files
 from tests.waiting import until
 
 Json = dict[str, Any]
@@ -69,17 +61,9 @@ def remember(services: Services, walks: Path) -> Remember:
     """Puts a walk among the recordings of a client's user, as if it had been uploaded."""
 
     def remembered(client: TestClient, name: str) -> str:
-        user_id, recording_id = client.get("/api/me").json()["id"], new_id()
-        made = blobs.put_folder(services.settings.blobs_folder, walks / name)
-        with transaction(services.sessions) as session:
-            session.add(
-                Recording(id=recording_id, user_id=user_id, name=name, state=RecordingState.READY)
-            )
-            session.flush()
-            for file, blob in made.items():
-                row = {"name": file, "sha256": blob.sha256, "size_bytes": blob.size_bytes}
-                session.add(RecordingFile(recording_id=recording_id, **row))
-        return recording_id
+        user_id = client.get("/api/me").json()["id"]
+        row = Recording(user_id=user_id, name=name, state=RecordingState.READY)
+        return plant_files(services, row, walks / name)
 
     return remembered
 
@@ -126,15 +110,8 @@ def keep_map(services: Services, runs: Path) -> Remember:
     """Puts a run, or the floor, among the maps of a client's user, without a job."""
 
     def kept(client: TestClient, name: str) -> str:
-        user_id, map_id = client.get("/api/me").json()["id"], new_id()
-        made = blobs.put_folder(services.settings.blobs_folder, runs / name)
-        kind = "floor" if name == "floor" else "run"
-        with transaction(services.sessions) as session:
-            session.add(Map(id=map_id, user_id=user_id, name=name, kind=kind, facts={"walks": 1}))
-            session.flush()
-            for file, blob in made.items():
-                row = {"name": file, "sha256": blob.sha256, "size_bytes": blob.size_bytes}
-                session.add(MapFile(map_id=map_id, **row))
-        return map_id
+        user_id, kind = client.get("/api/me").json()["id"], "floor" if name == "floor" else "run"
+        row = Map(user_id=user_id, name=name, kind=kind, facts={"walks": 1})
+        return plant_files(services, row, runs / name)
 
     return kept

@@ -3,14 +3,9 @@
 from __future__ import annotations
 
 import io
-import signal
-import socket
-import subprocess
-import sys
 import zipfile
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,70 +19,25 @@ from elfslam.data.tum import read_tum
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.truth import read_truth
 from elfslam.serve.jobs.work import STAGES
-from elfslam.serve.people.access import new_token
-from elfslam.serve.people.users import set_owner_token
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import ServerSettings
+from studies.benchmarks.served import PIECE, TUS, Served, metadata, start
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
 
 Json = dict[str, Any]
-SERVE = """
-import sys
-import uvicorn
-from pathlib import Path
-from elfslam.serve.app import create_app
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import ServerSettings
-
-app = create_app(open_services(ServerSettings(Path(sys.argv[1]), secure_cookie=False)))
-uvicorn.run(app, host="127.0.0.1", port=int(sys.argv[2]), log_level="warning")
-"""
 PATIENCE_S = 300.0
 DATED = {"run.json", "timings.json", "report.html"}
 
 
-@dataclass
-class Server:
-    """A server of a data folder, started again and again."""
-
-    folder: Path
-    token: str
-    port: int
-
-    @contextmanager
-    def running(self) -> Iterator[tuple[subprocess.Popen[bytes], httpx.Client]]:
-        """The process, and a client of its owner; killed at the end if it still runs."""
-        process = subprocess.Popen([sys.executable, "-c", SERVE, str(self.folder), str(self.port)])
-        base = f"http://127.0.0.1:{self.port}"
-        header = {"Authorization": f"Bearer {self.token}"}
-        try:
-            with httpx.Client(base_url=base, headers=header, timeout=60) as client:
-                until(lambda: answers(client), "a server that answers", patience_s=PATIENCE_S)
-                yield process, client
-        finally:
-            process.kill()
-            process.wait()
-
-
-@pytest.fixture
-def server(tmp_path: Path) -> Server:
-    folder, token = tmp_path / "data", new_token()
-    services = open_services(ServerSettings(folder))
-    set_owner_token(services, token)
-    services.engine.dispose()
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        port = free.getsockname()[1]
-    return Server(folder, token, port)
-
-
-def answers(client: httpx.Client) -> bool:
+@contextmanager
+def running(data: Path) -> Iterator[tuple[Served, httpx.Client]]:
+    """A server of a data folder, started anew, and a client of its owner; killed at the end."""
+    served = start(data, jobs=True)
     try:
-        return client.get("/api/version").status_code == 200
-    except httpx.TransportError:
-        return False
+        with served.client() as client:
+            yield served, client
+    finally:
+        served.kill()
 
 
 def ended(client: httpx.Client, job_id: str) -> Json:
@@ -104,28 +54,13 @@ def ended(client: httpx.Client, job_id: str) -> Json:
 
 def upload(client: httpx.Client, packed: bytes) -> str:
     """A whole recording as a .zip by tus; the id of the recording."""
-    metadata = "filename d2Fsay56aXA="  # walk.zip
-    created = client.post(
-        "/api/uploads",
-        headers={
-            "Tus-Resumable": "1.0.0",
-            "Upload-Length": str(len(packed)),
-            "Upload-Metadata": metadata,
-        },
-    )
+    told = {"Upload-Length": str(len(packed)), "Upload-Metadata": metadata(filename="walk.zip")}
+    created = client.post("/api/uploads", headers={**TUS, **told})
     assert created.status_code == 201, created.text
-    where, tus = created.headers["Location"], {"Tus-Resumable": "1.0.0"}
-    sent = client.patch(
-        where,
-        content=packed,
-        headers={
-            **tus,
-            "Upload-Offset": "0",
-            "Content-Type": "application/offset+octet-stream",
-        },
-    )
+    where = created.headers["Location"]
+    sent = client.patch(where, content=packed, headers={**PIECE, "Upload-Offset": "0"})
     assert sent.status_code == 204, sent.text
-    return client.head(where, headers=tus).headers["Elfslam-Recording"]
+    return client.head(where, headers=TUS).headers["Elfslam-Recording"]
 
 
 def packed(folder: Path) -> bytes:
@@ -165,9 +100,9 @@ def undisturbed(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_from_upload_to_map_is_as_good_as_the_command(
-    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+    walks: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
-    with server.running() as (_, client):
+    with running(tmp_path / "data") as (_, client):
         recording = upload(client, packed(walks / "one"))
         job = ended(client, only_job(client, recording)["id"])
         assert job["problem"] is None
@@ -178,19 +113,18 @@ def test_from_upload_to_map_is_as_good_as_the_command(
 
 
 def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
-    server: Server, walks: Path, undisturbed: Path, tmp_path: Path
+    walks: Path, undisturbed: Path, tmp_path: Path
 ) -> None:
-    with server.running() as (process, client):
+    with running(tmp_path / "data") as (served, client):
         recording = upload(client, packed(walks / "one"))
         job_id = only_job(client, recording)["id"]
         until(
             lambda: client.get(f"/api/jobs/{job_id}").json()["doing"] in STAGES,
             "a stage of mapping",
         )
-        process.send_signal(signal.SIGKILL)
-        process.wait()
-    assert list((server.folder / "work").iterdir()) != []
-    with server.running() as (_, client):
+        served.kill()
+    assert list((tmp_path / "data" / "work").iterdir()) != []
+    with running(tmp_path / "data") as (_, client):
         job = ended(client, job_id)
         assert (job["state"], job["attempts"]) == ("done", 2)
         ours = run_folder(client, job["gave"]["map"], tmp_path / "map")
@@ -199,4 +133,4 @@ def test_a_server_killed_while_it_maps_goes_on_and_makes_the_same_map(
     assert names == {file.name for file in undisturbed.iterdir()}
     for name in names - DATED:
         assert (ours / name).read_bytes() == (undisturbed / name).read_bytes(), name
-    assert list((server.folder / "work").iterdir()) == []
+    assert list((tmp_path / "data" / "work").iterdir()) == []

@@ -20,6 +20,7 @@ from starlette.testclient import TestClient
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, User, now_utc, transaction
+from studies.benchmarks.served import free_port
 from tests.waiting import until
 
 MOSQUITTO = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
@@ -60,13 +61,6 @@ def position() -> Callable[..., LivePosition]:
         return LivePosition(**{**told, **more})
 
     return made
-
-
-def free_port() -> int:
-    """A port of loopback on which nobody listens."""
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        return int(found.getsockname()[1])
 
 
 @dataclass

@@ -19,7 +19,8 @@ import trustme
 from elfslam.serve.positions.delivery import DeliveryError, post
 from elfslam.serve.positions.signature import signed_headers
 from elfslam.serve.positions.targets import Target, target_of
-from tests.serve.positions.conftest import Receiver, free_port
+from studies.benchmarks.served import free_port
+from tests.serve.positions.conftest import Receiver
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -23,7 +23,8 @@ from elfslam.serve.positions.mqtt import MqttPublisher
 from elfslam.serve.positions.mqtt_address import Broker
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.settings import ServerSettings
-from tests.serve.positions.conftest import OwnBroker, free_port
+from studies.benchmarks.served import free_port
+from tests.serve.positions.conftest import OwnBroker
 from tests.waiting import until
 
 pytestmark = pytest.mark.real

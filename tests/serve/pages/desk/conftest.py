@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,26 +20,23 @@ from elfslam.data.recordings import write_recording
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
     Job,
     JobKind,
     JobState,
     Map,
-    MapFile,
     Recording,
-    RecordingFile,
     RecordingState,
-    User,
     transaction,
 )
 from elfslam.serve.store.holdings import delete_user
 from elfslam.world.simulate import load_world, simulate
+from studies.benchmarks.served import serving
+from tests.serve.planting import plant_files
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium")
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking")
-SERVE = "from elfslam.cli import main; main()"
 PATIENCE_MS = 60_000
 """Only a test that fails waits for so long."""
 CLOSURES = ((2, 20), (3, 21), (4, 22))
@@ -64,31 +60,14 @@ class Person:
 
     def plant_map(self, name: str, folder: Path, **more: Any) -> str:
         """A map as a job would have left it; gives its id."""
-        made = blobs.put_folder(self.services.settings.blobs_folder, folder)
-        row = Map(user_id=self.id, name=name, kind="run", **more)
-        with transaction(self.services.sessions) as session:
-            session.add(row)
-            session.flush()
-            session.add_all(
-                MapFile(map_id=row.id, name=file, sha256=blob.sha256, size_bytes=blob.size_bytes)
-                for file, blob in made.items()
-            )
-        return row.id
+        return plant_files(
+            self.services, Map(user_id=self.id, name=name, kind="run", **more), folder
+        )
 
     def plant_recording(self, name: str, folder: Path, **more: Any) -> str:
         """A recording as if it had been uploaded; gives its id."""
-        made = blobs.put_folder(self.services.settings.blobs_folder, folder)
         row = Recording(user_id=self.id, name=name, state=RecordingState.READY, **more)
-        with transaction(self.services.sessions) as session:
-            session.add(row)
-            session.flush()
-            session.add_all(
-                RecordingFile(
-                    recording_id=row.id, name=file, sha256=blob.sha256, size_bytes=blob.size_bytes
-                )
-                for file, blob in made.items()
-            )
-        return row.id
+        return plant_files(self.services, row, folder)
 
     def plant_job(self, kind: JobKind, state: JobState, **more: Any) -> str:
         """A job in any state; gives its id."""
@@ -142,44 +121,15 @@ def floor_plan(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def origin(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, Path]]:
     """A server process without jobs: its address, and its data folder."""
     data = tmp_path_factory.mktemp("server") / "data"
-    with serving(data, "--no-jobs") as url:
+    with served_at(data, "--no-jobs") as url:
         yield url, data
 
 
-class serving:  # noqa: N801
+@contextmanager
+def served_at(data: Path, *options: str) -> Iterator[str]:
     """`elfslam serve` as long as the block lasts; gives its address."""
-
-    def __init__(self, data: Path, *options: str) -> None:
-        self._command = ["serve", "--http", "--port", "0", "--data", str(data), *options]
-
-    def __enter__(self) -> str:
-        self._process = subprocess.Popen(
-            [sys.executable, "-c", SERVE, *self._command], stdout=subprocess.PIPE, text=True
-        )
-        assert self._process.stdout is not None
-        first = self._process.stdout.readline()
-        assert first.startswith("http://127.0.0.1:"), "the server says where it is"
-        return first.partition("/#")[0]
-
-    def __exit__(self, *_: object) -> None:
-        self._process.terminate()
-        self._process.communicate(timeout=30)
-
-
-@pytest.fixture
-def serve_at() -> Callable[..., serving]:
-    """A server process of a test's own."""
-    return serving
-
-
-@pytest.fixture
-def person_at() -> Callable[..., Person]:
-    """Somebody on such a server."""
-
-    def at(services: Services, url: str, user: User, token: str) -> Person:
-        return Person(services, url, user.id, token)
-
-    return at
+    with serving(data, *options) as address:
+        yield address.partition("/#")[0]
 
 
 @pytest.fixture
@@ -247,6 +197,16 @@ def open_desk(browser: Any, invite: Callable[[str], Person]) -> Iterator[Open]:
     for context in contexts:
         context.close()
     assert [problem for person in people for problem in person.problems] == []
+
+
+@pytest.fixture
+def working_desk(open_desk: Open, tmp_path: Path) -> Iterator[tuple[Any, str]]:
+    """A desk on a server of the test's own that works on jobs: its page, and the address."""
+    settings = ServerSettings(tmp_path / "data", secure_cookie=False)
+    with served_at(settings.data_folder) as url:
+        services = open_services(settings)
+        user, token = add_user(services, "Ada")
+        yield open_desk(Person(services, url, user.id, token)), url
 
 
 def _watch(page: Any, person: Person) -> None:

@@ -16,9 +16,6 @@ from planted_logs import LOGS
 from elfslam.base.values import Recording
 from elfslam.data.importing import LogFormat
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.serve.people.users import add_user
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import ServerSettings
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 
@@ -59,35 +56,27 @@ def table(t_s: np.ndarray, values: np.ndarray) -> str:
 
 
 def test_from_a_dropped_log_to_its_curves_and_its_map(
-    open_desk: Open,
-    sensorlogger_zip: Path,
-    measured: Recording,
-    tmp_path: Path,
-    serve_at: Callable[..., Any],
-    person_at: Callable[..., Any],
+    working_desk: tuple[Any, str], sensorlogger_zip: Path, measured: Recording
 ) -> None:
-    settings = ServerSettings(tmp_path / "data", secure_cookie=False)
-    with serve_at(settings.data_folder) as url:
-        services = open_services(settings)
-        page = open_desk(person_at(services, url, *add_user(services, "Ada")))
-        page.locator("input[name=recordings]").set_input_files(sensorlogger_zip)
-        page.get_by_text("2026-11-24_round.zip has arrived.").wait_for()
-        page.get_by_role("link", name="2026-11-24_round", exact=True).click()
-        page.get_by_role("heading", level=1, name="2026-11-24_round").wait_for()
-        page.locator("figure.plot").first.wait_for()
-        facts = page.locator("dl.facts").inner_text()
-        assert "Sensor Logger" in facts
-        assert measured.imu is not None
-        rate_hz = round(1 / float(np.median(np.diff(measured.imu.t_s))))
-        assert f"{rate_hz} Hz" in facts
-        titles = page.locator("figure.plot strong").all_inner_texts()
-        assert titles == ["Acceleration", "Turning", "Magnetic field", "Wi-Fi access points"]
-        with page.expect_download() as taken:
-            page.get_by_role("link", name="Download accelerometer.csv").click()
-        rows = np.loadtxt(taken.value.path(), delimiter=",", skiprows=1)
-        np.testing.assert_allclose(rows[:, 1:], measured.imu.accel_mps2, atol=1e-5)
-        page.get_by_role("link", name="See the map").click(timeout=LONGEST_MS)
-        page.locator(".map-head").get_by_text("One walk").wait_for()
+    page, _ = working_desk
+    page.locator("input[name=recordings]").set_input_files(sensorlogger_zip)
+    page.get_by_text("2026-11-24_round.zip has arrived.").wait_for()
+    page.get_by_role("link", name="2026-11-24_round", exact=True).click()
+    page.get_by_role("heading", level=1, name="2026-11-24_round").wait_for()
+    page.locator("figure.plot").first.wait_for()
+    facts = page.locator("dl.facts").inner_text()
+    assert "Sensor Logger" in facts
+    assert measured.imu is not None
+    rate_hz = round(1 / float(np.median(np.diff(measured.imu.t_s))))
+    assert f"{rate_hz} Hz" in facts
+    titles = page.locator("figure.plot strong").all_inner_texts()
+    assert titles == ["Acceleration", "Turning", "Magnetic field", "Wi-Fi access points"]
+    with page.expect_download() as taken:
+        page.get_by_role("link", name="Download accelerometer.csv").click()
+    rows = np.loadtxt(taken.value.path(), delimiter=",", skiprows=1)
+    np.testing.assert_allclose(rows[:, 1:], measured.imu.accel_mps2, atol=1e-5)
+    page.get_by_role("link", name="See the map").click(timeout=LONGEST_MS)
+    page.locator(".map-head").get_by_text("One walk").wait_for()
 
 
 @pytest.fixture

@@ -3,16 +3,12 @@
 from __future__ import annotations
 
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from elfslam.data.recordings import write_recording
-from elfslam.serve.people.users import add_user
-from elfslam.serve.services import open_services
-from elfslam.serve.settings import ServerSettings
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
 LONGEST_MS = 300_000
@@ -33,25 +29,18 @@ def walk_zip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.mark.real
 def test_from_a_dropped_zip_to_a_located_walk(
-    open_desk: Callable[..., Any],
-    walk_zip: Path,
-    tmp_path: Path,
-    serve_at: Callable[..., Any],
-    person_at: Callable[..., Any],
+    working_desk: tuple[Any, str], walk_zip: Path
 ) -> None:
-    settings = ServerSettings(tmp_path / "data", secure_cookie=False)
-    with serve_at(settings.data_folder) as url:
-        services = open_services(settings)
-        page = open_desk(person_at(services, url, *add_user(services, "Ada")))
-        page.locator("input[name=recordings]").set_input_files(walk_zip)
-        page.get_by_role("link", name="See the map").click(timeout=LONGEST_MS)
-        page.get_by_role("heading", level=1).wait_for()
-        head = page.locator(".map-head p").inner_text()
-        assert "One walk" in head
-        assert int(head.split(" place")[0].rsplit("· ", 1)[1]) > 10
-        page.get_by_role("button", name="Locate a recording").click()
-        page.get_by_role("dialog").get_by_role("button", name="Locate").click()
-        page.locator(".legend").get_by_text("located").wait_for(timeout=LONGEST_MS)
-        page.goto(f"{url}/desk#/jobs")
-        page.get_by_text("Nothing to do at the moment.").wait_for()
-        assert page.get_by_text("Done", exact=True).count() == 2
+    page, url = working_desk
+    page.locator("input[name=recordings]").set_input_files(walk_zip)
+    page.get_by_role("link", name="See the map").click(timeout=LONGEST_MS)
+    page.get_by_role("heading", level=1).wait_for()
+    head = page.locator(".map-head p").inner_text()
+    assert "One walk" in head
+    assert int(head.split(" place")[0].rsplit("· ", 1)[1]) > 10
+    page.get_by_role("button", name="Locate a recording").click()
+    page.get_by_role("dialog").get_by_role("button", name="Locate").click()
+    page.locator(".legend").get_by_text("located").wait_for(timeout=LONGEST_MS)
+    page.goto(f"{url}/desk#/jobs")
+    page.get_by_text("Nothing to do at the moment.").wait_for()
+    assert page.get_by_text("Done", exact=True).count() == 2

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import shutil
 import subprocess
@@ -54,6 +55,21 @@ def _room_sound(rate_hz: int, duration_s: float) -> np.ndarray:
             echo = start + round(delay_s * rate_hz)
             sound[echo : echo + len(chirp)] += gain * generator.uniform(0.5, 1.0) * chirp
     return np.asarray(sound, dtype=np.float32)
+
+
+@pytest.fixture(scope="session")
+def benchmark() -> Callable[[str], Any]:
+    """A benchmark by name, which has the long form; skips where a program of it is missing."""
+
+    def found(name: str) -> Any:
+        pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
+        made = importlib.import_module(f"studies.benchmarks.{name}")
+        if absent := made.missing_programs() + ([] if made.CHROMIUM else ["chromium"]):
+            need = "apt-get install pulseaudio pulseaudio-utils chromium"
+            pytest.skip(f"{', '.join(absent)} is missing: {need}")
+        return made
+
+    return found
 
 
 @pytest.fixture(scope="session")

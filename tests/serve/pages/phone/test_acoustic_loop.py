@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -24,21 +25,9 @@ pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")
-def browser_walk() -> Any:
-    """The benchmark, which has the long form; skips where playwright is missing."""
-    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    from studies.benchmarks import browser_walk
-
-    return browser_walk
-
-
-@pytest.fixture(scope="module")
-def compared(browser_walk: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def compared(benchmark: Callable[[str], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
     """Course, recording, and the errors of both maps."""
-    absent = browser_walk.missing_programs() + ([] if browser_walk.CHROMIUM else ["chromium"])
-    if absent:
-        names = ", ".join(absent)
-        pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
+    browser_walk = benchmark("browser_walk")
     world = load_world("studio")
     course = browser_walk.plan_course(world, SEED, ROUNDS)
     said, busy = "", 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -19,21 +20,9 @@ pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")
-def page_place() -> Any:
-    """The benchmark, which has the long form; skips where playwright is missing."""
-    pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
-    from studies.benchmarks import page_place
-
-    return page_place
-
-
-@pytest.fixture(scope="module")
-def located(page_place: Any, tmp_path_factory: pytest.TempPathFactory) -> Any:
+def located(benchmark: Callable[[str], Any], tmp_path_factory: pytest.TempPathFactory) -> Any:
     """The walk as the page located it, its errors, and how many footsteps it had."""
-    absent = page_place.missing_programs() + ([] if page_place.CHROMIUM else ["chromium"])
-    if absent:
-        names = ", ".join(absent)
-        pytest.skip(f"{names} is missing: apt-get install pulseaudio pulseaudio-utils chromium")
+    page_place = benchmark("page_place")
     course = page_place.plan_course(load_world(WORLD), SEED, ROUNDS)
     folder = tmp_path_factory.mktemp("place")
     address, world_in_map = page_place.prepared(WORLD, MAP_SEED, folder)

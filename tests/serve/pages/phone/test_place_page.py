@@ -9,22 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from sqlalchemy import select
 
 from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
-from elfslam.data.facts import ENCODER
 from elfslam.data.fixes_files import read_fixes
-from elfslam.data.map_files import MAP, write_map
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import OnnxEncoder, extract_features, load_encoder
+from elfslam.line.feature import extract_features, load_encoder
 from elfslam.serve.buildings.publishing import Spot, publish, withdraw
 from elfslam.serve.buildings.sources import floor_of
 from elfslam.serve.buildings.wifi import WifiFindParameters
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store import blobs
-from elfslam.serve.store.database import Map, MapFile, User, transaction
+from tests.serve.planting import plant_floor_map
 from tests.waiting import until
 
 HERE_M = (3.0, 2.0)
@@ -91,21 +87,8 @@ def map_id(server: Any, heard_map: FloorMap, tmp_path: Path) -> Iterator[str]:
     """That map, put on the server where a job would have left it."""
     folder = tmp_path / "map"
     folder.mkdir()
-    write_map(heard_map, folder / MAP)
-    encoder = load_encoder("compact")
-    assert isinstance(encoder, OnnxEncoder)
-    (folder / ENCODER).write_bytes(encoder.content)
     services = open_services(ServerSettings(server.data))
-    made = blobs.put_folder(services.settings.blobs_folder, folder)
-    with transaction(services.sessions) as session:
-        owner = session.scalars(select(User).filter_by(is_owner=True)).one()
-        row = Map(user_id=owner.id, name="Hall", kind="run")
-        session.add(row)
-        session.flush()
-        for name, blob in made.items():
-            told = {"sha256": blob.sha256, "size_bytes": blob.size_bytes}
-            session.merge(MapFile(map_id=row.id, name=name, **told))
-        made_id = row.id
+    made_id = plant_floor_map(services, heard_map, folder)
     yield made_id
     services.engine.dispose()
     if server.process is None:
