@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
-from elfslam.base.progress import Announce
 from elfslam.base.values import Features
 from elfslam.line.acoustic_odometry import (
     AcousticOdometryParameters,
@@ -28,7 +25,7 @@ from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from studies.figures.scale_figures import Estimates, estimates_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.heard_walk import Heard, HeardWalk, hear_walk, true_scale
 from studies.repeats import Numbers, finished
 from studies.walls_in_focus import focus_panel, walks_panels
@@ -80,19 +77,9 @@ WALKS = tuple(
 )
 
 
-def measure_acoustic_odometry(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
-    *,
-    workers: Workers | None = None,
-    walks: Sequence[HeardWalk] = WALKS,
-) -> Finding:
-    """A row per world: error of scale and of the map, with steps as claimed and as measured.
-
-    `data` is not needed.
-    """
-    numbers = finished(measure_walk, walks, announce, kept=kept, workers=workers)
+def measure_acoustic_odometry(given: Given, *, walks: Sequence[HeardWalk] = WALKS) -> Finding:
+    """A row per world: error of scale and of the map, with steps as claimed and as measured."""
+    numbers = finished(measure_walk, walks, given)
     worlds = list(dict.fromkeys(walk.world for walk in walks))
     by_world = {
         world: [found for walk, found in zip(walks, numbers, strict=True) if walk.world == world]
@@ -100,7 +87,7 @@ def measure_acoustic_odometry(
     }
     rows = [_row(world, found) for world, found in by_world.items()]
     rows.append(_row("all", numbers))
-    announce("pictures", None)
+    given.announce("pictures", None)
     return Finding(rows, _page(rows, by_world, walks))
 
 

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.app.map import finetuned
-from elfslam.app.workers import Workers, silent_elsewhere
+from elfslam.app.workers import silent_elsewhere
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Recording, Run, Truth
 from elfslam.learn.parameters import FinetuneParameters, PretrainParameters, ScratchParameters
@@ -27,7 +27,7 @@ from elfslam.world.simulate import load_world, simulate
 from studies.elf import labelled_pairs
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.separation import histograms, recall_at
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.intervals import curve_of, mean_row
 from studies.repeats import Numbers, finished
 
@@ -54,11 +54,8 @@ class TrainedWalk:
 
 
 def measure_amounts(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     echoes: Sequence[int] = ECHOES,
     minutes: Sequence[float] = MINUTES,
     worlds: Sequence[str] = WORLDS,
@@ -68,17 +65,16 @@ def measure_amounts(
     """Map error and recall against both amounts, and losses from random and trained weights.
 
     Encoders of so many echoes are trained by the recipe of the shipped one and kept beside `kept`.
-    `data` is not needed.
     """
     tasks = [
         TrainedWalk(PRETRAINED, n, w, s, ROUNDS) for n in echoes for w in worlds for s in seeds
     ]
     tasks += [TrainedWalk(FINETUNED, m, w, seeds[0], long_rounds) for m in minutes for w in worlds]
-    folder = None if kept is None else kept.parent / "encoders"
-    measure = partial(_measured, folder=folder, announce=silent_elsewhere(announce))
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    folder = None if given.kept is None else given.kept.parent / "encoders"
+    measure = partial(_measured, folder=folder, announce=silent_elsewhere(given.announce))
+    numbers = finished(measure, tasks, given)
     rows = _rows(tasks, numbers)
-    announce("losses", None)
+    given.announce("losses", None)
     return Finding(rows, _page(rows, _losses(worlds[0], seeds[0])))
 
 

@@ -9,16 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
-from elfslam.base.progress import Announce
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
 from elfslam.line.feature import extract_features
 from elfslam.line.locate import trusted_one_shot
@@ -31,7 +28,7 @@ from elfslam.world.simulate import World, load_world
 from studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
 from studies.attacks_table import attacks_page, attacks_rows
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.localization import shipped
 from studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
 from studies.repeats import Numbers, finished
@@ -78,25 +75,22 @@ class Task:
 
 
 def measure_attacks(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Mapping[str, int] = ROUNDS,
     seeds: Sequence[int] = SEEDS,
     levels_db: Sequence[float] = LEVELS_DB,
     kinds: Sequence[str] = KINDS,
     mapping_rounds: int = MAPPING_ROUNDS,
 ) -> Finding:
-    """What came of every attack, and false alarms of honest walks; `data` is not needed."""
+    """What came of every attack, and false alarms of honest walks."""
     tasks = [
         Task(world, seed, rounds, what, tuple(levels_db), mapping_rounds)
         for seed in seeds
         for world, rounds in worlds.items()
         for what in kinds
     ]
-    rows = attacks_rows(finished(measured, tasks, announce, kept=kept, workers=workers))
+    rows = attacks_rows(finished(measured, tasks, given))
     return Finding(rows, attacks_page(rows))
 
 

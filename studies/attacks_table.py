@@ -9,7 +9,7 @@ from scipy import stats
 
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.attack_figures import shares_figure
-from studies.figures.dots import Dot, dots_figure
+from studies.figures.dots import dots_by, dots_figure
 from studies.finding import Row
 from studies.repeats import Numbers
 
@@ -128,14 +128,11 @@ def _mode_panels(rows: Sequence[Row], title: str) -> list[Panel]:
 
 
 def _alarms(rows: Sequence[Row]) -> Panel:
-    dots = {MODES[mode]: [_dot(row) for row in rows if row["mode"] == mode] for mode in MODES}
+    dots = dots_by(
+        lambda row: MODES[str(row["mode"])],
+        lambda row: str(row["what"]).removeprefix(f"{HONEST}: "),
+        rows, "per hour", "per hour from", "per hour to",
+    )  # fmt: skip
     figure = dots_figure(dots, "alarms per hour of honest walking", "")
     note = "With the exact 95 % interval of a count."
     return Panel("False alarms", figure, note, wide=True)
-
-
-def _dot(row: Row) -> Dot:
-    value, low, high = (
-        float(str(row[name])) for name in ("per hour", "per hour from", "per hour to")
-    )
-    return Dot(str(row["what"]).removeprefix(f"{HONEST}: "), value, low, high)

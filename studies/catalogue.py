@@ -25,7 +25,7 @@ from studies.dead_reckoning import measure_dead_reckoning
 from studies.distinctness import measure_distinctness
 from studies.elf import measure_elf
 from studies.fidelity import compare_engines
-from studies.finding import Finding, LongStudy, Row, Study
+from studies.finding import Finding, Given, LongStudy, Row, Study
 from studies.finetuning import measure_finetuning
 from studies.fix_thresholds import measure_fix_thresholds
 from studies.fleet import measure_fleet
@@ -135,7 +135,9 @@ def run_study(
     kept = out / f"{name}.partial"
     with _workers_for(name, on) as workers:
         chosen = _chosen(name, encoders or {}, kind)
-        made = _measured(name, data, announce, kept, chosen, workers)
+        study = STUDIES[name]
+        measure = study.measure if isinstance(study, LongStudy) else study
+        made = measure(Given(data, announce, kept, workers), **chosen)
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
     with new_file(out / f"{name}.json") as partial:
@@ -155,20 +157,6 @@ def _workers_for(name: str, on: str | None) -> Iterator[Workers]:
         raise InputError(f"study {name}: is short and runs in this process; leave --on out")
     with open_workers(on) as workers:
         yield workers
-
-
-def _measured(
-    name: str,
-    data: Path | None,
-    announce: Announce,
-    kept: Path,
-    chosen: Mapping[str, Any],
-    workers: Workers,
-) -> list[Row] | Finding:
-    study = STUDIES[name]
-    if isinstance(study, LongStudy):
-        return study.measure(data, announce, kept, workers=workers, **chosen)
-    return study(data, announce, **chosen)
 
 
 def _chosen(name: str, encoders: Mapping[str, Encoder], kind: str | None) -> dict[str, Any]:

@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import I64
 from elfslam.base.drift import Drift
-from elfslam.base.progress import Announce
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
 from elfslam.line.closure import candidates, find_closures, possible
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import Alignment, position_errors, summarise
 from elfslam.scoring.page import Page, Panel, rows_table
@@ -25,8 +21,9 @@ from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
-from studies.figures.dots import Dot, dots_figure
-from studies.finding import Finding, Row
+from studies.figures.dots import Dot, dots_by, dots_figure
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_interval, mean_of
 from studies.repeats import Numbers, finished
 
 WORLDS = ("living_room", "office", "mall")
@@ -48,22 +45,19 @@ class ClosedWalk:
 
 
 def measure_closure_steps(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
 ) -> Finding:
-    """Precision and recall after each step of both strategies; `data` is not needed.
+    """Precision and recall after each step of both strategies.
 
     Maps are made of what a strategy ends with, and of single pairs without any; once by the graph
     that may doubt closures and once by plain least squares, which believes all.
     """
     tasks = [ClosedWalk(world, seed, rounds) for world in worlds for seed in seeds]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     rows = [
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
         for world in worlds
@@ -163,12 +157,10 @@ def _row(walks: Sequence[Numbers], strategy: str, step: str) -> Row:
     row: Row = {}
     for name in MEASURES:
         values = [numbers.get(f"{strategy}|{step}|{name}", np.nan) for numbers in walks]
-        known = [np.array([value]) for value in values if np.isfinite(value)]
-        row[name] = None
+        known = [value for value in values if np.isfinite(value)]
+        row[name] = mean_of(known)
         if known:
-            low, high = interval(known, lambda some: float(some.mean()), np.random.default_rng(0))
-            row[name] = round(float(np.mean(known)), 3)
-            row[f"{name}, from"], row[f"{name}, to"] = round(low, 3), round(high, 3)
+            row[f"{name}, from"], row[f"{name}, to"] = mean_interval(known)
     row["walks"] = len(walks)
     return row
 
@@ -195,13 +187,7 @@ NOTES = {
 
 
 def _dots(rows: Sequence[Row], name: str) -> dict[str, list[Dot]]:
-    def dot(row: Row) -> Dot:
-        label = f"{row['strategy']}: {row['step']}"
-        value, low, high = (float(str(row[key])) for key in (name, f"{name}, from", f"{name}, to"))
-        return Dot(label, value, low, high)
-
-    worlds = dict.fromkeys(str(row["world"]) for row in rows)
-    return {
-        world: [dot(row) for row in rows if row["world"] == world and row[name] is not None]
-        for world in worlds
-    }
+    return dots_by(
+        lambda row: str(row["world"]), lambda row: f"{row['strategy']}: {row['step']}",
+        rows, name, f"{name}, from", f"{name}, to",
+    )  # fmt: skip

@@ -5,14 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy import signal
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.progress import Announce
 from elfslam.base.values import (
     DISCARDED_SAMPLES,
     ECHO_RATE_HZ,
@@ -30,7 +27,7 @@ from elfslam.world.simulate import load_world
 from studies.crowd import Crowd, alone, crowd_in
 from studies.crowds import Overheard, overhear
 from studies.figures.contention_figures import contention_page
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.intervals import mean_row
 from studies.localization import shipped
 from studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
@@ -72,25 +69,22 @@ class Task:
 
 
 def measure_contention(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     places: Sequence[str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     counts: Sequence[int] = COUNTS,
     seconds: float = SECONDS,
     mapping_rounds: int = MAPPING_ROUNDS,
 ) -> Finding:
-    """What phones in one room make of each other, by their number; `data` is not needed."""
+    """What phones in one room make of each other, by their number."""
     tasks = [
         Task(place, seed, count, seconds, mapping_rounds)
         for place in places
         for seed in seeds
         for count in counts
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     rows = _rows(tasks, numbers)
     return Finding(rows, contention_page(rows))
 

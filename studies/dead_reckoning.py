@@ -5,13 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
-from elfslam.base.progress import Announce
 from elfslam.base.values import Odometry
 from elfslam.line.motion import (
     HardIron,
@@ -28,7 +26,7 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from studies.error_sources import end_errors
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.walk_figures import DrawnWalk, walks_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.reckoned_walks import (
     WORLDS,
     ReckonedWalk,
@@ -70,29 +68,24 @@ class Scored:
 
 
 def measure_dead_reckoning(
-    data: Path | None,
-    announce: Announce,
-    *,
-    walks: int | None = None,
-    seeds: int = 6,
-    worlds: Sequence[str] = WORLDS,
+    given: Given, *, walks: int | None = None, seeds: int = 6, worlds: Sequence[str] = WORLDS
 ) -> Finding:
     """End errors, step scale and normalised errors of dead reckoning; `data` has the mall walks.
 
     Without `data` only simulated walks are measured. `walks` takes the first of each floor
     alone, `seeds` so many walks of each simulated world of `worlds`.
     """
-    floors = {} if data is None else dict(mall_floors(data, walks, announce))
-    announce("simulated walks", 0.5)
+    floors = {} if given.data is None else dict(mall_floors(given.data, walks, given.announce))
+    given.announce("simulated walks", 0.5)
     simulated = {
         f"{world}, {rate} Hz": walked for world, rate, walked in simulated_walks(worlds, seeds)
     }
     rows: list[Row] = []
-    announce("mall walks", 0.6)
+    given.announce("mall walks", 0.6)
     rows += _real_rows(floors) if floors else []
     for name, some in simulated.items():
         rows += _simulated_rows(name, some)
-    announce("uncertainty", 0.9)
+    given.announce("uncertainty", 0.9)
     groups = {**floors, "simulated": [walk for some in simulated.values() for walk in some]}
     consistency = [
         row

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.progress import Announce
 from elfslam.line.feature import spectrogram
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.world_file import load_world
 from studies.figures.clouds import clouds_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_range
 from studies.still_phone import Listener, hear_at, held_still, listener_in
 
 ECHOES = 40
@@ -32,18 +30,16 @@ class Heard:
     spot: I64
 
 
-def measure_distinctness(
-    data: Path | None, announce: Announce, *, spots: int | None = None
-) -> Finding:
+def measure_distinctness(given: Given, *, spots: int | None = None) -> Finding:
     """How often a spot is recognised among all, and the t-SNE picture of five in a row.
 
-    After the paper, section 3; `data` is not needed. `spots` takes the first few alone.
+    After the paper, section 3. `spots` takes the first few alone.
     """
     world, rows, panels = load_world("lab"), [], []
     spots_m = world.spots_m[:spots]
     chosen = _row_of_spots(spots_m)
     for k, (signal, title) in enumerate(SIGNALS.items()):
-        announce(f"{signal} at {len(spots_m)} spots", k / len(SIGNALS))
+        given.announce(f"{signal} at {len(spots_m)} spots", k / len(SIGNALS))
         heard = _hear(listener_in(world.room, signal=signal), spots_m)
         rows.append(_recognised(spots_m, signal, heard))
         panels.append(Panel(title, clouds_figure(_embedded(heard, chosen)), NOTE, wide=True))
@@ -77,7 +73,7 @@ def _recognised(spots_m: F64, signal: str, heard: Heard) -> Row:
     answer, truth = square.argmin(axis=1), np.repeat(np.arange(spots), ECHOES // 2)
     error_m = np.linalg.norm(spots_m[answer] - spots_m[truth], axis=1)
     right = (answer == truth).reshape(spots, -1).astype(np.float64)
-    low, high = interval(list(right), lambda values: float(values.mean()), np.random.default_rng(0))
+    low, high = mean_range(right)
     return {
         "signal": signal,
         "spots": spots,

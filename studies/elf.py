@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.map import finetuned
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
-from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
 from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
@@ -24,7 +22,7 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.simulate import load_world, simulate
 from studies.figures.separation import histograms, separation_row
-from studies.finding import Row
+from studies.finding import Given, Row
 
 SECOND_ENGINE = " by pyroomacoustics"
 """Behind the name of a world: its closed solids, rendered by the second engine."""
@@ -47,8 +45,7 @@ Counts = dict[tuple[str, str], list[F64]]
 
 
 def measure_elf(
-    data: Path | None,
-    announce: Announce,
+    given: Given,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
@@ -59,8 +56,7 @@ def measure_elf(
     """A row per world, feature and length: how similarity tells the same place from elsewhere.
 
     `encoders` are compared by name, `adapted` are made anew for each walk; by default the generic
-    features, the shipped encoder, it after fine-tuning, and one without pre-training. `data` is
-    not needed.
+    features, the shipped encoder, it after fine-tuning, and one without pre-training.
     """
     if encoders is None and adapted is None:
         encoders, adapted = shipped_and_generic(), learnt_from_the_walk()
@@ -73,9 +69,9 @@ def measure_elf(
         counts: Counts = {}
         for k, seed in enumerate(seeds):
             share = (place + k / len(seeds)) / len(worlds)
-            announce(f"{world}, walk {seed}", share)
+            given.announce(f"{world}, walk {seed}", share)
             measure_walk(world, seed, rounds, compared, counts)
-        announce(f"{world}, intervals", (place + 1) / len(worlds))
+        given.announce(f"{world}, intervals", (place + 1) / len(worlds))
         rows += _rows(world, counts)
     return rows
 

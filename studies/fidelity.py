@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from elfslam.world.phone import Ends, air_at, image_echoes, render_frames
 from elfslam.world.pulses import C64, CARRIER_HZ, Air
 from elfslam.world.room import Block, Room, box, check_outline, segments_cross, shoebox
 from elfslam.world.scene import Scene, scene_of
+from studies.finding import Given, Row
 
 ROOMS = 20
 REACH = Reach(longest_m=21.0, order=4, plan_order=4, block_order=4, beside_block=4)
@@ -31,8 +31,6 @@ SAME_M = 5e-4
 SLOPE_BINS = slice(215, 416)
 """One kilohertz to either side of the carrier: over these an envelope's delay is measured."""
 
-Row = dict[str, object]
-
 
 class Comparison(NamedTuple):
     """One room: correlation of the chirp's sound, and what sets single paths apart."""
@@ -44,22 +42,17 @@ class Comparison(NamedTuple):
     level_db: float
 
 
-def compare_engines(
-    data: Path | None = None,
-    announce: Callable[[str, float | None], None] = lambda what, share: None,
-    *,
-    rooms: int = ROOMS,
-) -> list[Row]:
+def compare_engines(given: Given, *, rooms: int = ROOMS) -> list[Row]:
     """A row per kind of room and lobe: how close two engines come, at worst and at the median.
 
-    Needs no `data`. Raises InputError without pyroomacoustics.
+    Raises InputError without pyroomacoustics.
     """
     rows = []
     for kind, draw in (("shoebox", random_shoebox), ("polygon with blocks", random_polygon)):
         for lobe, directivity in (("omnidirectional", 0.0), ("cardioid", CARDIOID)):
             found = []
             for seed in range(rooms):
-                announce(f"{kind}, {lobe}", seed / rooms)
+                given.announce(f"{kind}, {lobe}", seed / rooms)
                 found.append(compare_room(draw, directivity, seed))
             rows.append({"room": kind, "transducers": lobe, **_summary(found)})
     return rows

@@ -1,13 +1,29 @@
-"""What a study gives: a table, and a page where there is something to look at."""
+"""What a study is given, and what it gives: a table, and a page where there is one to look at."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
+from elfslam.app.workers import Workers
+from elfslam.base.progress import Announce, silent
 from elfslam.scoring.page import Page
 
 Row = dict[str, object]
+
+
+@dataclass(frozen=True)
+class Given:
+    """The folder of real recordings, and who hears of progress.
+
+    A long study keeps what is finished in the file `kept`, and gives its repeats to `workers`.
+    """
+
+    data: Path | None = None
+    announce: Announce = silent
+    kept: Path | None = None
+    workers: Workers | None = None
 
 
 @dataclass(frozen=True)
@@ -19,7 +35,7 @@ class Finding:
 
 
 Study = Callable[..., list[Row] | Finding]
-"""Makes a finding, given the folder of real recordings (or None) and who hears of progress.
+"""Makes a finding of what is given.
 
 Some take `encoders` by name, too, to be measured in place of the usual ones.
 """
@@ -27,9 +43,6 @@ Some take `encoders` by name, too, to be measured in place of the usual ones.
 
 @dataclass(frozen=True)
 class LongStudy:
-    """A study that keeps what is finished in the file it is given, and goes on from there.
+    """A study that goes on from what is kept, and whose repeats others can do."""
 
-    It gives its repeats to `workers`, a keyword.
-    """
-
-    measure: Callable[..., list[Row] | Finding]
+    measure: Study

@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.map import finetuned
 from elfslam.base.arrays import F64
-from elfslam.base.progress import Announce
 from elfslam.base.values import Run, Truth
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 from studies.elf import labelled_pairs
 from studies.figures.separation import histograms, separation_row
-from studies.finding import Row
+from studies.finding import Given, Row
+from studies.intervals import mean_range
 
 WORLDS = ("studio", "lounge")
 """For development: the worlds of evaluation stay unheard."""
@@ -41,8 +39,7 @@ class Walks:
 
 
 def measure_finetuning(
-    data: Path | None,
-    announce: Announce,
+    given: Given,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
@@ -50,13 +47,13 @@ def measure_finetuning(
     encoder: str = "compact",
     parameters: FinetuneParameters | None = None,
 ) -> list[Row]:
-    """A row per world and encoder, before and after; `data` is not needed."""
+    """A row per world and encoder, before and after."""
     known, pretrained = parameters or FinetuneParameters(), load_encoder(encoder)
     rows: list[Row] = []
     for place, world in enumerate(worlds):
         collected = {name: Walks() for name in ENCODERS}
         for k, seed in enumerate(seeds):
-            announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
+            given.announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
             _measure_walk(world, seed, rounds, pretrained, known, collected)
         rows += [_row(world, name, walks) for name, walks in collected.items()]
     return rows
@@ -89,8 +86,7 @@ def _collect(walks: Walks, run: Run, truth: Truth, rounds: int) -> None:
 
 
 def _row(world: str, name: str, walks: Walks) -> Row:
-    each = [np.array([value]) for value in walks.error_m]
-    low, high = interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
+    low, high = mean_range(walks.error_m)
     return {
         "world": world,
         "encoder": name,

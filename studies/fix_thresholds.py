@@ -9,18 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.choices import Mode
-from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.localization import ELSEWHERE, shipped
 from studies.located import MAPPING_ROUNDS, fix_numbers, located, mapped_walk, stranger
 from studies.repeats import Numbers, finished
@@ -41,20 +38,17 @@ class FixWalk:
 
 
 def measure_fix_thresholds(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = MAPPING_ROUNDS,
 ) -> Finding:
-    """A row per kind and threshold: what is answered, rightly and elsewhere; no `data` needed."""
+    """A row per kind and threshold: what is answered, rightly and elsewhere."""
     tasks = [
         FixWalk(world, kind, seed, rounds) for kind in KINDS for world in worlds for seed in seeds
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     return Finding(_rows(tasks, numbers))
 
 

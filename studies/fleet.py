@@ -9,15 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
-from elfslam.base.progress import Announce
 from studies.figures.fleet_figures import fleet_page
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.queueing import arrivals_s, drawn_services_s, expected_wait_s, waits_s
 
 LINK_BYTES_PER_S = 1e9 / 8
@@ -122,8 +120,7 @@ def stores_of(demand: Demand, costs: Costs) -> dict[str, tuple[float, float]]:
 
 
 def measure_fleet(
-    data: Path | None,
-    announce: Announce,
+    given: Given,
     *,
     demand: Demand | None = None,
     costs: Costs | None = None,
@@ -131,11 +128,11 @@ def measure_fleet(
     disk_bytes: float = 10e12,
     seed: int = 0,
 ) -> Finding:
-    """A row for everything that may break, on paper and simulated; `data` is not needed."""
+    """A row for everything that may break, on paper and simulated."""
     wanted, known = demand or Demand(), costs or Costs()
     rows, curves = [], {}
     for station in stations_of(wanted, known):
-        announce(station.name, None)
+        given.announce(station.name, None)
         waits = {many: _day(station, many, seed) for many in times}
         rows.append(_row(station, waits))
         curves[station.name] = {many: _late_s(each) for many, each in waits.items()}

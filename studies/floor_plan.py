@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.anchor import floor_plan
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
-from elfslam.base.progress import Announce
 from elfslam.base.values import Trajectory, Truth
 from elfslam.line.anchoring import (
     AMBIGUOUS,
@@ -34,7 +31,7 @@ from elfslam.world.room import Room
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import HEAD_M
 from studies.figures.plan_figures import placed_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.repeats import Numbers, finished
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
@@ -74,16 +71,13 @@ class Mapped:
 
 
 def measure_floor_plan(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Mapping[str, int] = WORLDS,
     rounds: int = ROUNDS,
     known: AnchoringParameters | None = None,
 ) -> Finding:
-    """A row per world and plan: shares of walks placed right, wrong, and not; `data` is unused."""
+    """A row per world and plan: shares of walks placed right, wrong, and not."""
     parameters = known or AnchoringParameters()
     tasks = [
         PlacedWalk(world, FIRST_SEED + k, rounds)
@@ -91,7 +85,7 @@ def measure_floor_plan(
         for k in range(count)
     ]
     measure = partial(_measured, parameters=parameters)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = [
         row
         for world in worlds

@@ -20,14 +20,13 @@ import numpy as np
 from elfslam.app.console import print_rows, progress_bar
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers, open_workers
+from elfslam.app.workers import open_workers
 from elfslam.base.choices import Modality, Mode
-from elfslam.base.progress import Announce
 from elfslam.line.feature import load_encoder
 from elfslam.slam.pipeline import map_by
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
-from studies.finding import Row
+from studies.finding import Given, Row
 from studies.located import MAPPING_ROUNDS, Mapped, fix_numbers, located, mapped_walk, stranger
 from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
 from studies.repeats import Numbers, finished
@@ -87,10 +86,10 @@ FIGURES = (
 
 
 def measure_headline(
-    announce: Announce, *, tasks: Sequence[Task] = TASKS, workers: Workers | None = None
+    given: Given, *, tasks: Sequence[Task] = TASKS
 ) -> dict[tuple[str, str, str], float]:
     """Mean over walks of the median error (m), by world, kind of walk and figure."""
-    numbers = finished(median_errors, tasks, announce, kept=None, workers=workers)
+    numbers = finished(median_errors, tasks, given)
     found: dict[tuple[str, str, str], list[float]] = {}
     for task, walk in zip(tasks, numbers, strict=True):
         for name, value in walk.items():
@@ -144,7 +143,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=RawTextHelpFormatter)
     parser.add_argument("--on", default="2", help="who works: a number of processes")
     with progress_bar() as announce, open_workers(parser.parse_args(arguments).on) as workers:
-        rows = judged(measure_headline(announce, workers=workers), FIGURES)
+        rows = judged(measure_headline(Given(announce=announce, workers=workers)), FIGURES)
     print_rows(rows, title="Headline", as_json=False)
     return int(any(row["verdict"] != OK for row in rows))
 

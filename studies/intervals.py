@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -12,12 +12,30 @@ from studies.figures.curves import Curve
 from studies.finding import Row
 
 
+def mean_range(blocks: Iterable[float | F64]) -> tuple[float, float]:
+    """Where the mean of values, or of blocks of them, lies with 95 %, by resampling these."""
+    each = [np.atleast_1d(block) for block in blocks]
+    return interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
+
+
+def mean_interval(values: Sequence[float]) -> tuple[float | None, float | None]:
+    """The same to three places; None where there is nothing."""
+    if not values:
+        return None, None
+    low, high = mean_range(values)
+    return round(low, 3), round(high, 3)
+
+
+def mean_of(values: Sequence[float]) -> float | None:
+    """The mean to three places; None where there is nothing."""
+    return round(float(np.mean(values)), 3) if values else None
+
+
 def mean_row(
     varied: str, at: float | None, measure: str, values: F64 | Sequence[float], over: str
 ) -> Row:
     """The mean of some values (n), and its 95 % interval by resampling them."""
-    each = [np.array([value]) for value in values]
-    low, high = interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
+    low, high = mean_range(values)
     return {
         "varied": varied,
         "at": at,
@@ -25,7 +43,7 @@ def mean_row(
         "mean": round(float(np.mean(values)), 4),
         "from": round(low, 4),
         "to": round(high, 4),
-        "over": f"{len(each)} {over}",
+        "over": f"{len(values)} {over}",
     }
 
 

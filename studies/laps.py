@@ -12,14 +12,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 from typing import NamedTuple
 
 from elfslam.app.workers import Here, Workers
 from elfslam.base.progress import Announce
 from elfslam.line.feature import Encoder
 from elfslam.world.kinds import PEOPLE, QUIET, Kind
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.lap_answers import (
     Answers,
     Beside,
@@ -95,11 +94,8 @@ Thresholds = Mapping[str, Mapping[str, float]]
 
 
 def measure_laps(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     encoders: Mapping[str, Encoder] | None = None,
     kind: Kind = PEOPLE,
     worlds: Sequence[str] = WORLDS,
@@ -116,7 +112,7 @@ def measure_laps(
     """A row per world, sound, lane, laps mapped and feature; curves of errors against both.
 
     `encoders` are measured by name beside the shipped one and the spectrograms. `mirrored` worlds
-    are heard by mirror images, too. `data` is not needed.
+    are heard by mirror images, too.
     """
     tasks = crowds(worlds, kind.name, lanes_m, lane_seeds, laps, lap_seeds)
     tasks += one_change(worlds, kind.name, lap_seeds, asked_laps)
@@ -130,11 +126,11 @@ def measure_laps(
             for seed in threshold_seeds
         ],
         features,
-        announce,
-        workers or Here(),
+        given.announce,
+        given.workers or Here(),
     )
     measure = partial(measure_crowd, features=features, thresholds=thresholds)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = laps_rows(tasks, numbers, thresholds)
     return Finding(rows, laps_page(rows))
 

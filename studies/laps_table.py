@@ -11,8 +11,8 @@ import numpy as np
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 from studies.finding import Row
+from studies.intervals import mean_interval, mean_of
 from studies.lap_answers import OFFSETS_M
-from studies.localization_table import mean_interval, mean_of
 from studies.repeats import Numbers
 
 WIDTH = 4.0

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32
 from elfslam.base.choices import Modality, Mode
-from elfslam.base.progress import Announce
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Orientation, Recording, Run
 from elfslam.baselines.magnetic import level_by_gravity
 from elfslam.baselines.rival_maps import (
@@ -35,7 +32,7 @@ from elfslam.slam.pipeline import map_by, map_by_echoes
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.localization_table import localization_page, localization_rows
 from studies.located import (
     MAPPING_ROUNDS,
@@ -75,22 +72,19 @@ class Pair:
 
 
 def measure_localization(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
 ) -> Finding:
-    """Errors of every way to be located, and how many queries got an answer; no `data` needed."""
+    """Errors of every way to be located, and how many queries got an answer."""
     tasks = [
         Pair(world, seed, mapping_rounds, rounds, kind.name) for world in worlds for seed in seeds
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     rows = localization_rows(by_world(tasks, numbers))
     return Finding(rows, localization_page(rows))
 

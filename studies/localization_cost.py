@@ -5,18 +5,16 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
-from elfslam.base.progress import Announce
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Odometry, Payload
 from elfslam.line.locate import fixes_of, likeness
 from elfslam.line.segments import locate_by_segments
 from elfslam.line.track import Tracker
-from studies.finding import Row
+from studies.finding import Given, Row
 from studies.localization import shipped
 
 SPOTS = (4_000, 100_000)
@@ -28,16 +26,12 @@ REPEATS = 15
 
 
 def measure_localization_cost(
-    data: Path | None,
-    announce: Announce,
-    *,
-    spots: Sequence[int] = SPOTS,
-    repeats: int = REPEATS,
+    given: Given, *, spots: Sequence[int] = SPOTS, repeats: int = REPEATS
 ) -> list[Row]:
-    """Medians over repeats of the processor time of one fix, encoder included; no `data` needed."""
+    """Medians over repeats of the processor time of one fix, encoder included."""
     rows: list[Row] = []
     for number, count in enumerate(spots):
-        announce(f"{count} spots", number / len(spots))
+        given.announce(f"{count} spots", number / len(spots))
         floor_map = grid_map(count, np.random.default_rng(0))
         goal = (GOAL_MS, GOAL_MB) if count <= GOAL_SPOTS else (None, None)
         for what, once in _ways(floor_map):

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
-from studies.figures.dots import Dot, dots_figure
+from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Row
+from studies.intervals import mean_interval, mean_of
 from studies.repeats import Numbers
 
 PAPER_M: Mapping[tuple[str, str], Mapping[str, tuple[float, float, float]]] = {
@@ -83,20 +83,6 @@ def _joined(columns: Sequence[Sequence[float]]) -> str | None:
     return " / ".join(f"{np.mean(column):.2f}" for column in columns)
 
 
-def mean_of(values: Sequence[float]) -> float | None:
-    """The mean to three places; None where there is nothing."""
-    return round(float(np.mean(values)), 3) if values else None
-
-
-def mean_interval(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Where the mean lies with 95 %, by resampling walks; None where there is nothing."""
-    if not values:
-        return None, None
-    each = [np.array([value]) for value in values]
-    low, high = interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
-    return round(low, 3), round(high, 3)
-
-
 def localization_page(rows: Sequence[Row]) -> Page:
     """The median errors as dots, from sound alone and with footsteps, and the table."""
     figures = [
@@ -122,15 +108,9 @@ SHORT = (
 def _dots(rows: Sequence[Row], mode: str) -> dict[str, list[Dot]]:
     """By world; the tracker stands among the trajectories."""
     shown = {"one-shot": ("one-shot",), "trajectory": ("trajectory", "track")}[mode]
-    chosen = [row for row in rows if row["mode"] in shown and row["error (m)"] is not None]
-    worlds = dict.fromkeys(str(row["world"]) for row in chosen)
-    return {world: [_dot(row) for row in chosen if row["world"] == world] for world in worlds}
-
-
-def _dot(row: Row) -> Dot:
-    low, high = float(str(row["median from"])), float(str(row["median to"]))
-    value = float(str(row["error (m)"]).split(" / ")[0])
-    paper = row["paper (m)"]
-    reference = None if paper is None else float(str(paper).split(" / ")[0])
-    name = "ELF, tracker" if row["mode"] == "track" else str(row["method"])
-    return Dot(name, value, low, high, reference)
+    return dots_by(
+        lambda row: str(row["world"]),
+        lambda row: "ELF, tracker" if row["mode"] == "track" else str(row["method"]),
+        [row for row in rows if row["mode"] in shown],
+        "error (m)", "median from", "median to", "paper (m)",
+    )  # fmt: skip

@@ -14,11 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.progress import Announce
 from elfslam.base.values import Odometry, Orientation, Recording, Similarity, Truth
 from elfslam.baselines.magnetic import (
     FieldProfile,
@@ -34,7 +32,7 @@ from elfslam.line.motion import nodes_by_distance
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.magnetic_offsets import AlignmentParameters, align_closures
 from studies.magnetic_walks import (
     AS_STATED,
@@ -84,23 +82,17 @@ class Seen:
 
 
 def measure_magnetic_left_out(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
-    *,
-    workers: Workers | None = None,
-    sets: Sequence[str] = SETS,
-    choices: Sequence[Choice] = CHOICES,
+    given: Given, *, sets: Sequence[str] = SETS, choices: Sequence[Choice] = CHOICES
 ) -> Finding:
     """A row per set: the parameters that the others chose, and the error with them.
 
     `data` holds `magnetic/*.mat`. Raises InputError where they are missing.
     """
-    if data is None:
+    if given.data is None:
         raise InputError("magnetic-left-out: wanted real walks; set ELFSLAM_DATA to their folder")
     tasks = [DriftedWalk(name, seed) for name in sets for seed in (*CHOICE_SEEDS, *SEEDS)]
-    measure = partial(measure_walk, data=data, choices=choices)
-    found = finished(measure, tasks, announce, kept=kept, workers=workers)
+    measure = partial(measure_walk, data=given.data, choices=choices)
+    found = finished(measure, tasks, given)
     numbers = dict(zip(tasks, found, strict=True))
     rows = [_row(name, sets, choices, numbers) for name in sets]
     table = Panel("Each set left out once", rows_table(rows), NOTE, wide=True)

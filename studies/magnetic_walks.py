@@ -5,14 +5,12 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
 from elfslam.base.values import Odometry, Orientation, Recording, Truth
 from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
@@ -28,7 +26,7 @@ from elfslam.scoring.alignment import Alignment, match, place, placement
 from elfslam.scoring.errors import position_errors
 from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
 from elfslam.scoring.page import Page, Panel, rows_table
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.magnetic_offsets import AlignmentParameters, align_closures
 
 AS_STATED = GraphParameters(noise_rounds=0)
@@ -78,25 +76,21 @@ class Mapped:
 
 
 def measure_magnetic_walks(
-    data: Path | None,
-    announce: Announce,
-    *,
-    sets: tuple[str, ...] = SETS,
-    seeds: tuple[int, ...] = SEEDS,
+    given: Given, *, sets: tuple[str, ...] = SETS, seeds: tuple[int, ...] = SEEDS
 ) -> Finding:
     """A row per set and way of levelling: errors of drifted odometry and of the map.
 
     `data` holds `magnetic/*.mat`. Raises InputError where they are missing.
     """
-    if data is None:
+    if given.data is None:
         raise InputError("magnetic walks: wanted real walks; set ELFSLAM_DATA to their folder")
     rows: list[Row] = []
     panels: list[Panel] = []
     for k, name in enumerate(sets):
-        announce(name, k / len(sets))
+        given.announce(name, k / len(sets))
         walks = [
             read_magnetic(
-                data / "magnetic" / f"{name}.mat", np.random.default_rng(seed), PAPERS_DRIFT
+                given.data / "magnetic" / f"{name}.mat", np.random.default_rng(seed), PAPERS_DRIFT
             )
             for seed in seeds
         ]

@@ -9,12 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.progress import Announce
 from elfslam.base.values import Fixes, Trajectory, WifiScans
 from elfslam.baselines.floor_places import (
     FloorPlaces,
@@ -28,7 +26,7 @@ from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.figures import SLAM
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.walks_figure import floor_of_walks
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.labelled_neighbours import labelled_neighbours
 from studies.mall_floor import FLOORS, SurveyedWalk, archive_of, surveyed_walks
 from studies.repeats import Numbers, finished
@@ -63,28 +61,22 @@ class Split:
 
 
 def measure_mall_fifths(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
-    *,
-    workers: Workers | None = None,
-    floors: Sequence[str] = tuple(FLOORS),
-    most_walks: int | None = None,
+    given: Given, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
 ) -> Finding:
     """A row per floor and method: errors at the waypoints of walks that are held out in turn.
 
     `data` holds `mall_walks/*.tar.xz`. Raises InputError where they are missing.
     """
     tasks = [Split(floor, which) for floor in floors for which in range(SPLITS)]
-    measure = partial(_measured, data=data, most_walks=most_walks)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    measure = partial(_measured, data=given.data, most_walks=most_walks)
+    numbers = finished(measure, tasks, given)
     rows: list[Row] = []
     panels: list[Panel] = []
     for floor in floors:
         found: Numbers = {}
         for task, each in zip(tasks, numbers, strict=True):
             found |= each if task.floor == floor else {}
-        walks = _walks_on(floor, data, most_walks)
+        walks = _walks_on(floor, given.data, most_walks)
         rows += [
             fifths_row(floor, method, walks, _found(found, method, walks)) for method in METHODS
         ]

@@ -13,7 +13,6 @@ from elfslam.base.arrays import F64
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.progress import Announce
 from elfslam.base.values import Truth
 from elfslam.baselines.floor_walks import (
     FloorParameters,
@@ -29,7 +28,7 @@ from elfslam.line.motion import MotionParameters
 from elfslam.scoring.figures import DEAD_RECKONING, SLAM
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.walks_figure import floor_of_walks
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 
 FLOORS = {"F1": "develop", "F4": "report"}
 RECKONED, TOGETHER = "dead reckoning", "wifi and magnetic"
@@ -57,11 +56,7 @@ class SurveyedWalk(FloorWalk):
 
 
 def measure_mall_floor(
-    data: Path | None,
-    announce: Announce,
-    *,
-    floors: Sequence[str] = tuple(FLOORS),
-    most_walks: int | None = None,
+    given: Given, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
 ) -> Finding:
     """A row per floor and method: errors at the waypoints of walks that are solved together.
 
@@ -72,13 +67,13 @@ def measure_mall_floor(
     panels: list[Panel] = []
     parameters = FloorParameters()
     for floor in floors:
-        announce(f"reading {floor}", None)
-        walks = surveyed_walks(archive_of(data, floor), most_walks)
+        given.announce(f"reading {floor}", None)
+        walks = surveyed_walks(archive_of(given.data, floor), most_walks)
         turn = floor_turn(walks, parameters)
         walks = [turned(walk, turn.turn_rad) for walk in walks]
         poses: dict[str, list[F64]] = {}
         for k, method in enumerate(METHODS):
-            announce(f"{floor}: {method}", k / len(METHODS))
+            given.announce(f"{floor}: {method}", k / len(METHODS))
             poses[method], found = _solved(walks, METHODS[method])
             errors = [
                 waypoint_errors(walk, each) for walk, each in zip(walks, poses[method], strict=True)

@@ -8,15 +8,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.choices import Modality
-from elfslam.base.progress import Announce
 from elfslam.base.values import (
     NO_CLOSURES,
     AnySimilarity,
@@ -44,7 +41,7 @@ from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures
 from studies.figures.coverage import trajectory_coverage
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.mapping_table import mapping_page, mapping_rows
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.repeats import Numbers, by_world, finished
@@ -77,21 +74,18 @@ class ErrorWalk:
 
 
 def measure_mapping(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
     scratch: ScratchParameters | None = None,
 ) -> Finding:
-    """Errors of every method for walkers calibrated and not; `data` is not needed."""
+    """Errors of every method for walkers calibrated and not."""
     tasks = [ErrorWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = mapping_rows(by_world(tasks, numbers))
     return Finding(rows, mapping_page(rows))
 

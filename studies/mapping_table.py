@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
-from studies.figures.dots import Dot, dots_figure
+from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Row
+from studies.intervals import mean_range
 from studies.repeats import Numbers
 
 PAPER_M: Mapping[str, Mapping[str, tuple[float, float, float]]] = {
@@ -60,7 +60,7 @@ def _row(walks: Sequence[Numbers], walker: str, method: str, world: str) -> Row:
     for placed in PLACED:
         means = [np.mean(each(f"{placed}|{name}")) for name in STATISTICS]
         row[f"{placed} (m)"] = " / ".join(f"{mean:.2f}" for mean in means)
-        low, high = _interval(each(f"{placed}|median"))
+        low, high = mean_range(each(f"{placed}|median"))
         row[f"{placed}, median from"] = round(low, 3)
         row[f"{placed}, median to"] = round(high, 3)
     paper = PAPER_M.get(method, {}).get(world)
@@ -74,11 +74,6 @@ def _row(walks: Sequence[Numbers], walker: str, method: str, world: str) -> Row:
         row[name] = round(float(np.mean(each(f"uncertainty|{name}"))), 3)
     row["walks"] = len(walks)
     return row
-
-
-def _interval(values: Sequence[float]) -> tuple[float, float]:
-    each = [np.array([value]) for value in values]
-    return interval(each, lambda some: float(some.mean()), np.random.default_rng(0))
 
 
 def mapping_page(rows: Sequence[Row]) -> Page:
@@ -108,14 +103,8 @@ SHORT = (
 
 
 def _dots(rows: Sequence[Row], walker: str) -> dict[str, list[Dot]]:
-    chosen = [row for row in rows if row["walker"] == walker]
-    worlds = dict.fromkeys(str(row["world"]) for row in chosen)
-    return {world: [_dot(row) for row in chosen if row["world"] == world] for world in worlds}
-
-
-def _dot(row: Row) -> Dot:
-    low, high = float(str(row["aligned, median from"])), float(str(row["aligned, median to"]))
-    value = float(str(row["aligned (m)"]).split(" / ")[0])
-    paper = row["paper (m)"]
-    reference = None if paper is None else float(str(paper).split(" / ")[0])
-    return Dot(str(row["method"]), value, low, high, reference)
+    return dots_by(
+        lambda row: str(row["world"]), lambda row: str(row["method"]),
+        [row for row in rows if row["walker"] == walker],
+        "aligned (m)", "aligned, median from", "aligned, median to", "paper (m)",
+    )  # fmt: skip

@@ -5,12 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
-from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap
 from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position_errors
@@ -19,7 +16,7 @@ from elfslam.slam.merging import MergeParameters, add_walk, merge
 from elfslam.slam.merging.grow import map_of
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.outcomes import outcomes_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.merged_walks import (
     FIRST,
     MOVED,
@@ -64,24 +61,21 @@ class Growth:
 
 
 def measure_merging(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     pairs: Mapping[str, int] | None = None,
     walks: Sequence[int] = WALKS,
 ) -> Finding:
-    """Outcomes of random pairs of walks, and maps of 1 to 8 walks; `data` is not needed."""
+    """Outcomes of random pairs of walks, and maps of 1 to 8 walks."""
     wanted = {**HUNDRED, **BESIDES} if pairs is None else pairs
     generator = np.random.default_rng(0)
     kinds = [kind for kind, count in wanted.items() for _ in range(count)]
     drawn = [_drawn(kind, worlds, seeds, generator) for kind in kinds]
     grown = [Growth(world, tuple(seeds[:count]), seeds[-1]) for world in worlds for count in walks]
     tasks: list[Pair | Growth] = [*dict.fromkeys(drawn), *grown]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     found = dict(zip(tasks, numbers, strict=True))
     outcomes = {
         kind: _counted([found[pair] for pair in drawn if pair.kind == kind]) for kind in wanted

@@ -5,20 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.serve.nearest import Naming, which_map
 from studies.elf_spots import FOOTSTEPS, Lookups
 from studies.figures.nearest_figures import endings_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_range
 from studies.nearest_material import (
     NEIGHBOURS,
     VISITORS,
@@ -49,24 +46,20 @@ NOTE = (
 
 
 def measure_nearest_map(
-    data: Path | None,
-    announce: Announce,
-    kept: Path,
+    given: Given,
     *,
     extent: Extent = Extent(),  # noqa: B008
-    workers: Workers | None = None,
 ) -> Finding:
     """A row per number of buildings, way to search, visitor and number of footsteps that vote.
 
     It takes what `nearest` left in the folder `nearest.material`, and makes what is missing.
-    `data` is not needed.
     """
-    folder = folder_of(kept)
-    shards = spots_of(folder, extent, announce, workers)
-    lookups = lookups_of(folder, extent, announce)
+    folder = folder_of(given.kept)
+    shards = spots_of(folder, extent, given.announce, given.workers)
+    lookups = lookups_of(folder, extent, given.announce)
     rows: list[Row] = []
     for maps in extent.maps:
-        announce(f"{maps} maps", extent.maps.index(maps) / len(extent.maps))
+        given.announce(f"{maps} maps", extent.maps.index(maps) / len(extent.maps))
         exact = exact_answers(folder, shards, extent.count(maps), lookups)
         rows += _rows(EXACT, maps, exact, lookups, partial(_floor_divided, extent.spots))
         for way, kind in BY.items():
@@ -110,7 +103,7 @@ def votes(
     right = np.array([_first(each) for each in named]) == true[walk]
     house = np.array([_first(each) for each in built]) == true[walk] // FLOORS
     ends = Counter(_ending(each, int(true[k])) for each, k in zip(named, walk, strict=True))
-    low, high = interval(list(right.astype(float).reshape(len(true), -1)), _mean, _seed())
+    low, high = mean_range(right.astype(float).reshape(len(true), -1))
     return {
         "votes": len(groups),
         "right map": round(_mean(right), 3),
@@ -119,10 +112,6 @@ def votes(
         "right building": round(_mean(house), 3),
         **{ending: round(ends[ending] / len(groups), 3) for ending in ENDINGS},
     }
-
-
-def _seed() -> np.random.Generator:
-    return np.random.default_rng(0)
 
 
 def _mean(values: F64) -> float:

@@ -59,9 +59,9 @@ class Extent:
         return maps * self.spots
 
 
-def folder_of(kept: Path) -> Path:
+def folder_of(kept: Path | None) -> Path:
     """The folder of the studies beside the file that a long study keeps; it stays afterwards."""
-    return kept.with_name("nearest.material")
+    return (kept or Path("nearest.partial")).with_name("nearest.material")
 
 
 def spots_of(

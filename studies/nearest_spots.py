@@ -8,15 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.base.progress import Announce
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.serve.nearest import Index, build_index, exact_search, open_index
 from studies.elf_spots import FOOTSTEPS, Lookups, places_of
 from studies.figures.nearest_figures import Recall, recall_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_range
 from studies.nearest_material import (
     KINDS,
     NEIGHBOURS,
@@ -49,32 +47,28 @@ NOTE = (
 
 
 def measure_nearest(
-    data: Path | None,
-    announce: Announce,
-    kept: Path,
+    given: Given,
     *,
     extent: Extent = Extent(),  # noqa: B008
     random_spots: int = 1_000_000,
-    workers: Workers | None = None,
 ) -> Finding:
     """A row per number of spots, kind of index and effort: recall, size, seconds to build.
 
     Spots, walks and indexes stay in the folder `nearest.material` beside `kept` and are not made
-    again. The last rows are of vectors drawn at random, `random_spots` of them. `data` is not
-    needed.
+    again. The last rows are of vectors drawn at random, `random_spots` of them.
     """
-    folder = folder_of(kept)
-    shards = spots_of(folder, extent, announce, workers)
-    lookups = lookups_of(folder, extent, announce)
+    folder = folder_of(given.kept)
+    shards = spots_of(folder, extent, given.announce, given.workers)
+    lookups = lookups_of(folder, extent, given.announce)
     rows: list[Row] = []
     for maps in extent.maps:
-        announce(f"{extent.count(maps):,} spots, looking at all", None)
+        given.announce(f"{extent.count(maps):,} spots, looking at all", None)
         exact = exact_answers(folder, shards, extent.count(maps), lookups)
         for kind in extent.kinds:
-            announce(f"{extent.count(maps):,} spots, {kind}", None)
+            given.announce(f"{extent.count(maps):,} spots, {kind}", None)
             index = index_of(folder, shards, maps, extent, kind)
             rows += _rows_of(index, kind, lookups, exact, shards)
-    announce("random vectors", None)
+    given.announce("random vectors", None)
     rows += _random_rows(folder, random_spots, extent.walks)
     return Finding(rows, page(rows))
 
@@ -106,8 +100,7 @@ def _rows_of(
 
 def _recalls(index: Index, way: str, effort: int, ids: I64, wanted: I64) -> Row:
     found = (ids[:, 0] == wanted[:, 0]).astype(float)
-    walks = list(found.reshape(-1, FOOTSTEPS))
-    low, high = interval(walks, _mean, np.random.default_rng(0))
+    low, high = mean_range(found.reshape(-1, FOOTSTEPS))
     ten = (ids[:, :10] == wanted[:, :1]).any(axis=1)
     return {
         "spots": index.meta.count,
@@ -118,10 +111,6 @@ def _recalls(index: Index, way: str, effort: int, ids: I64, wanted: I64) -> Row:
         "to": round(high, 4),
         "in 10": round(float(ten.mean()), 4),
     }
-
-
-def _mean(values: F64) -> float:
-    return float(values.mean())
 
 
 def _near(ids: I64, lookups: Lookups, index: Index, shards: Sequence[Path]) -> F64:

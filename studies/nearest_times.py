@@ -11,13 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32
-from elfslam.base.progress import Announce
 from elfslam.line.feature import load_encoder
 from elfslam.serve.nearest import absorb, add_map, open_index
 from elfslam.serve.nearest.vectors import read_rows
-from studies.finding import Row
+from studies.finding import Given, Row
 from studies.nearest_material import (
     NEIGHBOURS,
     VISITORS,
@@ -40,27 +38,24 @@ MIB = 2.0**20
 
 
 def measure_nearest_times(
-    data: Path | None,
-    announce: Announce,
-    kept: Path,
+    given: Given,
     *,
     extent: Extent = Extent(),  # noqa: B008
     single: int = SINGLE,
-    workers: Workers | None = None,
 ) -> list[Row]:
     """A row per number of spots and way to search: milliseconds, memory, seconds to add a map.
 
     It takes the indexes that `nearest` left in the folder `nearest.material`, and makes what is
-    missing; those it has are timed in minutes. `data` is not needed.
+    missing; those it has are timed in minutes.
     """
-    folder = folder_of(kept)
-    shards = spots_of(folder, extent, announce, workers)
-    asked = footsteps(lookups_of(folder, extent, announce)[VISITORS[0]])
+    folder = folder_of(given.kept)
+    shards = spots_of(folder, extent, given.announce, given.workers)
+    asked = footsteps(lookups_of(folder, extent, given.announce)[VISITORS[0]])
     rows: list[Row] = []
     for maps in extent.maps:
         for way, kind in WAYS.items():
             if kind in extent.kinds:
-                announce(f"{extent.count(maps):,} spots, {way}", None)
+                given.announce(f"{extent.count(maps):,} spots, {way}", None)
                 index = index_of(folder, shards, maps, extent, kind)
                 few = min(single, SLOW_SINGLE if way == "flat" else single)
                 row = {"spots": extent.count(maps), "way": way, **_searched(index, way, asked, few)}

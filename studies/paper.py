@@ -11,15 +11,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.choices import Mode
 from elfslam.base.parameters import digest
-from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Odometry, Recording, Run, Truth
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import Encoder, extract_features
@@ -32,10 +29,10 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures
-from studies.figures.dots import Dot, dots_figure
-from studies.finding import Finding, Row
+from studies.figures.dots import dots_by, dots_figure
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_interval
 from studies.localization import ALWAYS, shipped
-from studies.localization_table import mean_interval
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
 from studies.mapping_errors import ALONE_THRESHOLD, CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import PLAIN, compared_encoders
@@ -83,20 +80,17 @@ class PaperWalk:
 
 
 def measure_paper(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = MAPPING_ROUNDS,
     scratch: ScratchParameters | None = None,
 ) -> Finding:
-    """A row per world and figure of the paper: ours, theirs and the ratio; no `data` needed."""
+    """A row per world and figure of the paper: ours, theirs and the ratio."""
     tasks = [PaperWalk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = paper_rows(by_world(tasks, numbers))
     return Finding(rows, _page(rows))
 
@@ -207,20 +201,13 @@ def _row(world: str, name: str, found_m: Sequence[float]) -> Row:
 
 
 def _page(rows: Sequence[Row]) -> Page:
-    worlds = dict.fromkeys(str(row["world"]) for row in rows)
-    dots = {
-        world.replace("_", " "): [_dot(row) for row in rows if row["world"] == world]
-        for world in worlds
-    }
+    dots = dots_by(
+        lambda row: str(row["world"]).replace("_", " "), lambda row: str(row["figure"]),
+        rows, "ours (m)", "from", "to", "paper (m)",
+    )  # fmt: skip
     panels = [
         *(Panel(world, dots_figure({world: some}, "error (m)", "the paper"), NOTE)
           for world, some in dots.items()),
         Panel("All figures", rows_table(rows), wide=True),
     ]  # fmt: skip
     return Page("The paper's recipe in a hard world", "its figures beside ours", panels)
-
-
-def _dot(row: Row) -> Dot:
-    ours, low, high = (float(str(row[name])) for name in ("ours (m)", "from", "to"))
-    paper = row["paper (m)"]
-    return Dot(str(row["figure"]), ours, low, high, None if paper is None else float(str(paper)))

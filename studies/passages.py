@@ -5,22 +5,18 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.anchor import floor_plan
 from elfslam.app.follow import Start, follow
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, compose, interpolate_poses
-from elfslam.base.progress import Announce
 from elfslam.base.values import Run
 from elfslam.line.anchoring import AnchoringParameters
 from elfslam.line.feature import load_encoder
 from elfslam.line.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.scoring.alignment import AS_DECLARED
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
@@ -28,8 +24,9 @@ from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
 from elfslam.world.simulate import load_world, simulate
 from studies.figures.coverage import trajectory_coverage
 from studies.figures.plan_figures import followed_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.floor_plan import plan_of
+from studies.intervals import mean_range
 from studies.repeats import Numbers, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
@@ -64,21 +61,18 @@ class Pair:
 
 
 def measure_passages(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
     known: MapMatchingParameters | None = None,
 ) -> Finding:
-    """Errors from the told start before and after, by echoes and by steps; `data` is not needed."""
+    """Errors from the told start before and after, by echoes and by steps."""
     matching = known or MapMatchingParameters()
     tasks = [FollowedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, parameters=matching)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
     panels = [_panel(FollowedWalk(world, seeds[0], rounds), matching) for world in worlds]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)
@@ -123,11 +117,6 @@ def pairs_of(walk: FollowedWalk, parameters: MapMatchingParameters) -> Iterator[
         yield name, Pair(told[:, :2], found.poses[:, :2], true[:, :2], numbers)
 
 
-def mean(values: F64) -> float:
-    """Their mean."""
-    return float(np.mean(values))
-
-
 def _median_m(poses: F64, true: F64) -> float:
     return float(np.median(np.linalg.norm(poses[:, :2] - true[:, :2], axis=1)))
 
@@ -138,7 +127,7 @@ def _rows(world: str, numbers: Sequence[Numbers]) -> Iterator[Row]:
             key: np.array([each[f"{name}|{key}"] for each in numbers])
             for key in ("before", "after", "one sigma", "two sigma")
         }
-        low, high = interval([*table["after"][:, None]], mean, np.random.default_rng(0))
+        low, high = mean_range(table["after"])
         yield {
             "world": world,
             "walk by": name,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
@@ -17,6 +16,7 @@ from elfslam.world.pulses import BASEBAND_HZ, C64
 from elfslam.world.room import Room, shoebox
 from elfslam.world.scene import scene_of
 from studies.fidelity import REACH, random_ends, random_polygon, random_shoebox
+from studies.finding import Given, Row
 
 ROOMS = 20
 ABSORPTIONS = (0.4, 0.5, 0.6)
@@ -27,25 +27,17 @@ DECAY_REACH = Reach(longest_m=34.0, order=24, plan_order=24)
 """A frame's length of sound, with all reflections within it."""
 DISTANCES_M = (0.5, 1.0, 2.0, 4.0, 8.0)
 
-Row = dict[str, object]
 
-
-def check_laws(
-    data: Path | None = None,
-    announce: Callable[[str, float | None], None] = lambda what, share: None,
-    *,
-    rooms: int = ROOMS,
-    places: int = DECAY_PLACES,
-) -> list[Row]:
-    """A row per law: how far off at worst, the goal, and whether it is met. Needs no `data`."""
+def check_laws(given: Given, *, rooms: int = ROOMS, places: int = DECAY_PLACES) -> list[Row]:
+    """A row per law: how far off at worst, the goal, and whether it is met."""
     rows = []
     for size_m in DECAY_SIZES_M:
         for absorption in ABSORPTIONS:
-            announce(f"decay in a room of {size_m} m", None)
+            given.announce(f"decay in a room of {size_m} m", None)
             off = decay_s(size_m, absorption, places) / eyring_s(size_m, absorption) - 1
             name = f"decay against Eyring, {size_m} m, absorption {absorption}"
             rows.append(_row(name, "%", 100 * off, 10.0))
-    announce("laws in random rooms", None)
+    given.announce("laws in random rooms", None)
     rows.append(_row("level over distance against 1/r", "dB", _spreading_error_db(), 0.1))
     for kind, draw in (("shoeboxes", random_shoebox), ("polygons with blocks", random_polygon)):
         swapped = [reciprocity_error(draw, seed) for seed in range(rooms)]

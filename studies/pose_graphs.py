@@ -16,10 +16,8 @@ from pathlib import Path
 import gtsam
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
 from elfslam.base.values import PoseGraph, Truth
 from elfslam.data.g2o import read_g2o
 from elfslam.line.graph import GraphParameters, optimise
@@ -28,7 +26,7 @@ from elfslam.line.graph.uncertainty import half_square
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.graph_figures import Drawn, graphs_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.repeats import Numbers, finished
 
 BEST_KNOWN = {
@@ -62,11 +60,8 @@ class Attack:
 
 
 def measure_pose_graphs(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     names: Sequence[str] = tuple(BEST_KNOWN),
     attacked: Sequence[str] = WITH_TRUTH,
     seeds: Sequence[int] = SEEDS,
@@ -77,15 +72,15 @@ def measure_pose_graphs(
     The keywords take a part of it; `solvers` are measured under attack in place of ours, plain and
     GNC. Raises InputError without the real recordings.
     """
-    if data is None:
+    if given.data is None:
         raise InputError("study pose-graphs: needs the real recordings; set ELFSLAM_DATA")
-    folder = data / "pose_graphs"
+    folder = given.data / "pose_graphs"
     ours(read_g2o(folder / "ring.g2o"))  # compiles what is timed
     graphs = {name: _read(folder / f"{name}.g2o") for name in {*names, *attacked}}
     clean = [_clean_row(name, graphs[name]) for name in names]
     tasks = [Attack(name, share, seed) for name in attacked for share in SHARES for seed in seeds]
     measure = partial(_measured, folder, solvers or SOLVERS)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = _attack_rows(tasks, numbers)
     pictures = _pictures({name: graphs[name] for name in names})
     attacks = _attacked_pictures(folder, attacked[-1])

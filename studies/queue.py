@@ -18,7 +18,7 @@ from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from elfslam.app.workers import Here, Workers
+from elfslam.app.workers import Here
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.progress import Announce
 from elfslam.data.facts import FACTS
@@ -26,7 +26,7 @@ from elfslam.data.folders import new_file, new_folder
 from elfslam.data.recordings import MANIFEST, write_recording
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.queue_table import Kept, queue_page, queue_rows
 
 WORLD, ROUNDS, FIRST_SEED = "studio", 2, 100
@@ -48,30 +48,22 @@ class Asked:
     kill_worker_at: int
 
 
-def measure_queue(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
-    *,
-    workers: Workers | None = None,
-    jobs: int = 10_000,
-    walks: int = 200,
-) -> Finding:
+def measure_queue(given: Given, *, jobs: int = 10_000, walks: int = 200) -> Finding:
     """A row per milestone: seconds, runs per second and memory of the driver; then what was lost.
 
     The driver is killed after a twentieth of the runs and started again, one of its workers after
-    a fifth. `data` is not needed; everything lies beside `kept` until the end. Raises InputError
+    a fifth. Everything lies beside `kept` until the end. Raises InputError
     for workers: the command that is measured has its own.
     """
-    if kept is None or not isinstance(workers or Here(), Here):
+    if given.kept is None or not isinstance(given.workers or Here(), Here):
         raise InputError(f"study queue: gives its work to {PROCESSES} processes; leave --on out")
     asked = Asked(jobs, walks, max(jobs // 20, 1), max(jobs // 5, 2))
-    folder = kept.with_suffix(".work")
+    folder = given.kept.with_suffix(".work")
     recordings, runs = folder / "recordings", folder / "runs"
-    _queue(folder / "walks", recordings, asked, announce)
-    known = read_kept(kept)
+    _queue(folder / "walks", recordings, asked, given.announce)
+    known = read_kept(given.kept)
     while (done := _names(runs)) < _names(recordings):
-        _drive(recordings, runs, asked, known, kept, announce)
+        _drive(recordings, runs, asked, known, given.kept, given.announce)
         if known.refused and len(_names(runs)) == len(done):
             raise NoAnswerError(f"study queue: the driver ended with {known.refused}; look at it")
     rows = queue_rows(known, jobs, _judged(recordings, runs, known, asked))

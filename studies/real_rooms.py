@@ -16,14 +16,13 @@ from scipy import signal
 
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
 from elfslam.base.values import Audio, Chirp
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, load_encoder
-from elfslam.scoring.bootstrap import interval
-from studies.finding import Row
+from studies.finding import Given, Row
+from studies.intervals import mean_range
 
 FILE = Path("rirs") / "r3vival_2m.npz"
 REPEATS = 8
@@ -35,16 +34,14 @@ REFERENCE = 0
 PLAIN = "plain cosine of the spectrogram"
 
 
-def measure_real_rooms(
-    data: Path | None, announce: Announce, *, encoders: Mapping[str, Encoder] | None = None
-) -> list[Row]:
+def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None = None) -> list[Row]:
     """A row per feature and microphone: how often the right one of twelve places is nearest.
 
     Against `PLAIN`, paired query by query; intervals resample the places. `encoders` are compared
     with it by name, by default the shipped one. Raises InputError without the real recordings.
     """
-    responses, rate_hz, microphones = read_responses(data)
-    announce("echoes", 0.0)
+    responses, rate_hz, microphones = read_responses(given.data)
+    given.announce("echoes", 0.0)
     echoes = np.stack([_heard(state, rate_hz) for state in responses])
     compared = {
         PLAIN: generic_encoders()["spectrogram without mean"],
@@ -54,7 +51,7 @@ def measure_real_rooms(
     for k, microphone in enumerate(microphones):
         right = {name: recognised(echoes, encoder, k) for name, encoder in compared.items()}
         rows += [_row(microphone, name, right) for name in right]
-    announce("done", 1.0)
+    given.announce("done", 1.0)
     return rows
 
 
@@ -101,8 +98,8 @@ def _heard(state: F32, rate_hz: int) -> F32:
 def _row(microphone: str, name: str, right: Mapping[str, Bool]) -> Row:
     """Top-1 of one feature, and how much more than the plain cosine's."""
     better = right[name].astype(np.float64) - right[PLAIN]
-    low, high = _over_places(right[name].astype(np.float64))
-    lower, higher = _over_places(better)
+    low, high = mean_range(right[name].astype(np.float64).T)
+    lower, higher = mean_range(better.T)
     return {
         "microphone": microphone,
         "feature": name,
@@ -112,8 +109,3 @@ def _row(microphone: str, name: str, right: Mapping[str, Bool]) -> Row:
         "over plain": round(float(better.mean()), 3),
         "over plain, 95 %": f"{lower:.3f} to {higher:.3f}",
     }
-
-
-def _over_places(values: F64) -> tuple[float, float]:
-    """95 % interval of the mean of (states, places), places drawn with replacement."""
-    return interval(list(values.T), lambda some: float(some.mean()), np.random.default_rng(0))

@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.progress import Announce
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.scoring.figures import TRUTH
@@ -30,7 +29,7 @@ from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
 from studies.figures.curves import Curve, curves_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.real_rooms import PERIOD_S, echo_of
 from studies.room_statistics import banded, contrast, kurtosis, reverberation_s, spread_db
 
@@ -59,8 +58,7 @@ class Place(NamedTuple):
 
 
 def measure_realism(
-    data: Path | None,
-    announce: Announce,
+    given: Given,
     *,
     worlds: tuple[str, ...] = WORLDS,
     places: int = PLACES,
@@ -70,17 +68,17 @@ def measure_realism(
 
     Without `data` there is no measured room. Places along the routes by seed 0.
     """
-    found = [] if data is None else list(measured_places(data / "rirs"))
+    found = [] if given.data is None else list(measured_places(given.data / "rirs"))
     tasks = [(kind, name) for kind in KINDS for name in (*worlds, "")]
     for k, (kind, name) in enumerate(tasks):
-        announce(name or "training rooms", k / len(tasks))
+        given.announce(name or "training rooms", k / len(tasks))
         if name:
             found.append(_along_route(name, kind, places))
         else:
             found.append(_in_training_rooms(kind, rooms, places // rooms))
-    announce("statistics", 0.9)
+    given.announce("statistics", 0.9)
     rows = [_row(place) for place in found]
-    announce("done", 1.0)
+    given.announce("done", 1.0)
     return Finding(rows, _page(found, rows))
 
 

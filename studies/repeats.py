@@ -7,10 +7,10 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
-from elfslam.app.workers import Here, Workers, unit_key
+from elfslam.app.workers import Here, unit_key
 from elfslam.base.errors import StoreError
-from elfslam.base.progress import Announce
 from elfslam.data.folders import new_file
+from studies.finding import Given
 
 Task = TypeVar("Task")
 Numbers = dict[str, float]
@@ -29,25 +29,22 @@ class Placed(Protocol):
 def finished(
     measure: Callable[[Task], Numbers],
     tasks: Sequence[Task],
-    announce: Announce,
-    *,
-    kept: Path | None,
-    workers: Workers | None = None,
+    given: Given,
 ) -> list[Numbers]:
-    """What `measure` makes of every task, by `workers` (this process where there are none).
+    """What `measure` makes of every task, by the workers given (this process where there are none).
 
-    A unit is known by the digest of its inputs; what the file `kept` has of a run that was cut
-    off is not made again. Raises StoreError where the file is damaged or of other tasks.
+    A unit is known by the digest of its inputs; what the kept file has of a run that was cut off
+    is not made again. Raises StoreError where the file is damaged or of other tasks.
     """
     keys = [unit_key(measure, task) for task in tasks]
-    found = _read(kept, keys)
+    found = _read(given.kept, keys)
     waiting = {key: task for key, task in zip(keys, tasks, strict=True) if key not in found}
     left = list(waiting)
-    _announce(announce, len(found), len(set(keys)))
-    for index, numbers in (workers or Here()).each(measure, waiting.values()):
+    _announce(given, len(found), len(set(keys)))
+    for index, numbers in (given.workers or Here()).each(measure, waiting.values()):
         found[left[index]] = {"task": repr(waiting[left[index]]), "numbers": numbers}
-        _write(kept, found)
-        _announce(announce, len(found), len(set(keys)))
+        _write(given.kept, found)
+        _announce(given, len(found), len(set(keys)))
     return [found[key]["numbers"] for key in keys]
 
 
@@ -59,8 +56,8 @@ def by_world(tasks: Sequence[Placed], numbers: Sequence[Numbers]) -> dict[str, l
     return found
 
 
-def _announce(announce: Announce, done: int, of: int) -> None:
-    announce(f"{done} of {of} repeats", done / of)
+def _announce(given: Given, done: int, of: int) -> None:
+    given.announce(f"{done} of {of} repeats", done / of)
 
 
 def _write(kept: Path | None, found: Units) -> None:

@@ -14,7 +14,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.mapping_errors import measure_mapping
 from studies.repeats import Numbers
 
@@ -76,8 +75,7 @@ Work = Callable[[Workers], tuple[Row, object]]
 
 
 def measure_scaling(
-    data: Path | None,
-    announce: Announce,
+    given: Given,
     *,
     worlds: Sequence[str] = ("studio", "lounge"),
     seeds: Sequence[int] = tuple(range(100, 110)),
@@ -89,7 +87,7 @@ def measure_scaling(
 
     `start (s)`: until there are workers. `overhead (s)`: what they did not spend on units, per
     unit. `lost (s)`: by the kill. `equal`: what came out, to the last bit, to what this process
-    makes. `study` is `study mapping` in the studio with `study_seeds`. `data` is not needed.
+    makes. `study` is `study mapping` in the studio with `study_seeds`.
     """
     walks = [ScaledWalk(world, seed, rounds) for world in worlds for seed in seeds]
     study = partial(_study_table, seeds=study_seeds, rounds=rounds, scratch=scratch)
@@ -109,7 +107,9 @@ def measure_scaling(
         }
         if not rows:
             del works[WALKS, 1]  # there would be nobody left
-        for (work, kills), start_s, wall_s, told, found in _done(opened, works, announce, name):
+        for (work, kills), start_s, wall_s, told, found in _done(
+            opened, works, given.announce, name
+        ):
             kind: Row = {"work": work, "workers": name, "kills": int(kills and bool(killer.killed))}
             times: Row = {"start (s)": start_s, "wall (s)": wall_s, "overhead (s)": None, **told}
             lost: Row = {"lost (s)": round(wall_s - undisturbed_s, 1) if kills else None}
@@ -140,9 +140,8 @@ def _study_table(
 ) -> tuple[Row, str]:
     """The table of a whole study as its file has it."""
     made = measure_mapping(
-        None, lambda what, share: None,
-        workers=workers, worlds=("studio",), seeds=seeds, rounds=rounds, scratch=scratch,
-    )  # fmt: skip
+        Given(workers=workers), worlds=("studio",), seeds=seeds, rounds=rounds, scratch=scratch
+    )
     return {}, json.dumps(made.rows, indent=2)
 
 

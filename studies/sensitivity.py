@@ -8,20 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
 from elfslam.base.choices import Mode
-from elfslam.base.progress import Announce
 from elfslam.line.feature import Encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.localization import shipped
 from studies.located import (
     MAPPING_ROUNDS,
@@ -61,24 +58,21 @@ class Place:
 
 
 def measure_sensitivity(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     places: Mapping[str, str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
 ) -> Finding:
-    """Errors and answered shares for every amount of every change; `data` is not needed."""
+    """Errors and answered shares for every amount of every change."""
     tasks = [
         Place(world, seed, changes, mapping_rounds, rounds, kind.name)
         for world, changes in places.items()
         for seed in seeds
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     rows = sensitivity_rows(by_world(tasks, numbers))
     return Finding(rows, sensitivity_page(rows))
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
-from studies.figures.dots import Dot, dots_figure
+from studies.figures.dots import dots_by, dots_figure
 from studies.finding import Row
-from studies.localization_table import STATISTICS, mean_interval, mean_of
+from studies.intervals import mean_interval, mean_of
+from studies.localization_table import STATISTICS
 from studies.repeats import Numbers
 
 TITLES = {
@@ -79,8 +80,10 @@ def sensitivity_page(rows: Sequence[Row]) -> Page:
 
 
 def _named(title: str, rows: Sequence[Row]) -> Panel:
-    known = [row for row in rows if row["median (m)"] is not None]
-    dots = {MODES[mode]: [_dot(row) for row in some] for mode, some in _by_mode(known).items()}
+    dots = dots_by(
+        lambda row: MODES[str(row["mode"])], lambda row: str(row["amount"]),
+        rows, "median (m)", "median from", "median to",
+    )  # fmt: skip
     return Panel(title, dots_figure(dots, "median error (m)", "the paper"), NOTE, wide=True)
 
 
@@ -114,10 +117,3 @@ def _curve(rows: Sequence[Row], *names: str) -> Curve:
     columns = [np.array([float(str(row[name])) for row in rows]) for name in ("amount", *names)]
     order = np.argsort(columns[0])
     return Curve(*(column[order] for column in columns))
-
-
-def _dot(row: Row) -> Dot:
-    value, low, high = (
-        float(str(row[name])) for name in ("median (m)", "median from", "median to")
-    )
-    return Dot(str(row["amount"]), value, low, high)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
@@ -21,6 +21,7 @@ from elfslam.world.sensors import Sensor, Surroundings
 from elfslam.world.simulate import WALKERS, simulate
 from elfslam.world.wifi import MALL_SCANS, AccessPoint
 from elfslam.world.world_file import World, load_world
+from studies.finding import Given, Row
 
 ROOMS = ("studio", "lounge")
 HALL_M = np.array([60.0, 40.0, 4.5])
@@ -46,27 +47,20 @@ RSSI_LAGS_M = {
 }
 FIELD_LAGS_M = (1.0, 2.0, 5.0)
 
-Row = dict[str, object]
 Statistics = dict[tuple[str, str], float]
 Floor = list[tuple[Recording, Truth]]
 """Walks of one place: positions may be compared between them."""
 
 
-def compare_sensors(
-    data: Path | None,
-    announce: Callable[[str, float | None], None] = lambda what, share: None,
-    *,
-    walks: int = 6,
-    mall_walks: int = 40,
-) -> list[Row]:
+def compare_sensors(given: Given, *, walks: int = 6, mall_walks: int = 40) -> list[Row]:
     """A row per quantity: surveyors and people, simulated in rooms and a hall, and the real mall.
 
     The last column is None without `data`, a folder that holds `mall_walks/*.tar.xz`. `walks` are
     simulated in each place, and `mall_walks` read of each floor.
     """
-    announce("reading the mall walks", None)
-    real = {} if data is None else statistics(list(_mall(data, mall_walks)))
-    announce("simulating walks", None)
+    given.announce("reading the mall walks", None)
+    real = {} if given.data is None else statistics(list(_mall(given.data, mall_walks)))
+    given.announce("simulating walks", None)
     columns = {
         f"{kind} in {place}": statistics([_simulated(world, walks, kind) for world in worlds])
         for kind in WALKERS

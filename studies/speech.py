@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, frame_starts_s, to_baseband
 from elfslam.line.chirp import ChirpParameters, make_chirp
@@ -30,7 +28,7 @@ from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
 from studies.eavesdropping import FORMS, OUT_HZ, enhanced
 from studies.figures.speech_figure import Understood, speech_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.still_phone import held_still
 from studies.utterances import BAND_HZ, RATE_HZ, Utterance, share_in_band_db, utterances
 
@@ -58,11 +56,7 @@ class Circumstance:
 
 
 def measure_speech(
-    data: Path | None,
-    announce: Announce,
-    *,
-    most: int | None = None,
-    levels_dbfs: Sequence[float] = LEVELS_DBFS,
+    given: Given, *, most: int | None = None, levels_dbfs: Sequence[float] = LEVELS_DBFS
 ) -> Finding:
     """STOI of every utterance, before and after the phone's filter, with and without chirps.
 
@@ -72,13 +66,13 @@ def measure_speech(
     no speech or pystoi is missing.
     """
     stoi = intelligibility()
-    spoken = utterances(data, most=most)
+    spoken = utterances(given.data, most=most)
     circumstances = [
         Circumstance(level, chirps) for chirps in (False, True) for level in levels_dbfs
     ]
     found: list[tuple[Circumstance, list[dict[str, float]]]] = []
     for k, each in enumerate(circumstances):
-        announce(f"speech at {each.level_dbfs:g} dBFS", k / len(circumstances))
+        given.announce(f"speech at {each.level_dbfs:g} dBFS", k / len(circumstances))
         found.append((each, [_measured(stoi, spoken, n, each) for n in range(len(spoken))]))
     rows = [row for each, numbers in found for row in _rows(each, numbers)]
     rows += list(_control_rows(stoi, spoken))

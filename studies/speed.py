@@ -9,7 +9,6 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,7 +24,7 @@ from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
-from studies.finding import Row
+from studies.finding import Given, Row
 
 RATE_HZ = 44_100
 ECHOES = 2000
@@ -42,17 +41,15 @@ MINUTES = {"images": 5.0, "diffuse": 10.0}
 """Within which the training stream is to be made, by engine."""
 
 
-def measure_speed(
-    data: Path | None, announce: Announce, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES
-) -> list[Row]:
-    """Rates, their ratios and the goals, all measured in this one run. `data` is not needed."""
+def measure_speed(given: Given, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES) -> list[Row]:
+    """Rates, their ratios and the goals, all measured in this one run."""
     furnished = load_world("living_room").room
-    announce("living room", 0.0)
+    given.announce("living room", 0.0)
     empty = _rate(replace(furnished, blocks=()), 1, echoes)
     full, lab = _rate(furnished, 1, echoes), _rate(load_world("lab").room, 1, echoes)
-    announce("pyroomacoustics", 0.1)
+    given.announce("pyroomacoustics", 0.1)
     slow, bare = (_pyroom_rate(furnished, air_absorption=air) for air in (True, False))
-    announce("both cores", 0.15)
+    given.announce("both cores", 0.15)
     one, two = (_rate(furnished, k, echoes, clock=time.perf_counter) for k in (1, 2))
     rows = [
         _row("living room, empty, ours", empty, "echoes/s and core"),
@@ -67,7 +64,7 @@ def measure_speed(
         *_diffuse_rows(furnished, echoes),
     ]
     for engine, minutes in MINUTES.items():
-        rows += _stream_rows(stream, engine, minutes, announce)
+        rows += _stream_rows(stream, engine, minutes, given.announce)
     return rows
 
 

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.progress import Announce
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.room import Room
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import World, load_world
 from studies.figures.curves import curves_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.intervals import by_measure, curve_of, mean_row
 from studies.repeats import Numbers, finished
 from studies.stability import measure_stability
@@ -82,19 +79,15 @@ POINTS = (
 
 
 def measure_spots(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
     points: Sequence[Point] = POINTS,
     recipe: Recipe = Recipe(),
     stable_spots: int = STABLE_SPOTS,
-    workers: Workers | None = None,
 ) -> Finding:
     """How often a ResNet-18 names the right spot, and how far off the named one lies.
 
-    Then how stable the echo's spectrum is at one spot. `data` is not needed; finished repeats are
-    kept in the file `kept`.
+    Then how stable the echo's spectrum is at one spot.
     """
     world = load_world("lab")
     tasks = [
@@ -103,8 +96,8 @@ def measure_spots(
         for point in points
         if number < point.repeats
     ]
-    numbers = finished(measure_repeat, tasks, announce, kept=kept, workers=workers)
-    announce("stability", None)
+    numbers = finished(measure_repeat, tasks, given)
+    given.announce("stability", None)
     steady, panels = measure_stability(world, stable_spots)
     named = _rows(points, tasks, numbers)
     return Finding(named + steady, _page(points, named, steady, panels, recipe))

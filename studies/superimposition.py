@@ -8,12 +8,12 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.workers import Workers, silent_elsewhere
+from elfslam.app.workers import silent_elsewhere
 from elfslam.base.progress import Announce
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.elf_figures import strips_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.floor_spots import SETS, SHARES, TOGETHER, Spots, measure_floor
 from studies.intervals import mean_row
 from studies.opposite_ways import MAPPED, PLACED, Ways, measure_ways
@@ -44,22 +44,16 @@ Task = Spots | Ways
 
 
 def measure_superimposition(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
-    *,
-    workers: Workers | None = None,
-    floors: Sequence[Spots] = (Spots(),),
-    ways: Sequence[Ways] = WAYS,
+    given: Given, *, floors: Sequence[Spots] = (Spots(),), ways: Sequence[Ways] = WAYS
 ) -> Finding:
     """Errors with and without superimposition: both ways round a room, and on thousands of spots.
 
-    Trainings are kept beside `kept` and go on from there. `data` is not needed.
+    Trainings are kept beside `kept` and go on from there.
     """
-    folder = (kept or Path("superimposition.partial")).parent / "superimposition"
+    folder = (given.kept or Path("superimposition.partial")).parent / "superimposition"
     tasks: list[Task] = [*ways, *floors]
-    measure = partial(_measured, folder=folder, announce=silent_elsewhere(announce))
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    measure = partial(_measured, folder=folder, announce=silent_elsewhere(given.announce))
+    numbers = finished(measure, tasks, given)
     pairs = list(zip(tasks, numbers, strict=True))
     on_spots = [(task, found) for task, found in pairs if isinstance(task, Spots)]
     walked = [found for task, found in pairs if isinstance(task, Ways)]

@@ -8,13 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.app.workers import Workers
-from elfslam.base.progress import Announce
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, Truth
 from elfslam.line.feature import extract_features
 from elfslam.line.graph import build_graph, optimise
@@ -24,7 +21,7 @@ from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
 from elfslam.world.simulate import load_world, simulate
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.located import at_its_start
 from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
@@ -48,23 +45,20 @@ class ThresholdWalk:
 
 
 def measure_thresholds(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
 ) -> Finding:
-    """A row per feature and threshold: error over dead reckoning's, closures; no `data` needed."""
+    """A row per feature and threshold: error over dead reckoning's, closures."""
     tasks = [
         ThresholdWalk(world, kind.name, seed, rounds)
         for world in worlds
         for kind in (SURVEYOR, PEOPLE)
         for seed in seeds
     ]
-    numbers = finished(_measured, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(_measured, tasks, given)
     return Finding(_rows(tasks, numbers))
 
 

@@ -4,26 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 
 from elfslam.app.anchor import floor_plan
 from elfslam.base.arrays import F32, F64
-from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Odometry
 from elfslam.baselines.generic import GenericEncoder
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import Encoder, extract_features, spectrogram
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.figures import SLAM, floor_traces, plan, walk_traces
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 from studies.elf import shipped_and_generic
 from studies.figures.curves import traces_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
+from studies.intervals import mean_range
 from studies.marked_walk import MARKERS, walk_over_markers
 
 ROUNDS = 4
@@ -48,25 +46,21 @@ ROWS_NOTE = (
 
 
 def measure_trace(
-    data: Path | None,
-    announce: Announce,
-    *,
-    encoders: Mapping[str, Encoder] | None = None,
-    rounds: int = ROUNDS,
+    given: Given, *, encoders: Mapping[str, Encoder] | None = None, rounds: int = ROUNDS
 ) -> Finding:
     """A row per feature: how far the returns to a marker stand out of all other footsteps.
 
     `encoders` are compared by name; by default the generic features, t-SNE, and ELFs without any
-    learning, without pre-training and shipped. `data` is not needed.
+    learning, without pre-training and shipped.
     """
-    announce("walking", None)
+    given.announce("walking", None)
     world = load_world("lab")
     nodes, echoes = walk_over_markers(world, rounds, np.random.default_rng(58))
-    announce("learning this walk", None)
+    given.announce("learning this walk", None)
     compared = all_encoders(echoes) if encoders is None else encoders
     scores: dict[str, F64] = {}
     for k, (name, encoder) in enumerate(compared.items()):
-        announce(name, k / len(compared))
+        given.announce(name, k / len(compared))
         similarity = echo_sequence_similarity(extract_features(echoes, encoder), nodes)
         scores[name] = similarity.scores.astype(np.float64)
     rows = [_row(name, each) for name, each in scores.items()]
@@ -133,7 +127,7 @@ def _row(name: str, scores: F64) -> Row:
         row[measure] = round(float(values.mean()), 3)
         if measure.endswith("(%)"):
             blocks = [values[k : k + BLOCK_STEPS] for k in range(0, MARKERS, BLOCK_STEPS)]
-            low, high = interval(blocks, lambda some: float(some.mean()), np.random.default_rng(0))
+            low, high = mean_range(blocks)
             row[measure.replace(" (%)", ", 95 %")] = f"{low:.1f} to {high:.1f}"
     return row
 

@@ -10,10 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.app.superimpose import drawn
-from elfslam.app.workers import Workers
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.progress import Announce
 from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
 from elfslam.line.feature import OnnxEncoder, load_encoder
@@ -24,7 +22,7 @@ from elfslam.slam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
 from studies.figures.dots import Dot, dots_figure
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from studies.intervals import mean_row
 from studies.opposite_ways import walking
@@ -62,26 +60,23 @@ class PhoneWalk:
 
 
 def measure_unknown_phone(
-    data: Path | None,
-    announce: Announce,
-    kept: Path | None = None,
+    given: Given,
     *,
-    workers: Workers | None = None,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     phones: Sequence[str] = PHONES,
     rounds: int = 4,
     steps: int = 200,
 ) -> Finding:
-    """One-shot errors of each phone by map and by what is done about it; `data` is not needed."""
-    folder = (kept or Path("unknown-phone.partial")).parent
+    """One-shot errors of each phone by map and by what is done about it."""
+    folder = (given.kept or Path("unknown-phone.partial")).parent
     tasks = [
         Place(world, seed, tuple(phones), rounds, min(rounds, 3), steps)
         for seed in seeds
         for world in worlds
     ]
     measure = partial(measure_place, folder=folder)
-    numbers = finished(measure, tasks, announce, kept=kept, workers=workers)
+    numbers = finished(measure, tasks, given)
     rows = _rows(tasks, numbers)
     return Finding(rows, _page(rows))
 

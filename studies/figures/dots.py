@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import plotly.graph_objects as go
 from plotly.subplots import make_subplots
 
 from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, styled
+from studies.finding import Row
 
 ROW_PX = 30
 
@@ -21,6 +22,24 @@ class Dot(NamedTuple):
     low: float
     high: float
     reference: float | None = None
+
+
+def dots_by(
+    panel: Callable[[Row], str], name: Callable[[Row], str], rows: Sequence[Row], *columns: str
+) -> dict[str, list[Dot]]:
+    """The rows that have a value as dots, by panel.
+
+    The columns are those of the value, from, to, and perhaps of what others found; of a cell of
+    several figures, "median / mean / Q3", the first counts.
+    """
+    found: dict[str, list[Dot]] = {}
+    for row in rows:
+        cells = [row[column] for column in columns]
+        if cells[0] is not None:
+            numbers = [None if cell is None else float(str(cell).split(" / ")[0]) for cell in cells]
+            dot = Dot(name(row), *numbers)  # type: ignore[arg-type]
+            found.setdefault(panel(row), []).append(dot)
+    return found
 
 
 def dots_figure(panels: Mapping[str, Sequence[Dot]], x_title: str, reference: str) -> go.Figure:

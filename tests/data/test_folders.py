@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from killed import survives
 
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled
+from tests.disks import mounted
 
 
 def _half_written_folder(folder: Path) -> None:
@@ -280,13 +280,8 @@ def test_a_kill_between_both_renames_is_seen_before_the_work(tmp_path: Path) -> 
 @pytest.fixture
 def read_only(tmp_path: Path) -> Iterator[Path]:
     """A file system that nobody may write to, root included; skips where none may be mounted."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "ro", "tmpfs", str(place)]
-    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("no file system can be mounted here")
-    yield place
-    subprocess.run(["umount", "--lazy", str(place)], check=True)
+    with mounted(tmp_path / "disk", ro="") as place:
+        yield place
 
 
 @pytest.mark.parametrize("new", [new_folder, new_file])

@@ -29,6 +29,7 @@ from elfslam.cli.app import run
 from elfslam.data.map_files import write_map
 from elfslam.data.recordings import write_recording
 from elfslam.scoring.page import SCRIPT
+from tests.disks import mounted
 
 pytestmark = pytest.mark.hostile
 
@@ -127,29 +128,24 @@ def lap() -> FloorMap:
     return FloorMap(xy_m, np.zeros(count), np.zeros(count), order, spread, (), "", ("lap",))
 
 
-def mount(*options: str) -> bool:
-    done = subprocess.run(["mount", "-t", "tmpfs", *options], capture_output=True, check=False)
-    return done.returncode == 0
+def remount(disk: Path, *options: str) -> None:
+    subprocess.run(["mount", "-o", ",".join(["remount", *options]), str(disk)], check=True)
 
 
 @pytest.fixture
 def disk(given: Path, tmp_path: Path) -> Iterator[Path]:
     """A file system with older results on it; skips the test where none may be mounted."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    if not mount("-o", options(**AMPLE), "tmpfs", str(place)):
-        pytest.skip("no file system can be mounted here")
-    shutil.copytree(given / "one", place / "run")
-    (place / "merged").mkdir()
-    (place / "merged" / "merge.json").write_text("{}")
-    (place / "fixes.csv").write_text("of an older walk\n")
-    write_recording(still_and_moving(), place / "marked")
-    yield place
-    subprocess.run(["umount", "--lazy", str(place)], check=True)
+    with mounted(tmp_path / "disk", **AMPLE) as place:
+        shutil.copytree(given / "one", place / "run")
+        (place / "merged").mkdir()
+        (place / "merged" / "merge.json").write_text("{}")
+        (place / "fixes.csv").write_text("of an older walk\n")
+        write_recording(still_and_moving(), place / "marked")
+        yield place
 
 
-def options(**limits: int) -> str:
-    return ",".join(f"{name}={value}" for name, value in limits.items())
+def options(**limits: int) -> list[str]:
+    return [f"{name}={value}" for name, value in limits.items()]
 
 
 def still_and_moving() -> Recording:
@@ -252,11 +248,11 @@ def test_a_disk_that_fills_at_any_step(
     needs = range(now, most[limit], PAGE if limit == "size" else 1)
     assert len(needs) > 0
     for value in {needs[k * (len(needs) - 1) // SIZES] for k in range(SIZES + 1)}:
-        assert mount("-o", f"remount,{options(**{**AMPLE, limit: value})}", str(disk))
+        remount(disk, *options(**{**AMPLE, limit: value}))
         assert_refused(line, disk, "No space left on device", capsys)
         assert without(contents(disk), SEVERAL.get(name, ())) == before
         emptied(disk, before)
-    assert mount("-o", f"remount,{options(**AMPLE)}", str(disk))
+    remount(disk, *options(**AMPLE))
     assert run(line.split()) in (0, 1)
     assert contents(disk).keys() == made.keys()
 
@@ -268,6 +264,6 @@ def test_a_read_only_disk(
 ) -> None:
     """Root, too, is told in one line."""
     line, before = WRITERS[name].format(disk=disk, given=given), contents(disk)
-    assert mount("-o", "remount,ro", str(disk))
+    remount(disk, "ro")
     assert_refused(line, disk, "Read-only file system", capsys)
     assert contents(disk) == before

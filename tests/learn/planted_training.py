@@ -36,17 +36,24 @@ STEP = 3
 """Of the batch whose gradients are compared."""
 
 
-def toy_pairs(step: int) -> EchoPairs:
+def toy_pairs(step: int, *, count: int = 8, noise: float = 0.3) -> EchoPairs:
     """Every place has a decaying noise of its own, and both echoes are that plus a little more."""
     generator = np.random.default_rng([9, step])
     decay = np.exp(-np.arange(ECHO_SAMPLES) / 600)
-    place, one, other = generator.standard_normal((3, 8, ECHO_SAMPLES)) * decay
+    place, one, other = generator.standard_normal((3, count, ECHO_SAMPLES)) * decay
     return EchoPairs(
-        first=place + 0.3 * one,
-        second=place + 0.3 * other,
-        room=np.arange(8) % 2,
-        xy_m=generator.uniform(0, 20, (8, 2)),
+        first=place + noise * one,
+        second=place + noise * other,
+        room=np.arange(count) % 2,
+        xy_m=generator.uniform(0, 20, (count, 2)),
     )
+
+
+def traces(count: int, seed: int = 0) -> Tensor:
+    """Decaying noise, about as loud as echoes are."""
+    decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
+    noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
+    return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
 
 
 def stepped(batch: EchoPairs, ranks: Ranks = ALONE) -> dict[str, F64]:

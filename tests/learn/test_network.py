@@ -1,35 +1,38 @@
-"""The compact encoder: the line's spectrogram inside, unit rows outside."""
+"""The encoders' networks: the line's spectrogram inside, unit rows outside."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from planted_training import traces
+from torch import nn
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log
+from elfslam.learn.resnet import ResNetEncoder
 from elfslam.line.feature import BINS, FIRST_BIN, spectrogram
 
 NO_CALIBRATION = torch.zeros(BINS)
 
 
-def traces(count: int, seed: int = 0) -> Tensor:
-    """Decaying noise, about as loud as echoes are."""
-    decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
-    noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
-    return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
+NETWORKS: dict[str, Callable[[], nn.Module]] = {
+    "compact": lambda: CompactEncoder(8),
+    "ResNet-18": ResNetEncoder,
+    "ResNet-18, small stem": lambda: ResNetEncoder("small"),
+}
 
 
-@pytest.fixture(scope="module")
-def network() -> CompactEncoder:
+@pytest.fixture(scope="module", params=NETWORKS)
+def network(request: pytest.FixtureRequest) -> nn.Module:
     """A network whose batch statistics have seen some echoes."""
     torch.manual_seed(0)
-    made = CompactEncoder(8)
-    made.train()
+    made = NETWORKS[request.param]().train()
     with torch.no_grad():
         for seed in range(3):
-            made(traces(32, seed), NO_CALIBRATION)
+            made(traces(16, seed), NO_CALIBRATION)
     return made.eval()
 
 
@@ -50,7 +53,7 @@ def test_a_tone_lights_its_own_row(row: int) -> None:
     assert float(image[row].mean()) == pytest.approx(24.0, rel=1e-3)  # half of a Hann window's 48
 
 
-def test_rows_are_unit(network: CompactEncoder) -> None:
+def test_rows_are_unit(network: nn.Module) -> None:
     with torch.no_grad():
         elf = network(traces(20, 5), NO_CALIBRATION)
     assert elf.shape == (20, ELF_SIZE)
@@ -58,7 +61,7 @@ def test_rows_are_unit(network: CompactEncoder) -> None:
     assert float(torch.pdist(elf).min()) > 1e-3, "other echoes, other features"
 
 
-def test_rows_are_row_by_row(network: CompactEncoder) -> None:
+def test_rows_are_row_by_row(network: nn.Module) -> None:
     samples = traces(9, 5)
     with torch.no_grad():
         whole = network(samples, NO_CALIBRATION)
@@ -69,7 +72,7 @@ def test_rows_are_row_by_row(network: CompactEncoder) -> None:
 
 
 @pytest.mark.parametrize("gain", [0.05, 0.5, 20.0])
-def test_the_level_drops_out(network: CompactEncoder, gain: float) -> None:
+def test_the_level_drops_out(network: nn.Module, gain: float) -> None:
     """A phone at 20 % volume gives the same feature."""
     samples = traces(6, 5)
     with torch.no_grad():
@@ -77,14 +80,14 @@ def test_the_level_drops_out(network: CompactEncoder, gain: float) -> None:
     np.testing.assert_allclose(soft.numpy(), loud.numpy(), atol=1e-3)
 
 
-def test_the_sign_of_the_microphone_drops_out(network: CompactEncoder) -> None:
+def test_the_sign_of_the_microphone_drops_out(network: nn.Module) -> None:
     samples = traces(6, 5)
     with torch.no_grad():
         plus, minus = network(samples, NO_CALIBRATION), network(-samples, NO_CALIBRATION)
     np.testing.assert_allclose(plus.numpy(), minus.numpy(), atol=1e-5)
 
 
-def test_silence_gives_a_feature_and_no_nan(network: CompactEncoder) -> None:
+def test_silence_gives_a_feature_and_no_nan(network: nn.Module) -> None:
     with torch.no_grad():
         elf = network(torch.zeros(2, ECHO_SAMPLES), NO_CALIBRATION)
     assert torch.isfinite(elf).all()
@@ -107,7 +110,7 @@ def test_a_calibration_takes_the_phone_out() -> None:
     assert float(calibrated) < 0.05 * float(off)
 
 
-def test_time_is_not_averaged_away(network: CompactEncoder) -> None:
+def test_time_is_not_averaged_away(network: nn.Module) -> None:
     """The delay of an echo is its place: the same echo 10 ms later is another feature."""
     early = torch.zeros(1, ECHO_SAMPLES)
     early[0, 400:841] = traces(1)[0, :441]

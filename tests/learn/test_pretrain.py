@@ -18,7 +18,7 @@ from planted_training import toy_pairs
 from torch import nn
 
 from elfslam.base.errors import StoreError
-from elfslam.base.values import ECHO_SAMPLES, EchoPairs
+from elfslam.base.values import EchoPairs
 from elfslam.learn.distributed import Ranks
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
@@ -42,19 +42,6 @@ TINY = PretrainParameters(
 )
 
 
-def fake_pairs(step: int, *, count: int = 8, noise: float = 0.3) -> EchoPairs:
-    """Every place has a decaying noise of its own, and both echoes are that plus a little more."""
-    generator = np.random.default_rng([9, step])
-    decay = np.exp(-np.arange(ECHO_SAMPLES) / 600)
-    place, one, other = generator.standard_normal((3, count, ECHO_SAMPLES)) * decay
-    return EchoPairs(
-        first=place + noise * one,
-        second=place + noise * other,
-        room=np.arange(count) % 2,
-        xy_m=generator.uniform(0, 20, (count, 2)),
-    )
-
-
 class KilledError(Exception):
     """Stands for whatever ends a training run early."""
 
@@ -63,7 +50,7 @@ def run(
     folder: Path,
     parameters: PretrainParameters = TINY,
     *,
-    pairs_of: PairsOf = fake_pairs,
+    pairs_of: PairsOf = toy_pairs,
     report: Callable[[Progress], None] = lambda progress: None,
     seed: int = 0,
 ) -> nn.Module:
@@ -74,7 +61,7 @@ def trained(
     folder: Path,
     parameters: PretrainParameters = TINY,
     *,
-    pairs_of: PairsOf = fake_pairs,
+    pairs_of: PairsOf = toy_pairs,
     report: Callable[[Progress], None] = lambda progress: None,
     seed: int = 0,
 ) -> Pretrained:
@@ -102,7 +89,7 @@ def test_the_loss_falls(tmp_path: Path) -> None:
     network = run(
         tmp_path,
         parameters,
-        pairs_of=lambda step: fake_pairs(0),
+        pairs_of=lambda step: toy_pairs(0),
         report=lambda progress: losses.append(progress.loss),
     )
     assert len(losses) == 20
@@ -111,8 +98,8 @@ def test_the_loss_falls(tmp_path: Path) -> None:
 
 
 def test_what_was_learnt_holds_for_places_never_seen(tmp_path: Path) -> None:
-    unseen = fake_pairs(1000, count=64)
-    trained = run(tmp_path, replace(TINY, steps=25), pairs_of=lambda k: fake_pairs(k, count=24))
+    unseen = toy_pairs(1000, count=64)
+    trained = run(tmp_path, replace(TINY, steps=25), pairs_of=lambda k: toy_pairs(k, count=24))
     torch.manual_seed(0)
     fresh = CompactEncoder(4).eval()
     with torch.no_grad():
@@ -186,7 +173,7 @@ def by_hand(parameters: PretrainParameters, seed: int) -> nn.Module:
         warm = min((step + 1) / parameters.warmup_steps, 1.0)
         cosine = 0.5 + 0.5 * math.cos(math.pi * step / parameters.steps)
         optimizer.param_groups[0]["lr"] = parameters.learning_rate * (warm * cosine)
-        loss = pair_loss(network, fake_pairs(step), parameters)
+        loss = pair_loss(network, toy_pairs(step), parameters)
         optimizer.zero_grad()
         loss.backward()
         optimizer.step()
@@ -202,7 +189,7 @@ def test_on_a_processor_it_is_the_plain_training_bit_for_bit(tmp_path: Path) -> 
 
 def test_on_a_processor_the_network_computes_as_it_is() -> None:
     torch.manual_seed(0)
-    network, batch = CompactEncoder(4), fake_pairs(0)
+    network, batch = CompactEncoder(4), toy_pairs(0)
     both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
     with torch.no_grad():
         rows = embedded(network.eval(), batch)
@@ -224,7 +211,7 @@ def test_a_gpu_is_used_where_there_is_one() -> None:
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no GPU here")
 def test_a_gpu_learns_too_and_gives_the_network_back(tmp_path: Path) -> None:
-    made = trained(tmp_path, replace(TINY, steps=20), pairs_of=lambda step: fake_pairs(0))
+    made = trained(tmp_path, replace(TINY, steps=20), pairs_of=lambda step: toy_pairs(0))
     assert made.arithmetic == "bfloat16 on a GPU"
     assert made.losses[-1] < 0.4 * made.losses[0]
     assert {value.device.type for value in made.network.state_dict().values()} == {"cpu"}
@@ -245,7 +232,7 @@ def test_every_step_gets_its_own_batch_in_order(tmp_path: Path) -> None:
 
     def pairs_of(step: int) -> EchoPairs:
         asked.append(step)
-        return fake_pairs(step)
+        return toy_pairs(step)
 
     run(
         tmp_path,
@@ -261,7 +248,7 @@ def test_a_failing_stream_ends_the_training(tmp_path: Path) -> None:
     def pairs_of(step: int) -> EchoPairs:
         if step == 2:
             raise KilledError
-        return fake_pairs(step)
+        return toy_pairs(step)
 
     with pytest.raises(KilledError):
         run(tmp_path, pairs_of=pairs_of)
@@ -308,7 +295,7 @@ def test_a_checkpoint_without_its_parts_is_refused(tmp_path: Path, missing: str)
 
 def test_places_too_near_are_no_negatives() -> None:
     """All eight places of one room within reach of each other: only positives are left."""
-    batch, network = fake_pairs(0), CompactEncoder(4).eval()
+    batch, network = toy_pairs(0), CompactEncoder(4).eval()
     together = replace(batch, room=np.zeros(8, dtype=np.int64), xy_m=np.zeros((8, 2)))
     apart = replace(together, room=np.arange(8))
     with torch.no_grad():

@@ -7,23 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
+from planted_training import toy_pairs, traces
 
-from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pretrain
 from elfslam.learn.resnet import ResNetEncoder, Stem, resnet18
 from elfslam.line.feature import BINS, load_encoder
 
-STEMS: tuple[Stem, ...] = ("imagenet", "small")
 NO_CALIBRATION = torch.zeros(BINS)
-
-
-def traces(count: int, seed: int = 0) -> Tensor:
-    noise = np.random.default_rng(seed).standard_normal((count, ECHO_SAMPLES))
-    decay = np.exp(-np.arange(ECHO_SAMPLES) / 500)
-    return torch.from_numpy((0.01 * noise * decay).astype(np.float32))
 
 
 @pytest.fixture(scope="module")
@@ -50,25 +42,6 @@ def test_the_stems_leave_what_they_say_to_the_first_stage(
     assert resnet18(stem)[:entry](torch.zeros(1, 1, 12, 48)).shape == (1, 64, *cells)
 
 
-@pytest.mark.parametrize("stem", STEMS)
-def test_rows_are_unit(stem: Stem) -> None:
-    with torch.no_grad():
-        elf = ResNetEncoder(stem).eval()(traces(3), NO_CALIBRATION)
-    assert elf.shape == (3, ELF_SIZE)
-    np.testing.assert_allclose(torch.linalg.norm(elf, dim=1).numpy(), 1.0, atol=1e-5)
-
-
-def test_rows_are_row_by_row_and_have_no_level(network: ResNetEncoder) -> None:
-    samples = traces(5, 1)
-    with torch.no_grad():
-        whole = network(samples, NO_CALIBRATION)
-        alone = torch.cat([network(samples[k : k + 1], NO_CALIBRATION) for k in range(5)])
-        loud = network(20 * samples, NO_CALIBRATION)
-    np.testing.assert_allclose(alone.numpy(), whole.numpy(), atol=1e-5)
-    np.testing.assert_allclose(loud.numpy(), whole.numpy(), atol=1e-3)
-    assert float(torch.pdist(whole).min()) > 1e-3, "other echoes, other features"
-
-
 def test_its_file_is_read_by_the_line(network: ResNetEncoder, tmp_path: Path) -> None:
     export_encoder(network, tmp_path / "resnet.onnx")
     encoder, samples = load_encoder(str(tmp_path / "resnet.onnx")), traces(5, 1)
@@ -80,11 +53,9 @@ def test_its_file_is_read_by_the_line(network: ResNetEncoder, tmp_path: Path) ->
 
 
 def test_pretraining_takes_it(tmp_path: Path) -> None:
-    one, more = traces(8, 1).numpy(), traces(8, 2).numpy()
-    pairs = EchoPairs(one, one + 0.3 * more, np.arange(8) % 2, np.arange(16.0).reshape(8, 2))
     losses: list[float] = []
     network = pretrain(
-        lambda step: pairs,
+        lambda step: toy_pairs(0),
         PretrainParameters(
             network="resnet18", steps=5, pairs=8, warmup_steps=1, learning_rate=1e-3, threads=1
         ),

@@ -14,7 +14,7 @@ from studies.acoustic_odometry import (
     _row,
     measure_acoustic_odometry,
 )
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.heard_walk import HeardWalk
 from studies.repeats import Numbers
 
@@ -25,7 +25,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     walks = [HeardWalk("studio", 100, 2), HeardWalk("lounge", 105, 2, mapped=False)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(walls_in_focus, "SHOWN_ROUNDS", 2)
-        finding = measure_acoustic_odometry(None, lambda what, share: None, kept, walks=walks)
+        finding = measure_acoustic_odometry(Given(kept=kept), walks=walks)
     assert kept.exists()
     return finding
 

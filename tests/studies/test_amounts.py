@@ -13,7 +13,7 @@ from elfslam.base.progress import silent
 from elfslam.learn.parameters import ScratchParameters
 from studies import amounts
 from studies.amounts import ERROR, FINETUNED, PRETRAINED, RECALL, TrainedWalk, measure_amounts
-from studies.finding import Finding
+from studies.finding import Finding, Given
 
 
 @pytest.fixture(scope="module")
@@ -28,7 +28,7 @@ def found(folder: Path) -> Finding:
         patch.setattr(amounts, "ScratchParameters", lambda: few)
         patch.setattr(amounts, "ROUNDS", 2)
         return measure_amounts(
-            None, silent, folder / "amounts.partial", echoes=(512,), minutes=(), worlds=("studio",),
+            Given(kept=folder / "amounts.partial"), echoes=(512,), minutes=(), worlds=("studio",),
             seeds=(100,),
         )  # fmt: skip
 

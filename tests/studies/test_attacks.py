@@ -28,6 +28,7 @@ from studies.attack_sounds import (
 from studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
 from studies.attacks import APART_S, measure_attacks, measured
 from studies.attacks_table import attacks_page, attacks_rows, poisson_interval
+from studies.finding import Given
 
 
 @pytest.fixture(scope="module")
@@ -158,8 +159,7 @@ def test_alarms_close_together_are_one() -> None:
 def test_a_small_study_tells_an_attack_from_an_honest_walk() -> None:
     heard: list[str] = []
     finding = measure_attacks(
-        None,
-        lambda text, share: heard.append(text),
+        Given(announce=lambda text, share: heard.append(text)),
         worlds={"studio": 1},
         seeds=(100,),
         levels_db=(10.0,),

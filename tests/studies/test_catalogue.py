@@ -8,7 +8,6 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.app.workers import Workers
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.progress import silent
 from elfslam.line.feature import SpectralEncoder
@@ -16,7 +15,7 @@ from elfslam.scoring.page import Page
 from elfslam.world.kinds import QUIET
 from studies import catalogue
 from studies.catalogue import STUDIES, run_study
-from studies.finding import Finding, LongStudy
+from studies.finding import Finding, Given, LongStudy
 
 Row = dict[str, object]
 ROWS: list[Row] = [
@@ -28,8 +27,8 @@ ROWS: list[Row] = [
 def test_a_table_is_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[Path | None] = []
 
-    def study(data: Path | None, announce: catalogue.Announce) -> list[dict[str, object]]:
-        asked.append(data)
+    def study(given: Given) -> list[Row]:
+        asked.append(given.data)
         return ROWS
 
     monkeypatch.setattr(catalogue, "STUDIES", {"gait": study})
@@ -49,7 +48,7 @@ def test_a_page_is_written_beside_the_tables(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     page = Page("Walks", "of today", [])
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda data, announce: Finding(ROWS, page)})
+    monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda given: Finding(ROWS, page)})
     assert run_study("gait", tmp_path, None, silent) == ROWS
     assert "<title>Walks</title>" in (tmp_path / "gait.html").read_text()
     assert (tmp_path / "gait.html").stat().st_size < 500_000
@@ -61,9 +60,9 @@ def test_a_long_study_is_told_where_to_keep_what_is_finished(
 ) -> None:
     told: list[str] = []
 
-    def gait(
-        data: Path | None, announce: catalogue.Announce, kept: Path, *, workers: Workers
-    ) -> list[Row]:
+    def gait(given: Given) -> list[Row]:
+        kept = given.kept
+        assert kept is not None
         told.append(kept.read_text() if kept.exists() else "")
         kept.write_text("half")
         if len(told) == 1:
@@ -83,14 +82,13 @@ def test_a_long_study_is_given_workers_and_a_short_one_refuses_them(
 ) -> None:
     counts: list[int] = []
 
-    def gait(
-        data: Path | None, announce: catalogue.Announce, kept: Path, *, workers: Workers
-    ) -> list[Row]:
-        counts.append(workers.count)
+    def gait(given: Given) -> list[Row]:
+        assert given.workers is not None
+        counts.append(given.workers.count)
         return ROWS
 
     monkeypatch.setattr(
-        catalogue, "STUDIES", {"gait": LongStudy(gait), "brief": lambda data, announce: ROWS}
+        catalogue, "STUDIES", {"gait": LongStudy(gait), "brief": lambda given: ROWS}
     )
     run_study("gait", tmp_path, None, silent)
     run_study("gait", tmp_path, None, silent, on="3")
@@ -104,9 +102,7 @@ def test_encoders_reach_the_studies_that_compare_them(
 ) -> None:
     told: list[object] = []
 
-    def study(
-        data: Path | None, announce: catalogue.Announce, encoders: object = "usual"
-    ) -> list[Row]:
+    def study(given: Given, encoders: object = "usual") -> list[Row]:
         told.append(encoders)
         return ROWS
 
@@ -128,7 +124,7 @@ def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None
 def test_only_some_studies_are_of_a_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[object] = []
 
-    def study(data: Path | None, announce: catalogue.Announce, **chosen: object) -> list[Row]:
+    def study(given: Given, **chosen: object) -> list[Row]:
         told.append(chosen)
         return ROWS
 

@@ -8,14 +8,14 @@ import pytest
 
 from elfslam.scoring.page import save_page
 from studies.closure_steps import PAPER, SEQUENCE, SINGLE, measure_closure_steps
-from studies.finding import Finding
+from studies.finding import Finding, Given
 
 
 @pytest.fixture(scope="module")
 def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     kept = tmp_path_factory.mktemp("kept") / "closures.partial"
     small = {"worlds": ("studio",), "seeds": (100,), "rounds": 2}
-    return measure_closure_steps(None, lambda what, share: None, kept, **small)
+    return measure_closure_steps(Given(kept=kept), **small)
 
 
 def value(finding: Finding, strategy: str, step: str, name: str) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from elfslam.line.locate import LocateParameters
 from studies.contention import WAYS, measure_contention, together
-from studies.finding import Finding
+from studies.finding import Finding, Given
 
 
 def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
@@ -21,7 +21,7 @@ def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     made = measure_contention(
-        None, lambda said, share: None, places=("studio",), seeds=(100,), counts=(2,),
+        Given(), places=("studio",), seeds=(100,), counts=(2,),
         seconds=30.0, mapping_rounds=1,
     )  # fmt: skip
     assert isinstance(made, Finding)

@@ -14,6 +14,7 @@ from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies import dead_reckoning as study
 from studies.dead_reckoning import measure_dead_reckoning
+from studies.finding import Given
 from studies.reckoned_walks import ReckonedWalk, mall_floors, resampled, tilted
 
 
@@ -77,7 +78,7 @@ def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[ReckonedWalk
 
 
 def test_the_study_needs_no_real_walks() -> None:
-    finding = measure_dead_reckoning(None, quiet, seeds=1, worlds=("studio",))
+    finding = measure_dead_reckoning(Given(), seeds=1, worlds=("studio",))
     names = {row["walks of"] for row in finding.rows}
     assert names == {"studio, 100 Hz", "studio, 60 Hz", "simulated"}
     assert all(list(row) == list(finding.rows[0]) for row in finding.rows)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from studies.distinctness import SPOTS_SHOWN, _row_of_spots, measure_distinctness
-from studies.finding import Finding
+from studies.finding import Finding, Given
 
 
 @pytest.fixture(scope="module")
 def finding() -> Finding:
-    return measure_distinctness(None, lambda what, share: None, spots=10)
+    return measure_distinctness(Given(), spots=10)
 
 
 def test_a_chirp_tells_spots_apart_better_than_a_tone(finding: Finding) -> None:
@@ -32,7 +32,7 @@ def test_the_page_shows_a_cloud_for_every_spot_and_signal(finding: Finding) -> N
 
 
 def test_a_study_repeats_itself(finding: Finding) -> None:
-    assert measure_distinctness(None, lambda what, share: None, spots=10).rows == finding.rows
+    assert measure_distinctness(Given(), spots=10).rows == finding.rows
 
 
 def test_five_spots_in_a_line_are_found() -> None:

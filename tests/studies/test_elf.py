@@ -7,13 +7,12 @@ import pytest
 
 from elfslam.app.card import ON_THE_CARD, metrics_of
 from elfslam.base.errors import InputError
-from elfslam.base.progress import silent
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import load_encoder
 from studies.elf import labelled_pairs, measure_elf, sequence_similarity
-from studies.finding import Row
+from studies.finding import Given, Row
 
 CIRCLE_M = 4.0
 
@@ -71,7 +70,7 @@ def test_a_walk_too_short_for_a_sequence_has_none() -> None:
 @pytest.fixture(scope="module")
 def rows() -> list[Row]:
     encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
-    return measure_elf(None, silent, worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders)
+    return measure_elf(Given(), worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders)
 
 
 def test_an_elf_knows_a_place_better_than_its_spectrum(rows: list[Row]) -> None:

@@ -23,12 +23,13 @@ from studies.fidelity import (
     random_polygon,
     random_shoebox,
 )
+from studies.finding import Given
 
 Draw = Callable[[np.random.Generator], Room]
 
 
 def test_both_engines_agree_in_the_first_rooms() -> None:
-    rows = compare_engines(rooms=2)
+    rows = compare_engines(Given(), rooms=2)
     assert [(row["room"], row["transducers"]) for row in rows] == [
         ("shoebox", "omnidirectional"),
         ("shoebox", "cardioid"),

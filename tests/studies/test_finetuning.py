@@ -11,6 +11,7 @@ from elfslam.base.arrays import F32
 from elfslam.base.values import Echoes
 from elfslam.learn.parameters import FinetuneParameters
 from studies import finetuning
+from studies.finding import Given
 
 
 class Deaf:
@@ -40,8 +41,7 @@ def test_a_row_before_and_one_of_what_fine_tuning_gave(monkeypatch: pytest.Monke
     monkeypatch.setattr(finetuning, "finetuned", deafened)
     shares: list[float | None] = []
     before, after = finetuning.measure_finetuning(
-        None,
-        lambda what, share: shares.append(share),
+        Given(announce=lambda what, share: shares.append(share)),
         worlds=("studio",),
         seeds=(108,),
         rounds=2,

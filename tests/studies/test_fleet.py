@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import ParameterError
+from studies.finding import Given
 from studies.fleet import Costs, Demand, hourly, measure_fleet, stations_of, stores_of
 
 CALM = Demand(buildings=10, phones=2000, first_share=0.5, walks_per_building=6, walk_minutes=2)
@@ -11,7 +12,7 @@ COSTS = Costs(lookup_s=0.01, page_bytes=1e6, package_bytes=2e6, update_bytes=1e6
 
 
 def rows(**changed):
-    found = measure_fleet(None, lambda *_: None, demand=CALM, costs=COSTS, **changed).rows
+    found = measure_fleet(Given(), demand=CALM, costs=COSTS, **changed).rows
     return {row["what"]: row for row in found}
 
 

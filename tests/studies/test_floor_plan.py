@@ -9,7 +9,7 @@ from elfslam.line.anchoring import AnchoringParameters
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
 from studies import floor_plan
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.floor_plan import Mapped, PlacedWalk, measure_floor_plan, plan_of
 
 
@@ -22,9 +22,7 @@ def finding(monkeypatch: pytest.MonkeyPatch) -> Finding:
 
     monkeypatch.setattr(floor_plan, "mapped", as_walked)
     coarse = AnchoringParameters(cell_m=0.2)
-    return measure_floor_plan(
-        None, lambda what, share: None, worlds={"studio": 1, "lounge": 1}, known=coarse
-    )
+    return measure_floor_plan(Given(), worlds={"studio": 1, "lounge": 1}, known=coarse)
 
 
 def test_each_walk_ends_in_one_way(finding: Finding) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
 import pytest
 
@@ -12,10 +10,10 @@ from elfslam.base.choices import Mode
 from elfslam.base.values import NO_CLOSURES
 from elfslam.slam import pipeline
 from studies import headline
+from studies.finding import Given
 from studies.headline import FIGURES, MAPPED, RECKONED, TASKS, Figure, Task, judged, main
 
 SMALL = (Task("studio", 100, rounds=4, modes=(Mode.ONE_SHOT, Mode.TRACK)),)
-QUIET: Callable[..., Any] = lambda what, share: None  # noqa: E731
 
 
 def test_every_figure_is_measured_by_some_walk() -> None:
@@ -42,15 +40,13 @@ def test_a_figure_twice_as_bad_is_red(figure: Figure) -> None:
 def test_closures_switched_off_turn_it_red(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = headline.measure_headline(QUIET, tasks=SMALL)
+    found = headline.measure_headline(Given(), tasks=SMALL)
     mapped_m, reckoned_m = (found["studio", "surveyor", name] for name in (MAPPED, RECKONED))
     assert mapped_m < 0.5 * reckoned_m
     figures = [Figure(*named, value_m) for named, value_m in found.items()]
     monkeypatch.setattr(headline, "FIGURES", figures)
     measure = headline.measure_headline
-    monkeypatch.setattr(
-        headline, "measure_headline", lambda say, workers: measure(say, tasks=SMALL)
-    )
+    monkeypatch.setattr(headline, "measure_headline", lambda given: measure(given, tasks=SMALL))
     assert main(["--on", "1"]) == 0
     monkeypatch.setattr(pipeline, "closures_by", lambda *_: NO_CLOSURES)
     assert main(["--on", "1"]) == 1

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F32, F64
-from elfslam.base.progress import silent
 from elfslam.baselines.generic import generic_encoders
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.lap_answers import (
     Answers,
     answers_by,
@@ -247,7 +246,7 @@ def finding() -> Finding:
 
 def small(encoders: Mapping[str, Deaf], kept: Path | None = None) -> Finding:
     return measure_laps(
-        None, silent, kept, encoders=encoders, kind=QUIET, worlds=("lounge",), mirrored=(),
+        Given(kept=kept), encoders=encoders, kind=QUIET, worlds=("lounge",), mirrored=(),
         development=("studio",), lanes_m=(0.1,), laps=(1, 2), lane_seeds=(0,), lap_seeds=(0,),
         threshold_seeds=(100,), threshold_laps=2, asked_laps=2,
     )  # fmt: skip

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import QUIET
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.localization import measure_localization
 from studies.localization_table import localization_rows
 
@@ -17,7 +17,7 @@ from studies.localization_table import localization_rows
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     small = {"worlds": ("studio",), "seeds": (100,), "mapping_rounds": 2, "rounds": 1}
-    return measure_localization(None, lambda what, share: None, kind=QUIET, **small)
+    return measure_localization(Given(), kind=QUIET, **small)
 
 
 def median_m(finding: Finding, method: str, mode: str) -> float:

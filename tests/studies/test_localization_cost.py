@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from studies.finding import Given
 from studies.localization_cost import grid_map, map_bytes, measure_localization_cost
 
 
 def test_every_way_is_timed_for_every_size() -> None:
-    rows = measure_localization_cost(None, lambda what, share: None, spots=(400, 900), repeats=2)
+    rows = measure_localization_cost(Given(), spots=(400, 900), repeats=2)
     assert [row["spots"] for row in rows] == [400] * 4 + [900] * 4
     assert all(float(str(row["value"])) > 0 for row in rows)
     small, large = (row["value"] for row in rows if row["unit"] == "MB")

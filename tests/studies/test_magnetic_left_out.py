@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
+from studies.finding import Given
 from studies.magnetic_left_out import (
     CHOICE_SEEDS,
     DriftedWalk,
@@ -24,10 +25,6 @@ NOBODY = (1.0, 1.0, 0.25)
 """Closures must be as alike as a stretch and itself: there are none."""
 
 
-def silent(what: str, share: float | None) -> None:
-    """Nobody watches."""
-
-
 def test_a_choice_is_made_by_the_others_on_their_own_drifts_and_by_ratios() -> None:
     numbers: dict[DriftedWalk, Numbers] = {}
     for name, drifted, bold, shy in (("a", 10.0, 1.0, 2.0), ("b", 1.0, 0.4, 0.3), ("c", 1, 9, 1)):
@@ -42,7 +39,7 @@ def test_a_choice_is_made_by_the_others_on_their_own_drifts_and_by_ratios() -> N
 
 def test_a_set_is_mapped_with_what_the_other_chose(shared_data: Path) -> None:
     found = measure_magnetic_left_out(
-        shared_data, silent, sets=("square", "eight"), choices=(BOLD, NOBODY)
+        Given(shared_data), sets=("square", "eight"), choices=(BOLD, NOBODY)
     )
     assert [row["set"] for row in found.rows] == ["square", "eight"]
     for row in found.rows:
@@ -67,4 +64,4 @@ def test_the_simulated_hall_is_long_and_drifts_by_metres() -> None:
 
 def test_real_walks_are_asked_for_in_one_line() -> None:
     with pytest.raises(InputError, match="wanted real walks"):
-        measure_magnetic_left_out(None, silent)
+        measure_magnetic_left_out(Given())

@@ -13,6 +13,7 @@ from elfslam.base.values import NO_CLOSURES
 from elfslam.baselines.floor_places import floor_places
 from elfslam.baselines.floor_walks import FloorParameters, floor_map
 from elfslam.baselines.walks_graph import corrected
+from studies.finding import Given
 from studies.labelled_neighbours import labelled_neighbours
 from studies.mall_fifths import (
     MAPPED_BY,
@@ -25,26 +26,22 @@ from studies.mall_fifths import (
 )
 
 
-def quiet(what, share):
-    pass
-
-
 def test_real_walks_are_wanted():
     with pytest.raises(InputError, match="wanted real walks"):
-        measure_mall_fifths(None, quiet)
+        measure_mall_fifths(Given())
 
 
 def test_a_few_real_walks_in_small_and_goes_on_where_it_was(shared_data, tmp_path):
     kept = tmp_path / "kept"
     small = {"floors": ("F1",), "most_walks": 8}
-    finding = measure_mall_fifths(shared_data, quiet, kept, **small)
+    finding = measure_mall_fifths(Given(shared_data, kept=kept), **small)
     assert [row["method"] for row in finding.rows] == list(METHODS)
     assert all(row["used to"] == "develop" and row["walks"] == 8 for row in finding.rows)
     found = json.loads(kept.read_text())
     assert len(found) == 5
     first = next(iter(found))
     kept.write_text(json.dumps({first: found[first]}))
-    assert measure_mall_fifths(shared_data, quiet, kept, **small).rows == finding.rows
+    assert measure_mall_fifths(Given(shared_data, kept=kept), **small).rows == finding.rows
 
 
 @pytest.mark.parametrize("distance", ["Soerensen", "Euclidean"])

@@ -11,7 +11,7 @@ from elfslam.app.settings import Settings
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.scoring.page import save_page
 from studies import mapping_errors
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.mapping_errors import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
 
 
@@ -21,7 +21,7 @@ def finding() -> Iterator[Finding]:
     quiet = {"worlds": ("studio",), "seeds": (100,), "rounds": 2, "scratch": known}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(mapping_errors, "CURATED_SEEDS", 101)
-        yield measure_mapping(None, lambda what, share: None, **quiet)
+        yield measure_mapping(Given(), **quiet)
 
 
 def error_m(finding: Finding, method: str) -> float:

@@ -10,7 +10,7 @@ import pytest
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import save_page
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.merged_walks import (
     FIRST,
     MOVED,
@@ -27,9 +27,7 @@ from studies.merging import APART, CHANGED, OPPOSITE, OTHER, PARTLY, SAME, _draw
 @pytest.fixture(scope="module")
 def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     return measure_merging(
-        None,
-        lambda what, share: None,
-        tmp_path_factory.mktemp("kept") / "merging.partial",
+        Given(kept=tmp_path_factory.mktemp("kept") / "merging.partial"),
         worlds=("studio", "lounge"),
         seeds=(130, 131, 132),
         pairs={SAME: 1, OTHER: 1},

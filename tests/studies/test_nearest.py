@@ -10,7 +10,7 @@ import pytest
 from elfslam.scoring.page import Page
 from elfslam.serve.nearest import open_index
 from studies.elf_spots import OneThread, make_lookups, make_map, make_spots, places_of
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.nearest_maps import measure_nearest_map
 from studies.nearest_material import Extent
 from studies.nearest_spots import measure_nearest
@@ -81,7 +81,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_recall_sizes_and_random_vectors(out: Path) -> None:
-    finding = measure_nearest(None, quiet, out / "nearest.partial", extent=SMALL, random_spots=2000)
+    finding = measure_nearest(Given(kept=out / "nearest.partial"), extent=SMALL, random_spots=2000)
     assert isinstance(finding.page, Page)
     by_way = {
         (row["vectors"], row["spots"], row["way"], row["effort"]): row for row in finding.rows
@@ -97,7 +97,7 @@ def test_recall_sizes_and_random_vectors(out: Path) -> None:
 
 
 def test_votes_name_the_map_and_strangers_are_mostly_none_of_them(out: Path) -> None:
-    finding = measure_nearest_map(None, quiet, out / "nearest-map.partial", extent=SMALL)
+    finding = measure_nearest_map(Given(kept=out / "nearest-map.partial"), extent=SMALL)
     assert isinstance(finding, Finding)
     for row in finding.rows:
         ends = [float(str(row[name])) for name in ("right", "wrong", "ambiguous", "unknown")]
@@ -109,7 +109,7 @@ def test_votes_name_the_map_and_strangers_are_mostly_none_of_them(out: Path) -> 
 
 
 def test_times_leave_the_indexes_as_they_were(out: Path) -> None:
-    rows = measure_nearest_times(None, quiet, out / "nearest-times.partial", extent=SMALL, single=3)
+    rows = measure_nearest_times(Given(kept=out / "nearest-times.partial"), extent=SMALL, single=3)
     assert [row["way"] for row in rows] == ["flat", "ivf-flat"] * 2
     assert all(float(str(row["median (ms)"])) > 0 for row in rows)
     assert not list((out / "nearest.material").glob("*copy"))

@@ -9,7 +9,7 @@ import pytest
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.scoring.page import save_page
 from studies import paper
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.paper import CHANGES, PAPER_M, WORLDS, measure_paper, paper_rows
 
 
@@ -43,8 +43,7 @@ def finding() -> Finding:
         patch.setattr(paper, "PAPER_M", {name: {"studio": 1.0} for name in PAPER_M})
         quick = ScratchParameters(steps=2, pairs=16, threads=1)
         return measure_paper(
-            None,
-            lambda what, share: None,
+            Given(),
             worlds=("studio",),
             seeds=(100,),
             rounds=3,

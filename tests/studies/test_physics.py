@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from studies.fidelity import random_ends, random_polygon
+from studies.finding import Given
 from studies.physics import check_laws, decay_s, eyring_s, moved
 
 
 def test_every_law_is_met_in_few_rooms() -> None:
-    rows = check_laws(rooms=3, places=40)
+    rows = check_laws(Given(), rooms=3, places=40)
     assert len(rows) == 9 + 1 + 4
     for row in rows:
         assert row["met"], row

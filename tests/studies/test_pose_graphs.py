@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.progress import silent
 from elfslam.data.g2o import read_g2o
+from studies.finding import Given
 from studies.pose_graphs import injected, measure_pose_graphs, ours, plain
 
 
 def test_false_closures_do_not_move_the_answer(shared_data: Path, tmp_path: Path) -> None:
     finding = measure_pose_graphs(
-        shared_data, silent, tmp_path / "kept", names=["ring", "MIT"], attacked=["ring"],
+        Given(shared_data, kept=tmp_path / "kept"), names=["ring", "MIT"], attacked=["ring"],
         seeds=[100], solvers={"ours": ours, "plain": plain},
     )  # fmt: skip
     clean, attacked = finding.rows[:2], finding.rows[2:]
@@ -45,4 +45,4 @@ def test_what_is_injected_says_that_random_poses_are_one(shared_data: Path) -> N
 
 def test_without_recordings_it_says_so() -> None:
     with pytest.raises(InputError, match="needs the real recordings; set ELFSLAM_DATA"):
-        measure_pose_graphs(None, silent)
+        measure_pose_graphs(Given())

@@ -8,13 +8,14 @@ import pytest
 
 from elfslam.app.workers.processes import Processes
 from elfslam.base.errors import InputError
+from studies.finding import Given
 from studies.queue import measure_queue
 from studies.queue_table import Kept, queue_rows
 
 
 def test_kills_lose_nothing_and_do_nothing_twice(tmp_path: Path) -> None:
     kept = tmp_path / "queue.partial"
-    finding = measure_queue(None, lambda *_: None, kept, jobs=60, walks=3)
+    finding = measure_queue(Given(kept=kept), jobs=60, walks=3)
     last = finding.rows[-1]
     assert last["runs"] == 60
     assert (last["lost"], last["done again"], last["unlike"]) == (0, 0, 0)
@@ -35,4 +36,4 @@ def test_milestones_are_those_of_the_samples() -> None:
 
 def test_the_command_has_its_own_workers(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="leave --on out"):
-        measure_queue(None, lambda *_: None, tmp_path / "queue.partial", workers=Processes(2))
+        measure_queue(Given(kept=tmp_path / "queue.partial", workers=Processes(2)))

@@ -11,10 +11,10 @@ from scipy import signal
 
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
-from elfslam.base.progress import silent
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
 from elfslam.baselines.generic import GenericEncoder, generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
+from studies.finding import Given
 from studies.real_rooms import (
     FILE,
     PERIOD_S,
@@ -66,7 +66,7 @@ def test_the_line_cuts_behind_the_direct_sound() -> None:
 
 def test_known_places_are_recognised_and_unheard_ones_are_not(planted: Path) -> None:
     deaf = GenericEncoder("deaf", lambda samples: np.ones((len(samples), 3), dtype=np.float32))
-    rows = measure_real_rooms(planted, silent, encoders={"deaf": deaf})
+    rows = measure_real_rooms(Given(planted), encoders={"deaf": deaf})
     by_kind = {(row["microphone"], row["feature"]): row for row in rows}
     plain, other = by_kind["near", PLAIN], by_kind["near", "deaf"]
     assert plain["queries"] == 8, "two changed states of four places"
@@ -90,7 +90,7 @@ def test_the_gallery_is_the_first_state_at_the_first_microphone() -> None:
 @pytest.mark.parametrize("given", [True, False])
 def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
     with pytest.raises(InputError, match="is absent; pass --data or set ELFSLAM_DATA"):
-        measure_real_rooms(tmp_path if given else None, silent)
+        measure_real_rooms(Given(tmp_path if given else None))
 
 
 def test_the_real_responses_are_read(shared_data: Path) -> None:

@@ -8,19 +8,15 @@ import numpy as np
 import pytest
 
 from elfslam.world.pulses import BASEBAND_HZ
-from studies.finding import Finding, Row
+from studies.finding import Finding, Given, Row
 from studies.realism import KINDS, MOVED_M, RATE_HZ, measure_realism, response_of
 
 pytestmark = pytest.mark.real
 
 
-def quiet(what: str, share: float | None) -> None:
-    """Nobody watches."""
-
-
 @pytest.fixture(scope="module")
 def finding() -> Finding:
-    return measure_realism(None, quiet, worlds=("studio",), places=24, rooms=6)
+    return measure_realism(Given(), worlds=("studio",), places=24, rooms=6)
 
 
 def row_of(finding: Finding, room: str, kind: str) -> Row:
@@ -53,7 +49,7 @@ def test_the_farther_the_less_alike(finding: Finding, kind: str) -> None:
 
 
 def test_measured_rooms_stand_beside(shared_data: Path) -> None:
-    rows = measure_realism(shared_data, quiet, worlds=(), places=4, rooms=2).rows
+    rows = measure_realism(Given(shared_data), worlds=(), places=4, rooms=2).rows
     assert [row["sound"] for row in rows].count("measured") == 4
     assert float(str(rows[0]["contrast 2.5 cm"])) > 0.1
 

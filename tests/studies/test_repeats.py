@@ -12,7 +12,7 @@ import pytest
 from elfslam.app.workers import unit_key
 from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from elfslam.base.progress import silent
+from studies.finding import Given
 from studies.repeats import Numbers, by_world, finished
 
 
@@ -34,9 +34,8 @@ class Backwards:
 
 def test_numbers_come_in_the_order_of_the_tasks(tmp_path: Path) -> None:
     kept, shares = tmp_path / "new" / "kept", list[float | None]()
-    found = finished(
-        square, [3, 1, 2], lambda _, share: shares.append(share), kept=kept, workers=Backwards()
-    )
+    given = Given(None, lambda _, share: shares.append(share), kept, Backwards())
+    found = finished(square, [3, 1, 2], given)
     assert found == [{"square": 9.0}, {"square": 1.0}, {"square": 4.0}]
     assert shares == [0.0, 1 / 3, 2 / 3, 1.0]
     units = json.loads(kept.read_text())
@@ -45,7 +44,7 @@ def test_numbers_come_in_the_order_of_the_tasks(tmp_path: Path) -> None:
 
 
 def test_equal_tasks_are_one_unit() -> None:
-    assert finished(square, [2, 3, 2], silent, kept=None) == [square(2), square(3), square(2)]
+    assert finished(square, [2, 3, 2], Given()) == [square(2), square(3), square(2)]
 
 
 def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
@@ -58,14 +57,14 @@ def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
         return square(task)
 
     with pytest.raises(KeyboardInterrupt):
-        finished(counted, [1, 2, 3], silent, kept=kept)
+        finished(counted, [1, 2, 3], Given(kept=kept))
     allowed.add(2)
-    assert finished(counted, [1, 2, 3], silent, kept=kept) == [square(task) for task in (1, 2, 3)]
+    assert finished(counted, [1, 2, 3], Given(kept=kept)) == [square(task) for task in (1, 2, 3)]
     assert asked == [1, 2, 2, 3]
 
 
 def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
-    assert finished(square, [5], silent, kept=None) == [{"square": 25.0}]
+    assert finished(square, [5], Given()) == [{"square": 25.0}]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -82,7 +81,7 @@ def test_what_is_not_of_this_run_is_refused(tmp_path: Path, content: str, compla
     kept = tmp_path / "kept"
     kept.write_text(content)
     with pytest.raises(StoreError, match=complaint):
-        finished(square, [1], silent, kept=kept)
+        finished(square, [1], Given(kept=kept))
     assert kept.read_text() == content
 
 

@@ -5,13 +5,14 @@ from __future__ import annotations
 import pytest
 
 from elfslam.learn.parameters import ScratchParameters
+from studies.finding import Given
 from studies.scaling import STUDY, WALKS, ScaledWalk, measure_scaling, measure_walk, scaling_page
 
 
 def test_all_workers_give_the_same_and_a_killed_one_changes_nothing() -> None:
     pytest.importorskip("ray", reason="Ray is not installed")
     finding = measure_scaling(
-        None, lambda *_: None, worlds=("studio",), seeds=range(100, 104), rounds=2,
+        Given(), worlds=("studio",), seeds=range(100, 104), rounds=2,
         study_seeds=(103,), scratch=ScratchParameters(steps=2, pairs=16, threads=1),
     )  # fmt: skip
     rows = finding.rows

@@ -11,7 +11,7 @@ from elfslam.scoring.page import save_page
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.simulate import load_world
 from studies import sensitivity
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.sensitivity import measure_sensitivity, with_some_moved
 from studies.sensitivity_table import sensitivity_page
 
@@ -21,7 +21,7 @@ def finding() -> Finding:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sensitivity, "VOLUMES", (1.0, 0.2))
         small = {"places": {"studio": "volume"}, "seeds": (100,), "mapping_rounds": 2, "rounds": 1}
-        return measure_sensitivity(None, lambda what, share: None, kind=QUIET, **small)
+        return measure_sensitivity(Given(), kind=QUIET, **small)
 
 
 def test_a_soft_phone_is_located_nearly_as_well(finding: Finding) -> None:

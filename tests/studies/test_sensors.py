@@ -11,6 +11,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.wifi import walls_crossed
+from studies.finding import Given
 from studies.sensors import (
     WAYPOINT_SIGMA_M,
     WAYPOINTS_M,
@@ -156,7 +157,7 @@ def test_the_hall_has_open_floor_and_shops_around() -> None:
 @pytest.fixture(scope="module")
 def table() -> list[dict[str, object]]:
     heard: list[str] = []
-    rows = compare_sensors(None, lambda what, share: heard.append(what), walks=1)
+    rows = compare_sensors(Given(announce=lambda what, share: heard.append(what)), walks=1)
     assert heard
     return rows
 
@@ -182,7 +183,7 @@ def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str
 
     Two walks, since one alone is hardly ever twice within a metre of a place.
     """
-    compared = compare_sensors(shared_data, walks=2, mall_walks=8)
+    compared = compare_sensors(Given(shared_data), walks=2, mall_walks=8)
     rows = {str(row["quantity"]): row for row in compared}
     for name, factor in (
         ("step rate, median", 1.1),
@@ -207,4 +208,4 @@ def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str
 
 def test_a_folder_without_mall_walks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no mall_walks/\*.tar.xz"):
-        compare_sensors(tmp_path, walks=1)
+        compare_sensors(Given(tmp_path), walks=1)

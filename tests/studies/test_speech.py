@@ -14,7 +14,7 @@ from elfslam.world.interference import speech_like
 from studies import eavesdropping
 from studies import utterances as source
 from studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.speech import (
     Circumstance,
     down,
@@ -54,7 +54,7 @@ def finding(data: Path) -> Finding:
     only_own.setattr(source, "SENTENCES", data / "none")
     only_own.setattr(shutil, "which", lambda name: None)
     only_own.setattr(eavesdropping, "PLACES_HZ", (0, 1000))
-    made = measure_speech(data, lambda what, share: None, levels_dbfs=(-40.0,))
+    made = measure_speech(Given(data), levels_dbfs=(-40.0,))
     only_own.undo()
     return made
 
@@ -100,7 +100,7 @@ def test_without_speech_it_says_what_to_install(
 ) -> None:
     monkeypatch.setattr(source, "WORDS", tmp_path)
     with pytest.raises(InputError, match=r"install alsa-utils and espeak-ng.*speech"):
-        measure_speech(tmp_path, lambda what, share: None)
+        measure_speech(Given(tmp_path))
 
 
 @pytest.mark.parametrize("samples", [np.zeros(48_000), np.ones(100)])

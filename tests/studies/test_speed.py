@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from studies.finding import Given
 from studies.speed import TIMES_FASTER, measure_speed
 
 
 def test_every_rate_and_every_goal_has_a_row() -> None:
     heard: list[float | None] = []
-    rows = measure_speed(None, lambda what, share: heard.append(share), echoes=40, stream=600)
+    given = Given(announce=lambda what, share: heard.append(share))
+    rows = measure_speed(given, echoes=40, stream=600)
     values = {str(row["quantity"]): row["value"] for row in rows}
     assert all(isinstance(value, float) and value > 0 for value in values.values())
     ours, theirs = (

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.base.progress import silent
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import load_world
 from studies import spots
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.repeats import Numbers
 from studies.spots import (
     COUNT,
@@ -34,7 +33,7 @@ HARDLY = Recipe(learnt=6, asked=2, batch=6, epochs=1, fewest_steps=1)
 
 
 def run(kept: Path) -> Finding:
-    return measure_spots(None, silent, kept, points=FEW, recipe=HARDLY, stable_spots=3)
+    return measure_spots(Given(kept=kept), points=FEW, recipe=HARDLY, stable_spots=3)
 
 
 @pytest.fixture(scope="module")

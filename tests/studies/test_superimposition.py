@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.progress import silent
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.floor_spots import DIRECTIONS_RAD, TOGETHER, Spots, errors, fixes_m, floor_of, heard
 from studies.opposite_ways import PLACED, Ways, mapped
 from studies.superimposition import measure_superimposition
@@ -25,7 +24,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def finding(folder: Path) -> Finding:
-    return measure_superimposition(None, silent, folder / "kept", floors=[FEW], ways=[SHORT])
+    return measure_superimposition(Given(kept=folder / "kept"), floors=[FEW], ways=[SHORT])
 
 
 def test_every_map_is_asked_everything(finding: Finding) -> None:
@@ -49,7 +48,7 @@ def test_what_was_learnt_is_kept_and_gives_the_same_again(folder: Path, finding:
     content = file.read_bytes()
     kept = json.loads((folder / "kept").read_text())
     assert {unit["task"] for unit in kept.values()} == {repr(SHORT), repr(FEW)}
-    again = measure_superimposition(None, silent, folder / "other", floors=[FEW], ways=[])
+    again = measure_superimposition(Given(kept=folder / "other"), floors=[FEW], ways=[])
     assert file.read_bytes() == content
     first = [row for row in finding.rows if "spots" in str(row["place"])]
     assert again.rows == first

@@ -6,6 +6,7 @@ import pytest
 
 from elfslam.app.settings import Settings
 from studies import fix_thresholds, thresholds
+from studies.finding import Given
 from studies.fix_thresholds import FixWalk, measure_fix_thresholds
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.thresholds import ThresholdWalk, measure_thresholds
@@ -58,12 +59,12 @@ def test_the_elf_closes_as_the_line_does_by_itself() -> None:
 @pytest.mark.real
 def test_a_small_run_has_a_row_for_all(monkeypatch: pytest.MonkeyPatch) -> None:
     quick = {"worlds": ("studio",), "seeds": (100,), "rounds": 2}
-    finding = measure_thresholds(None, lambda what, share: None, **quick)
+    finding = measure_thresholds(Given(), **quick)
     assert len(finding.rows) == len(compared_encoders()) * len(thresholds.THRESHOLDS)
     elf = [row for row in finding.rows if row["feature"] == ELF]
     assert min(float(str(row["map over dead reckoning"])) for row in elf) < 0.7
     monkeypatch.setattr(fix_thresholds, "UNKNOWN_BELOW", (0.4, 0.6, 0.78))
-    fixes = measure_fix_thresholds(None, lambda what, share: None, **quick).rows
+    fixes = measure_fix_thresholds(Given(), **quick).rows
     assert len(fixes) == 3 * 3 * 3
     for kind in ("people", "surveyor", "quiet"):
         for mode in ("one-shot", "trajectory", "track"):

@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from elfslam.base.progress import silent
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
 from elfslam.world.world_file import load_world
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.marked_walk import MARKERS, walk_over_markers
 from studies.trace import LEARNING, all_encoders, embedded, learnt_on, measure_trace, returns_of
 
@@ -46,7 +45,7 @@ def test_one_higher_footstep_elsewhere_is_counted() -> None:
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
-    return measure_trace(None, silent, encoders=encoders, rounds=2)
+    return measure_trace(Given(), encoders=encoders, rounds=2)
 
 
 def test_an_elf_stands_out_where_a_spectrum_does_not(finding: Finding) -> None:

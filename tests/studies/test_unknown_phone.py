@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from studies.finding import Finding
+from studies.finding import Finding, Given
 from studies.unknown_phone import measure_unknown_phone
 
 
@@ -12,7 +12,7 @@ from studies.unknown_phone import measure_unknown_phone
 def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     kept = tmp_path_factory.mktemp("phones") / "kept"
     return measure_unknown_phone(
-        None, lambda what, share: None, kept,
+        Given(kept=kept),
         worlds=["studio"], seeds=[110], phones=["bottom-fired"], rounds=1, steps=10,
     )  # fmt: skip
 

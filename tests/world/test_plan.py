@@ -6,6 +6,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from planted_blocks import (
+    LAMP,
+    NOBODY,
+    TABLE,
+    random_blocks,
+    scene_with,
+    scene_with_a_notch,
+)
 
 from elfslam.base.arrays import F64
 from elfslam.world.plan import (
@@ -17,14 +25,6 @@ from elfslam.world.plan import (
 )
 from elfslam.world.room import Block
 from elfslam.world.scene import FEW_BLOCKS, Scene
-from tests.world.planted_blocks import (
-    LAMP,
-    NOBODY,
-    TABLE,
-    random_blocks,
-    scene_with,
-    scene_with_a_notch,
-)
 
 
 def crossed(scene: Scene, a: F64, b: F64, people: F64 = NOBODY, start: float = 0.0) -> F64:

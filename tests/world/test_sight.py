@@ -6,13 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from elfslam.base.arrays import F64
-from elfslam.world.plan import make_crossings, note_crossings
-from elfslam.world.room import Block
-from elfslam.world.scene import FEW_BLOCKS, Scene
-from elfslam.world.sight import SECTORS, Sight, hides, look, make_sight
-from tests.world.planted_blocks import (
+from planted_blocks import (
     LAMP,
     NOBODY,
     PLAIN,
@@ -21,6 +15,12 @@ from tests.world.planted_blocks import (
     scene_with,
     scene_with_a_notch,
 )
+
+from elfslam.base.arrays import F64
+from elfslam.world.plan import make_crossings, note_crossings
+from elfslam.world.room import Block
+from elfslam.world.scene import FEW_BLOCKS, Scene
+from elfslam.world.sight import SECTORS, Sight, hides, look, make_sight
 
 
 def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:

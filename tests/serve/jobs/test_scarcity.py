@@ -17,6 +17,7 @@ from elfslam.serve.jobs import child
 from elfslam.serve.jobs.folder import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
+from tests.disks import mounted
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -32,14 +33,8 @@ LONGER_S = 12.0
 @pytest.fixture(params=[2, 5], ids=["for what is given", "for what is made"])
 def small_work(settings: ServerSettings, request: pytest.FixtureRequest) -> Iterator[Path]:
     """The folder of scratch on a disk too small for a job; skips the test where none is made."""
-    place = settings.work_folder
-    place.mkdir(parents=True)
-    size = request.param * MEBIBYTE
-    mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(place)]
-    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("a small file system cannot be mounted here")
-    yield place
-    subprocess.run(["umount", "--lazy", str(place)], check=False, capture_output=True)
+    with mounted(settings.work_folder, size=request.param * MEBIBYTE) as place:
+        yield place
 
 
 def start(client: TestClient, recording: str) -> str:

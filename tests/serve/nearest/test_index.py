@@ -19,7 +19,6 @@ from elfslam.serve.nearest import (
     NearestParameters,
     absorb,
     add_map,
-    best_per_range,
     build_index,
     exact_search,
     open_index,
@@ -126,17 +125,6 @@ def test_exact_leaves_out_what_is_gone_and_says_where_there_is_no_more() -> None
     ids, similarity = exact_search([rows], rows[:1], 4, np.array([True, False, False, True]))
     assert ids.tolist() == [[1, 2, -1, -1]]
     assert similarity.tolist() == [[0.0, 0.0, -1.0, -1.0]]
-
-
-def test_the_best_of_every_range(rows: F32, queries: F32) -> None:
-    ends = np.array([100, 100, 2750, 3000])
-    ids, similarity = best_per_range([rows[:1500], rows[1500:]], ends, queries)
-    scores = queries @ rows.T
-    assert (ids[:, 1] == -1).all()
-    for j, (low, high) in enumerate([(0, 100), (0, 0), (100, 2750), (2750, 3000)]):
-        if high > low:
-            assert (ids[:, j] == low + scores[:, low:high].argmax(axis=1)).all()
-            np.testing.assert_allclose(similarity[:, j], scores[:, low:high].max(axis=1), atol=1e-6)
 
 
 @pytest.mark.parametrize("name", KINDS)

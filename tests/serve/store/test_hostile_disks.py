@@ -14,6 +14,7 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import User, reading
 from elfslam.serve.store.opening import alone_with
+from tests.disks import mounted
 
 pytestmark = pytest.mark.hostile
 RELEASED = Path(__file__).parent / "released" / "0.1.0.sqlite.sql"
@@ -24,14 +25,8 @@ STEP_BYTES = 16_384
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of a few megabytes; skips the test where none may be made."""
-    place = tmp_path / "disk"
-    place.mkdir()
-    size = ["-o", f"size={DISK_BYTES}"]
-    mount = ["mount", "-t", "tmpfs", *size, "tmpfs", str(place)]
-    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("a small file system cannot be mounted here")
-    yield place
-    subprocess.run(["umount", "--lazy", str(place)], check=True)
+    with mounted(tmp_path / "disk", size=DISK_BYTES) as place:
+        yield place
 
 
 def released(settings: ServerSettings) -> None:

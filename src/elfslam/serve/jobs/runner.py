@@ -9,7 +9,6 @@ again what was interrupted.
 
 from __future__ import annotations
 
-import fcntl
 import logging
 import shutil
 import threading
@@ -45,6 +44,7 @@ from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.problems import is_disk_full
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import transaction
+from elfslam.serve.store.opening import locked_now
 
 LOG = logging.getLogger("elfslam.serve")
 LOCK = "jobs.lock"
@@ -92,7 +92,7 @@ def run_jobs(services: Services) -> Iterator[None]:
 
 def _work_alone(services: Services, stopping: threading.Event) -> None:
     with (services.settings.data_folder / LOCK).open("w") as file:
-        while not _locked(file.fileno()):
+        while not locked_now(file.fileno()):
             if stopping.wait(POLL_S):
                 return
         for left in services.settings.work_folder.glob(f"{FOLDERS}*"):
@@ -119,14 +119,6 @@ def _work_there(services: Services, stopping: threading.Event, lock: int, since_
             worker.join()
         if bench.away.is_set():
             raise WorkersAwayError("the cluster is gone; asking for it again")
-
-
-def _locked(file: int) -> bool:
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    return True
 
 
 def _work(bench: WorkerContext) -> None:

@@ -27,8 +27,6 @@ MOST_CLOSURES = 8_000
 MOST_CELLS = 40_000
 CELL_M = 1.0
 KEPT_WEIGHT = 0.5
-VIEW_OF_RUN = ("run.json", "trajectory.tum", "odometry.tum", "closures.csv", "uncertainty.npz")
-"""The files of a run that a view needs; of a merged map it needs all."""
 
 Json = dict[str, Any]
 

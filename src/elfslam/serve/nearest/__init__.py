@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from elfslam.serve.nearest.build import build_index
 from elfslam.serve.nearest.changes import absorb, add_map, remove_map
-from elfslam.serve.nearest.exact import best_per_range, exact_search
+from elfslam.serve.nearest.exact import exact_search
 from elfslam.serve.nearest.folder import newest_revision, read_meta, verify
 from elfslam.serve.nearest.parameters import NearestParameters
 from elfslam.serve.nearest.search import Index, open_index
@@ -18,7 +18,6 @@ __all__ = [
     "VoteParameters",
     "absorb",
     "add_map",
-    "best_per_range",
     "build_index",
     "exact_search",
     "newest_revision",

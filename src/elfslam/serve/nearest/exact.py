@@ -51,25 +51,3 @@ def _keep_better(ids: I64, similarity: F32, scores: F32, first: int, least: F32)
         both = np.concatenate([similarity[row], scores[row, new]])
         order = np.lexsort((both_ids, -both, both_ids == NONE))[:k]
         ids[row], similarity[row] = both_ids[order], both[order]
-
-
-def best_per_range(shards: Sequence[Rows], ends: I64, vectors: F32) -> tuple[I64, F32]:
-    """The nearest spot of every range: ids (n, r) and cosines (n, r).
-
-    Range j holds the spots from `ends[j - 1]` (0 at first) to `ends[j]`.
-    """
-    ids = np.full((len(vectors), len(ends)), NONE, dtype=np.int64)
-    similarity = np.full((len(vectors), len(ends)), -1.0, dtype=np.float32)
-    for first, rows in blocks([loaded(shard) for shard in shards], EXACT_BLOCK):
-        scores, last = vectors @ rows.T, first + len(rows)
-        for j in range(np.searchsorted(ends, first, "right"), len(ends)):
-            low = max(int(ends[j - 1]) if j else 0, first)
-            if low >= last:
-                break
-            part = scores[:, low - first : max(min(int(ends[j]), last), low) - first]
-            if part.shape[1] == 0:
-                continue
-            best, top = part.argmax(axis=1), part.max(axis=1)
-            better = top > similarity[:, j]
-            ids[better, j], similarity[better, j] = low + best[better], top[better]
-    return ids, similarity

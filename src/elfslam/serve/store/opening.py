@@ -40,7 +40,7 @@ def alone_with(settings: ServerSettings, tries: int = 1) -> Iterator[None]:
     """Alone with a data folder, which is made where it is missing. Raises InUseError."""
     prepare_folders(settings)
     with (settings.data_folder / LOCK).open("w") as lock:
-        while not _locked(lock.fileno()):
+        while not locked_now(lock.fileno()):
             tries -= 1
             if tries <= 0:
                 raise InUseError(
@@ -51,7 +51,8 @@ def alone_with(settings: ServerSettings, tries: int = 1) -> Iterator[None]:
         yield
 
 
-def _locked(file: int) -> bool:
+def locked_now(file: int) -> bool:
+    """Lock an open file for this process alone; whether nobody had it."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:

@@ -41,11 +41,7 @@ class MergingParameters:
         2, "", "times that a newer walk must find a place changed", low=1, high=100
     )
     changed_below: float = parameter(
-        0.65,
-        "",
-        "likeness to the map, against other places, that is a change",
-        low=0.0,
-        high=2.0,
+        0.65, "", "likeness to the map, against other places, that is a change", low=0.0, high=2.0
     )
 
 

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from starlette.testclient import TestClient
 
 from elfslam.base.values import FloorMap
 from elfslam.data.tiles import map_of_parts, stretches_of, tiles_of
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
-node = shutil.which("node")
 
 
 def state_of(client: TestClient, map_id: str, parts: Path) -> dict[str, Any]:
@@ -49,7 +45,7 @@ def wanted(floor_map: FloorMap, file: Path) -> None:
     file.write_bytes(np.concatenate([c.ravel() for c in columns]).astype("<f4").tobytes())
 
 
-@pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+@needs_node
 def test_the_modules_that_keep_maps(
     owner: TestClient, plant: Callable[[Path], Any], maps: tuple[FloorMap, FloorMap], tmp_path: Path
 ) -> None:
@@ -64,10 +60,4 @@ def test_the_modules_that_keep_maps(
     (tmp_path / "states.json").write_text(json.dumps(told))
     wanted(first, tmp_path / "first.f32")
     wanted(second, tmp_path / "second.f32")
-    done = subprocess.run(
-        [str(node), "--test", str(HERE / "keeping.test.mjs")],
-        capture_output=True, text=True, timeout=120, check=False,
-        env={**os.environ, "ELFSLAM_PACKAGES": str(tmp_path)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
+    passed_in_node(HERE / "keeping.test.mjs", ELFSLAM_PACKAGES=tmp_path)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import matched_envelope
@@ -25,11 +21,10 @@ from elfslam.line.medium_access import (
     is_played,
     spoiled_frames,
 )
+from tests.in_node import needs_node, passed_in_node
 
 RATE_HZ = 44_100
 PARAMETERS = MediumAccessParameters()
-node = shutil.which("node")
-needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
 
 def schedule_vectors(parameters: MediumAccessParameters, seed: int) -> dict[str, Any]:
@@ -111,13 +106,7 @@ def test_medium_access_in_node(tmp_path: Path) -> None:
         **hearing_vectors(tmp_path),
     }
     (tmp_path / "medium_access.json").write_text(json.dumps(vectors))
-    done = subprocess.run(
-        [str(node), "--test", str(Path(__file__).parent / "medium_access.test.mjs")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(tmp_path / "medium_access.json")},
+    passed_in_node(
+        Path(__file__).parent / "medium_access.test.mjs",
+        ELFSLAM_VECTORS=tmp_path / "medium_access.json",
     )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout

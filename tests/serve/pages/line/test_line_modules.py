@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -40,10 +37,10 @@ from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world, simulate
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
 MODULES = ("sound", "schedule", "encoder", "locate")
-node = shutil.which("node")
 RATES_HZ = (44_100, 48_000)
 WORLD, MAPPED_SEED, LOCATED_SEED = "studio", 100, 101
 HARD_TO_TELL = LocateParameters(temperature=0.2, unknown_below=0.6)
@@ -220,16 +217,7 @@ def vectors(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-@pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+@needs_node
 @pytest.mark.parametrize("module", MODULES)
 def test_the_line_in_the_page(module: str, vectors: Path) -> None:
-    done = subprocess.run(
-        [str(node), "--test", str(HERE / f"{module}.test.mjs")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(vectors)},
-    )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
+    passed_in_node(HERE / f"{module}.test.mjs", ELFSLAM_VECTORS=vectors)

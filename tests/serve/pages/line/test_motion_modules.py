@@ -3,10 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import re
-import shutil
-import subprocess
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -33,26 +29,10 @@ from elfslam.line.motion.reckoning import moves_between
 from elfslam.world.device import BROWSER, LSM6DSO
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
 PARAMETERS = MotionParameters()
-node = shutil.which("node")
-needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
-
-
-def passed_in_node(file: Path, vectors: Path) -> int:
-    """How many tests of a file passed in node; that none failed is asserted here."""
-    done = subprocess.run(
-        [str(node), "--test", str(file)],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(vectors)},
-    )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
-    return int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])  # type: ignore[index]
 
 
 def listed(value: Any) -> Any:
@@ -177,7 +157,7 @@ def motion_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @needs_node
 def test_motion_is_that_of_the_line(motion_file: Path) -> None:
     """Five tests look at each walk, one at each that comes in live, six at no walk of ours."""
-    passed = passed_in_node(HERE / "motion.test.mjs", motion_file)
+    passed = passed_in_node(HERE / "motion.test.mjs", ELFSLAM_VECTORS=motion_file)
     assert passed == 5 * len(WALKS) + len(LIVE) + 6
 
 

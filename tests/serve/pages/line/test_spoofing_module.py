@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -16,11 +13,10 @@ import pytest
 from elfslam.base.arrays import I64
 from elfslam.base.values import ECHO_SAMPLES, Echoes, FrameFacts
 from elfslam.line.spoofing import REASONS, SpoofingParameters, judge, loudness
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
 COUNT = 480
-node = shutil.which("node")
-needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
 
 def heard(seed: int) -> tuple[FrameFacts, Echoes]:
@@ -101,16 +97,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @needs_node
 def test_the_judge_is_that_of_the_line(folder: Path) -> None:
-    done = subprocess.run(
-        [str(node), "--test", str(HERE / "spoofing.test.mjs")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(folder)},
-    )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
+    passed_in_node(HERE / "spoofing.test.mjs", ELFSLAM_VECTORS=folder)
 
 
 def test_every_reason_is_met() -> None:

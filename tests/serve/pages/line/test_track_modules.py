@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -17,14 +14,13 @@ from scipy.spatial import cKDTree
 from elfslam.base.geometry import between
 from elfslam.base.values import FixStatus, FloorMap
 from elfslam.line.track import Tracker, TrackParameters
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
 DOUBTED = (0, 9, 10, 11)
 """Steps of which others say that they are suspect."""
 LURED = (22, 23, 24)
 """Steps at which another place is heard."""
-node = shutil.which("node")
-needs_node = pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
 
 
 class RecordedDraws:
@@ -144,16 +140,7 @@ def track_vectors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
 def test_the_tracker_is_that_of_the_line(track_vectors: dict[str, Any], tmp_path: Path) -> None:
     file = tmp_path / "track.json"
     file.write_text(json.dumps(track_vectors))
-    done = subprocess.run(
-        [str(node), "--test", str(HERE / "track.test.mjs")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(file)},
-    )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
+    passed_in_node(HERE / "track.test.mjs", ELFSLAM_VECTORS=file)
 
 
 def test_the_walks_meet_every_status(track_vectors: dict[str, Any]) -> None:
