@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,7 +24,7 @@ from studies.curation import CurationParameters, curated_closures, pairs_on_line
 from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval, mean_of
-from studies.repeats import Numbers, finished
+from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -33,15 +33,6 @@ SINGLE = "single pairs"
 PAPER, SEQUENCE = "paper's curation", "sequences"
 MEASURES = ("pairs", "precision", "recall", "map (m)", "map, all believed (m)")
 PAIR_SIGMA = np.array([0.2, 0.28, 0.28])
-
-
-@dataclass(frozen=True)
-class ClosedWalk:
-    """A simulated walk."""
-
-    world: str
-    seed: int
-    rounds: int
 
 
 def measure_closure_steps(
@@ -56,18 +47,17 @@ def measure_closure_steps(
     Maps are made of what a strategy ends with, and of single pairs without any; once by the graph
     that may doubt closures and once by plain least squares, which believes all.
     """
-    tasks = [ClosedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     numbers = finished(_measured, tasks, given)
     rows = [
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
-        for world in worlds
-        for found in [[n for t, n in zip(tasks, numbers, strict=True) if t.world == world]]
+        for world, found in by_world(tasks, numbers).items()
         for strategy, step in _in_order(found[0])
     ]
     return Finding(rows, _page(rows))
 
 
-def _measured(walk: ClosedWalk) -> Numbers:
+def _measured(walk: SimulatedWalk) -> Numbers:
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     parameters = Parameters()
     echoes = hear(recording, parameters)

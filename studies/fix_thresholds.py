@@ -8,7 +8,7 @@ footsteps and the tracker, which have thresholds of their own.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,21 +20,11 @@ from elfslam.world.simulate import load_world
 from studies.finding import Finding, Given, Row
 from studies.localization import ELSEWHERE, shipped
 from studies.located import MAPPING_ROUNDS, fix_numbers, located, mapped_walk, stranger
-from studies.repeats import Numbers, finished
+from studies.repeats import Numbers, SimulatedWalk, finished
 from studies.thresholds import SEEDS, WORLDS
 
 ROUNDS = 2
 UNKNOWN_BELOW = (0.4, 0.5, 0.55, 0.58, 0.6, 0.62, 0.65, 0.68, 0.7, 0.75, 0.78)
-
-
-@dataclass(frozen=True)
-class FixWalk:
-    """A walk of a kind to be mapped, one to be located in it and one from elsewhere."""
-
-    world: str
-    kind: str
-    seed: int
-    mapping_rounds: int = MAPPING_ROUNDS
 
 
 def measure_fix_thresholds(
@@ -46,15 +36,18 @@ def measure_fix_thresholds(
 ) -> Finding:
     """A row per kind and threshold: what is answered, rightly and elsewhere."""
     tasks = [
-        FixWalk(world, kind, seed, rounds) for kind in KINDS for world in worlds for seed in seeds
+        SimulatedWalk(world, seed, rounds, kind)
+        for kind in KINDS
+        for world in worlds
+        for seed in seeds
     ]
     numbers = finished(_measured, tasks, given)
     return Finding(_rows(tasks, numbers))
 
 
-def _measured(walk: FixWalk) -> Numbers:
+def _measured(walk: SimulatedWalk) -> Numbers:
     world, kind = load_world(walk.world), kind_named(walk.kind)
-    mapped = mapped_walk(world, walk.seed, walk.mapping_rounds, shipped(), kind=kind)
+    mapped = mapped_walk(world, walk.seed, walk.rounds, shipped(), kind=kind)
     other = stranger(world, walk.seed, ROUNDS, shipped(), mapped, kind=kind)
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
     lost = stranger(strange, walk.seed, 1, shipped(), mapped, kind=kind)
@@ -84,7 +77,7 @@ def known_above(least: float) -> Settings:
     )
 
 
-def _rows(tasks: Sequence[FixWalk], numbers: Sequence[Numbers]) -> list[Row]:
+def _rows(tasks: Sequence[SimulatedWalk], numbers: Sequence[Numbers]) -> list[Row]:
     rows: list[Row] = []
     for kind in dict.fromkeys(task.kind for task in tasks):
         some = [n for task, n in zip(tasks, numbers, strict=True) if task.kind == kind]

@@ -32,7 +32,7 @@ from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import HEAD_M
 from studies.figures.plan_figures import placed_figure
 from studies.finding import Finding, Given, Row
-from studies.repeats import Numbers, finished
+from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
 """Walks in each, for development: the worlds of evaluation stay unseen."""
@@ -53,15 +53,6 @@ NOTE = (
 )
 
 
-@dataclass(frozen=True)
-class PlacedWalk:
-    """A simulated walk, mapped without its start."""
-
-    world: str
-    seed: int
-    rounds: int
-
-
 @dataclass(frozen=True, eq=False)
 class Mapped:
     """A walk as it was mapped, and where it was (each n, 2)."""
@@ -80,21 +71,14 @@ def measure_floor_plan(
     """A row per world and plan: shares of walks placed right, wrong, and not."""
     parameters = known or AnchoringParameters()
     tasks = [
-        PlacedWalk(world, FIRST_SEED + k, rounds)
+        SimulatedWalk(world, FIRST_SEED + k, rounds)
         for world, count in worlds.items()
         for k in range(count)
     ]
     measure = partial(_measured, parameters=parameters)
     numbers = finished(measure, tasks, given)
-    rows = [
-        row
-        for world in worlds
-        for row in _rows(
-            world,
-            [found for task, found in zip(tasks, numbers, strict=True) if task.world == world],
-        )
-    ]
-    panels = [_panel(PlacedWalk(world, FIRST_SEED, rounds), parameters) for world in worlds]
+    rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
+    panels = [_panel(SimulatedWalk(world, FIRST_SEED, rounds), parameters) for world in worlds]
     table = Panel("All walks", rows_table(rows), wide=True)
     subtitle = "Shares of walks, and median errors of those that were placed."
     return Finding(rows, Page("Maps placed on floor plans", subtitle, [*panels, table]))
@@ -106,7 +90,7 @@ def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
     return drawn_grid([(room.outline_m,)], [(corners,) for corners in low], CELL_M)
 
 
-def mapped(walk: PlacedWalk) -> Mapped:
+def mapped(walk: SimulatedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
@@ -117,7 +101,7 @@ def _truth_of(trajectory: Trajectory, truth: Truth) -> F64:
     return interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)[:, :2]
 
 
-def _measured(walk: PlacedWalk, parameters: AnchoringParameters) -> Numbers:
+def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> Numbers:
     numbers: Numbers = {}
     made = mapped(walk)
     for name, plan, tag in _plans(walk, made):
@@ -127,7 +111,7 @@ def _measured(walk: PlacedWalk, parameters: AnchoringParameters) -> Numbers:
     return numbers
 
 
-def _plans(walk: PlacedWalk, made: Mapped) -> Iterator[tuple[str, FloorGrid, Tag | None]]:
+def _plans(walk: SimulatedWalk, made: Mapped) -> Iterator[tuple[str, FloorGrid, Tag | None]]:
     """Plans by name: bare and furnished, without and with a start; and that of another floor."""
     room = load_world(walk.world).room
     off_m = np.random.default_rng([walk.seed, 7]).normal(0, TAG_ERROR_M, 2)
@@ -181,7 +165,7 @@ def _rows(world: str, numbers: Sequence[Mapping[str, float]]) -> Iterator[Row]:
         }
 
 
-def _panel(walk: PlacedWalk, parameters: AnchoringParameters) -> Panel:
+def _panel(walk: SimulatedWalk, parameters: AnchoringParameters) -> Panel:
     """The first walk of a world on its furnished plan."""
     made, room = mapped(walk), load_world(walk.world).room
     found = anchor([made.xy_m], plan_of(room, furnished=True), parameters)

@@ -55,6 +55,18 @@ class Venue(NamedTuple):
     ways: tuple[Way, Way]
 
 
+@dataclass(frozen=True)
+class Crowd:
+    """People who map a world in lanes of this standard deviation, as many as the most of `laps`."""
+
+    world: str
+    kind: str
+    lane_m: float
+    seed: int
+    laps: tuple[int, ...]
+    asked_by: str = PHONE_AND_DAY
+
+
 @dataclass(frozen=True, eq=False)
 class Lap(Value):
     """The echoes (n) of a lap while the phone moved, and where it was at each of them."""

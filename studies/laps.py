@@ -32,6 +32,7 @@ from studies.lap_answers import (
 from studies.lap_echoes import (
     CHANGES,
     PHONE_AND_DAY,
+    Crowd,
     footsteps_of,
     joined,
     mapped_lap,
@@ -68,18 +69,6 @@ class Feature:
     name: str
     identity: str
     encoder: Encoder = field(repr=False)
-
-
-@dataclass(frozen=True)
-class Crowd:
-    """People who map a world in lanes of this standard deviation, as many as the most of `laps`."""
-
-    world: str
-    kind: str
-    lane_m: float
-    seed: int
-    laps: tuple[int, ...]
-    asked_by: str = PHONE_AND_DAY
 
 
 class Found(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from studies.figures.curves import Curve, curves_figure
 from studies.finding import Row
 from studies.intervals import mean_interval, mean_of
 from studies.lap_answers import OFFSETS_M
+from studies.lap_echoes import Crowd
 from studies.repeats import Numbers
 
 WIDTH = 4.0
@@ -27,21 +28,6 @@ SHORT = (
 )  # fmt: skip
 
 
-class Walked(Protocol):
-    """Who mapped: a crowd of the study."""
-
-    @property
-    def world(self) -> str: ...
-    @property
-    def kind(self) -> str: ...
-    @property
-    def lane_m(self) -> float: ...
-    @property
-    def laps(self) -> tuple[int, ...]: ...
-    @property
-    def asked_by(self) -> str: ...
-
-
 class Asked(NamedTuple):
     """What a row is of."""
 
@@ -53,7 +39,7 @@ class Asked(NamedTuple):
 
 
 def laps_rows(
-    crowds: Sequence[Walked],
+    crowds: Sequence[Crowd],
     numbers: Sequence[Numbers],
     thresholds: Mapping[str, Mapping[str, float]],
 ) -> list[Row]:
@@ -70,7 +56,7 @@ def laps_rows(
     ]
 
 
-def _order(crowds: Sequence[Walked], asked: Asked) -> tuple[int, float, int]:
+def _order(crowds: Sequence[Crowd], asked: Asked) -> tuple[int, float, int]:
     """Worlds and who asks as they were given, then lanes, then laps."""
     places = list(dict.fromkeys((crowd.world, crowd.kind, crowd.asked_by) for crowd in crowds))
     return places.index(asked[:3]), asked.lane_m, asked.laps

@@ -6,7 +6,7 @@ Beside the ELF stand plain features, which need no training, each with a thresho
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -44,7 +44,7 @@ from studies.figures.coverage import trajectory_coverage
 from studies.finding import Finding, Given
 from studies.mapping_table import mapping_page, mapping_rows
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
-from studies.repeats import Numbers, by_world, finished
+from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -63,16 +63,6 @@ RIVALS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
 
 
-@dataclass(frozen=True)
-class ErrorWalk:
-    """A simulated walk."""
-
-    world: str
-    seed: int
-    rounds: int
-    kind: str = QUIET.name
-
-
 def measure_mapping(
     given: Given,
     *,
@@ -83,14 +73,14 @@ def measure_mapping(
     scratch: ScratchParameters | None = None,
 ) -> Finding:
     """Errors of every method for walkers calibrated and not."""
-    tasks = [ErrorWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     numbers = finished(measure, tasks, given)
     rows = mapping_rows(by_world(tasks, numbers))
     return Finding(rows, mapping_page(rows))
 
 
-def _measured(walk: ErrorWalk, scratch: ScratchParameters) -> Numbers:
+def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> Numbers:
     world, kind = load_world(walk.world), kind_named(walk.kind)
     recording, truth = simulate(
         world, walk.seed, rounds=walk.rounds, sensors=SENSORS, walker=kind.walker,

@@ -9,7 +9,7 @@ sound is that of the diffuse engine, phones are ordinary ones. No constant was f
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -36,7 +36,7 @@ from studies.localization import ALWAYS, shipped
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
 from studies.mapping_errors import ALONE_THRESHOLD, CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import PLAIN, compared_encoders
-from studies.repeats import Numbers, by_world, finished
+from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -69,16 +69,6 @@ FACTOR = 2.0
 NOTE = "Median error, mean over walks with its 95 % interval, beside the paper's figure."
 
 
-@dataclass(frozen=True)
-class PaperWalk:
-    """A walk that is mapped as the paper does, and in which others are located."""
-
-    world: str
-    seed: int
-    rounds: int = MAPPING_ROUNDS
-    asked_rounds: int = ROUNDS
-
-
 def measure_paper(
     given: Given,
     *,
@@ -88,14 +78,14 @@ def measure_paper(
     scratch: ScratchParameters | None = None,
 ) -> Finding:
     """A row per world and figure of the paper: ours, theirs and the ratio."""
-    tasks = [PaperWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     numbers = finished(measure, tasks, given)
     rows = paper_rows(by_world(tasks, numbers))
     return Finding(rows, _page(rows))
 
 
-def _measured(walk: PaperWalk, scratch: ScratchParameters) -> Numbers:
+def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> Numbers:
     world = load_world(walk.world)
     recording, truth = simulate(world, walk.seed, rounds=walk.rounds, circumstances=USUAL)
     recording = at_its_start(recording, truth)
@@ -156,7 +146,7 @@ def _median_m(run: Run, truth: Truth) -> float:
     return trajectory_errors(run.trajectory, truth)["aligned|median"]
 
 
-def _asked(walk: PaperWalk, mapped: Mapped) -> Numbers:
+def _asked(walk: SimulatedWalk, mapped: Mapped) -> Numbers:
     """Errors of another person's windows in the map, as usual and after every change."""
     world = load_world(walk.world)
     changes = {"one-shot": USUAL, **CHANGES, "opposite heading": USUAL}
@@ -165,7 +155,7 @@ def _asked(walk: PaperWalk, mapped: Mapped) -> Numbers:
     numbers: Numbers = {}
     for name, today in wanted.items():
         other = stranger(
-            world, walk.seed, walk.asked_rounds, shipped(), mapped, circumstances=today,
+            world, walk.seed, ROUNDS, shipped(), mapped, circumstances=today,
             reverse=name == "opposite heading",
         )  # fmt: skip
         fixes = located(mapped, other, Mode.ONE_SHOT, settings)

@@ -27,7 +27,7 @@ from studies.figures.plan_figures import followed_figure
 from studies.finding import Finding, Given, Row
 from studies.floor_plan import plan_of
 from studies.intervals import mean_range
-from studies.repeats import Numbers, by_world, finished
+from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = (0, 1, 2, 3, 4)
@@ -39,15 +39,6 @@ NOTE = (
     "Median error along a walk, means over walks with their 95 % interval. Sigmas: share of "
     "footsteps within one and two per axis (0.68 and 0.95 where they are right)."
 )
-
-
-@dataclass(frozen=True)
-class FollowedWalk:
-    """A simulated walk whose start is known roughly."""
-
-    world: str
-    seed: int
-    rounds: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,17 +61,17 @@ def measure_passages(
 ) -> Finding:
     """Errors from the told start before and after, by echoes and by steps."""
     matching = known or MapMatchingParameters()
-    tasks = [FollowedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     measure = partial(_measured, parameters=matching)
     numbers = finished(measure, tasks, given)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    panels = [_panel(FollowedWalk(world, seeds[0], rounds), matching) for world in worlds]
+    panels = [_panel(SimulatedWalk(world, seeds[0], rounds), matching) for world in worlds]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)
     subtitle = "The start is known to half a metre and eleven degrees, the plan has its furniture."
     return Finding(rows, Page("Walks followed through floor plans", subtitle, [*panels, table]))
 
 
-def _measured(walk: FollowedWalk, parameters: MapMatchingParameters) -> Numbers:
+def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> Numbers:
     return {
         f"{name}|{key}": value
         for name, pair in pairs_of(walk, parameters)
@@ -88,7 +79,7 @@ def _measured(walk: FollowedWalk, parameters: MapMatchingParameters) -> Numbers:
     }
 
 
-def pairs_of(walk: FollowedWalk, parameters: MapMatchingParameters) -> Iterator[tuple[str, Pair]]:
+def pairs_of(walk: SimulatedWalk, parameters: MapMatchingParameters) -> Iterator[tuple[str, Pair]]:
     """The walk by its echoes and by its steps alone, before and after."""
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
     ground = plan_of(load_world(walk.world).room, furnished=True)
@@ -140,7 +131,7 @@ def _rows(world: str, numbers: Sequence[Numbers]) -> Iterator[Row]:
         }
 
 
-def _panel(walk: FollowedWalk, parameters: MapMatchingParameters) -> Panel:
+def _panel(walk: SimulatedWalk, parameters: MapMatchingParameters) -> Panel:
     """The first walk of a world by its steps alone, on its plan."""
     pair = dict(pairs_of(walk, parameters))[STEPS]
     drawn = floor_plan(load_world(walk.world).room)

@@ -30,7 +30,7 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 from studies.finding import Finding, Given, Row
 from studies.mapping_errors import measure_mapping
-from studies.repeats import Numbers
+from studies.repeats import Numbers, SimulatedWalk
 
 SECONDS = "seconds"
 """Of a unit's numbers the one that may differ from run to run."""
@@ -43,15 +43,6 @@ NOTE_STUDY = "`study mapping` in the studio, in small: the same table from all."
 KILL_AFTER = 2
 """Units that are done before a worker is killed."""
 TENTH_S = 0.1
-
-
-@dataclass(frozen=True)
-class ScaledWalk:
-    """A simulated walk that is mapped."""
-
-    world: str
-    seed: int
-    rounds: int
 
 
 @dataclass
@@ -89,7 +80,7 @@ def measure_scaling(
     unit. `lost (s)`: by the kill. `equal`: what came out, to the last bit, to what this process
     makes. `study` is `study mapping` in the studio with `study_seeds`.
     """
-    walks = [ScaledWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    walks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
     study = partial(_study_table, seeds=study_seeds, rounds=rounds, scratch=scratch)
     kinds: dict[str, Opened] = {
         "this process": _here,
@@ -171,7 +162,7 @@ def _here() -> Iterator[Workers]:
 
 
 def _timed(
-    walks: Sequence[ScaledWalk], workers: Workers, *, killer: Killer | None
+    walks: Sequence[SimulatedWalk], workers: Workers, *, killer: Killer | None
 ) -> tuple[Row, list[Numbers]]:
     found: dict[int, Numbers] = {}
     busy_s, start_s = 0.0, time.perf_counter()
@@ -185,7 +176,7 @@ def _timed(
     return row, [found[index] for index in range(len(walks))]
 
 
-def measure_walk(walk: ScaledWalk) -> tuple[Numbers, int]:
+def measure_walk(walk: SimulatedWalk) -> tuple[Numbers, int]:
     """What mapping a walk gives, with the seconds it took; and which process did it."""
     start_s = time.perf_counter()
     recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)

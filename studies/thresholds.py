@@ -7,7 +7,7 @@ surveyors and of people are best on the whole, as a share of what dead reckoning
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -25,23 +25,13 @@ from studies.finding import Finding, Given, Row
 from studies.located import at_its_start
 from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
-from studies.repeats import Numbers, finished
+from studies.repeats import Numbers, SimulatedWalk, finished
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
 SEEDS = (100, 101, 102)
 ROUNDS = 4
 THRESHOLDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6)
-
-
-@dataclass(frozen=True)
-class ThresholdWalk:
-    """A walk of a kind that is mapped by every feature at every threshold."""
-
-    world: str
-    kind: str
-    seed: int
-    rounds: int = ROUNDS
 
 
 def measure_thresholds(
@@ -53,7 +43,7 @@ def measure_thresholds(
 ) -> Finding:
     """A row per feature and threshold: error over dead reckoning's, closures."""
     tasks = [
-        ThresholdWalk(world, kind.name, seed, rounds)
+        SimulatedWalk(world, seed, rounds, kind.name)
         for world in worlds
         for kind in (SURVEYOR, PEOPLE)
         for seed in seeds
@@ -62,7 +52,7 @@ def measure_thresholds(
     return Finding(_rows(tasks, numbers))
 
 
-def _measured(walk: ThresholdWalk) -> Numbers:
+def _measured(walk: SimulatedWalk) -> Numbers:
     world, kind = load_world(walk.world), kind_named(walk.kind)
     recording, truth = simulate(
         world, walk.seed, rounds=walk.rounds, walker=kind.walker,
@@ -90,7 +80,7 @@ def _median_m(nodes: Odometry, closures: Closures, truth: Truth, known: Settings
     return trajectory_errors(trajectory, truth)["aligned|median"]
 
 
-def _rows(tasks: Sequence[ThresholdWalk], numbers: Sequence[Numbers]) -> list[Row]:
+def _rows(tasks: Sequence[SimulatedWalk], numbers: Sequence[Numbers]) -> list[Row]:
     """The best threshold of a feature has the least geometric mean of shares over all walks."""
     keys = dict.fromkeys(key.rsplit("|", 1)[0] for key in numbers[0] if "|" in key)
     shares = {
@@ -114,7 +104,7 @@ def _rows(tasks: Sequence[ThresholdWalk], numbers: Sequence[Numbers]) -> list[Ro
 
 
 def _by_kind(
-    tasks: Sequence[ThresholdWalk], numbers: Sequence[Numbers], key: str
+    tasks: Sequence[SimulatedWalk], numbers: Sequence[Numbers], key: str
 ) -> Mapping[str, object]:
     """Mean map error (m), closures a walk and the share of them that are right."""
     found: Row = {}

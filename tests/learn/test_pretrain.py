@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import planted_training as planted
@@ -46,15 +47,8 @@ class KilledError(Exception):
     """Stands for whatever ends a training run early."""
 
 
-def run(
-    folder: Path,
-    parameters: PretrainParameters = TINY,
-    *,
-    pairs_of: PairsOf = toy_pairs,
-    report: Callable[[Progress], None] = lambda progress: None,
-    seed: int = 0,
-) -> nn.Module:
-    return trained(folder, parameters, pairs_of=pairs_of, report=report, seed=seed).network
+def run(folder: Path, parameters: PretrainParameters = TINY, **how: Any) -> nn.Module:
+    return trained(folder, parameters, **how).network
 
 
 def trained(

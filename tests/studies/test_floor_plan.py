@@ -10,12 +10,13 @@ from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
 from studies import floor_plan
 from studies.finding import Finding, Given
-from studies.floor_plan import Mapped, PlacedWalk, measure_floor_plan, plan_of
+from studies.floor_plan import Mapped, measure_floor_plan, plan_of
+from studies.repeats import SimulatedWalk
 
 
 @pytest.fixture
 def finding(monkeypatch: pytest.MonkeyPatch) -> Finding:
-    def as_walked(walk: PlacedWalk) -> Mapped:
+    def as_walked(walk: SimulatedWalk) -> Mapped:
         _, truth = simulate(load_world(walk.world), walk.seed, rounds=1, sound=False)
         xy_m = truth.world_from_body[::20, :2]
         return Mapped((xy_m - xy_m[0]) @ np.array([[0.0, 1.0], [-1.0, 0.0]]), xy_m)

@@ -29,6 +29,7 @@ from studies.lap_echoes import (
     CHANGES,
     MOVED_M,
     PHONE_AND_DAY,
+    Crowd,
     Places,
     _asking,
     footsteps_of,
@@ -39,7 +40,7 @@ from studies.lap_echoes import (
     strange_laps,
     venue_of,
 )
-from studies.laps import FEW, Crowd, Feature, crowds, features_of, hear_crowd, measure_laps
+from studies.laps import FEW, Feature, crowds, features_of, hear_crowd, measure_laps
 from studies.plain_features import ChanceEncoder
 
 SPECTROGRAM = generic_encoders()["spectrogram without mean"]

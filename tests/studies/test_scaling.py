@@ -6,7 +6,8 @@ import pytest
 
 from elfslam.learn.parameters import ScratchParameters
 from studies.finding import Given
-from studies.scaling import STUDY, WALKS, ScaledWalk, measure_scaling, measure_walk, scaling_page
+from studies.repeats import SimulatedWalk
+from studies.scaling import STUDY, WALKS, measure_scaling, measure_walk, scaling_page
 
 
 def test_all_workers_give_the_same_and_a_killed_one_changes_nothing() -> None:
@@ -35,5 +36,5 @@ def test_a_table_fits_a_terminal_and_a_difference_is_seen() -> None:
 
 
 def test_a_unit_says_what_it_found() -> None:
-    one, two = (measure_walk(ScaledWalk("studio", seed, 1))[0] for seed in (100, 100))
+    one, two = (measure_walk(SimulatedWalk("studio", seed, 1))[0] for seed in (100, 100))
     assert one["median error (m)"] == two["median error (m)"] > 0

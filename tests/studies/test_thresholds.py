@@ -7,11 +7,12 @@ import pytest
 from elfslam.app.settings import Settings
 from studies import fix_thresholds, thresholds
 from studies.finding import Given
-from studies.fix_thresholds import FixWalk, measure_fix_thresholds
+from studies.fix_thresholds import measure_fix_thresholds
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
-from studies.thresholds import ThresholdWalk, measure_thresholds
+from studies.repeats import SimulatedWalk
+from studies.thresholds import measure_thresholds
 
-WALK = ThresholdWalk("studio", "people", 0)
+WALK = SimulatedWalk("studio", 0, 4, "people")
 
 
 def planted(
@@ -47,7 +48,9 @@ def test_walks_without_an_answer_count_for_no_error() -> None:
         {f"track|0.8|{what}": value for what, value in {**found, "elsewhere": 0.0}.items()},
         {f"track|0.8|{what}": 0.5 for what in fix_thresholds.WHAT},
     ]
-    [row] = fix_thresholds._rows([FixWalk("studio", "people", seed) for seed in (0, 1)], numbers)
+    [row] = fix_thresholds._rows(
+        [SimulatedWalk("studio", seed, 4, "people") for seed in (0, 1)], numbers
+    )
     assert (row["answered"], row["median (m)"], row["elsewhere"]) == (0.25, 0.5, 0.25)
 
 

@@ -33,11 +33,11 @@ def new_folder(folder: Path, *, replaces: str | None = None) -> Iterator[Path]:
         partial.mkdir()
         yield partial
         _sync_all(partial)
-        _sync(place.parent)
+        sync(place.parent)
         if not _is_free(place):
             _put_aside(place, replaces)
         partial.rename(place)
-        _sync(place.parent)
+        sync(place.parent)
 
 
 @contextmanager
@@ -51,9 +51,9 @@ def new_file(file: Path) -> Iterator[Path]:
             raise StoreError(f"{file}: is no file that could be replaced; choose another place")
         partial = _beside(place, PARTIAL)
         yield partial
-        _sync(partial)
+        sync(partial)
         partial.replace(place)
-        _sync(place.parent)
+        sync(place.parent)
 
 
 def refuse_occupied(folder: Path, replaces: str | None) -> None:
@@ -92,7 +92,7 @@ def _alone(path: Path) -> Iterator[Path]:
             finally:
                 _settle(place)
         for folder in missing:
-            _sync(folder.parent)
+            sync(folder.parent)
     except BlockingIOError as cause:
         raise StoreError(
             f"{path}: somebody else is writing there; wait for them or choose another place"
@@ -157,7 +157,7 @@ def _settle(path: Path) -> None:
             if _is_free(path) and whole.exists():
                 with suppress(OSError):
                     whole.rename(path)
-        _sync(path.parent)
+        sync(path.parent)
     if replaced.exists() and not _is_free(path):
         _remove(partial)
         replaced.rename(partial)  # a kill may not leave half of it under a name that comes back
@@ -183,10 +183,11 @@ def _sync_all(folder: Path) -> None:
     """Have everything in a folder last through a power cut."""
     for place, _, names in os.walk(folder):
         for path in [*(Path(place, name) for name in names), Path(place)]:
-            _sync(path)
+            sync(path)
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Have a file, or a folder's names, written to the disk."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)

@@ -7,7 +7,6 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -15,7 +14,7 @@ from pathlib import Path
 import pytest
 from planted_work import die, large, noise, noise_after_a_kill, process, refuse
 
-from elfslam.app.workers import Workers, open_workers
+from elfslam.app.workers import Workers
 from elfslam.app.workers.processes import AHEAD
 from elfslam.base.errors import WorkerError
 from tests.waiting import until
@@ -24,14 +23,6 @@ pytestmark = pytest.mark.real
 
 RAY = "ray"
 ELSEWHERE = pytest.mark.parametrize("workers", ["2", RAY], indirect=True)
-
-
-@pytest.fixture(scope="module", params=["1", "2", RAY])
-def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
-    if request.param == "ray":
-        pytest.importorskip("ray", reason="Ray is not installed")
-    with open_workers(request.param) as opened:
-        yield opened
 
 
 def test_the_same_bits_in_order(workers: Workers) -> None:

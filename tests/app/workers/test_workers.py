@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -20,14 +19,6 @@ from tests.waiting import until
 pytestmark = pytest.mark.real
 
 ELSEWHERE = pytest.mark.parametrize("workers", ["2", "ray"], indirect=True)
-
-
-@pytest.fixture(scope="module", params=["1", "2", "ray"])
-def workers(request: pytest.FixtureRequest) -> Iterator[Workers]:
-    if request.param == "ray":
-        pytest.importorskip("ray", reason="Ray is not installed")
-    with open_workers(request.param) as opened:
-        yield opened
 
 
 def test_every_task_is_done_once(workers: Workers) -> None:

@@ -38,6 +38,13 @@ WALKS = {
 PATIENCE_S = 300.0
 
 
+def start(client: TestClient, **given: object) -> str:
+    """A job that a client asks for; its id."""
+    answer = client.post("/api/jobs", json=given)
+    assert answer.status_code == 202, answer.text
+    return str(answer.json()["id"])
+
+
 @pytest.fixture
 def settings(tmp_path: Path, database_url: str) -> ServerSettings:
     """A data folder that does not exist yet; jobs run."""

@@ -19,6 +19,7 @@ from elfslam.app.settings import Settings
 from elfslam.data.fixes_files import read_fixes
 from elfslam.serve.app import create_app
 from elfslam.serve.services import Services, open_services
+from tests.serve.jobs.conftest import start
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -33,12 +34,6 @@ DATED = {"run.json", "timings.json", "report.html"}
 
 def ignore(what: str, share: float | None) -> None:
     """Nobody watches."""
-
-
-def start(client: TestClient, **given: object) -> str:
-    answer = client.post("/api/jobs", json=given)
-    assert answer.status_code == 202, answer.text
-    return str(answer.json()["id"])
 
 
 def when(client: TestClient, job_id: str, wanted: Callable[[Json], bool]) -> Json:

@@ -18,6 +18,7 @@ from elfslam.serve.jobs.folder import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from tests.disks import mounted
+from tests.serve.jobs.conftest import start
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -37,12 +38,6 @@ def small_work(settings: ServerSettings, request: pytest.FixtureRequest) -> Iter
         yield place
 
 
-def start(client: TestClient, recording: str) -> str:
-    answer = client.post("/api/jobs", json={"kind": "map", "recording": recording})
-    assert answer.status_code == 202, answer.text
-    return str(answer.json()["id"])
-
-
 def allow(services: Services, **limits: float) -> None:
     """Change the limits of a server that runs."""
     allowed = replace(services.settings.limits, **limits)  # type: ignore[arg-type]
@@ -56,7 +51,7 @@ def left_over(services: Services) -> list[str]:
 def test_a_full_disk_fails_the_job_until_there_is_room(
     small_work: Path, owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
-    job_id = start(owner, remember(owner, "one"))
+    job_id = start(owner, kind="map", recording=remember(owner, "one"))
     job = ended(owner, job_id)
     assert (job["state"], job["problem"], job["gave"]) == ("failed", DISK_FULL, {})
     until(lambda: left_over(services) == [], "an empty folder of work")
@@ -68,7 +63,7 @@ def test_a_full_disk_fails_the_job_until_there_is_room(
 def test_a_database_that_is_busy_for_long_stops_no_job(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
-    job_id = start(owner, remember(owner, "mute"))
+    job_id = start(owner, kind="map", recording=remember(owner, "mute"))
     other = sqlite3.connect(services.settings.data_folder / "elfslam.sqlite", isolation_level=None)
     while owner.get(f"/api/jobs/{job_id}").json()["state"] == "queued":
         time.sleep(0.02)
@@ -85,7 +80,7 @@ def test_a_job_that_takes_too_much_memory_fails_alone(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
     allow(services, job_bytes=MEBIBYTE)
-    job = ended(owner, start(owner, remember(owner, "one")))
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "one")))
     assert job["state"] == "failed"
     assert "than the 0.00098 GiB" in job["problem"] or "ended in the middle" in job["problem"]
     until(lambda: left_over(services) == [], "an empty folder of work")
@@ -100,6 +95,6 @@ def test_a_job_that_takes_too_long_is_stopped(
 ) -> None:
     monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
     allow(services, job_s=0.5)
-    job = ended(owner, start(owner, remember(owner, "mute")))
+    job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute")))
     assert job["state"] == "failed"
     assert "took longer" in job["problem"]

@@ -14,6 +14,7 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
+from tests.serve.jobs.conftest import start
 from tests.waiting import until
 
 pytestmark = pytest.mark.real
@@ -40,12 +41,6 @@ def processes_of(services: Services) -> set[int]:
     return found
 
 
-def start(client: TestClient, recording: str) -> str:
-    answer = client.post("/api/jobs", json={"kind": "map", "recording": recording})
-    assert answer.status_code == 202, answer.text
-    return str(answer.json()["id"])
-
-
 def killed(services: Services, times: int) -> None:
     """Kill the next processes that work, each once."""
     gone = set[int]()
@@ -62,7 +57,7 @@ def killed(services: Services, times: int) -> None:
 def test_two_jobs_at_once_and_one_killed_is_done_again(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
-    jobs = [start(owner, remember(owner, name)) for name in ("one", "two")]
+    jobs = [start(owner, kind="map", recording=remember(owner, name)) for name in ("one", "two")]
     until(lambda: len(processes_of(services)) == 2, "two processes at work")
     os.kill(min(processes_of(services)), signal.SIGKILL)
     found = [ended(owner, job) for job in jobs]
@@ -75,7 +70,7 @@ def test_two_jobs_at_once_and_one_killed_is_done_again(
 def test_a_job_whose_process_dies_three_times_is_given_up(
     owner: TestClient, remember: Remember, ended: Wait, services: Services
 ) -> None:
-    job = start(owner, remember(owner, "one"))
+    job = start(owner, kind="map", recording=remember(owner, "one"))
     killed(services, 3)
     found = ended(owner, job)
     assert (found["state"], found["attempts"]) == ("failed", 3)

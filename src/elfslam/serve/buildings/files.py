@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.data.folders import new_file
+from elfslam.data.folders import new_file, sync
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.blobs import SHA256, sync
+from elfslam.serve.store.blobs import SHA256
 
 if TYPE_CHECKING:
     from fsspec import AbstractFileSystem

@@ -19,6 +19,7 @@ from elfslam.app.workers.interface import Watchers
 from elfslam.serve.jobs.child import LOG, Doing, Result, child_news
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
 from elfslam.serve.jobs.preforked import Loaded
+from elfslam.serve.store.blobs import place_in
 
 SCRATCH, NEW, LOCK = "elfslam-job-", "elfslam-new-", "lock"
 Files = Mapping[str, bytes]
@@ -82,11 +83,7 @@ def packed(folder: Path, names: tuple[str, ...]) -> dict[str, bytes]:
 def unpack(files: Files, folder: Path) -> None:
     """Write files into a folder. Raises ValueError for a name that leads out of it, OSError."""
     for name, content in files.items():
-        target = folder / name
-        if not target.resolve().is_relative_to(folder.resolve()):
-            raise ValueError(f"{name!r:.80} leads out of the folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        target.write_bytes(content)
+        place_in(folder, name).write_bytes(content)
 
 
 @cache

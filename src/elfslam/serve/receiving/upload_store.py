@@ -9,13 +9,13 @@ from pathlib import Path
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from elfslam.data.folders import sync
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.problems import Problem, disk_full
 from elfslam.serve.receiving import tus
 from elfslam.serve.receiving.appending import Quota, refuse_full_disk
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store.blobs import sync
 from elfslam.serve.store.database import (
     Recording,
     RecordingFile,

@@ -19,6 +19,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
+from elfslam.data.folders import sync
+
 SHA256 = re.compile(r"[0-9a-f]{64}")
 LOCK = ".lock"
 
@@ -87,26 +89,22 @@ def link_into(folder: Path, blobs: Path, named: Mapping[str, str]) -> None:
     Raises OSError, and ValueError for a name that leads out of the folder.
     """
     for name, sha256 in named.items():
-        target = folder / name
-        if not target.resolve().is_relative_to(folder.resolve()):
-            raise ValueError(f"{name!r:.80} leads out of the folder")
-        target.parent.mkdir(parents=True, exist_ok=True)
-        link_or_copy(blob_path(blobs, sha256), target)
+        link_or_copy(blob_path(blobs, sha256), place_in(folder, name))
+
+
+def place_in(folder: Path, name: str) -> Path:
+    """The file of a name, in folders that are made. Raises ValueError where it leads out."""
+    target = folder / name
+    if not target.resolve().is_relative_to(folder.resolve()):
+        raise ValueError(f"{name!r:.80} leads out of the folder")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    return target
 
 
 def delete(blobs: Path, sha256s: Iterable[str]) -> None:
     """Remove blobs; those that are gone already are no error."""
     for sha256 in sha256s:
         blob_path(blobs, sha256).unlink(missing_ok=True)
-
-
-def sync(path: Path) -> None:
-    """Have a file, or a folder's names, written to the disk."""
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def link_or_copy(source: Path, target: Path) -> None:
