@@ -14,14 +14,7 @@ from scipy import fft
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import Audio, Chirp, Imu, Truth
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.world.circumstances import (
-    SOUNDS,
-    Circumstances,
-    air_on,
-    device_of,
-    reach_of,
-    room_on,
-)
+from elfslam.world.circumstances import SOUNDS, Circumstances, air_on, device_of, reach_of, room_on
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, BMI160, Device
 from elfslam.world.imu import read_imu
 from elfslam.world.interference import record, rumble

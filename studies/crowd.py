@@ -12,14 +12,7 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import Circumstances, air_on, room_on
 from elfslam.world.device import Device, built_in_device
 from elfslam.world.paths import Reach
-from elfslam.world.phone import (
-    Ends,
-    Poses,
-    ends_of,
-    image_echoes,
-    render_frames,
-    room_responses,
-)
+from elfslam.world.phone import Ends, Poses, ends_of, image_echoes, render_frames, room_responses
 from elfslam.world.pulses import Air
 from elfslam.world.recorder import phone_poses
 from elfslam.world.scene import Scene, scene_of

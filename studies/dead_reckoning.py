@@ -286,12 +286,7 @@ def _consistency_row(name: str, distance_m: float, found: Sequence[Displacements
         "2 sigma along (0.95)": _mean(within[:, 0] < 2),
         "2 sigma across (0.95)": _mean(within[:, 1] < 2),
     }
-    return {
-        "walks of": name,
-        "over (m)": distance_m,
-        "displacements": len(nees),
-        **figures,
-    }
+    return {"walks of": name, "over (m)": distance_m, "displacements": len(nees), **figures}
 
 
 def _rms(values: F64) -> float | None:

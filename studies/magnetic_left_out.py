@@ -153,10 +153,7 @@ def _mapped(seen: Seen, choice: Choice) -> F64:
 
 
 def _row(
-    name: str,
-    sets: Sequence[str],
-    choices: Sequence[Choice],
-    numbers: dict[DriftedWalk, Numbers],
+    name: str, sets: Sequence[str], choices: Sequence[Choice], numbers: dict[DriftedWalk, Numbers]
 ) -> Row:
     chosen = best_choice([other for other in sets if other != name], choices, numbers)
     walks = [numbers[DriftedWalk(name, seed)] for seed in SEEDS]
@@ -177,9 +174,7 @@ def _row(
 
 
 def best_choice(
-    others: Sequence[str],
-    choices: Sequence[Choice],
-    numbers: dict[DriftedWalk, Numbers],
+    others: Sequence[str], choices: Sequence[Choice], numbers: dict[DriftedWalk, Numbers]
 ) -> Choice:
     """The choice with the least mean logarithm of error over drifted error on these sets."""
 

@@ -42,11 +42,7 @@ BIAS_SIGMA_RAD = 0.005
 """Of the turn in one sample: noise that gathers over a loop what a constant bias does."""
 NODE_SPACING_M = 0.5
 CLOSURES = replace(
-    MAGNETIC_CLOSURES,
-    threshold=0.45,
-    along_sigma_m=1.5,
-    across_sigma_m=1.5,
-    heading_sigma_rad=0.3,
+    MAGNETIC_CLOSURES, threshold=0.45, along_sigma_m=1.5, across_sigma_m=1.5, heading_sigma_rad=0.3
 )
 """This odometry is exact to a centimetre a sample, and closures along a line share most of their
 field and so their error: each is trusted far less than it is exact."""

@@ -58,9 +58,7 @@ def _read(path: Path) -> list[ReckonedWalk]:
     attitude = Rotation.from_quat(recording.orientation.world_from_phone)
     top = attitude.apply([0.0, 1.0, 0.0])
     reported = np.interp(
-        recording.imu.t_s,
-        recording.orientation.t_s,
-        np.unwrap(np.arctan2(top[:, 1], top[:, 0])),
+        recording.imu.t_s, recording.orientation.t_s, np.unwrap(np.arctan2(top[:, 1], top[:, 0]))
     )
     turned = _heading_of(recording.imu)
     mean_rad = float(np.angle(np.exp(1j * (reported - turned)).mean()))

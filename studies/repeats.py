@@ -39,9 +39,7 @@ class Placed(Protocol):
 
 
 def finished(
-    measure: Callable[[Task], Numbers],
-    tasks: Sequence[Task],
-    given: Given,
+    measure: Callable[[Task], Numbers], tasks: Sequence[Task], given: Given
 ) -> list[Numbers]:
     """What `measure` makes of every task, by the workers given (this process where there are none).
 

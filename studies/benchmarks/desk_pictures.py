@@ -33,11 +33,7 @@ from elfslam.world.simulate import describe_chirp, load_world, simulate
 from studies.benchmarks.served import serving
 
 WORLD = "studio"
-WALKS = {
-    "First walk": (100, 3),
-    "Second walk": (101, 3),
-    "Third walk": (102, 3),
-}
+WALKS = {"First walk": (100, 3), "Second walk": (101, 3), "Third walk": (102, 3)}
 VISITOR = ("A visitor", (200, 1))
 VENUE, FLOORS = "North Mall", ("Ground floor", "Floor 1")
 ME, OTHERS = "Ada", ("Eve", "The facility team")

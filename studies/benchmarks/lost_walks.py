@@ -38,12 +38,7 @@ from elfslam.world.device import BMI160
 from elfslam.world.imu import read_imu
 from elfslam.world.walker import random_walker, walk
 from elfslam.world.world_file import load_world
-from studies.benchmarks.browser_walk import (
-    CHROMIUM,
-    INJECTED_HZ,
-    PERMISSIONS,
-    MotionSensors,
-)
+from studies.benchmarks.browser_walk import CHROMIUM, INJECTED_HZ, PERMISSIONS, MotionSensors
 from studies.benchmarks.served import serving
 
 KINDS = ("reload", "sleep", "call", "offline", "battery")

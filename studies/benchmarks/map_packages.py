@@ -15,14 +15,7 @@ import numpy as np
 
 from elfslam.base.choices import Mode
 from elfslam.base.values import Features, Fixes, FloorMap, Odometry
-from elfslam.data.tiles import (
-    Stretch,
-    Tile,
-    encoder_identity,
-    map_of_parts,
-    stretches_of,
-    tiles_of,
-)
+from elfslam.data.tiles import Stretch, Tile, encoder_identity, map_of_parts, stretches_of, tiles_of
 from elfslam.line.feature import extract_features, load_encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.slam.front_end import hear, walk_nodes

@@ -31,13 +31,7 @@ from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
-from elfslam.serve.store.database import (
-    Recording,
-    RecordingFile,
-    Upload,
-    new_id,
-    transaction,
-)
+from elfslam.serve.store.database import Recording, RecordingFile, Upload, new_id, transaction
 from elfslam.serve.store.identity import STORE, files_of
 from elfslam.serve.store.schema import VERSION_TABLE
 from studies.benchmarks.own_postgresql import Postgresql, initdb, own_postgresql

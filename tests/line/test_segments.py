@@ -8,13 +8,13 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 from elfslam.line.segments import SegmentParameters, locate_by_segments, paths_of, shape_errors
+from tests.line.planted_spots import STEP_M, heard, made_map
 
 PARAMETERS = SegmentParameters()
-STEP_M = 0.7
 OFF = compose(np.array([4.0, -3.0, 2.0]), np.zeros(3))
 """Dead reckoning starts anywhere."""
 
@@ -29,25 +29,10 @@ def loop(spacing_m: float) -> F64:
     return np.column_stack([xy_m, np.array([0.0, np.pi / 2, np.pi, -np.pi / 2])[side]])
 
 
-def made_map(poses: F64) -> FloorMap:
-    count = len(poses)
-    return FloorMap(
-        poses[:, :2], poses[:, 2], np.zeros(count), np.arange(count),
-        np.tile(0.01 * np.eye(2), (count, 1, 1)), (), "digest", ("walk",),
-    )  # fmt: skip
-
-
 def walked(poses: F64, scale: float = 1.0) -> Odometry:
     """The same poses as dead reckoning has them: somewhere else, with longer or shorter steps."""
     reckoned = compose(OFF, poses * np.array([scale, scale, 1.0]))
     return Odometry(0.5 * np.arange(len(poses)), reckoned, np.full((len(poses) - 1, 3), 0.1))
-
-
-def heard(poses: F64, floor_map: FloorMap, reach_m: float = 0.5) -> F32:
-    """Likeness 0.95 where the walker is in the middle of each step, falling with distance."""
-    middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
-    away_m = np.linalg.norm(middle_m[:, None] - floor_map.xy_m[None], axis=2)
-    return np.asarray(0.95 * np.exp(-((away_m / reach_m) ** 2) / 8), np.float32)
 
 
 def middles(poses: F64) -> F64:

@@ -9,13 +9,13 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 from elfslam.line.track import Cloud, Tracker, TrackParameters, densest
+from tests.line.planted_spots import STEP_M, heard, made_map
 
 PARAMETERS = TrackParameters()
-STEP_M = 0.7
 OFF = np.array([4.0, -3.0, 2.0])
 """Dead reckoning starts anywhere, and heads anywhere."""
 
@@ -28,24 +28,10 @@ def corridor(length_m: float, spacing_m: float) -> F64:
     return np.column_stack([xy_m, np.where(places_m < half, 0.0, np.pi / 2)])
 
 
-def made_map(poses: F64) -> FloorMap:
-    count = len(poses)
-    return FloorMap(
-        poses[:, :2], poses[:, 2], np.zeros(count), np.arange(count),
-        np.tile(0.01 * np.eye(2), (count, 1, 1)), (), "digest", ("walk",),
-    )  # fmt: skip
-
-
 def walked(poses: F64, scale: float = 1.0) -> Odometry:
     reckoned = compose(OFF, poses * np.array([scale, scale, 1.0]))
     sigma = np.tile([0.15, 0.1, 0.01], (len(poses) - 1, 1))
     return Odometry(0.5 * np.arange(len(poses)), reckoned, sigma)
-
-
-def heard(poses: F64, floor_map: FloorMap, reach_m: float = 1.0) -> F32:
-    middle_m = (poses[1:, :2] + poses[:-1, :2]) / 2
-    away_m = np.linalg.norm(middle_m[:, None] - floor_map.xy_m[None], axis=2)
-    return np.asarray(0.95 * np.exp(-((away_m / reach_m) ** 2) / 2), np.float32)
 
 
 def tracker(floor_map: FloorMap, seed: int = 0) -> Tracker:

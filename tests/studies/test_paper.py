@@ -42,13 +42,7 @@ def finding() -> Finding:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper, "PAPER_M", {name: {"studio": 1.0} for name in PAPER_M})
         quick = ScratchParameters(steps=2, pairs=16, threads=1)
-        return measure_paper(
-            Given(),
-            worlds=("studio",),
-            seeds=(100,),
-            rounds=3,
-            scratch=quick,
-        )
+        return measure_paper(Given(), worlds=("studio",), seeds=(100,), rounds=3, scratch=quick)
 
 
 @pytest.mark.real
