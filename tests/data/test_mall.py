@@ -217,7 +217,8 @@ def test_nothing_to_read_is_refused(tmp_path: Path) -> None:
 
 def test_real_walks_are_whole_and_plausible(shared_data: Path) -> None:
     paths = walks_in(shared_data / "mall_walks" / "site1-F1.tar.xz")
-    for path in itertools.islice(paths, 3):
+    count = 0
+    for count, path in enumerate(itertools.islice(paths, 3), 1):
         walk = read_walk(path)
         recording = walk.recording
         assert walk.damaged_lines == 0
@@ -235,3 +236,4 @@ def test_real_walks_are_whole_and_plausible(shared_data: Path) -> None:
         assert len(legs_m) > 0
         assert walk.truth.t_s[-1] <= imu.t_s[-1] + 1
         assert np.nanmin(recording.wifi.age_s) >= 0
+    assert count == 3

@@ -69,7 +69,9 @@ def test_every_array_comes_back(
     assume(dtype.kind in "bU" or not ((made > LARGEST) | (made < -LARGEST)).any())
     file = tmp_path_factory.getbasetemp() / "law.npz"
     write_npz(file, {"x": made, "y": np.asarray(made, order="F")})
-    for name, came in read_npz(file, ["x", "y"]).items():
+    found = read_npz(file, ["x", "y"])
+    assert set(found) == {"x", "y"}
+    for name, came in found.items():
         assert came.dtype == made.dtype, name
         assert came.shape == made.shape
         assert came.tobytes() == made.tobytes()

@@ -110,6 +110,7 @@ def test_a_calibration_takes_the_phone_out() -> None:
     assert float(calibrated) < 0.05 * float(off)
 
 
+@pytest.mark.parametrize("network", ["compact"], indirect=True)
 def test_time_is_not_averaged_away(network: nn.Module) -> None:
     """The delay of an echo is its place: the same echo 10 ms later is another feature."""
     early = torch.zeros(1, ECHO_SAMPLES)
