@@ -218,8 +218,9 @@ def test_nothing_to_read_is_refused(tmp_path: Path) -> None:
 def test_real_walks_are_whole_and_plausible(shared_data: Path) -> None:
     paths = walks_in(shared_data / "mall_walks" / "site1-F1.tar.xz")
     count = 0
-    for count, path in enumerate(itertools.islice(paths, 3), 1):
+    for path in itertools.islice(paths, 3):
         walk = read_walk(path)
+        count += 1
         recording = walk.recording
         assert walk.damaged_lines == 0
         assert recording.device == "OPPO PBCM10"
