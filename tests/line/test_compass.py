@@ -15,8 +15,9 @@ from elfslam.line.motion import (
     MotionParameters,
     compass_heading,
     dead_reckon,
-    walking_heading,
 )
+from elfslam.line.motion.heading import smooth_heading
+from elfslam.line.motion.level import level
 from tests.line.magnetic_walk import walk
 
 PARAMETERS = MotionParameters()
@@ -48,8 +49,8 @@ def test_it_starts_dead_reckoning_in_the_plane_of_north():
 def test_a_turn_before_the_first_footstep_counts():
     imu, magnetometer = walk(1.0, turns=[(0.0, -0.5)])
     found = compass_heading(imu, magnetometer, PARAMETERS).heading_rad
-    first_s = dead_reckon(imu, PARAMETERS).t_s[0]
-    turned = np.interp(first_s, imu.t_s, walking_heading(imu, PARAMETERS))
+    first_s, levelled = dead_reckon(imu, PARAMETERS).t_s[0], level(imu, PARAMETERS)
+    turned = np.interp(first_s, levelled.t_s, smooth_heading(levelled, PARAMETERS))
     assert turned < -0.2
     assert degrees_off(found, 1.0 + turned) < 2
 

@@ -19,11 +19,11 @@ from elfslam.line.motion import (
     calibrated_by_distance,
     dead_reckon,
     find_footsteps,
-    gyroscope_bias,
     nodes_by_distance,
-    step_lengths,
-    walking_heading,
 )
+from elfslam.line.motion.heading import smooth_heading
+from elfslam.line.motion.lengths import lengths_between
+from elfslam.line.motion.level import evenly_sampled, level, rate_of, still_bias
 
 PARAMETERS = MotionParameters()
 TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
@@ -97,7 +97,7 @@ def test_a_straight_walk_has_the_planted_length_and_direction():
 @pytest.mark.parametrize("rate_hz", [50.0, 60.0, 100.0])
 def test_a_square_turns_three_corners_and_comes_home(rate_hz):
     imu = square(20, rate_hz=rate_hz, mounting=TILTED, decimals=1)
-    heading_rad = walking_heading(imu, PARAMETERS)
+    heading_rad = smooth_heading(level(imu, PARAMETERS), PARAMETERS)
     assert heading_rad[-1] - heading_rad[0] == pytest.approx(1.5 * np.pi, abs=np.radians(2))
     end = dead_reckon(imu, PARAMETERS).world_from_body[-1]
     assert np.hypot(*end[:2]) < 2.0
@@ -116,7 +116,8 @@ def test_steps_follow_the_powers_of_cadence_and_bounce(power):
 
     def usual_length(**options):
         imu = walk(40, **options)
-        return np.median(step_lengths(imu, find_footsteps(imu, parameters), parameters))
+        footsteps = find_footsteps(imu, parameters)
+        return np.median(lengths_between(level(imu, parameters), footsteps, parameters))
 
     usual = usual_length()
     assert usual_length(bounce_mps2=3.5) / usual == pytest.approx(1.4**power, rel=0.02)
@@ -129,7 +130,9 @@ def test_steps_follow_the_powers_of_cadence_and_bounce(power):
 def test_steps_are_as_long_at_any_rate_and_tilt(rate_hz, pitch_deg):
     mounting = Rotation.from_euler("xyz", [pitch_deg, 10, 0], degrees=True)
     usual, other = (
-        np.median(step_lengths(imu, find_footsteps(imu, PARAMETERS), PARAMETERS))
+        np.median(
+            lengths_between(level(imu, PARAMETERS), find_footsteps(imu, PARAMETERS), PARAMETERS)
+        )
         for imu in (walk(40), walk(40, rate_hz=rate_hz, mounting=mounting))
     )
     assert other == pytest.approx(usual, rel=0.01)
@@ -139,9 +142,11 @@ def test_a_pause_is_no_long_step():
     imu, pause_s = walk(40), 5.0
     footsteps = find_footsteps(imu, PARAMETERS)
     later = footsteps + pause_s * (np.arange(len(footsteps)) >= 20)
-    usual, paused = (step_lengths(imu, t_s, PARAMETERS) for t_s in (footsteps, later))
-    assert paused[20] == PARAMETERS.pause_length_m
-    assert paused[:19] == pytest.approx(usual[:19], rel=0.01)
+    usual, paused = (
+        lengths_between(level(imu, PARAMETERS), t_s, PARAMETERS) for t_s in (footsteps, later)
+    )
+    assert paused[19] == PARAMETERS.pause_length_m
+    assert paused[:18] == pytest.approx(usual[:18], rel=0.01)
 
 
 def test_a_walker_is_calibrated_by_a_known_distance():
@@ -230,8 +235,10 @@ def test_a_recording_that_begins_in_mid_walk_begins_at_the_start_pose():
 def test_rest_reveals_the_gyroscope_bias():
     bias = (0.01, -0.02, 0.015)
     imu = walk(60, mounting=TILTED, bias_radps=bias)
-    assert gyroscope_bias(imu, PARAMETERS) == pytest.approx(np.array(bias), abs=0.002)
-    heading_rad = walking_heading(imu, PARAMETERS)
+    t_s, accel, gyro = evenly_sampled(imu)
+    found = still_bias(accel, gyro, rate_of(t_s), PARAMETERS)
+    assert found == pytest.approx(np.array(bias), abs=0.002)
+    heading_rad = smooth_heading(level(imu, PARAMETERS), PARAMETERS)
     assert abs(heading_rad[-1] - heading_rad[0]) < np.radians(2)
 
 

@@ -8,8 +8,6 @@ real walks of surveyors in a mall, and holds for simulated ones.
 
 from elfslam.line.motion.compass import Compass, HardIron, compass_heading
 from elfslam.line.motion.footsteps import find_footsteps
-from elfslam.line.motion.heading import gyroscope_bias, walking_heading
-from elfslam.line.motion.lengths import step_lengths
 from elfslam.line.motion.level import check_imu
 from elfslam.line.motion.live import BEGINNING, Going, Steps, go_on
 from elfslam.line.motion.parameters import MotionParameters, check_motion
@@ -31,8 +29,5 @@ __all__ = [
     "dead_reckon",
     "find_footsteps",
     "go_on",
-    "gyroscope_bias",
     "nodes_by_distance",
-    "step_lengths",
-    "walking_heading",
 ]

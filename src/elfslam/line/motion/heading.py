@@ -5,22 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.values import Imu
 from elfslam.line.motion.footsteps import vertical_bounce
-from elfslam.line.motion.level import Level, averaged, evenly_sampled, level, rate_of, still_bias
+from elfslam.line.motion.level import Level, averaged
 from elfslam.line.motion.parameters import MotionParameters
 
 SETTING_OFF_S, REST_S = 0.6, 0.5
 """Before the first footfall a foot is lifted; before that, a phone may be at rest."""
-
-
-def walking_heading(imu: Imu, parameters: MotionParameters) -> F64:
-    """Heading (n), rad, at `imu.t_s`: the yaw rate about the vertical, integrated from 0.
-
-    It is continuous (not wrapped) and averaged over a stride.
-    """
-    levelled = level(imu, parameters)
-    return np.asarray(np.interp(imu.t_s, levelled.t_s, smooth_heading(levelled, parameters)))
 
 
 def smooth_heading(levelled: Level, parameters: MotionParameters) -> F64:
@@ -51,12 +41,3 @@ def phone_turn(levelled: Level) -> F64:
     yaw_radps = np.sum(levelled.gyro_radps * levelled.up, axis=1)
     steps_rad = (yaw_radps[1:] + yaw_radps[:-1]) / 2 / levelled.rate_hz
     return np.concatenate([[0.0], np.cumsum(steps_rad)])
-
-
-def gyroscope_bias(imu: Imu, parameters: MotionParameters) -> F64:
-    """Bias (3), rad/s in phone axes: the mean rate of turn while standing still.
-
-    Zero where the walk never rests.
-    """
-    t_s, accel, gyro = evenly_sampled(imu)
-    return still_bias(accel, gyro, rate_of(t_s), parameters)

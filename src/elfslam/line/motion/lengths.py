@@ -6,30 +6,22 @@ import numpy as np
 from scipy import ndimage
 
 from elfslam.base.arrays import F64
-from elfslam.base.values import Imu
 from elfslam.line.motion.footsteps import bounce_rms, vertical_bounce
-from elfslam.line.motion.level import Level, level
+from elfslam.line.motion.level import Level
 from elfslam.line.motion.parameters import MotionParameters
 
 STEPS_AROUND = 5
 """The usual interval is the median of so many: one pause or missed footstep does not move it."""
 
 
-def step_lengths(imu: Imu, footsteps_t_s: F64, parameters: MotionParameters) -> F64:
-    """Length (n), m, of the step that ends at each of two or more footsteps.
+def lengths_between(levelled: Level, footsteps_t_s: F64, parameters: MotionParameters) -> F64:
+    """Lengths (n-1), m, of the steps between n footsteps.
 
     A power law in the bounce, the rms of the vertical acceleration in the footstep band around
     the step, and in the cadence: half way between the bounce alone (Weinberg 2002) and the
     height of the bounce (the inverted pendulum of Zijlstra and Hof 2003: powers 0.5 and -1).
-    A pause is no long step. The first footstep has no step before it and takes the length of
-    the second.
+    A pause is no long step.
     """
-    lengths_m = lengths_between(level(imu, parameters), footsteps_t_s, parameters)
-    return np.concatenate([lengths_m[:1], lengths_m])
-
-
-def lengths_between(levelled: Level, footsteps_t_s: F64, parameters: MotionParameters) -> F64:
-    """Lengths (n-1), m, of the steps between n footsteps."""
     bounce = vertical_bounce(levelled, parameters)
     rms = bounce_rms(bounce, parameters.length_window_s, levelled.rate_hz)
     halfway_s = (footsteps_t_s[1:] + footsteps_t_s[:-1]) / 2
