@@ -167,6 +167,7 @@ def test_the_list_is_what_the_phone_needs(client: TestClient) -> None:
     assert set(paths) == {
         "/", "/style.css", "/app.webmanifest", "/phone/main.js", "/phone/short.js",
         "/shared/icon.png", "/vendor/runtime/run.wasm",
+        "/line/encoder.onnx", "/line/parameters.json",
     }  # fmt: skip
     for path, file in paths.items():
         content, headers = sent(client, path, ZIPPED)

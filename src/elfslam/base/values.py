@@ -89,6 +89,14 @@ class Emr(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Checkpoints(Value):
+    """When the walker said at which place they were: one name is one place. In order of time."""
+
+    t_s: F64 = array("k")
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Odometry(Value):
     """Dead reckoning: a pose per node (footstep) and the sigma of each move.
 
@@ -125,6 +133,7 @@ class Recording:
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
     kept_s: tuple[float, float] | None = None
+    checkpoints: Checkpoints | None = None
 
     __repr__ = summary
 

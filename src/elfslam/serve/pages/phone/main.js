@@ -199,6 +199,14 @@ async function finish(sent, sending = startSending(sent, keeper)) {
   await showSending(sent, keeper, sending);
 }
 
+/** A place gets a name, and may be tapped when the walker comes by again. */
+function markPlace() {
+  const name = /** @type {HTMLInputElement} */ (at("mark-name"));
+  onTheWay.mark(name.value.trim());
+  name.value = "";
+  name.blur();
+}
+
 async function stop() {
   showProblem(null);
   await onTheWay.end();
@@ -285,7 +293,7 @@ function walkAgain() {
 }
 
 const onTheWay = makeOnTheWay({
-  keeper, finish, devices: openPhone,
+  keeper, finish, act, devices: openPhone,
   software: () => page.software, mediumAccess: () => page.mediumAccess,
   latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
 });
@@ -304,6 +312,7 @@ at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
 at("resume").addEventListener("click", act(onTheWay.goOn));
 at("stop").addEventListener("click", act(stop));
+at("mark").addEventListener("submit", act(markPlace));
 at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ (page.current))));
 at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);

@@ -121,6 +121,13 @@ export function showLevel(peak, isFound) {
   at("level-said").textContent = isFound ? formatLevel(levelDb) : "not heard";
 }
 
+/** What is wrong with the chirps, and what to do about it; null takes it away. @param {string | null} said */
+export function showChirps(said) {
+  if (at("chirps-said").textContent === (said ?? "")) return;
+  at("chirps-said").textContent = said ?? "";
+  at("chirps-said").hidden = said === null;
+}
+
 /** @param {string | null} trouble @param {boolean} isBegun */
 export function showNetwork(trouble, isBegun) {
   const said = trouble ?? (isBegun ? "Connected. The walk is sent as you go." : "Connecting…");

@@ -88,7 +88,7 @@ function untilReady(worker, told, latest) {
  * Every reading with the time of the sound that was being played.
  * @param {Worker} worker @param {import("../devices.js").Devices["clocks"]} clocks @returns {() => void} stops
  */
-function sendMotion(worker, clocks) {
+export function sendMotion(worker, clocks) {
   /** @type {{pageMs: number, acceleration: number[] | null, turning: number[] | null}[]} */
   let readings = [];
   const stop = listenToMotion((pageMs, acceleration, turning) => readings.push({ pageMs, acceleration, turning }));

@@ -131,7 +131,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
 }
 
 /** The colours of the page as they are now. @param {Element} element @returns {import("./draw_place.js").Palette} */
-function paletteOf(element) {
+export function paletteOf(element) {
   const style = getComputedStyle(element);
   /** @param {string} name */
   const colour = (name) => style.getPropertyValue(name).trim();
