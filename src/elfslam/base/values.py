@@ -140,10 +140,7 @@ class Recording:
 
 @dataclass(frozen=True, eq=False)
 class Truth(Value):
-    """Where the walker really was. Read by scoring and studies alone.
-
-    Heading is NaN where only positions are known (waypoints).
-    """
+    """Where the walker really was, for scoring and studies alone; heading NaN at waypoints."""
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3, finite=False)
@@ -263,13 +260,7 @@ class Closures(Value):
         return Closures(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
-NO_CLOSURES = Closures(
-    np.empty(0, dtype=np.int64),
-    np.empty(0, dtype=np.int64),
-    np.empty(0),
-    np.empty((0, 3)),
-    np.empty((0, 3, 3)),
-)
+NO_CLOSURES = Closures(*np.empty((2, 0), int), np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,8 +282,8 @@ class PoseGraph(Value):
 class Verdict:
     """Chi-square test of closures: how many were believed or rejected, and how many of each agree.
 
-    A closure agrees where its residual lies inside the chi-square quantile `probability`. If all
-    is well nearly that share of the believed ones agree, and hardly any of the rejected.
+    To agree is to have a residual inside the quantile `probability`: nearly that share of believed
+    ones do, if all is well, and hardly any of the rejected.
     """
 
     believed: int
@@ -360,10 +351,10 @@ class FloorMap(Value, Plotted):
                 object.__setattr__(self, name, usual(len(self.xy_m)))
         super().__post_init__()
         for payload in self.payloads:
-            if len(payload.vectors) != len(self.xy_m):
+            if (rows := len(payload.vectors)) != (spots := len(self.xy_m)):
                 raise InputError(
-                    f"FloorMap.payloads: {payload.kind} has {len(payload.vectors)} rows, wanted "
-                    f"one for each of {len(self.xy_m)} spots; make the map again"
+                    f"FloorMap.payloads: {payload.kind} has {rows} rows, wanted one for each of "
+                    f"{spots} spots; make the map again"
                 )
 
 
