@@ -22,7 +22,7 @@ ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
 """A 12x48 image needs 96 + 47 * 48 samples (53.3 ms at 44.1 kHz)."""
 DISCARDED_SAMPLES = 485
-"""10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz."""
+"""10 ms of direct path, 1 ms of reflection off the holder's body, at 44.1 kHz."""
 ELF_SIZE = 128
 
 
@@ -116,8 +116,8 @@ class Odometry(Value):
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
-    `played_t_s` (n) says when each chirp began to be played, up to the way of the sound, `gain_db`
-    (n) how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
+    `played_t_s` (n) says when chirps began to be played, up to the way of the sound, `gain_db` (n)
+    how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
     """
 
     name: str
@@ -219,10 +219,7 @@ class Similarity(Value):
 
 @dataclass(frozen=True, eq=False)
 class MeanSimilarity(Value):
-    """Scores between nodes as dot products of one mean feature each, made where they are asked for.
-
-    A walk of hours has more scores than fit into memory.
-    """
+    """Scores as dot products of a mean feature per node, made where asked for: hours have many."""
 
     means: F32 = array("n", "d", dtype=np.float32)
     kind: str
@@ -260,7 +257,9 @@ class Closures(Value):
         return Closures(*(getattr(self, each.name)[rows] for each in fields(self)))
 
 
-NO_CLOSURES = Closures(*np.empty((2, 0), int), np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3)))
+NO_CLOSURES = Closures(
+    np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3))
+)
 
 
 @dataclass(frozen=True, eq=False)
