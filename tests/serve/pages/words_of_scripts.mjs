@@ -39,10 +39,16 @@ function look(node, found) {
   for (const [name, child] of Object.entries(node)) if (name !== "loc") look(child, found);
 }
 
+/** Behind a key, where one English text is two in other languages. */
+function contextOf(values) {
+  const given = values?.properties?.find(({ key }) => key?.name === "context");
+  return given ? `_${given.value.value}` : "";
+}
+
 function take(node, places, found) {
   const texts = places.map((place) => written(node.arguments[place]));
   if (texts.includes(null)) found.computed.push(node.start);
-  else if (places.length === 1) found.keys.push(texts[0]);
+  else if (places.length === 1) found.keys.push(texts[0] + contextOf(node.arguments[1]));
   else found.counted.push(texts);
   node.arguments.forEach((argument, at) => places.includes(at) || look(argument, found));
 }

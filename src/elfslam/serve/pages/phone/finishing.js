@@ -3,6 +3,7 @@
 import { ask } from "../shared/api.js";
 import { formatBytes, formatDuration } from "../shared/format.js";
 import { missingWords } from "../shared/missing.js";
+import { stageWords } from "../shared/stages.js";
 import { SOUND_FILES, TABLE_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
@@ -135,7 +136,7 @@ function showJob(job) {
     offer("another");
     return true;
   }
-  const doing = job.state === "running" && job.doing ? translated(job.doing) : t("waiting for its turn");
+  const doing = job.state === "running" && job.doing ? stageWords(job.doing) : t("waiting for its turn");
   showFinishing(t("The map is being made: {{doing}}.", { doing }), job.share);
   return false;
 }

@@ -1,7 +1,7 @@
 /** What the probe found, in words: a line per check, and what to do about it. */
 
 import { formatLevel, formatNumber } from "../shared/format.js";
-import { language, locale, t } from "../shared/words.js";
+import { inSentence, locale, t } from "../shared/words.js";
 
 /**
  * @typedef {"pass" | "doubt" | "fail"} Verdict
@@ -50,11 +50,6 @@ export function summarise(checks) {
   return { verdict: "pass", said: t("This phone can do it.") };
 }
 
-/** In English names begin small there; other languages write them as they are. @param {string} name */
-function midSentence(name) {
-  return language === "en" ? name[0].toLowerCase() + name.slice(1) : name;
-}
-
 /** @param {string[]} names @returns {string} one, another and a third */
 function listed(names) {
   return names.join(` ${t("and")} `);
@@ -62,7 +57,7 @@ function listed(names) {
 
 /** @param {Check[]} checks */
 function named(checks) {
-  return checks.map(({ name }) => midSentence(name)).join(", ");
+  return checks.map(({ name }) => inSentence(name)).join(", ");
 }
 
 /** @param {Ears} ears @returns {Check} */

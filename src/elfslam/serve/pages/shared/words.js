@@ -57,6 +57,12 @@ export function woven(text, nodes) {
   return t(text, marked).split("\u0000").map((piece, at) => (at % 2 === 1 ? nodes[piece] : piece));
 }
 
+/** The name of a thing inside a sentence: English begins it small, other languages write it as it is.
+ * @param {string} name @returns {string} */
+export function inSentence(name) {
+  return language === "en" ? name.charAt(0).toLowerCase() + name.slice(1) : name;
+}
+
 /**
  * A text that comes from elsewhere, a worker or the server: in the reader's language where the catalogue has exactly
  * it, else as it came.

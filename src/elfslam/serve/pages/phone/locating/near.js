@@ -1,7 +1,7 @@
 /** The floors around the phone: the server is asked once, by where the phone believes itself to be. */
 
 import { Problem, ask } from "../../shared/api.js";
-import { t } from "../../shared/words.js";
+import { inSentence, t } from "../../shared/words.js";
 
 const PATIENCE = { enableHighAccuracy: true, timeout: 20_000, maximumAge: 60_000 };
 /** Browsers tell the radius that holds 95 % of a plane's Gaussian: so many sigmas. */
@@ -45,7 +45,7 @@ export function questionOf({ coords: { latitude, longitude, accuracy } }) {
 export function floorsOf({ candidates }) {
   return candidates.map(({ building, floor, map, revision }) => {
     const name = floorName(floor);
-    return { id: map, name: `${building}, ${name.toLowerCase()}`, revision, venue: building, floor: name };
+    return { id: map, name: `${building}, ${inSentence(name)}`, revision, venue: building, floor: name };
   });
 }
 
