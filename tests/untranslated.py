@@ -13,7 +13,8 @@ SEEN = """() => {
   const found = [document.title];
   const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
   for (let node = walker.nextNode(); node; node = walker.nextNode()) {
-    const isSeen = node.parentElement.checkVisibility() && !node.parentElement.closest("noscript, option[lang]");
+    const { parentElement: inside } = node;
+    const isSeen = inside.checkVisibility() && !inside.closest("noscript, option[lang]");
     if (isSeen) found.push(node.textContent);
   }
   for (const name of ["aria-label", "title", "placeholder"]) {
@@ -23,11 +24,15 @@ SEEN = """() => {
   }
   return found.map((text) => text.replace(/\\s+/g, " ").trim()).filter(Boolean);
 }"""
-CLIPPED = """() => [...document.querySelectorAll("button, .button, .badge, h1, h2, label, th, dt, legend")]
-  .filter((each) => each.checkVisibility() && !each.closest(".visually-hidden"))
-  .filter((each) => each.scrollWidth > each.clientWidth + 1 && getComputedStyle(each).display !== "inline")
-  .filter((each) => getComputedStyle(each).textOverflow !== "ellipsis" && !each.closest(".scroll, thead"))
-  .map((each) => `${each.tagName} ${each.textContent.trim().slice(0, 40)}`)"""
+CLIPPED = """() => {
+  const kinds = "button, .button, .badge, h1, h2, label, dt, legend, nav, .scroll";
+  return [...document.querySelectorAll(kinds)].filter((each) => {
+    const { display, textOverflow } = getComputedStyle(each);
+    const isMeant = textOverflow === "ellipsis" || each.closest(".visually-hidden");
+    if (isMeant || display === "inline" || !each.checkVisibility()) return false;
+    return each.scrollWidth > each.clientWidth + 1;
+  }).map((each) => `${each.tagName} ${each.textContent.trim().slice(0, 40)}`);
+}"""
 FEWEST_WORDS = 2
 """A text with values in it is known by so many words of its own."""
 
@@ -36,7 +41,8 @@ FEWEST_WORDS = 2
 def english(language: str) -> tuple[re.Pattern[str], ...]:
     """The texts that another language says otherwise, as patterns."""
     words = json.loads((WORDS / f"{language}.json").read_text(encoding="utf-8"))
-    texts = [re.sub(r"_(one|other|verb)$", "", key) for key, text in words.items() if key != text]
+    others = [key for key, text in words.items() if key != text]
+    texts = [re.sub(r"_(one|other|verb|column)$", "", key) for key in others]
     return tuple(_pattern(text) for text in texts if _is_telling(text))
 
 

@@ -74,7 +74,6 @@ def test_the_language_that_was_chosen_stays(phone: Any) -> None:
     phone.page.reload()
     phone.wait_for_text("h1:visible", TITLE["en"])
     assert phone.page.input_value("#language") == "en"
-    assert "What" not in left_in_english(phone.page, "de")
     assert "Where am I?" in left_in_english(phone.page, "de"), "English is noticed"
     choose(phone, "de")
     phone.page.reload()

@@ -24,7 +24,7 @@ const DESK = {
 export async function openGuest(link) {
   const main = one("main");
   one("nav").hidden = true;
-  one("#who").replaceChildren();
+  one("#who").replaceChildren(...one("#foot").childNodes); // beside a map the foot is not seen
   document.body.dataset.page = "map";
   document.title = t("Map · elfslam");
   try {

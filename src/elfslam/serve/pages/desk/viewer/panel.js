@@ -92,7 +92,7 @@ export function walkPart(scene, state, changed) {
     return line;
   };
   const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, t("Shown"))),
-    [t("Walk"), t("Length"), t("Time"), t("Uncertainty")].map((name) => h("th", { scope: "col" }, name)));
+    [t("Walk"), t("Length"), t("Time"), t("Uncertainty", { context: "column" })].map((name) => h("th", { scope: "col" }, name)));
   return part(counted(scene.walks.length, "{{count}} walk", "{{count}} walks"), h("div", { class: "scroll" },
     h("table", { class: "walks", "aria-label": t("Walks") }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
 }
