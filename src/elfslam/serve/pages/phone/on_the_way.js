@@ -1,13 +1,13 @@
 /** A walk on its way: what the page shows meanwhile, and what it does when the walk is interrupted. */
 
 import { Problem } from "../shared/api.js";
-import { formatDuration, formatNumber } from "../shared/format.js";
+import { formatDuration } from "../shared/format.js";
 import { startSending } from "./finishing.js";
 import { makeLegs } from "./legs.js";
 import { closeWalk, startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
 import { showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
-import { t } from "../shared/words.js";
+import { locale, t } from "../shared/words.js";
 
 const SHOW_EVERY_MS = 500;
 /** A page whose timers stood still for so long was asleep. */
@@ -92,7 +92,7 @@ async function beginLeg(given, sent, fromS) {
   const { context } = microphone;
   if (context.state !== "running") await context.resume();
   if (context.sampleRate !== sent.state.rateHz) {
-    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${formatNumber(rateHz / 1000, 1)} kHz`);
+    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${(rateHz / 1000).toLocaleString(locale)} kHz`);
     throw new Problem(t("The sound runs at {{now}} now and ran at {{before}} before: send the walk as it is.", { now, before }), 0);
   }
   // Sound may have been opened before the server had said how the air is shared.
