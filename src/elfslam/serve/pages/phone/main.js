@@ -1,6 +1,8 @@
 /** The phone page, from the first tap to the map. */
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
+import { languageChoice } from "../shared/language_choice.js";
+import { t } from "../shared/words.js";
 import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
@@ -23,7 +25,7 @@ import {
 } from "./view.js";
 
 const WITHOUT_SERVER =
-  "The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.";
+  t("The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.");
 
 const keeper = startKeeper();
 /**
@@ -225,11 +227,11 @@ function watchForInterruptions(phone) {
   watchInterruptions(phone.microphone, {
     taken: async () => {
       if (page.phone === phone) page.phone = null;
-      await interrupt("The microphone was taken away, as by a call.");
+      await interrupt(t("The microphone was taken away, as by a call."));
       await phone.microphone.close();
     },
     silent: onTheWay.silent,
-    stopped: () => interrupt("The sound was interrupted."),
+    stopped: () => interrupt(t("The sound was interrupted.")),
     running: onTheWay.goOnIfPossible,
   });
 }
@@ -238,7 +240,7 @@ function watchForInterruptions(phone) {
 function watchForRoom() {
   keeper.onProblem(({ isFull, said }) => {
     if (!onTheWay.isOn()) return;
-    showProblem(`${isFull ? "This phone has no room left." : said} The walk until then is kept.`);
+    showProblem(`${isFull ? t("This phone has no room left.") : said} ${t("The walk until then is kept.")}`);
     onTheWay.end();
   });
 }
@@ -292,6 +294,7 @@ function walkAgain() {
   else showView("start");
 }
 
+at("start").append(languageChoice());
 const onTheWay = makeOnTheWay({
   keeper, finish, act, devices: openPhone,
   software: () => page.software, mediumAccess: () => page.mediumAccess,

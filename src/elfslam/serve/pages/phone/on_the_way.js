@@ -10,6 +10,7 @@ import { makeLegs } from "./legs.js";
 import { closeWalk, startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
 import { showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+import { locale, t } from "../shared/words.js";
 
 const SHOW_EVERY_MS = 500;
 /** A page whose timers stood still for so long was asleep. */
@@ -75,7 +76,7 @@ export function makeOnTheWay(given) {
   /** Nothing is recorded from now on, and the page says so at once. @param {string} why */
   async function interrupt(why) {
     if (!now?.legs.isGoing()) return;
-    showPause(`${why} Nothing is recorded until the walk goes on; what was recorded is kept.`, true);
+    showPause(`${why} ${t("Nothing is recorded until the walk goes on; what was recorded is kept.")}`, true);
     await now.legs.pause();
   }
 
@@ -93,7 +94,7 @@ export function makeOnTheWay(given) {
   /** The microphone hears nothing, and motion goes on. @param {boolean} isSilent */
   function silent(isSilent) {
     if (!now?.legs.isGoing()) return;
-    showPause(isSilent ? "The microphone is silent, as in a call. The walk goes on by its steps until it hears again." : null);
+    showPause(isSilent ? t("The microphone is silent, as in a call. The walk goes on by its steps until it hears again.") : null);
   }
 
   async function end() {
@@ -120,8 +121,8 @@ async function beginLeg(given, sent, growing, fromS) {
   const { context } = microphone;
   if (context.state !== "running") await context.resume();
   if (context.sampleRate !== sent.state.rateHz) {
-    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${rateHz / 1000} kHz`);
-    throw new Problem(`The sound runs at ${now} now and ran at ${before} before: send the walk as it is.`, 0);
+    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${(rateHz / 1000).toLocaleString(locale)} kHz`);
+    throw new Problem(t("The sound runs at {{now}} now and ran at {{before}} before: send the walk as it is.", { now, before }), 0);
   }
   // Sound may have been opened before the server had said how the air is shared.
   const mediumAccess = given.mediumAccess();
@@ -183,5 +184,5 @@ function watchWalk(sent, sending, legs) {
 
 /** @param {number} seconds */
 function sayAsleep(seconds) {
-  showPause(`This page was asleep for ${formatDuration(seconds)}: steps are missing there. The walk goes on.`);
+  showPause(t("This page was asleep for {{time}}: steps are missing there. The walk goes on.", { time: formatDuration(seconds) }));
 }

@@ -1,6 +1,7 @@
 /** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
 
 import { Problem } from "../shared/api.js";
+import { t } from "../shared/words.js";
 import { fitClocks, readClocks, soundTime, withPair } from "./clocks.js";
 import { manifestOf } from "./manifest.js";
 import { CHECKPOINTS, CHIRPS } from "./mending.js";
@@ -240,7 +241,7 @@ async function beginSound(sound, { walk, state, sizes }, mediumAccess, latencyS,
   const begun = await Promise.race([started, pause(SOUND_PATIENCE_MS)]);
   if (begun) return begun.zero;
   sound.order({ do: "stop" });
-  throw new Problem("The microphone gives no sound. End the call or the app that holds it, and try again.", 0);
+  throw new Problem(t("The microphone gives no sound. End the call or the app that holds it, and try again."), 0);
 }
 
 /** @param {Facts} facts @param {{tS: number, jumpedS: number, isFound: boolean}} frame */

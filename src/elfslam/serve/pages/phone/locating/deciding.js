@@ -2,6 +2,7 @@
 
 import { fixOf, likeness } from "../../line/locate.js";
 import { REASONS } from "../../line/spoofing.js";
+import { marked } from "../../shared/marked.js";
 
 /**
  * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
@@ -19,7 +20,7 @@ import { REASONS } from "../../line/spoofing.js";
 /** @type {SpoofingCheck} */
 const UNCHECKED = { reasonAt: () => 0 };
 /** Why a tracker that is settled suspects what is heard. */
-const JUMPS = "it sounds like a place that no step leads to";
+const JUMPS = marked("it sounds like a place that no step leads to");
 
 /** Looking for footsteps goes through the last seconds of motion: not for every block of sound. */
 const LOOK_EVERY_S = 0.2;
