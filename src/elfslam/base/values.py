@@ -90,9 +90,9 @@ class Emr(Value):
 
 @dataclass(frozen=True, eq=False)
 class Checkpoints(Value):
-    """When the walker said at which place they were: one name is one place. In order of time."""
+    """When the walker said at which place they were: one name is one place."""
 
-    t_s: F64 = array("k")
+    t_s: F64 = array("k", increasing=True)
     names: tuple[str, ...]
 
 

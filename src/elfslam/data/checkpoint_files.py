@@ -43,6 +43,9 @@ def read_checkpoints(folder: Path) -> Checkpoints | None:
     names = [_name(file, k, row["name"]) for k, row in enumerate(rows, start=2)]
     check_size(file, t_s[:, None], LONGEST_S, "s")
     order = np.argsort(t_s, kind="stable")
+    if (again := np.diff(t_s[order]) <= 0).any():
+        twice_s = t_s[order][1:][again][0]
+        raise InputError(f"{file}: two checkpoints at {twice_s:.3f} s; give each a time of its own")
     return Checkpoints(t_s[order], tuple(names[k] for k in order))
 
 

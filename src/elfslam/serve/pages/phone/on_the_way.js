@@ -64,7 +64,7 @@ export function makeOnTheWay(given) {
 
   /** The walker stands at a place that has a name, for the first time or again. @param {string} name */
   function mark(name) {
-    if (!now?.legs.isGoing()) throw new Problem("Nothing is recorded at this moment. Go on walking, then mark the place.", 0);
+    if (!now?.legs.isGoing()) throw new Problem(t("Nothing is recorded at this moment. Go on walking, then mark the place."), 0);
     const { sent: { state }, legs, growing } = now;
     const pageMs = performance.now();
     state.marks = [...new Set([...(state.marks ?? []), name])];

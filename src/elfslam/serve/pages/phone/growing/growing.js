@@ -77,6 +77,6 @@ export function startGrowing() {
 /** @returns {Promise<{parameters: GrowingParameters, encoderBytes: Uint8Array<ArrayBuffer>}>} */
 async function fetchFiles() {
   const [parameters, encoder] = await Promise.all([fetch(PARAMETERS), fetch(ENCODER)]);
-  if (!parameters.ok || !encoder.ok) throw new Error("the page is not whole");
+  if (!parameters.ok || !encoder.ok) throw new Error(`${parameters.status}, ${encoder.status}`);
   return { parameters: await parameters.json(), encoderBytes: new Uint8Array(await encoder.arrayBuffer()) };
 }
