@@ -25,6 +25,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
     ),
     "Orientation": lambda: values.Orientation(T_S, UNIT),
     "Emr": lambda: values.Emr(T_S, np.zeros((3, 5))),
+    "Checkpoints": lambda: values.Checkpoints(T_S, ("a", "b", "a")),
     "Odometry": lambda: values.Odometry(T_S, np.zeros((3, 3)), np.ones((2, 3))),
     "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
     "Echoes": lambda: values.Echoes(T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros((0, 2))),

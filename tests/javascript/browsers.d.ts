@@ -44,3 +44,14 @@ interface WindowOfPage {
 }
 /** The server writes it above the service worker. */
 declare const VERSION: string;
+
+/** What shared/language.js leaves for the modules of a page. */
+interface ElfslamLanguage {
+  readonly language: string;
+  readonly languages: string[];
+  readonly locale: string;
+  /** Null where it could not be had. */
+  readonly catalogue: Promise<Record<string, string> | null>;
+  choose(language: string): void;
+}
+declare var elfslamLanguage: ElfslamLanguage | undefined;

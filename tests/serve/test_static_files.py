@@ -33,6 +33,7 @@ FILES = {
     "phone/main.js": TEXT,
     "phone/short.js": "1;",
     "shared/icon.png": "no picture",
+    "words/de.json": "{}",
     "desk/main.js": TEXT,
     "vendor/runtime/run.wasm": "wasm" * 100,
     "vendor/runtime/LICENSE": "free",
@@ -166,7 +167,8 @@ def test_the_list_is_what_the_phone_needs(client: TestClient) -> None:
     paths = {file["path"]: file for file in told["files"]}
     assert set(paths) == {
         "/", "/style.css", "/app.webmanifest", "/phone/main.js", "/phone/short.js",
-        "/shared/icon.png", "/vendor/runtime/run.wasm",
+        "/shared/icon.png", "/vendor/runtime/run.wasm", "/words/de.json",
+        "/line/encoder.onnx", "/line/parameters.json",
     }  # fmt: skip
     for path, file in paths.items():
         content, headers = sent(client, path, ZIPPED)

@@ -18,6 +18,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
     Audio,
+    Checkpoints,
     Echoes,
     FixStatus,
     Odometry,
@@ -187,6 +188,21 @@ def test_mapping_by_nothing_is_dead_reckoning(recording: Recording) -> None:
     assert made.trajectory.status == "NO_CLOSURES"
     assert made.similarity.scores.shape == (len(made.odometry.t_s) - 1,) * 2
     npt.assert_allclose(made.trajectory.world_from_body, made.odometry.world_from_body, atol=1e-6)
+
+
+def test_places_named_by_hand_close_loops(walk: tuple[Recording, Truth]) -> None:
+    recording, truth = walk
+    plain = map_by(recording, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS)
+    t_s = plain.odometry.t_s
+    xy_m = true_xy_m(truth, t_s)
+    again = int(len(t_s) // 2 + np.argmin(np.linalg.norm(xy_m[len(t_s) // 2 :] - xy_m[5], axis=1)))
+    told = Checkpoints(t_s[[5, again]], ("Door", "Door"))
+    named = dataclasses.replace(recording, checkpoints=told)
+    run = map_by(named, [Sense(no_similarity, PARAMETERS.closure)], PARAMETERS)
+    assert (run.closures.i.tolist(), run.closures.j.tolist()) == ([5], [again])
+    tied = run.trajectory.world_from_body[[5, again], :2]
+    loose = plain.trajectory.world_from_body[[5, again], :2]
+    assert np.linalg.norm(np.diff(tied, axis=0)) < np.linalg.norm(np.diff(loose, axis=0))
 
 
 def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder, run: Run) -> None:

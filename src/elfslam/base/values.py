@@ -22,7 +22,7 @@ ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
 """A 12x48 image needs 96 + 47 * 48 samples (53.3 ms at 44.1 kHz)."""
 DISCARDED_SAMPLES = 485
-"""10 ms of direct path and 1 ms of reflection off the holder's body, at 44.1 kHz."""
+"""10 ms of direct path, 1 ms of reflection off the holder's body, at 44.1 kHz."""
 ELF_SIZE = 128
 
 
@@ -89,6 +89,14 @@ class Emr(Value):
 
 
 @dataclass(frozen=True, eq=False)
+class Checkpoints(Value):
+    """When the walker said at which place they were: one name is one place."""
+
+    t_s: F64 = array("k", increasing=True)
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
 class Odometry(Value):
     """Dead reckoning: a pose per node (footstep) and the sigma of each move.
 
@@ -108,8 +116,8 @@ class Odometry(Value):
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
-    `played_t_s` (n) says when each chirp began to be played, up to the way of the sound, `gain_db`
-    (n) how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
+    `played_t_s` (n) says when chirps began to be played, up to the way of the sound, `gain_db` (n)
+    how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
     """
 
     name: str
@@ -125,16 +133,14 @@ class Recording:
     played_t_s: F64 | None = None
     gain_db: F64 | None = None
     kept_s: tuple[float, float] | None = None
+    checkpoints: Checkpoints | None = None
 
     __repr__ = summary
 
 
 @dataclass(frozen=True, eq=False)
 class Truth(Value):
-    """Where the walker really was. Read by scoring and studies alone.
-
-    Heading is NaN where only positions are known (waypoints).
-    """
+    """Where the walker really was, for scoring and studies alone; heading NaN at waypoints."""
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3, finite=False)
@@ -213,10 +219,7 @@ class Similarity(Value):
 
 @dataclass(frozen=True, eq=False)
 class MeanSimilarity(Value):
-    """Scores between nodes as dot products of one mean feature each, made where they are asked for.
-
-    A walk of hours has more scores than fit into memory.
-    """
+    """Scores as dot products of a mean feature per node, made where asked for: hours have many."""
 
     means: F32 = array("n", "d", dtype=np.float32)
     kind: str
@@ -255,11 +258,7 @@ class Closures(Value):
 
 
 NO_CLOSURES = Closures(
-    np.empty(0, dtype=np.int64),
-    np.empty(0, dtype=np.int64),
-    np.empty(0),
-    np.empty((0, 3)),
-    np.empty((0, 3, 3)),
+    np.empty(0, int), np.empty(0, int), np.empty(0), np.empty((0, 3)), np.empty((0, 3, 3))
 )
 
 
@@ -282,8 +281,8 @@ class PoseGraph(Value):
 class Verdict:
     """Chi-square test of closures: how many were believed or rejected, and how many of each agree.
 
-    A closure agrees where its residual lies inside the chi-square quantile `probability`. If all
-    is well nearly that share of the believed ones agree, and hardly any of the rejected.
+    To agree is to have a residual inside the quantile `probability`: nearly that share of believed
+    ones do, if all is well, and hardly any of the rejected.
     """
 
     believed: int
@@ -351,10 +350,10 @@ class FloorMap(Value, Plotted):
                 object.__setattr__(self, name, usual(len(self.xy_m)))
         super().__post_init__()
         for payload in self.payloads:
-            if len(payload.vectors) != len(self.xy_m):
+            if (rows := len(payload.vectors)) != (spots := len(self.xy_m)):
                 raise InputError(
-                    f"FloorMap.payloads: {payload.kind} has {len(payload.vectors)} rows, wanted "
-                    f"one for each of {len(self.xy_m)} spots; make the map again"
+                    f"FloorMap.payloads: {payload.kind} has {rows} rows, wanted one for each of "
+                    f"{spots} spots; make the map again"
                 )
 
 

@@ -24,6 +24,7 @@ from elfslam.base.zips import unpack_zip
 from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
+from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.folders import new_folder
 from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
@@ -74,6 +75,8 @@ def write_recording(
         write_sensors(recording, partial)
         if recording.played_t_s is not None:
             write_schedule(recording.played_t_s, recording.gain_db, partial)
+        if recording.checkpoints is not None:
+            write_checkpoints(recording.checkpoints, partial)
         if truth is not None:
             write_truth(truth, partial)
 
@@ -155,6 +158,7 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         emr=read_emr(folder / "emr.csv"),
         played_t_s=played_t_s,
         gain_db=gain_db,
+        checkpoints=read_checkpoints(folder),
     )
     _check_clocks(folder, recording)
     return recording

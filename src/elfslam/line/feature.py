@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 import threading
 from functools import cache
-from importlib import resources
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -18,6 +17,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes, Features
 
+SHIPPED_ENCODER = Path(__file__).parents[1] / "weights" / "compact.onnx"
 WINDOW_SAMPLES = 96
 HOP_SAMPLES = 48
 FIRST_BIN = 33
@@ -188,8 +188,7 @@ def load_encoder(name: str) -> Encoder:
     if name == "spectral":
         return SpectralEncoder()
     if name == "compact":
-        content = resources.files("elfslam").joinpath("weights/compact.onnx").read_bytes()
-        return OnnxEncoder(content, name)
+        return OnnxEncoder(SHIPPED_ENCODER.read_bytes(), name)
     if not Path(name).exists():
         raise InputError(
             f"encoder {name!r}: wanted compact, spectral or an ONNX file; no such file"

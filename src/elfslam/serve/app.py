@@ -146,7 +146,7 @@ def create_app(services: Services) -> FastAPI:
     for router in ADMITTING:
         app.include_router(router, prefix="/api", responses=EVERYWHERE)
     install_problems(app)
-    install_pages(app, services.settings.pages_folder)
+    install_pages(app, services.settings)
     _describe_problems(app)
     app.add_middleware(Guard, services=services)
     return app

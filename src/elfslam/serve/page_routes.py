@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import mimetypes
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -13,12 +14,15 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
 from starlette.types import Scope
 
+from elfslam.line.feature import SHIPPED_ENCODER
+from elfslam.serve.maps.package import GROUPS_OF_WALK, phone_parameters
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
+from elfslam.serve.settings import ServerSettings
 from elfslam.serve.static_files import PageFiles
 
 PAGES = {"/": "phone.html", "/desk": "desk.html", "/trust": "trust.html"}
-CERTIFICATE, WORKER = "authority.pem", "service_worker.js"
+CERTIFICATE, WORKER, PARAMETERS = "authority.pem", "service_worker.js", "parameters.json"
 TYPES = {
     ".js": "text/javascript",
     ".mjs": "text/javascript",
@@ -57,11 +61,19 @@ class PagesMount(Mount):
         return super().matches(scope)
 
 
-def install_pages(app: FastAPI, folder: Path) -> None:
-    """Serve the files of a folder; some of them have short addresses."""
+def install_pages(app: FastAPI, settings: ServerSettings) -> None:
+    """Serve the pages, some at short addresses, and what phones draw walks with beside them.
+
+    That is the shipped encoder and the line's parameters, which are written to the data folder.
+    """
+    folder = settings.pages_folder
+    parameters = settings.data_folder / PARAMETERS
+    parameters.write_text(json.dumps(phone_parameters(GROUPS_OF_WALK)), encoding="utf-8")
     for suffix, kind in TYPES.items():
         mimetypes.add_type(kind, suffix)
-    files = PageFiles(folder)
+    files = PageFiles(
+        folder, {f"line/{PARAMETERS}": parameters, "line/encoder.onnx": SHIPPED_ENCODER}
+    )
     for address, name in PAGES.items():
         app.get(address, include_in_schema=False)(_page(files, name))
         app.head(address, include_in_schema=False)(_page(files, name))

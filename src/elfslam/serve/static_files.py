@@ -6,7 +6,7 @@ import asyncio
 import gzip
 import hashlib
 import threading
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncIterator, Iterator, Mapping
 from dataclasses import dataclass
 from os import PathLike, stat_result
 from pathlib import Path
@@ -26,7 +26,7 @@ WORTH = 0.95
 """A copy that is not smaller than this share is not sent."""
 PIECE_BYTES = 2**16
 PHONE_PAGE, MISSING_PAGE = "phone.html", "missing.html"
-OF_PHONE = ("phone", "shared", "keeping", "line", "vendor")
+OF_PHONE = ("phone", "shared", "keeping", "line", "words", "vendor")
 """Folders that the phone page needs without a network; `vendor` less what the desk alone needs."""
 ALONE = (PHONE_PAGE, "style.css", "app.webmanifest")
 NOT_OF_PHONE = ("vendor/qrcode-generator",)
@@ -55,11 +55,15 @@ class Copy:
 
 
 class PageFiles(StaticFiles):
-    """Static files with strong ETags, compressed for whoever takes that, in ranges for others."""
+    """Static files with strong ETags, compressed for whoever takes that, in ranges for others.
 
-    def __init__(self, folder: Path) -> None:
+    `beside` names files of other folders that have an address among those of the pages.
+    """
+
+    def __init__(self, folder: Path, beside: Mapping[str, Path] | None = None) -> None:
         super().__init__(directory=folder, check_dir=False)
         self._folder, self._lock = folder, threading.Lock()
+        self._beside = dict(beside or {})
         self._copies: dict[Path, tuple[Stamp, Copy]] = {}
         self._alone: dict[Path, threading.Lock] = {}
 
@@ -82,6 +86,11 @@ class PageFiles(StaticFiles):
         except FileNotFoundError as error:
             raise HTTPException(404) from error
         return self._answer(response, copy, Headers(scope=scope), scope["method"])
+
+    def lookup_path(self, path: str) -> tuple[str, stat_result | None]:
+        """Where the file of an address lies."""
+        file = self._beside.get(path)
+        return super().lookup_path(path) if file is None else (str(file), file.stat())
 
     def file_response(
         self,
@@ -123,7 +132,8 @@ class PageFiles(StaticFiles):
 
     def kept_by_phones(self) -> dict[str, Any]:
         """The files that the phone page needs, by digest; `version` changes with any of them."""
-        rows = [_row(name, self.copy_of(self._folder / name)) for name in self._names()]
+        files = {name: self._folder / name for name in self._names()} | self._beside
+        rows = [_row(name, self.copy_of(file)) for name, file in sorted(files.items())]
         told = "".join(f"{row['path']} {row['sha256']}\n" for row in rows)
         sums = {name: sum(row[name] for row in rows) for name in ("size_bytes", "sent_bytes")}
         return {"version": hashlib.sha256(told.encode()).hexdigest()[:16], **sums, "files": rows}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from elfslam.line.acoustic_odometry import AcousticOdometryParameters
+from elfslam.line.checkpoints import CheckpointParameters
 from elfslam.line.chirp import ChirpParameters
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.echo import EchoParameters
@@ -29,6 +30,7 @@ class Parameters:
         default_factory=AcousticOdometryParameters
     )
     closure: ClosureParameters = field(default_factory=ClosureParameters)
+    checkpoint: CheckpointParameters = field(default_factory=CheckpointParameters)
     graph: GraphParameters = field(default_factory=GraphParameters)
     floormap: FloorMapParameters = field(default_factory=FloorMapParameters)
     locate: LocateParameters = field(default_factory=LocateParameters)

@@ -28,6 +28,7 @@ from elfslam.base.values import (
     Run,
     Trajectory,
 )
+from elfslam.line.checkpoints import closures_at
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.device_adaptation import heard_as_map
 from elfslam.line.feature import Encoder, extract_features
@@ -94,7 +95,7 @@ def map_by_echoes(
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
         similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
-    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
+    closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
     with stage("map"):
         floor_map = trajectory_map(
             trajectory,
@@ -124,7 +125,7 @@ def map_by(
         nodes = walk_nodes(recording, parameters)
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
-    closures, trajectory = _close_loops(nodes, similarities, parameters, stage)
+    closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
     similarity = similarities[0][0]
     return Run(recording.name, nodes, similarity, closures, trajectory, None, None, None, seconds)
 
@@ -136,16 +137,20 @@ def _sensed(
 
 
 def _close_loops(
+    recording: Recording,
     nodes: Odometry,
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
     stage: Stage,
 ) -> tuple[Closures, Trajectory]:
-    """What resembles closes loops, and the loops straighten the walk."""
+    """What resembles, or was marked by hand, closes loops, and the loops straighten the walk."""
     with stage("closures"):
-        closures = closures_by(nodes, similarities, parameters)
+        heard = closures_by(nodes, similarities, parameters)
+        marked = closures_at(recording.checkpoints, nodes, parameters.checkpoint)
+        closures = joined([heard, marked])
     with stage("graph"):
-        trajectory = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+        graph, by_hand = build_graph(nodes, closures), np.arange(len(closures.i)) >= len(heard.i)
+        trajectory = optimise(graph, nodes.t_s, parameters.graph, by_hand=by_hand)
     return closures, trajectory
 
 

@@ -8,13 +8,14 @@ import { keptOf } from "../../../src/elfslam/serve/pages/desk/recorded.js";
 import { apart, courseOf, stretchOf } from "../../../src/elfslam/serve/pages/desk/timeline.js";
 import { queryOf } from "../../../src/elfslam/serve/pages/desk/downloads.js";
 import {
-  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, plural, secondsBetween, withoutMarks,
+  fileName, formatAgo, formatBytes, formatCount, formatDuration, formatMetres, formatShare, parseTime, secondsBetween, withoutMarks,
 } from "../../../src/elfslam/serve/pages/desk/format.js";
 import { factsOf } from "../../../src/elfslam/serve/pages/desk/maps_view.js";
 import { PACE, nextWait } from "../../../src/elfslam/serve/pages/desk/polling.js";
 import { bytesOf, shareCome } from "../../../src/elfslam/serve/pages/desk/recordings_view.js";
 import { pageOf } from "../../../src/elfslam/serve/pages/desk/routes.js";
 import { isMoving, jobTitle, mappingOf } from "../../../src/elfslam/serve/pages/desk/store.js";
+import { counted } from "../../../src/elfslam/serve/pages/shared/words.js";
 
 test("numbers as people read them, a dash where nothing is known", () => {
   assert.equal(formatBytes(1_400_000), "1.4\u00a0MB");
@@ -29,8 +30,8 @@ test("numbers as people read them, a dash where nothing is known", () => {
   assert.equal(formatShare(7), "100 %");
   assert.equal(formatShare(null), "");
   assert.equal(formatCount(1234567), "1,234,567");
-  assert.equal(plural(1, "walk"), "1 walk");
-  assert.equal(plural(1200, "walk"), "1,200 walks");
+  assert.equal(counted(1, "{{count, number}} walk", "{{count, number}} walks"), "1 walk");
+  assert.equal(counted(1200, "{{count, number}} walk", "{{count, number}} walks"), "1,200 walks");
 });
 
 test("marks of a merge are left out, but where they tell namesakes apart", () => {
@@ -50,7 +51,7 @@ test("times without a zone are UTC, as the database keeps them", () => {
   assert.equal(formatAgo("2026-11-21T17:59:30Z", now), "just now");
   assert.equal(formatAgo("2026-11-21T17:20:00", now), "40 min ago");
   assert.equal(formatAgo("2026-11-20T17:00:00Z", now), "1 day ago");
-  assert.equal(formatAgo("2026-10-01T00:00:00Z", now), "2026-10-01");
+  assert.equal(formatAgo("2026-10-01T00:00:00Z", now), "Oct 1, 2026");
   assert.equal(secondsBetween("2026-11-21T17:59:00Z", null, now), 60);
   assert.equal(secondsBetween("2026-11-21T17:59:00Z", "2026-11-21T17:59:09Z", now), 9);
 });

@@ -54,15 +54,19 @@ LAST_ROUNDS = 20
 """Believing and doubting single closures in turn ends by itself after a few."""
 
 
-def choose_closures(graph: PoseGraph, parameters: GraphParameters) -> tuple[F64, Bool]:
+def choose_closures(
+    graph: PoseGraph, parameters: GraphParameters, *, by_hand: Bool | None = None
+) -> tuple[F64, Bool]:
     """Outlier rejection: poses (n, 3) near the solution, and the mask (k) of closures to believe.
 
+    Those made `by_hand` (k) are no chance: they are believed at first, and need no company.
     Raises InputError where the steps of the graph are no chain.
     """
     closures = edges_of(graph, graph.is_closure)
     limit = float(chi2.ppf(parameters.inlier_probability, 3))
     runs = find_runs(chain_of(graph), forward(closures), parameters.run_reach, limit)
-    poses, kept = graph.initial, np.zeros(len(closures.edges), dtype=bool)
+    poses = graph.initial
+    kept = np.zeros(len(closures.edges), dtype=bool) if by_hand is None else by_hand.copy()
     waiting = np.flatnonzero(runs.size >= parameters.run_closures)
     while len(waiting):
         middles = edges_of(closures, runs.middle[waiting])

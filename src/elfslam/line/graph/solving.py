@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.values import PoseGraph, Trajectory
 from elfslam.line.graph.building import GraphParameters, believing, rotation_first
@@ -24,11 +24,15 @@ if TYPE_CHECKING:
     import gtsam
 
 
-def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Trajectory:
+def optimise(
+    graph: PoseGraph, t_s: F64, parameters: GraphParameters, *, by_hand: Bool | None = None
+) -> Trajectory:
     """Pose graph optimisation: the maximum-likelihood trajectory, with a covariance per pose.
 
     Closures tell how noisy the steps were. They cannot see the scale of a walk: what is uncertain
     about it comes on top.
+
+    Closures made `by_hand` (k) are believed until the others contradict them.
 
     The first pose stays where it is. Without closures the dead reckoning comes back as it was.
     Raises NoAnswerError where the solver finds no trajectory: the edges are degenerate; and
@@ -37,7 +41,7 @@ def optimise(graph: PoseGraph, t_s: F64, parameters: GraphParameters) -> Traject
     with solving(graph):
         poses, kept = graph.initial, np.ones(int(graph.is_closure.sum()), dtype=bool)
         if parameters.robust and len(kept):
-            poses, kept = choose_closures(graph, parameters)
+            poses, kept = choose_closures(graph, parameters, by_hand=by_hand)
         believed = believing(graph, kept)
         if kept.any():
             poses = solve(believed, [poses, rotation_first(believed)], parameters)

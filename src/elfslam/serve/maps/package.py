@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
@@ -42,6 +42,8 @@ from elfslam.serve.store.sending import unfolded
 FORMAT = 2
 GROUPS = ("chirp", "echo", "motion", "locate", "track", "spoofing", "medium_access")
 """The parameters that locating on a phone takes, as far as this version knows them."""
+GROUPS_OF_WALK = ("chirp", "echo", "motion", "locate", "closure", "medium_access")
+"""Those that drawing a walk on the phone takes while it is recorded."""
 NOT_FOR_PHONES = "phones cannot be located in this map"
 
 Json = dict[str, Any]
@@ -91,9 +93,9 @@ def sources_of(session: Session, found: Map) -> Sources:
     return Sources(found.name, files, found.floor_plan, phone_parameters(), known)
 
 
-def phone_parameters() -> Json:
-    """The groups of parameters that locating on a phone takes."""
-    return {name: group for name, group in as_dict(Settings()).items() if name in GROUPS}
+def phone_parameters(groups: Collection[str] = GROUPS) -> Json:
+    """The groups of parameters that a phone takes, by default those of locating."""
+    return {name: group for name, group in as_dict(Settings()).items() if name in groups}
 
 
 def manifest_of(

@@ -13,6 +13,7 @@ FILE_NAMES = frozenset(
         "baseband.iq",
         "baseband.csv",
         "chirps.csv",
+        "checkpoints.csv",
         "accelerometer.csv",
         "gyroscope.csv",
         "magnetometer.csv",

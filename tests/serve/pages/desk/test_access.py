@@ -11,6 +11,7 @@ import pytest
 from elfslam.serve.sharing.tables import MapLink, MapShare
 from elfslam.serve.store.database import JobKind, JobState, transaction
 from tests.accessibility import violations
+from tests.untranslated import clipped, left_in_english
 
 Open = Callable[..., Any]
 ACTIVE = "document.activeElement"
@@ -39,7 +40,7 @@ def full(person: Any, invite: Any, run_folder: Path, walk_folder: Path) -> Any:
         "a second map with quite a long name of its own",
         run_folder,
         venue="A venue that is called something long as well",
-        floor="Ground floor",
+        floor="Basement",
     )
     person.plant_recording("round it once more", walk_folder)
     other = invite("Somebody Else of a Long Name")
@@ -215,3 +216,71 @@ def test_nothing_jumps_while_the_page_is_kept_fresh(full: Any, open_desk: Open) 
     page.wait_for_timeout(3500)
     assert page.evaluate("window.moved") < 0.01
     assert page.evaluate("window.first === document.querySelector('tbody tr')"), "rows are kept"
+
+
+GERMAN_DIALOGS = {
+    "round the studio teilen": "round the studio teilen",
+    "round the studio umbenennen": "Name und Ort",
+    "a third von meiner Liste nehmen": "a third von deiner Liste nehmen?",
+    "2 löschen": "2 Karten löschen?",
+    "2 Karten zusammenfügen": "2 Karten zusammenfügen",
+}
+
+
+@pytest.mark.parametrize("width", [320, 390, 1280])
+def test_all_of_it_is_german_for_who_prefers_that(full: Any, open_desk: Open, width: int) -> None:
+    size = {"width": width, "height": 700}
+    page = open_desk(full, locale="de-DE", reduced_motion="reduce", viewport=size)
+    assert page.get_attribute("html", "lang") == "de"
+    for where in PAGES:
+        visit(page, full, where)
+        assert left_in_english(page, "de") == [], where
+        assert clipped(page) == [], where
+        assert violations(page) == [], where
+        assert page.evaluate("document.documentElement.scrollWidth") <= width, where
+
+
+def test_what_is_asked_in_german_fits(full: Any, open_desk: Open) -> None:
+    size = {"width": 320, "height": 640}
+    page = open_desk(full, locale="de-DE", reduced_motion="reduce", viewport=size)
+    visit(page, full, "#/maps")
+    for each in ("round the studio", "a second map with quite a long name of its own"):
+        page.get_by_label(f"{each} wählen").check()
+    for button, title in GERMAN_DIALOGS.items():
+        page.get_by_role("button", name=button, exact=True).click()
+        dialog = page.get_by_role("dialog", name=title)
+        dialog.wait_for()
+        assert left_in_english(page, "de") == [], button
+        assert clipped(page) == [], button
+        assert not dialog.evaluate("each => each.scrollWidth > each.clientWidth"), button
+        page.keyboard.press("Escape")
+        dialog.wait_for(state="detached")
+
+
+def test_the_language_of_the_desk_is_chosen_and_stays(full: Any, open_desk: Open) -> None:
+    page = open_desk(full, locale="de-DE")
+    page.get_by_role("heading", name="Aufnahmen", level=1).wait_for()
+    page.get_by_label("Sprache").select_option("en")
+    page.get_by_role("heading", name="Recordings", level=1).wait_for()
+    page.reload()
+    page.get_by_role("heading", name="Recordings", level=1).wait_for()
+    assert page.get_by_label("Language").input_value() == "en"
+    assert "Add recordings" in left_in_english(page, "de"), "English is noticed"
+    page.goto(f"{full.origin}/")
+    page.get_by_role("heading", name="Walk, and get a map").wait_for()
+
+
+def test_who_comes_to_the_door_is_spoken_to_in_german(full: Any, browser: Any) -> None:
+    context = browser.new_context(locale="de-AT", viewport={"width": 320, "height": 640})
+    page = context.new_page()
+    for address, heading in (
+        ("/desk", "Dieser Browser ist nicht gekoppelt"),
+        ("/desk#link=none", "Dieser Link öffnet nichts"),
+        (f"/desk#link={full.map_id}.{SECRET}", "round the studio"),
+    ):
+        page.goto("about:blank")
+        page.goto(f"{full.origin}{address}")
+        page.get_by_role("heading", name=heading, level=1).wait_for()
+        assert left_in_english(page, "de") == [], address
+        assert page.evaluate("document.documentElement.scrollWidth") <= 320, address
+    context.close()

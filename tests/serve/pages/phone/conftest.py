@@ -242,7 +242,13 @@ def regular_chirps(route: Any) -> None:
 
 
 @pytest.fixture
-def phone(server: Server, room_sound_file: Path) -> Iterator[Phone]:
+def locale() -> str:
+    """What the phone's owner speaks."""
+    return "en-US"
+
+
+@pytest.fixture
+def phone(server: Server, room_sound_file: Path, locale: str) -> Iterator[Phone]:
     """A phone that was just handed over; whatever its page throws fails the test."""
     playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
     if CHROMIUM is None:
@@ -253,6 +259,7 @@ def phone(server: Server, room_sound_file: Path) -> Iterator[Phone]:
             executable_path=CHROMIUM, args=arguments, ignore_default_args=["--mute-audio"]
         )
         context = browser.new_context(
+            locale=locale,
             permissions=list(PERMISSIONS),
             viewport={"width": 390, "height": 844},
             has_touch=True,

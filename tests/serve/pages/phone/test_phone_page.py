@@ -105,6 +105,25 @@ def fetched(server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
     return server.download(told["id"], folder / "fetched"), told
 
 
+def test_places_that_are_marked_come_with_the_walk(phone: Any, server: Any, tmp_path: Path) -> None:
+    phone.begin("With a door")
+    assert not phone.page.is_visible("#marks-again")
+    phone.page.fill("#mark-name", 'Door, "left"')
+    phone.page.click("text=I am here")
+    again = phone.page.get_by_role("button", name='I am at Door, "left" again')
+    again.wait_for()
+    assert phone.page.input_value("#mark-name") == ""
+    phone.walk(3)
+    again.click()
+    assert violations(phone.page) == []
+    folder, _ = finished(phone, server, tmp_path)
+    read = read_recording(folder).checkpoints
+    assert read is not None
+    assert read.names == ('Door, "left"',) * 2
+    assert np.diff(read.t_s)[0] > 2.9
+    assert read.t_s[-1] < frame_times_s(folder)[-1] + 1
+
+
 def test_what_was_heard_and_moved_is_what_the_server_has(
     phone: Any, server: Any, heard: Heard, tmp_path: Path
 ) -> None:

@@ -1,6 +1,7 @@
 // Asking the server. What goes wrong is a Problem with one line for people.
 
 import { NO_ANSWER, Problem } from "../shared/api.js";
+import { t, translated } from "../shared/words.js";
 
 export { Problem };
 
@@ -38,12 +39,12 @@ async function lineOf(answer) {
   const text = await answer.text();
   try {
     const { detail, title } = JSON.parse(text);
-    if (typeof detail === "string" && detail) return detail;
-    if (typeof title === "string" && title) return title;
+    if (typeof detail === "string" && detail) return translated(detail);
+    if (typeof title === "string" && title) return translated(title);
   } catch {
     // Not a problem document: a proxy's page, say.
   }
-  return `The server answered ${answer.status} ${answer.statusText}`.trim();
+  return t("The server answered {{status}}.", { status: `${answer.status} ${answer.statusText}`.trim() });
 }
 
 /**

@@ -3,6 +3,7 @@
 import { askPerson } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { courseOf, stretchField, stretchOf } from "./timeline.js";
+import { counted, t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {import("./store.js").Map_} Map_ */
@@ -11,10 +12,10 @@ const DEGREE = Math.PI / 180;
 
 /** What can close loops, and the file that brings it. @type {[string, string, RegExp, string][]} */
 const SENSES = [
-  ["elf", "Echoes", /^(audio|frames|baseband)\./, "the sound of the rooms"],
-  ["magnetic", "Magnetic field", /^magnetometer\./, "steel in the walls"],
-  ["wifi", "Wi-Fi", /^wifi\./, "access points and how strong they are"],
-  ["emr", "Mains hum", /^emr\./, "the hum of power lines"],
+  ["elf", t("Echoes"), /^(audio|frames|baseband)\./, t("the sound of the rooms")],
+  ["magnetic", t("Magnetic field"), /^magnetometer\./, t("steel in the walls")],
+  ["wifi", "Wi-Fi", /^wifi\./, t("access points and how strong they are")],
+  ["emr", t("Mains hum"), /^emr\./, t("the hum of power lines")],
 ];
 
 /** @param {string} words @param {Record<string, any>} attributes */
@@ -42,21 +43,21 @@ export async function askToMap(recording, kept = null) {
     const has = brought.includes(sense);
     return h("label", { class: "tick" },
       h("input", { type: "checkbox", name: "by", value: sense, checked: has && sense === "elf", disabled: !has }),
-      h("span", null, words, h("small", null, has ? ` ${why}` : " not in this recording")));
+      h("span", null, words, h("small", null, ` ${has ? why : t("not in this recording")}`)));
   });
   const body = [
     course && stretchField(course, kept ? [kept[0], Math.min(kept[1], course.duration_s)] : undefined),
-    h("fieldset", null, h("legend", null, "Close loops by"), h("div", { class: "ticks" }, ticks),
-      h("small", null, "With none of them the walk is reckoned from motion alone.")),
-    h("fieldset", null, h("legend", null, "Start"),
-      h("label", { class: "tick" }, h("input", { type: "checkbox", name: "declared" }), h("span", null, "The walk started here")),
+    h("fieldset", null, h("legend", null, t("Close loops by")), h("div", { class: "ticks" }, ticks),
+      h("small", null, t("With none of them the walk is reckoned from motion alone."))),
+    h("fieldset", null, h("legend", null, t("Start")),
+      h("label", { class: "tick" }, h("input", { type: "checkbox", name: "declared" }), h("span", null, t("The walk started here"))),
       h("div", { class: "fields" },
         field("x, m", { name: "x_m", type: "number", step: "any", value: "0" }),
         field("y, m", { name: "y_m", type: "number", step: "any", value: "0" }),
-        field("Heading, degrees", { name: "heading", type: "number", step: "any", value: "0" })),
-      h("small", null, "Heading: 0 along x, 90 along y. Without it the map begins at zero.")),
+        field(t("Heading, degrees"), { name: "heading", type: "number", step: "any", value: "0" })),
+      h("small", null, t("Heading: 0 along x, 90 along y. Without it the map begins at zero."))),
   ];
-  const answer = await askPerson({ title: `Map ${recording.name}`, body, submit: "Map it" });
+  const answer = await askPerson({ title: t("Map {{recording}}", { recording: recording.name }), body, submit: t("Map it") });
   return answer && mapJob(recording.id, answer, course?.duration_s);
 }
 
@@ -73,11 +74,11 @@ export function mapJob(recording, answer, duration_s) {
 /** @param {Map_[]} maps the chosen ones @returns {Promise<object | null>} */
 export async function askToMerge(maps) {
   const body = [
-    h("p", null, "Walks that share places are laid over each other and become one floor map. What shares no place with the others is refused."),
+    h("p", null, t("Walks that share places are laid over each other and become one floor map. What shares no place with the others is refused.")),
     h("ul", { class: "plain" }, maps.map((map) => h("li", null, map.name))),
-    field("Name of the floor map", { name: "name", required: true, maxlength: "100", value: commonName(maps) }),
+    field(t("Name of the floor map"), { name: "name", required: true, maxlength: "100", value: commonName(maps) }),
   ];
-  const answer = await askPerson({ title: `Merge ${maps.length} maps`, body, submit: "Merge" });
+  const answer = await askPerson({ title: counted(maps.length, "Merge {{count}} map", "Merge {{count}} maps"), body, submit: t("Merge") });
   return answer && { kind: "merge", maps: maps.map(({ id }) => id), name: String(answer.get("name")).trim() };
 }
 
@@ -86,19 +87,19 @@ export function commonName(maps) {
   const [first, ...rest] = maps.map(({ name }) => name);
   let length = first.length;
   for (const name of rest) while (!name.startsWith(first.slice(0, length))) length -= 1;
-  return first.slice(0, length).replace(/[\s,;:._-]+$/, "") || "Floor";
+  return first.slice(0, length).replace(/[\s,;:._-]+$/, "") || t("Floor");
 }
 
 /** @param {Recording[]} recordings @param {Map_[]} maps @returns {Promise<object | null>} */
 export async function askToLocate(recordings, maps) {
   const body = [
-    choice("Recording", "recording", recordings.map(({ id, name }) => [id, name])),
-    choice("In the map", "map", maps.map(({ id, name }) => [id, name])),
-    choice("How", "mode", [
-      ["one-shot", "One-shot: from 0.6 s of sound"],
-      ["trajectory", "Trajectory: from eight footsteps"],
-      ["track", "Track: as they walk, a fix per footstep"]]),
+    choice(t("Recording"), "recording", recordings.map(({ id, name }) => [id, name])),
+    choice(t("In the map"), "map", maps.map(({ id, name }) => [id, name])),
+    choice(t("How"), "mode", [
+      ["one-shot", t("One-shot: from 0.6 s of sound")],
+      ["trajectory", t("Trajectory: from eight footsteps")],
+      ["track", t("Track: as they walk, a fix per footstep")]]),
   ];
-  const answer = await askPerson({ title: "Locate a recording", body, submit: "Locate" });
+  const answer = await askPerson({ title: t("Locate a recording"), body, submit: t("Locate") });
   return answer && { kind: "locate", recording: answer.get("recording"), map: answer.get("map"), mode: answer.get("mode") };
 }

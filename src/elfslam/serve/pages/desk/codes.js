@@ -5,6 +5,7 @@ import { orSay, say, showPerson } from "./dialogs.js";
 import { h, svg } from "../shared/dom.js";
 import { icon } from "../shared/icons.js";
 import { qrcode } from "../vendor/qrcode-generator/qrcode.mjs";
+import { t } from "../shared/words.js";
 
 const QUIET_MODULES = 4;
 
@@ -12,8 +13,8 @@ const QUIET_MODULES = 4;
 export async function pairAnother() {
   await orSay(async () => {
     const { url, expires_s: expires } = await askJson("/api/pairing", { method: "POST" });
-    const what = `Scan it with your other device, or open the address there, within ${Math.round(expires / 60)} minutes. It works once.`;
-    await showPerson("Pair another device", invitation(url, what));
+    const what = t("Scan it with your other device, or open the address there, within {{minutes}} minutes. It works once.", { minutes: Math.round(expires / 60) });
+    await showPerson(t("Pair another device"), invitation(url, what));
   });
 }
 
@@ -24,12 +25,12 @@ export function invitation(url, what) {
 
 /** An address, and what copies it. @param {string} url */
 export function addressField(url) {
-  const address = h("input", { readonly: true, value: url, "aria-label": "Address", name: "address" });
-  const copy = h("button", { type: "button", class: "button" }, icon("copy"), "Copy the address");
+  const address = h("input", { readonly: true, value: url, "aria-label": t("Address"), name: "address" });
+  const copy = h("button", { type: "button", class: "button" }, icon("copy"), t("Copy the address"));
   copy.addEventListener("click", async () => {
     address.select();
     const well = await navigator.clipboard?.writeText(url).then(() => true, () => false);
-    say(well ? "The address is in the clipboard." : "It is selected; copy it with the keyboard.");
+    say(well ? t("The address is in the clipboard.") : t("It is selected; copy it with the keyboard."));
   });
   return [address, h("div", { class: "row" }, copy)];
 }
@@ -47,6 +48,6 @@ export function codeOf(text) {
     }
   }
   const side = count + 2 * QUIET_MODULES;
-  return svg("svg", { viewBox: `0 0 ${side} ${side}`, class: "code", role: "img", "aria-label": "QR code of the address", "shape-rendering": "crispEdges" },
+  return svg("svg", { viewBox: `0 0 ${side} ${side}`, class: "code", role: "img", "aria-label": t("QR code of the address"), "shape-rendering": "crispEdges" },
     svg("rect", { width: side, height: side, fill: "#fff" }), svg("path", { d: path, fill: "#000" }));
 }

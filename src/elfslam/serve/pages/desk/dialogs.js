@@ -1,6 +1,7 @@
 // Dialogs: one question at a time, answered by keyboard or mouse; the focus goes back after.
 
 import { h } from "../shared/dom.js";
+import { t } from "../shared/words.js";
 
 /** So many names stand in a question; the others are counted. */
 const MOST_NAMED = 8;
@@ -12,7 +13,7 @@ let count = 0;
  * @param {{title: string, body: any, submit: string, danger?: boolean, cancel?: string}} question
  * @returns {Promise<FormData | null>}
  */
-export function askPerson({ title, body, submit, danger = false, cancel = "Cancel" }) {
+export function askPerson({ title, body, submit, danger = false, cancel = t("Cancel") }) {
   count += 1;
   const id = `dialog-${count}`;
   const form = h("form", { method: "dialog" },
@@ -41,7 +42,7 @@ export function askPerson({ title, body, submit, danger = false, cancel = "Cance
 export function showPerson(title, body) {
   count += 1;
   const id = `dialog-${count}`;
-  const close = h("button", { type: "submit", class: "button primary" }, "Close");
+  const close = h("button", { type: "submit", class: "button primary" }, t("Close"));
   const dialog = h("dialog", { "aria-labelledby": id, class: "wide" },
     h("form", { method: "dialog" }, h("h2", { id }, title)),
     h("div", { class: "dialog-body" }, body),
@@ -60,9 +61,9 @@ export function showPerson(title, body) {
 /** @param {string} what @param {string} consequence @param {string[]} [names] of all that goes @returns {Promise<boolean>} */
 export async function confirmDelete(what, consequence, names = []) {
   const more = names.length - MOST_NAMED;
-  const body = [names.length > 0 && h("ul", { class: "plain" }, names.slice(0, MOST_NAMED).map((name) => h("li", null, name)), more > 0 && h("li", null, `and ${more} more`)),
+  const body = [names.length > 0 && h("ul", { class: "plain" }, names.slice(0, MOST_NAMED).map((name) => h("li", null, name)), more > 0 && h("li", null, t("and {{count}} more", { count: more }))),
     h("p", null, consequence)];
-  return (await askPerson({ title: `Delete ${what}?`, body, submit: "Delete for good", danger: true, cancel: names.length > 1 ? "Keep them" : "Keep it" })) !== null;
+  return (await askPerson({ title: t("Delete {{what}}?", { what }), body, submit: t("Delete for good"), danger: true, cancel: names.length > 1 ? t("Keep them") : t("Keep it") })) !== null;
 }
 
 /** One line at the foot of the page, read out by screen readers.
@@ -71,7 +72,7 @@ export function say(text, kind = "note") {
   const place = document.getElementById(kind === "problem" ? "problems" : "notes");
   if (!place) return;
   const line = h("p", { class: `toast ${kind}` }, h("span", null, text),
-    h("button", { type: "button", class: "icon", "aria-label": "Dismiss" }, "×"));
+    h("button", { type: "button", class: "icon", "aria-label": t("Dismiss") }, "×"));
   line.querySelector("button").addEventListener("click", () => line.remove());
   place.replaceChildren(line);
   if (kind === "note") setTimeout(() => line.remove(), 6000);

@@ -7,18 +7,19 @@ import { signOut } from "./session.js";
 import { pairWith } from "../shared/api.js";
 import { h, one } from "../shared/dom.js";
 import { icon } from "../shared/icons.js";
+import { t, woven } from "../shared/words.js";
 
 /** @param {import("./session.js").Me} me */
 export function showWho(me) {
-  const name = h("button", { type: "button", class: "button small quiet name", title: "Change your name", click: async () => {
+  const name = h("button", { type: "button", class: "button small quiet name", title: t("Change your name"), click: async () => {
     if (await renameMe(me.name)) location.reload();
   } }, me.name);
-  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": "Walk with this device", title: "Walk with this device" }, icon("phone")),
+  one("#who").replaceChildren(h("a", { class: "button icon", href: "./", "aria-label": t("Walk with this device"), title: t("Walk with this device") }, icon("phone")),
     name,
-    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, "Pair a device"),
+    h("button", { type: "button", class: "button small quiet", click: () => void pairAnother() }, t("Pair a device")),
     h("button", { type: "button", class: "button small quiet", click: async () => {
     if (await orSay(signOut)) location.reload();
-  } }, "Sign out"));
+  } }, t("Sign out")));
   one("#nav-users").hidden = !me.is_owner;
   one("nav").hidden = false;
 }
@@ -29,14 +30,15 @@ export function showDoor() {
   one("#who").replaceChildren();
   const input = h("input", { name: "code", required: true, autocomplete: "off", spellcheck: "false", placeholder: "https://…/#token=…" });
   const form = h("form", { class: "card" },
-    h("h1", null, "This browser is not paired"),
-    h("p", null, "Open the address that ", h("code", null, "elfslam serve"), " printed in its terminal, with all that follows the ", h("code", null, "#"), ", or one that “Pair a device” shows on a desk that is paired."),
-    h("label", { class: "field" }, h("span", null, "Or paste it here"), input),
-    h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, "Pair")));
+    h("h1", null, t("This browser is not paired")),
+    h("p", null, woven("Open the address that {{command}} printed in its terminal, with all that follows the {{sign}}, or one that “Pair a device” shows on a desk that is paired.",
+      { command: h("code", null, "elfslam serve"), sign: h("code", null, "#") })),
+    h("label", { class: "field" }, h("span", null, t("Or paste it here")), input),
+    h("div", { class: "row" }, h("button", { type: "submit", class: "button primary" }, t("Pair"))));
   form.addEventListener("submit", async (/** @type {Event} */ event) => {
     event.preventDefault();
     if (await orSay(() => pairWith(input.value))) location.reload();
-    else say("This code opens nothing here; copy it whole.", "problem");
+    else say(t("This code opens nothing here; copy it whole."), "problem");
   });
   document.body.dataset.page = "door";
   one("main").replaceChildren(h("div", { class: "door" }, form));

@@ -4,16 +4,17 @@ import { askJson, download } from "./api.js";
 import { h } from "../shared/dom.js";
 import { fileName } from "./format.js";
 import { icon } from "../shared/icons.js";
+import { t } from "../shared/words.js";
 
 /** What each format is for. @type {Record<string, string>} */
 const WORDS = {
-  tum: "TUM trajectory: a pose per line, for evo and other tools",
-  g2o: "g2o pose graph: steps and closures, for other optimisers",
-  onnx: "ONNX encoder: what others are located by",
-  geojson: "GeoJSON: walks, spots and coverage on the Earth",
-  imdf: "IMDF: the walked ground as a unit of a venue",
-  ros: "ROS map: the walked ground as an image, for robots",
-  parquet: "Parquet: the spots as a table",
+  tum: t("TUM trajectory: a pose per line, for evo and other tools"),
+  g2o: t("g2o pose graph: steps and closures, for other optimisers"),
+  onnx: t("ONNX encoder: what others are located by"),
+  geojson: t("GeoJSON: walks, spots and coverage on the Earth"),
+  imdf: t("IMDF: the walked ground as a unit of a venue"),
+  ros: t("ROS map: the walked ground as an image, for robots"),
+  parquet: t("Parquet: the spots as a table"),
 };
 
 /** Formats that lie on the Earth. */
@@ -22,8 +23,8 @@ const KEPT = "elfslam-export-";
 
 /** What IMDF asks for beside the origin. @type {[string, string, string][]} */
 const VENUE = [
-  ["name", "Venue", ""], ["category", "Category", "businesscampus"], ["address", "Address", ""], ["locality", "Town", ""],
-  ["country", "Country, such as CH", ""], ["level", "Name of the level", "Ground floor"], ["ordinal", "Level, 0 at the ground", "0"],
+  ["name", t("Venue"), ""], ["category", t("Category"), "businesscampus"], ["address", t("Address"), ""], ["locality", t("Town"), ""],
+  ["country", t("Country, such as CH"), ""], ["level", t("Name of the level"), t("Ground floor")], ["ordinal", t("Level, 0 at the ground"), "0"],
 ];
 
 /** What a format is asked for with: what was filled in. @param {string} format @param {Map<string, HTMLInputElement>} inputs */
@@ -51,13 +52,13 @@ export async function downloadsOf(map) {
     ...VENUE.map(([name, , value]) => /** @type {[string, HTMLInputElement]} */ ([name, keptInput(name, value, known[name])]))]);
   return h("div", { class: "downloads" },
     h("div", { class: "row" },
-      h("a", { class: "button", href: `${path}/report.html`, target: "_blank", rel: "noopener" }, icon("report"), "Report"),
-      h("a", { class: "button", href: `${path}/map.zip`, download: `${fileName(map.name)}.zip` }, icon("download"), "Whole folder")),
+      h("a", { class: "button", href: `${path}/report.html`, target: "_blank", rel: "noopener" }, icon("report"), t("Report")),
+      h("a", { class: "button", href: `${path}/map.zip`, download: `${fileName(map.name)}.zip` }, icon("download"), t("Whole folder"))),
     h("ul", { class: "exports" }, formats.map((format) => exportLine(map, path, format, inputs))),
     formats.some((format) => PLACED.includes(format)) && h("label", { class: "field" },
-      h("span", null, "Where on the Earth"), inputs.get("origin"),
-      h("small", null, "Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it.")),
-    formats.includes("imdf") && h("details", null, h("summary", null, "About the venue, for IMDF"),
+      h("span", null, t("Where on the Earth")), inputs.get("origin"),
+      h("small", null, t("Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it."))),
+    formats.includes("imdf") && h("details", null, h("summary", null, t("About the venue, for IMDF")),
       h("div", { class: "fields two" }, VENUE.map(([name, words]) => h("label", { class: "field" }, h("span", null, words), inputs.get(name))))));
 }
 
@@ -74,7 +75,7 @@ function keptInput(name, value, known, placeholder) {
  * @param {Map<string, HTMLInputElement>} inputs */
 function exportLine(map, path, format, inputs) {
   const refusal = h("p", { class: "problem", role: "status" });
-  const button = h("button", { type: "button", class: "button small", "data-format": format, "aria-label": `Download as ${format}` }, icon("download"), format);
+  const button = h("button", { type: "button", class: "button small", "data-format": format, "aria-label": t("Download as {{format}}", { format }) }, icon("download"), format);
   button.addEventListener("click", async () => {
     refusal.textContent = "";
     button.setAttribute("aria-busy", "true");

@@ -1,12 +1,13 @@
 // Which rows of a list are shown, and in which order. Pure.
 
 import { byName } from "../shared/places.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {"newest" | "oldest" | "name" | "longest"} Sort */
 /** @typedef {{find: string, by: Sort}} Order what somebody searches for, and what a list is sorted by */
 
 /** @type {Record<Sort, string>} */
-export const SORTS = { newest: "Newest first", oldest: "Oldest first", name: "By name", longest: "Longest first" };
+export const SORTS = { newest: t("Newest first"), oldest: t("Oldest first"), name: t("By name"), longest: t("Longest first") };
 
 /** @returns {Order} */
 export function firstOrder() {

@@ -1,6 +1,7 @@
 // Numbers as people read them; a dash where nothing is known. Pure: no clock, no zone.
 
 import * as shared from "../shared/format.js";
+import { counted, locale, t } from "../shared/words.js";
 
 /** @param {unknown} value @returns {value is number} */
 function isKnown(value) {
@@ -36,11 +37,11 @@ export function formatAgo(iso, nowMs) {
   const then = parseTime(iso);
   if (then === null) return "–";
   const seconds = (nowMs - then) / 1000;
-  if (seconds < 45) return "just now";
-  if (seconds < 3600) return `${Math.max(1, Math.round(seconds / 60))} min ago`;
-  if (seconds < 86400) return `${Math.round(seconds / 3600)} h ago`;
-  if (seconds < 7 * 86400) return plural(Math.round(seconds / 86400), "day") + " ago";
-  return new Date(then).toISOString().slice(0, 10);
+  if (seconds < 45) return t("just now");
+  if (seconds < 3600) return t("{{minutes}} min ago", { minutes: Math.max(1, Math.round(seconds / 60)) });
+  if (seconds < 86400) return t("{{hours}} h ago", { hours: Math.round(seconds / 3600) });
+  if (seconds < 7 * 86400) return counted(Math.round(seconds / 86400), "{{count}} day ago", "{{count}} days ago");
+  return new Date(then).toLocaleDateString(locale, { dateStyle: "medium", timeZone: "UTC" });
 }
 
 /** @param {string | null | undefined} iso @returns {number | null} ms since 1970; no zone is UTC */
@@ -59,14 +60,9 @@ export function secondsBetween(from, to, nowMs) {
   return Math.max(0, ((parseTime(to) ?? nowMs) - start) / 1000);
 }
 
-/** @param {number} count @param {string} noun @param {string} [many] @returns {string} */
-export function plural(count, noun, many = `${noun}s`) {
-  return `${formatCount(count)} ${count === 1 ? noun : many}`;
-}
-
 /** @param {number} count @returns {string} 12,345 */
 export function formatCount(count) {
-  return String(Math.round(count)).replace(/\B(?=(\d{3})+(?!\d))/g, ",");
+  return Math.round(count).toLocaleString(locale);
 }
 
 /** @param {string} name @returns {string} a name for a file, without what file systems dislike */

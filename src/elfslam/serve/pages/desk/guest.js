@@ -5,6 +5,7 @@ import { openMap } from "./map_page.js";
 import { poll } from "./polling.js";
 import { openLink } from "../shared/links.js";
 import { h, one } from "../shared/dom.js";
+import { t } from "../shared/words.js";
 
 /** Knows nothing but what it is told. @type {import("./main.js").Desk} */
 const DESK = {
@@ -23,9 +24,9 @@ const DESK = {
 export async function openGuest(link) {
   const main = one("main");
   one("nav").hidden = true;
-  one("#who").replaceChildren();
+  one("#who").replaceChildren(...one("#foot").childNodes); // beside a map the foot is not seen
   document.body.dataset.page = "map";
-  document.title = "Map · elfslam";
+  document.title = t("Map · elfslam");
   try {
     const { map: id, name } = await openLink(link);
     document.title = `${name} · elfslam`;
@@ -37,7 +38,7 @@ export async function openGuest(link) {
     void poll(look, () => {}).now();
   } catch (problem) {
     document.body.dataset.page = "gone";
-    main.replaceChildren(blankPage("This link opens nothing", problem instanceof Error ? problem.message : String(problem),
-      h("button", { type: "button", class: "button", click: () => location.reload() }, "Try again")));
+    main.replaceChildren(blankPage(t("This link opens nothing"), problem instanceof Error ? problem.message : String(problem),
+      h("button", { type: "button", class: "button", click: () => location.reload() }, t("Try again"))));
   }
 }

@@ -6,6 +6,7 @@ import { h } from "../shared/dom.js";
 import { STATUS_WORDS } from "./viewer/fixes.js";
 import { stillThere, withoutWalk, withPosition } from "./viewer/live.js";
 import { part } from "./viewer/panel.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {import("./viewer/state.js").State} State */
 /** @typedef {{is_on: boolean, origin: {latitude_deg: number, longitude_deg: number, bearing_deg: number} | null}} Settings */
@@ -18,10 +19,10 @@ const LOOK_EVERY_MS = 1000;
  */
 export function livePart(id, state, redraw) {
   const path = `/api/maps/${encodeURIComponent(id)}/positions`;
-  const list = h("ul", { class: "live", "aria-label": "Who is here" });
-  const words = h("p", { class: "soft" }, "Asking the server…");
+  const list = h("ul", { class: "live", "aria-label": t("Who is here") });
+  const words = h("p", { class: "soft" }, t("Asking the server…"));
   const input = h("input", { type: "checkbox", role: "switch", name: "live", disabled: true });
-  const body = [h("label", { class: "tick" }, input, h("span", null, "Take and show live positions")), list, words];
+  const body = [h("label", { class: "tick" }, input, h("span", null, t("Take and show live positions"))), list, words];
   /** @type {EventSource | null} */
   let source = null;
   /** @type {Settings} */
@@ -37,8 +38,8 @@ export function livePart(id, state, redraw) {
     list.hidden = state.live.length === 0;
     words.hidden = state.live.length > 0;
     words.textContent = settings.is_on
-      ? "Nobody at this moment. Whoever is located here on a phone may switch on “Let others see where I am”."
-      : "Nobody's position is taken for this map.";
+      ? t("Nobody at this moment. Whoever is located here on a phone may switch on “Let others see where I am”.")
+      : t("Nobody's position is taken for this map.");
   }
 
   function listen() {
@@ -83,7 +84,7 @@ export function livePart(id, state, redraw) {
   }, LOOK_EVERY_MS);
   void orSay(load);
   return {
-    part: part("Live positions", body),
+    part: part(t("Live positions"), body),
     leave() {
       isLeft = true;
       clearInterval(timer);

@@ -15,10 +15,12 @@ import { recordingActions, recordingsView } from "./recordings_view.js";
 import { pageOf } from "./routes.js";
 import { whoIsHere } from "./session.js";
 import { Problem, secretIn } from "../shared/api.js";
+import { languageChoice } from "../shared/language_choice.js";
 import { linkIn, openLink } from "../shared/links.js";
 import { isOpen, keepKnown } from "./store.js";
 import { choosing, tickBoxes } from "./toolbar.js";
 import { userActions, usersView } from "./users_view.js";
+import { t } from "../shared/words.js";
 
 /**
  * @typedef {object} Desk what every page of the desk can use
@@ -38,12 +40,12 @@ import { userActions, usersView } from "./users_view.js";
 
 const VIEWS = { recordings: recordingsView, jobs: jobsView, maps: mapsView, users: usersView };
 const ACTIONS = { recordings: recordingActions, jobs: jobActions, maps: mapActions, users: userActions };
-const TITLES = { recordings: "Recordings", jobs: "Jobs", maps: "Maps", users: "People", map: "Map", shared: "Map", recording: "Recording", missing: "No such page" };
+const TITLES = { recordings: t("Recordings"), jobs: t("Jobs"), maps: t("Maps"), users: t("People"), map: t("Map"), shared: t("Map"), recording: t("Recording"), missing: t("No such page") };
 
 /** Pages of one thing: who opens them, their list, and what is said where it is gone or cannot be shown. */
 const THINGS = {
-  map: { open: openMap, list: "maps", waiting: "map-page waiting", gone: "This map is not here", lost: "This map cannot be shown", back: "Back to the maps" },
-  recording: { open: openRecording, list: "recordings", waiting: "page waiting", gone: "This recording is not here", lost: "This recording cannot be shown", back: "Back to the recordings" },
+  map: { open: openMap, list: "maps", waiting: "map-page waiting", gone: t("This map is not here"), lost: t("This map cannot be shown"), back: t("Back to the maps") },
+  recording: { open: openRecording, list: "recordings", waiting: "page waiting", gone: t("This recording is not here"), lost: t("This recording cannot be shown"), back: t("Back to the recordings") },
 };
 
 /** @param {import("./session.js").Me} me */
@@ -107,7 +109,7 @@ function openDesk(me) {
     markNavigation(name);
     if (name === "map" || name === "recording") await showThing(THINGS[name], async () => id, isWanted);
     else if (name === "shared") await showThing(THINGS.map, async () => (await openLink(id)).map, isWanted);
-    else if (name === "missing") main.replaceChildren(blankPage("There is no such page", "The desk has no page at this address; it may have been cut off where it was copied.", h("a", { class: "button", href: "#/recordings" }, "To the recordings")));
+    else if (name === "missing") main.replaceChildren(blankPage(t("There is no such page"), t("The desk has no page at this address; it may have been cut off where it was copied."), h("a", { class: "button", href: "#/recordings" }, t("To the recordings"))));
     else {
       main.replaceChildren();
       if (name === "users") await loadUsers();
@@ -179,7 +181,7 @@ function countJobs(known) {
   const badge = one("#jobs-open");
   badge.hidden = open === 0;
   badge.textContent = String(open);
-  badge.setAttribute("aria-label", `${open} to do`);
+  badge.setAttribute("aria-label", t("{{count}} to do", { count: open }));
 }
 
 /** @param {unknown | null} problem */
@@ -190,6 +192,7 @@ function showConnection(problem) {
 }
 
 async function start() {
+  one("#foot").replaceChildren(languageChoice());
   one(".skip").addEventListener("click", (/** @type {Event} */ event) => {
     event.preventDefault(); // an address of the desk stands behind the #
     one("main").focus();
@@ -207,8 +210,8 @@ async function start() {
     document.addEventListener("elfslam:signed-out", () => location.reload(), { once: true });
     return openDesk(me);
   } catch (problem) {
-    one("main").replaceChildren(blankPage("The desk cannot be opened", problem instanceof Error ? problem.message : String(problem),
-      h("button", { type: "button", class: "button", click: () => location.reload() }, "Try again")));
+    one("main").replaceChildren(blankPage(t("The desk cannot be opened"), problem instanceof Error ? problem.message : String(problem),
+      h("button", { type: "button", class: "button", click: () => location.reload() }, t("Try again"))));
     return undefined;
   }
 }

@@ -7,7 +7,7 @@ import { blankPage } from "./door.js";
 import { h } from "../shared/dom.js";
 import { placeOf } from "../shared/places.js";
 import { downloadsOf } from "./downloads.js";
-import { formatMetres, plural } from "./format.js";
+import { formatMetres } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { livePart } from "./live_part.js";
 import { deleteMap, factsOf } from "./maps_view.js";
@@ -22,10 +22,14 @@ import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
 import { planOf, planType } from "./viewer/plan_panel.js";
 import { sceneOf } from "./viewer/scene.js";
 import { firstState } from "./viewer/state.js";
+import { counted, t } from "../shared/words.js";
 
 /** @typedef {import("./main.js").Desk} Desk */
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Opened} Opened */
+
+/** How a walk was located. @type {Record<string, string>} */
+const MODES = { "one-shot": t("one-shot"), trajectory: t("trajectory"), track: t("track") };
 
 /**
  * The page of a map, in `root`; null where nobody wants it any more once it has come. Throws Problem where
@@ -41,7 +45,7 @@ export async function openMap(desk, id, root, isWanted) {
   let map = first;
   const scene = sceneOf(view);
   const state = firstState(scene);
-  const panel = h("aside", { class: "panel", "aria-label": "About this map" });
+  const panel = h("aside", { class: "panel", "aria-label": t("About this map") });
   const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished), onTap: (xy_m) => plan.tap(xy_m) });
   const canEdit = () => map.right !== "read";
   const plan = planOf(id, state, scene.bounds_m, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
@@ -55,8 +59,8 @@ export async function openMap(desk, id, root, isWanted) {
     canvas.redraw();
   }
 
-  const downloads = part("Downloads", h("p", { class: "soft" }, "Asking the server…"));
-  const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), "Locate a recording");
+  const downloads = part(t("Downloads"), h("p", { class: "soft" }, t("Asking the server…")));
+  const locate = h("button", { type: "button", class: "button", click: () => locateHere(desk, map) }, icon("locate"), t("Locate a recording"));
   let recording = recordingOf(desk, map);
   const parts = new Map();
   const makers = {
@@ -119,7 +123,7 @@ export async function openMap(desk, id, root, isWanted) {
     if (isGone || !isWanted()) return;
     isGone = true;
     leave();
-    root.replaceChildren(blankPage("This map is gone", why, desk.me && h("a", { class: "button", href: "#/maps" }, "Back to the maps")));
+    root.replaceChildren(blankPage(t("This map is gone"), why, desk.me && h("a", { class: "button", href: "#/maps" }, t("Back to the maps"))));
     document.body.dataset.page = "gone";
   }
 
@@ -155,18 +159,19 @@ function headFacts({ name, venue, floor, right, owner, shared_with, has_link }) 
 function headOfMap(desk, map, { walks }, look) {
   const { closures, distance_m } = factsOf(map);
   const sum = (/** @type {(walk: import("./viewer/scene.js").Walk) => number} */ of) => walks.reduce((total, walk) => total + of(walk), 0);
-  const facts = [placeOf(map), map.right !== "own" && `shared by ${map.owner}`, map.kind === "floor" ? `Floor of ${plural(walks.length, "walk")}` : "One walk", formatMetres(distance_m ?? sum((walk) => walk.length_m)),
-    plural(sum((walk) => walk.xy_m.length), "footstep"), closures !== null && `${plural(closures, "place")} passed again`, map.right === "own" && sharedWords(map)];
+  const facts = [placeOf(map), map.right !== "own" && t("shared by {{owner}}", { owner: map.owner }), map.kind === "floor" ? counted(walks.length, "Floor of {{count}} walk", "Floor of {{count}} walks") : t("One walk"), formatMetres(distance_m ?? sum((walk) => walk.length_m)),
+    counted(sum((walk) => walk.xy_m.length), "{{count, number}} footstep", "{{count, number}} footsteps"), closures !== null && counted(closures, "{{count, number}} place passed again", "{{count, number}} places passed again"), map.right === "own" && sharedWords(map)];
   return h("header", { class: "map-head" },
-    desk.me && h("a", { class: "button icon", href: "#/maps", "aria-label": "Back to the maps", title: "Back to the maps" }, icon("back")),
+    desk.me && h("a", { class: "button icon", href: "#/maps", "aria-label": t("Back to the maps"), title: t("Back to the maps") }, icon("back")),
     h("div", null, h("h1", { tabindex: "-1" }, map.name), h("p", { class: "soft" }, facts.filter(Boolean).join(" · "))),
     buttonsOf(desk, map, look));
 }
 
 /** What whoever is here may do with a map. @param {Desk} desk @param {Map_} map @param {() => Promise<void>} look */
 function buttonsOf(desk, map, look) {
-  const button = (/** @type {Parameters<typeof icon>[0]} */ picture, /** @type {string} */ words, /** @type {() => Promise<unknown>} */ deed, kind = "") =>
-    h("button", { type: "button", class: `button icon ${kind}`.trim(), "aria-label": `${words} ${map.name}`, title: words, click: deed }, icon(picture));
+  const { name } = map;
+  const button = (/** @type {Parameters<typeof icon>[0]} */ picture, /** @type {{short: string, whole: string}} */ words, /** @type {() => Promise<unknown>} */ deed, kind = "") =>
+    h("button", { type: "button", class: `button icon ${kind}`.trim(), "aria-label": words.whole, title: words.short, click: deed }, icon(picture));
   const again = async () => {
     await desk.now();
     await look();
@@ -182,10 +187,10 @@ function buttonsOf(desk, map, look) {
     await desk.now();
   };
   return [
-    desk.me === null && h("a", { class: "button primary find-me", href: `./${location.hash}` }, icon("locate"), "Find me here"),
-    map.right !== "read" && button("edit", "Rename", rename),
-    map.right === "own" && button("share", "Share", share),
-    map.right === "own" && button("trash", "Delete", remove, "danger"),
+    desk.me === null && h("a", { class: "button primary find-me", href: `./${location.hash}` }, icon("locate"), t("Find me here")),
+    map.right !== "read" && button("edit", { short: t("Rename"), whole: t("Rename {{name}}", { name }) }, rename),
+    map.right === "own" && button("share", { short: t("Share"), whole: t("Share {{name}}", { name }) }, share),
+    map.right === "own" && button("trash", { short: t("Delete"), whole: t("Delete {{name}}", { name }) }, remove, "danger"),
   ];
 }
 
@@ -201,11 +206,11 @@ async function fillDownloads(map, place) {
 /** @param {Desk} desk @param {Map_} map */
 async function locateHere(desk, map) {
   const ready = desk.known.recordings.filter(({ state }) => state === "ready");
-  if (ready.length === 0) return say("There is no recording to locate; record another walk first.", "problem");
+  if (ready.length === 0) return say(t("There is no recording to locate; record another walk first."), "problem");
   const job = await askToLocate(ready, [map]);
   if (!job) return undefined;
   const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
-  if (well) say("It shows up here as soon as it is located.");
+  if (well) say(t("It shows up here as soon as it is located."));
   return desk.now();
 }
 
@@ -219,7 +224,7 @@ async function mapAgain(desk, map, recording) {
   const job = recording && (await askToMap(recording, keptOf(map.facts)));
   if (!job) return undefined;
   const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
-  if (well) say(`Another map of ${map.name} is being made; this one stays.`);
+  if (well) say(t("Another map of {{name}} is being made; this one stays.", { name: map.name }));
   return desk.now();
 }
 
@@ -231,8 +236,8 @@ async function loadLocated(desk, id, seen, state, fillPanel) {
     seen.add(job.id);
     await orSay(async () => {
       const answer = await ask(`/api/jobs/${encodeURIComponent(job.id)}/fixes.csv`);
-      const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? "a deleted recording";
-      const mode = job.given.mode ? ` (${job.given.mode})` : "";
+      const name = desk.known.recordings.find((recording) => recording.id === job.given.recording)?.name ?? t("a deleted recording");
+      const mode = job.given.mode ? ` (${MODES[job.given.mode] ?? job.given.mode})` : "";
       state.located.push({ id: job.id, name: `${name}${mode}`, fixes: parseFixes(await answer.text()), shown: state.located.length === 0 });
     });
   }

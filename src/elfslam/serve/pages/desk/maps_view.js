@@ -7,19 +7,20 @@ import { downloadsOf } from "./downloads.js";
 import { h } from "../shared/dom.js";
 import { grouped } from "../shared/places.js";
 import { chosenOf, matching, sorted } from "./finding.js";
-import { formatAgo, formatCount, formatMetres, plural } from "./format.js";
+import { formatAgo, formatCount, formatMetres } from "./format.js";
 import { icon } from "../shared/icons.js";
-import { cell, emptyPage, headOf, iconButton, rowHead, tableInGroups } from "./parts.js";
+import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, tableInGroups } from "./parts.js";
 import { keptOf } from "./recorded.js";
 import { renameMap, renamePlace } from "./renaming.js";
 import { leaveMap, ownerBadge, sharedWords, shareMap } from "./sharing.js";
 import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
+import { counted, t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./main.js").Desk} Desk */
 
-const COLUMNS = ["Chosen", "Map", "Of", "Length", "Passed again", "Made", "Actions"];
-const GONE = "Maps, their reports and floor plans leave this server, also for those whom they are shared with, and cannot be brought back. The recordings stay.";
+const COLUMNS = [t("Chosen"), t("Map"), t("Of"), t("Length"), t("Passed again"), t("Made"), t("Actions")];
+const GONE = t("Maps, their reports and floor plans leave this server, also for those whom they are shared with, and cannot be brought back. The recordings stay.");
 
 /** @param {Desk} desk */
 export function mapsView({ known, chosen, orders, nowMs }) {
@@ -30,11 +31,11 @@ export function mapsView({ known, chosen, orders, nowMs }) {
   const groups = grouped(shown);
   const bodies = groups.map((group, at) => [...headingsOf(groups, at), ...group.things.map((map) => rowOf(map, chosen, nowMs()))]);
   return h("div", { class: "page" },
-    headOf("Maps", "Yours, and those that others share with you. Choose several of one floor to merge them into one map.", known.maps.length > 1 && mergeButton(editable.length)),
-    known.maps.length > 1 && toolbarOf("Maps", order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all: known.maps.length, chosen: deleteChosen(mine.length) }),
-    shown.length > 0 ? tableInGroups("Maps", COLUMNS, bodies)
+    headOf(t("Maps"), t("Yours, and those that others share with you. Choose several of one floor to merge them into one map."), known.maps.length > 1 && mergeButton(editable.length)),
+    known.maps.length > 1 && toolbarOf(t("Maps"), order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all: known.maps.length, chosen: deleteChosen(mine.length) }),
+    shown.length > 0 ? tableInGroups(t("Maps"), COLUMNS, bodies)
       : known.maps.length > 0 ? nothingFound(order.find)
-        : emptyPage(known, "map", "No maps yet", "A recording becomes a map as soon as it has arrived."));
+        : emptyPage(known, "map", t("No maps yet"), t("A recording becomes a map as soon as it has arrived.")));
 }
 
 /** @param {Map_[]} maps @param {import("./finding.js").Order} order */
@@ -45,8 +46,8 @@ function shownMaps(maps, { find, by }) {
 
 /** @param {number} count */
 function mergeButton(count) {
-  return h("button", { type: "button", class: "button primary", "data-action": "merge", "aria-disabled": String(count < 2), title: count < 2 ? "Choose two maps or more that you may change" : null },
-    icon("layers"), count < 2 ? "Merge chosen maps" : `Merge ${count} maps`);
+  return h("button", { type: "button", class: "button primary", "data-action": "merge", "aria-disabled": String(count < 2), title: count < 2 ? t("Choose two maps or more that you may change") : null },
+    icon("layers"), count < 2 ? t("Merge chosen maps") : counted(count, "Merge {{count}} map", "Merge {{count}} maps"));
 }
 
 /** Headings among the rows: of a venue before its first floor, and of each floor; none where no map lies anywhere.
@@ -57,7 +58,7 @@ function headingsOf(groups, at) {
   const editable = venue !== null && things.some(({ right }) => right !== "read");
   const isFirst = at === 0 || groups[at - 1].venue !== venue;
   return [
-    isFirst && headingRow("h2", venue ?? "Not on a floor yet", editable ? [venue, null] : null),
+    isFirst && headingRow("h2", venue ?? t("Not on a floor yet"), editable ? [venue, null] : null),
     floor !== null && headingRow("h3", floor, editable ? [venue, floor] : null),
   ];
 }
@@ -67,7 +68,7 @@ function headingRow(level, words, place) {
   const key = JSON.stringify(place ?? words);
   return h("tr", { class: `group ${level}`, "data-key": `group-${level}-${key}`, role: "row" },
     h("th", { scope: "rowgroup", role: "rowheader", colspan: COLUMNS.length },
-      h("div", null, h(level, null, words), place && iconButton("edit", "rename-place", key, `Rename ${words}`))));
+      h("div", null, h(level, null, words), place && iconButton("edit", "rename-place", key, t("Rename {{name}}", { name: words })))));
 }
 
 /** @param {Map_} map @param {Set<string>} chosen @param {number} nowMs */
@@ -75,21 +76,21 @@ function rowOf(map, chosen, nowMs) {
   const { id, name, kind, created_utc, right } = map;
   const address = `#/maps/${encodeURIComponent(id)}`;
   const facts = factsOf(map);
-  const words = [map.floor_plan && "on a floor plan", keptOf(map.facts) && "of a stretch of the recording", sharedWords(map)].filter(Boolean).join(" · ");
+  const words = [map.floor_plan && t("on a floor plan"), keptOf(map.facts) && t("of a stretch of the recording"), sharedWords(map)].filter(Boolean).join(" · ");
   return h("tr", { "data-key": id, role: "row" },
     chooseCell(id, name, chosen.has(id)),
     rowHead(h("a", { href: address }, name), (right !== "own" || words) && h("span", { class: "marks" }, ownerBadge(map), words && h("small", null, words))),
-    cell("Of", kind === "floor" ? plural(facts.walks ?? map.sources.length, "walk") : "one walk"),
-    cell("Length", formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, plural(facts.footsteps, "footstep"))),
-    cell("Passed again", facts.closures === null ? "–" : formatCount(facts.closures)),
-    cell("Made", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
+    cell(t("Of"), kind === "floor" ? counted(facts.walks ?? map.sources.length, "{{count}} walk", "{{count}} walks") : t("one walk")),
+    lengthCell(formatMetres(facts.distance_m), facts.footsteps === null ? null : h("small", null, counted(facts.footsteps, "{{count, number}} footstep", "{{count, number}} footsteps"))),
+    cell(t("Passed again"), facts.closures === null ? "–" : formatCount(facts.closures)),
+    cell(t("Made"), h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
     h("td", { class: "actions", role: "cell" },
-      h("a", { class: "button small", href: address }, icon("map"), h("span", null, "Open", h("span", { class: "visually-hidden" }, ` ${name}`))),
-      h("a", { class: "button icon", href: `/api/maps/${encodeURIComponent(id)}/report.html`, target: "_blank", rel: "noopener", "aria-label": `Report of ${name}`, title: "Report" }, icon("report")),
-      iconButton("download", "downloads", id, `Downloads of ${name}`),
-      right !== "read" && iconButton("edit", "rename", id, `Rename ${name}`),
-      right === "own" && iconButton("share", "share", id, `Share ${name}`),
-      right === "own" ? iconButton("trash", "delete", id, `Delete ${name}`, "danger") : iconButton("leave", "leave", id, `Take ${name} off my list`)));
+      h("a", { class: "button small", href: address }, icon("map"), h("span", null, t("Open"), h("span", { class: "visually-hidden" }, ` ${name}`))),
+      h("a", { class: "button icon", href: `/api/maps/${encodeURIComponent(id)}/report.html`, target: "_blank", rel: "noopener", "aria-label": t("Report of {{name}}", { name }), title: t("Report") }, icon("report")),
+      iconButton("download", "downloads", id, t("Downloads of {{name}}", { name })),
+      right !== "read" && iconButton("edit", "rename", id, t("Rename {{name}}", { name })),
+      right === "own" && iconButton("share", "share", id, t("Share {{name}}", { name })),
+      right === "own" ? iconButton("trash", "delete", id, t("Delete {{name}}", { name }), "danger") : iconButton("leave", "leave", id, t("Take {{name}} off my list", { name }))));
 }
 
 /** The few numbers that a list shows, whichever of them are known. @param {{facts: any}} map
@@ -114,12 +115,12 @@ export function mapActions(desk) {
       const well = await orSay(() => askJson("/api/jobs", { method: "POST", json: job }));
       if (well) {
         desk.chosen.clear();
-        say("The maps are being merged; see Jobs.");
+        say(t("The maps are being merged; see Jobs."));
       }
       await desk.now();
     },
     downloads: on(async (map) => {
-      await orSay(async () => showPerson(`Downloads of ${map.name}`, await downloadsOf(map)));
+      await orSay(async () => showPerson(t("Downloads of {{name}}", { name: map.name }), await downloadsOf(map)));
     }),
     rename: on((map) => renameMap(map, desk.known.maps)),
     "rename-place": async (/** @type {string} */ told) => {
@@ -134,7 +135,7 @@ export function mapActions(desk) {
     delete: on(deleteMap),
     async "delete-chosen"() {
       const maps = chosen().filter(({ right }) => right === "own");
-      if (!(await confirmDelete(plural(maps.length, "map"), GONE, maps.map(({ name }) => name)))) return;
+      if (!(await confirmDelete(counted(maps.length, "{{count}} map", "{{count}} maps"), GONE, maps.map(({ name }) => name)))) return;
       await orSay(() => askJson("/api/maps/delete", { method: "POST", json: { ids: maps.map(({ id }) => id) } }));
       await desk.now();
     },

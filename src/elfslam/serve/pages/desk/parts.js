@@ -2,6 +2,7 @@
 
 import { h } from "../shared/dom.js";
 import { icon } from "../shared/icons.js";
+import { t } from "../shared/words.js";
 
 /** @param {string} title @param {string} words @param {...any} actions */
 export function headOf(title, words, ...actions) {
@@ -18,8 +19,8 @@ export function tableOf(name, columns, rows) {
 
 /** The same, its rows in several bodies. @param {string} name @param {string[]} columns @param {any[][]} bodies */
 export function tableInGroups(name, columns, bodies) {
-  const head = columns.map((column) => h("th", { scope: "col", role: "columnheader", class: column === "Actions" ? "actions" : null },
-    /^(Actions|Chosen)$/.test(column) ? h("span", { class: "visually-hidden" }, column) : column));
+  const head = columns.map((column) => h("th", { scope: "col", role: "columnheader", class: column === t("Actions") ? "actions" : null },
+    column === t("Actions") || column === t("Chosen") ? h("span", { class: "visually-hidden" }, column) : column));
   return h("table", { class: "list", role: "table", "aria-label": name },
     h("thead", { role: "rowgroup" }, h("tr", { role: "row" }, head)),
     bodies.map((rows) => h("tbody", { role: "rowgroup" }, rows)));
@@ -28,6 +29,16 @@ export function tableInGroups(name, columns, bodies) {
 /** @param {string} label @param {...any} children */
 export function cell(label, ...children) {
   return h("td", { role: "cell", "data-label": label }, h("div", null, children));
+}
+
+/** The state of a thing: as wide as it needs. @param {...any} children */
+export function stateCell(...children) {
+  return h("td", { role: "cell", class: "state", "data-label": t("State") }, h("div", null, children));
+}
+
+/** How long a thing is. @param {...any} children */
+export function lengthCell(...children) {
+  return h("td", { role: "cell", class: "length", "data-label": t("Length") }, h("div", null, children));
 }
 
 /** @param {...any} children */
@@ -44,6 +55,6 @@ export function iconButton(picture, action, id, label, kind = "") {
 /** @param {{loaded: boolean}} known @param {Parameters<typeof icon>[0]} picture @param {string} title
  * @param {any} words */
 export function emptyPage(known, picture, title, words) {
-  if (!known.loaded) return h("div", { class: "empty", "aria-busy": "true" }, h("p", { class: "soft" }, "Asking the server…"));
+  if (!known.loaded) return h("div", { class: "empty", "aria-busy": "true" }, h("p", { class: "soft" }, t("Asking the server…")));
   return h("div", { class: "empty" }, icon(picture), h("h2", null, title), h("p", { class: "soft" }, words));
 }

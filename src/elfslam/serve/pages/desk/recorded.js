@@ -6,6 +6,7 @@ import { missingLine } from "../shared/missing.js";
 import { formatMoment } from "../shared/format.js";
 import { courseLanes, courseOf } from "./timeline.js";
 import { part } from "./viewer/panel.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {import("./store.js").Recording} Recording */
@@ -18,12 +19,12 @@ export function recordedPart({ kind, facts }, recording, again) {
   if (kind !== "run" || (!recording && missing.length === 0)) return h("section", { hidden: true });
   const kept = keptOf(facts);
   const course = recording ? courseOf(recording) : null;
-  const words = kept ? `Mapped from ${formatMoment(kept[0])} to ${untilWords(kept[1], course?.duration_s)}.` : "All of it is mapped.";
-  return part("Recording", [
+  const words = kept ? t("Mapped from {{from}} to {{until}}.", { from: formatMoment(kept[0]), until: untilWords(kept[1], course?.duration_s) }) : t("All of it is mapped.");
+  return part(t("Recording"), [
     course && courseLanes(course, kept ?? undefined),
     h("p", { class: "soft" }, words),
     missing.length > 0 && h("ul", { class: "missing" }, missing.map((each) => h("li", null, missingLine(each)))),
-    recording && h("button", { type: "button", class: "button", click: again }, icon("again"), "Trim and map again")]);
+    recording && h("button", { type: "button", class: "button", click: again }, icon("again"), t("Trim and map again"))]);
 }
 
 /** The stretch that a map was made of; null where that is all. @param {any} facts @returns {Span | null} */
@@ -34,5 +35,5 @@ export function keptOf(facts) {
 
 /** @param {number} until_s @param {number | undefined} duration_s */
 function untilWords(until_s, duration_s) {
-  return until_s < (duration_s ?? 1e6) ? formatMoment(until_s) : "the end";
+  return until_s < (duration_s ?? 1e6) ? formatMoment(until_s) : t("the end");
 }

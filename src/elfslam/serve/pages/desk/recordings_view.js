@@ -5,34 +5,35 @@ import { askToLocate, askToMap } from "./asking.js";
 import { confirmDelete, orSay, say } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { chosenOf, matching, sorted } from "./finding.js";
-import { fileName, formatAgo, formatBytes, formatDuration, plural } from "./format.js";
+import { fileName, formatAgo, formatBytes, formatDuration } from "./format.js";
 import { icon } from "../shared/icons.js";
 import { stateOfJob } from "./jobs_view.js";
 import { ENDINGS } from "./uploads.js";
-import { cell, emptyPage, headOf, iconButton, rowHead, tableOf } from "./parts.js";
+import { cell, emptyPage, headOf, iconButton, lengthCell, rowHead, stateCell, tableOf } from "./parts.js";
 import { renameRecording } from "./renaming.js";
 import { isOpen, mappingOf } from "./store.js";
 import { chooseCell, deleteChosen, nothingFound, toolbarOf } from "./toolbar.js";
+import { counted, t, translated, woven } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Known} Known */
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {import("./main.js").Desk} Desk */
 
-const COLUMNS = ["Chosen", "Recording", "When", "Length", "Size", "State", "Actions"];
+const COLUMNS = [t("Chosen"), t("Recording"), t("When"), t("Length"), t("Size"), t("State"), t("Actions")];
 
 /** @param {Desk} desk */
 export function recordingsView({ known, uploads, chosen, orders, nowMs }) {
   const order = orders.recordings;
   const all = known.recordings.length;
-  const add = h("label", { class: "button primary" }, icon("upload"), "Add recordings",
+  const add = h("label", { class: "button primary" }, icon("upload"), t("Add recordings"),
     h("input", { type: "file", accept: [...ENDINGS, ".xz"].join(","), multiple: true, class: "visually-hidden", name: "recordings" }));
   const shown = shownRecordings(known.recordings, order);
   const rows = shown.map((recording) => rowOf(recording, known, chosen, nowMs()));
   return h("div", { class: "page" },
-    headOf("Recordings", "Walks from a phone, and what Sensor Logger, phyphox and other programs recorded: drop the files anywhere on this page.", add),
+    headOf(t("Recordings"), t("Walks from a phone, and what Sensor Logger, phyphox and other programs recorded: drop the files anywhere on this page."), add),
     uploads?.list(),
-    all > 1 && toolbarOf("Recordings", order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all, chosen: deleteChosen(chosenOf(shown, chosen).length) }),
-    rows.length > 0 ? tableOf("Recordings", COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
+    all > 1 && toolbarOf(t("Recordings"), order, ["newest", "oldest", "name", "longest"], { shown: shown.length, all, chosen: deleteChosen(chosenOf(shown, chosen).length) }),
+    rows.length > 0 ? tableOf(t("Recordings"), COLUMNS, rows) : all > 0 ? nothingFound(order.find) : nothing(known));
 }
 
 /** @param {Recording[]} recordings @param {import("./finding.js").Order} order */
@@ -42,8 +43,8 @@ function shownRecordings(recordings, { find, by }) {
 
 /** @param {Known} known */
 function nothing(known) {
-  return emptyPage(known, "phone", "No recordings yet", [
-    "Open ", h("a", { href: "./" }, "the phone page"), " on a phone and walk, or drop recordings here."]);
+  return emptyPage(known, "phone", t("No recordings yet"), 
+    woven("Open {{page}} on a phone and walk, or drop recordings here.", { page: h("a", { href: "./" }, t("the phone page")) }));
 }
 
 /** @param {Recording} recording @param {Known} known @param {Set<string>} chosen @param {number} nowMs */
@@ -53,16 +54,16 @@ function rowOf(recording, known, chosen, nowMs) {
   return h("tr", { "data-key": id, role: "row" },
     chooseCell(id, name, chosen.has(id)),
     rowHead(h("a", { href: `#/recordings/${encodeURIComponent(id)}` }, name), h("small", null, device)),
-    cell("When", h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
-    cell("Length", formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, plural(facts.footsteps, "footstep")) : null),
-    cell("Size", formatBytes(bytesOf(recording))),
-    cell("State", stateOf(recording, known)),
+    cell(t("When"), h("time", { datetime: created_utc, title: created_utc }, formatAgo(created_utc, nowMs))),
+    lengthCell(formatDuration(facts?.duration_s), facts?.footsteps ? h("small", null, counted(facts.footsteps, "{{count, number}} footstep", "{{count, number}} footsteps")) : null),
+    cell(t("Size"), formatBytes(bytesOf(recording))),
+    stateCell(stateOf(recording, known)),
     h("td", { class: "actions", role: "cell" },
-      ready && h("button", { type: "button", class: "button small", "data-action": "map", "data-id": id }, icon("map"), h("span", null, "Map", h("span", { class: "visually-hidden" }, ` ${name}`))),
-      ready && known.maps.length > 0 && iconButton("locate", "locate", id, `Locate ${name} in a map`),
-      ready && h("a", { class: "button icon", href: `/api/recordings/${encodeURIComponent(id)}/recording.zip`, download: `${fileName(name)}.zip`, "aria-label": `Download ${name}`, title: "Download as .zip" }, icon("download")),
-      iconButton("edit", "rename", id, `Rename ${name}`),
-      iconButton("trash", "delete", id, `Delete ${name}`, "danger")));
+      ready && h("button", { type: "button", class: "button small", "data-action": "map", "data-id": id }, icon("map"), h("span", null, t("Map", { context: "verb" }), h("span", { class: "visually-hidden" }, ` ${name}`))),
+      ready && known.maps.length > 0 && iconButton("locate", "locate", id, t("Locate {{name}} in a map", { name })),
+      ready && h("a", { class: "button icon", href: `/api/recordings/${encodeURIComponent(id)}/recording.zip`, download: `${fileName(name)}.zip`, "aria-label": t("Download {{name}}", { name }), title: t("Download as .zip") }, icon("download")),
+      iconButton("edit", "rename", id, t("Rename {{name}}", { name })),
+      iconButton("trash", "delete", id, t("Delete {{name}}", { name }), "danger")));
 }
 
 /** Bytes that have come. @param {Recording} recording @returns {number | null} */
@@ -83,22 +84,22 @@ export function shareCome({ uploads }) {
 /** @param {Recording} recording @param {Known} known */
 export function stateOf(recording, known) {
   if (recording.state === "refused") {
-    return [h("span", { class: "badge", "data-verdict": "fail" }, "Refused"), h("small", { class: "problem" }, recording.refusal)];
+    return [h("span", { class: "badge", "data-verdict": "fail" }, t("Refused")), h("small", { class: "problem" }, translated(recording.refusal ?? ""))];
   }
   if (recording.state === "receiving") {
     const share = shareCome(recording);
-    return [h("span", { class: "badge pulse", "data-verdict": "doubt" }, "Receiving"),
-      share !== null && h("progress", { max: 1, value: share, "aria-label": `Upload of ${recording.name}` })];
+    return [h("span", { class: "badge pulse", "data-verdict": "doubt" }, t("Receiving")),
+      share !== null && h("progress", { max: 1, value: share, "aria-label": t("Upload of {{name}}", { name: recording.name }) })];
   }
   const { job, map } = mappingOf(recording.id, known);
-  const link = map && h("a", { href: `#/maps/${encodeURIComponent(map.id)}` }, "See the map");
+  const link = map && h("a", { href: `#/maps/${encodeURIComponent(map.id)}` }, t("See the map"));
   if (job && (isOpen(job) || (job.state === "failed"))) return [stateOfJob(job), link];
-  return link ? [link] : [h("span", { class: "badge" }, "Ready to map")];
+  return link ? [link] : [h("span", { class: "badge" }, t("Ready to map"))];
 }
 
 /** What goes with a recording. @param {number | null} bytes */
 function goneWords(bytes) {
-  return `${formatBytes(bytes)} leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.`;
+  return t("{{bytes}} leave this server and cannot be brought back. The maps made of it alone and the fixes found with it go too; floor maps merged with other walks stay.", { bytes: formatBytes(bytes) });
 }
 
 /** @param {Desk} desk */
@@ -111,7 +112,7 @@ export function recordingActions(desk) {
     },
     async locate(/** @type {string} */ id) {
       const recording = found(id);
-      if (recording) await post(desk, await askToLocate([recording], desk.known.maps), `${recording.name} is waiting to be located.`);
+      if (recording) await post(desk, await askToLocate([recording], desk.known.maps), t("{{name}} is waiting to be located.", { name: recording.name }));
     },
     async rename(/** @type {string} */ id) {
       const recording = found(id);
@@ -124,7 +125,7 @@ export function recordingActions(desk) {
     async "delete-chosen"() {
       const recordings = chosenOf(shownRecordings(desk.known.recordings, desk.orders.recordings), desk.chosen);
       const bytes = recordings.reduce((sum, recording) => sum + (bytesOf(recording) ?? 0), 0);
-      if (!(await confirmDelete(plural(recordings.length, "recording"), goneWords(bytes), recordings.map(({ name }) => name)))) return;
+      if (!(await confirmDelete(counted(recordings.length, "{{count}} recording", "{{count}} recordings"), goneWords(bytes), recordings.map(({ name }) => name)))) return;
       await orSay(() => askJson("/api/recordings/delete", { method: "POST", json: { ids: recordings.map(({ id }) => id) } }));
       await desk.now();
     },
@@ -145,7 +146,7 @@ async function post(desk, job, words) {
 
 /** @param {Desk} desk @param {Recording} recording */
 export async function mapRecording(desk, recording) {
-  await post(desk, await askToMap(recording), `${recording.name} is waiting to be mapped.`);
+  await post(desk, await askToMap(recording), t("{{name}} is waiting to be mapped.", { name: recording.name }));
 }
 
 /** @param {Desk} desk @param {Recording} recording @returns {Promise<boolean>} whether it is gone */

@@ -5,6 +5,7 @@ import { field } from "./asking.js";
 import { askPerson, orSay } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { byName, placeOf } from "../shared/places.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 
@@ -18,7 +19,7 @@ function nameField(words, name, value, more = {}) {
 /** One question, and its answer sent; whether it went well. @param {{title: string, body: any, path: string,
  * method?: string, json: (answer: FormData) => unknown}} question */
 async function change({ title, body, path, method = "PATCH", json }) {
-  const answer = await askPerson({ title, body, submit: "Save" });
+  const answer = await askPerson({ title, body, submit: t("Save") });
   return answer !== null && orSay(() => askJson(path, { method, json: json(answer) }));
 }
 
@@ -28,8 +29,8 @@ const told = (answer, name) => String(answer.get(name) ?? "").trim();
 /** @param {{id: string, name: string}} recording @returns {Promise<boolean>} */
 export function renameRecording({ id, name }) {
   return change({
-    title: `Rename ${name}`,
-    body: nameField("Name", "name", name, { required: true }),
+    title: t("Rename {{name}}", { name }),
+    body: nameField(t("Name"), "name", name, { required: true }),
     path: `/api/recordings/${encodeURIComponent(id)}`,
     json: (answer) => ({ name: told(answer, "name") }),
   });
@@ -43,13 +44,13 @@ export function renameMap(map, maps) {
   const choices = (/** @type {string} */ id, /** @type {string[]} */ names) =>
     h("datalist", { id }, names.map((value) => h("option", { value })));
   return change({
-    title: "Name and place",
+    title: t("Name and place"),
     body: [
-      nameField("Name", "name", map.name, { required: true }),
-      nameField("Venue", "venue", map.venue, { list: "known-venues", placeholder: "North Mall" }),
-      nameField("Floor", "floor", map.floor, { list: "known-floors", placeholder: "Ground floor" }),
+      nameField(t("Name"), "name", map.name, { required: true }),
+      nameField(t("Venue"), "venue", map.venue, { list: "known-venues", placeholder: t("North Mall") }),
+      nameField(t("Floor"), "floor", map.floor, { list: "known-floors", placeholder: t("Ground floor") }),
       choices("known-venues", offered("venue")), choices("known-floors", offered("floor")),
-      h("small", null, "Lists and phones group maps by venue and floor. Floors are ordered by the number in their name."),
+      h("small", null, t("Lists and phones group maps by venue and floor. Floors are ordered by the number in their name.")),
     ],
     path: `/api/maps/${encodeURIComponent(map.id)}`,
     json: (answer) => mapChange(told(answer, "name"), told(answer, "venue"), told(answer, "floor")),
@@ -64,10 +65,10 @@ export function mapChange(name, venue, floor) {
 /** A venue, or one floor of it. @param {string} venue @param {string | null} floor @returns {Promise<boolean>} */
 export function renamePlace(venue, floor) {
   return change({
-    title: `Rename ${placeOf({ venue, floor })}`,
+    title: t("Rename {{name}}", { name: placeOf({ venue, floor }) }),
     body: [
-      nameField(floor === null ? "Venue" : "Floor", "name", floor ?? venue, { required: true }),
-      h("small", null, "For every map there that you may change. Maps that others only let you see keep their place."),
+      nameField(floor === null ? t("Venue") : t("Floor"), "name", floor ?? venue, { required: true }),
+      h("small", null, t("For every map there that you may change. Maps that others only let you see keep their place.")),
     ],
     path: "/api/places",
     json: (answer) => ({ venue, floor, name: told(answer, "name") }),
@@ -77,8 +78,8 @@ export function renamePlace(venue, floor) {
 /** @param {string} name @returns {Promise<boolean>} */
 export function renameMe(name) {
   return change({
-    title: "Your name",
-    body: [nameField("Name", "name", name, { required: true }), h("small", null, "Others read it where you share a map with them.")],
+    title: t("Your name"),
+    body: [nameField(t("Name"), "name", name, { required: true }), h("small", null, t("Others read it where you share a map with them."))],
     path: "/api/me",
     json: (answer) => ({ name: told(answer, "name") }),
   });

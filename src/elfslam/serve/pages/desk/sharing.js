@@ -4,27 +4,27 @@ import { ask, askJson } from "./api.js";
 import { addressField, codeOf } from "./codes.js";
 import { askPerson, orSay, showPerson } from "./dialogs.js";
 import { h } from "../shared/dom.js";
-import { plural } from "./format.js";
+import { counted, t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {"" | "read" | "edit"} May */
 /** @typedef {{people: {user: string, name: string, may: May}[], link: {url: string, may: May} | null}} Shares */
 
 /** @type {[May, string][]} */
-const CHOICES = [["", "No access"], ["read", "Can view"], ["edit", "Can edit"]];
+const CHOICES = [["", t("No access")], ["read", t("Can view")], ["edit", t("Can edit")]];
 const MANY_PEOPLE = 8;
 
 /** Whose it is, where it is somebody else's. @param {{owner: string, right: string}} map */
 export function ownerBadge({ owner, right }) {
-  return right === "own" ? null : h("span", { class: "badge" }, `Shared by ${owner}`);
+  return right === "own" ? null : h("span", { class: "badge" }, t("Shared by {{owner}}", { owner }));
 }
 
 /** @param {{right: string, shared_with: number, has_link: boolean}} map @returns {string} */
 export function sharedWords({ right, shared_with: count, has_link: hasLink }) {
-  if (right === "read") return "you can view it";
-  if (right === "edit") return "you can edit it";
-  const whom = [count > 0 && plural(count, "person", "people"), hasLink && "everyone with the link"].filter(Boolean);
-  return whom.length > 0 ? `shared with ${whom.join(" and ")}` : "";
+  if (right === "read") return t("you can view it");
+  if (right === "edit") return t("you can edit it");
+  const whom = [count > 0 && counted(count, "{{count}} person", "{{count}} people"), hasLink && t("everyone with the link")].filter(Boolean);
+  return whom.length > 0 ? t("shared with {{whom}}", { whom: whom.join(` ${t("and")} `) }) : "";
 }
 
 /** With whom a map is shared, to be looked at and changed. @param {{id: string, name: string}} map */
@@ -35,12 +35,12 @@ export async function shareMap({ id, name }) {
     const status = h("p", { class: "soft saved", role: "status" });
     /** Sends a change; whether it went well. @param {() => Promise<unknown>} deed */
     const save = async (deed) => {
-      status.textContent = "Saving…";
+      status.textContent = t("Saving…");
       const well = await orSay(deed);
-      status.textContent = well ? "Saved" : "Not saved; try again";
+      status.textContent = well ? t("Saved") : t("Not saved; try again");
       return well;
     };
-    await showPerson(`Share ${name}`, [peoplePart(path, people, shares, save), linkPart(path, shares, save), status]);
+    await showPerson(t("Share {{name}}", { name }), [peoplePart(path, people, shares, save), linkPart(path, shares, save), status]);
   });
 }
 
@@ -67,15 +67,15 @@ function peoplePart(path, people, shares, save) {
     const address = `${path}/shares/${encodeURIComponent(id)}`;
     const set = (/** @type {May} */ may) => save(() => (may === ""
       ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
-    return h("li", { "data-name": name.toLowerCase() }, h("span", null, name), mayField(`What ${name} may do`, has.get(id) ?? "", "No access", set));
+    return h("li", { "data-name": name.toLowerCase() }, h("span", null, name), mayField(t("What {{name}} may do", { name }), has.get(id) ?? "", t("No access"), set));
   });
-  const search = h("input", { type: "search", placeholder: "Search people", "aria-label": "Search people", autocomplete: "off" });
+  const search = h("input", { type: "search", placeholder: t("Search people"), "aria-label": t("Search people"), autocomplete: "off" });
   search.addEventListener("input", () => {
     for (const row of rows) row.hidden = !row.dataset.name.includes(search.value.trim().toLowerCase());
   });
   return h("section", { class: "stack tight", "aria-labelledby": "share-people" },
-    h("h3", { id: "share-people" }, "People"),
-    people.length === 0 && h("p", { class: "soft" }, "Nobody else has been let in to this server yet. Its owner invites them under People; a link works without that."),
+    h("h3", { id: "share-people" }, t("People")),
+    people.length === 0 && h("p", { class: "soft" }, t("Nobody else has been let in to this server yet. Its owner invites them under People; a link works without that.")),
     people.length > MANY_PEOPLE && search,
     rows.length > 0 && h("ul", { class: "people" }, rows));
 }
@@ -86,7 +86,7 @@ function peoplePart(path, people, shares, save) {
 function linkPart(path, shares, save) {
   const place = h("div", { class: "stack tight" });
   const show = (/** @type {Shares["link"]} */ link) => place.replaceChildren(...(link === null ? [] : [
-    ...addressField(link.url), h("details", null, h("summary", null, "As a QR code"), codeOf(link.url))]));
+    ...addressField(link.url), h("details", null, h("summary", null, t("As a QR code")), codeOf(link.url))]));
   const set = async (/** @type {May} */ may) => {
     if (may === "" && !(await confirmWithdrawal())) return false;
     return save(async () => {
@@ -96,21 +96,21 @@ function linkPart(path, shares, save) {
   };
   show(shares.link);
   return h("section", { class: "stack tight", "aria-labelledby": "share-link" },
-    h("h3", { id: "share-link" }, "Everyone who has the link"),
-    h("ul", { class: "people" }, h("li", null, h("span", null, "Without an account"), mayField("What everyone may do who has the link", shares.link?.may ?? "", "No link", set))),
+    h("h3", { id: "share-link" }, t("Everyone who has the link")),
+    h("ul", { class: "people" }, h("li", null, h("span", null, t("Without an account")), mayField(t("What everyone may do who has the link"), shares.link?.may ?? "", t("No link"), set))),
     place);
 }
 
 /** @returns {Promise<boolean>} */
 async function confirmWithdrawal() {
-  const body = h("p", null, "Whoever has it can open the map no more. A link made later is another one. Phones keep the map if they have it.");
-  return (await askPerson({ title: "Withdraw the link?", body, submit: "Withdraw it", danger: true, cancel: "Keep it" })) !== null;
+  const body = h("p", null, t("Whoever has it can open the map no more. A link made later is another one. Phones keep the map if they have it."));
+  return (await askPerson({ title: t("Withdraw the link?"), body, submit: t("Withdraw it"), danger: true, cancel: t("Keep it") })) !== null;
 }
 
 /** A map that somebody else shared leaves one's own list. @param {Map_} map @returns {Promise<boolean>} whether it is gone */
 export async function leaveMap({ id, name, owner }) {
-  const body = h("p", null, `${owner} keeps the map, and can share it with you again.`);
-  if ((await askPerson({ title: `Take ${name} off your list?`, body, submit: "Take it off", danger: true, cancel: "Keep it" })) === null) return false;
+  const body = h("p", null, t("{{owner}} keeps the map, and can share it with you again.", { owner }));
+  if ((await askPerson({ title: t("Take {{name}} off your list?", { name }), body, submit: t("Take it off"), danger: true, cancel: t("Keep it") })) === null) return false;
   return orSay(async () => {
     const me = await askJson("/api/me");
     await ask(`/api/maps/${encodeURIComponent(id)}/shares/${encodeURIComponent(me.id)}`, { method: "DELETE" });

@@ -2,6 +2,7 @@
 
 import { askJson } from "./api.js";
 import { poll } from "./polling.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {{id: string, name: string, device: string, state: "receiving" | "ready" | "refused", refusal: string | null, facts: any, files: {name: string, size_bytes: number}[], uploads: {id: string, file_name: string, offset_bytes: number, length_bytes: number | null}[], created_utc: string}} Recording */
 /** @typedef {{id: string, kind: "map" | "merge" | "locate", state: "queued" | "running" | "done" | "failed" | "cancelled", given: any, gave: any, doing: string, share: number | null, attempts: number, problem: string | null, created_utc: string, started_utc: string | null, finished_utc: string | null}} Job */
@@ -49,10 +50,10 @@ function newest(things) {
 
 /** What a job works on, in the names that people gave. @param {Job} job @param {Known} known */
 export function jobTitle({ kind, given }, { recordings, maps }) {
-  const recording = recordings.find(({ id }) => id === given.recording)?.name ?? "a deleted recording";
-  const named = (/** @type {string} */ wanted) => maps.find(({ id }) => id === wanted)?.name ?? "a deleted map";
+  const recording = recordings.find(({ id }) => id === given.recording)?.name ?? t("a deleted recording");
+  const named = (/** @type {string} */ wanted) => maps.find(({ id }) => id === wanted)?.name ?? t("a deleted map");
   if (kind === "map") return recording;
-  if (kind === "locate") return `${recording} in ${named(given.map)}`;
+  if (kind === "locate") return t("{{recording}} in {{map}}", { recording, map: named(given.map) });
   return given.name || (given.maps ?? []).map(named).join(" + ");
 }
 

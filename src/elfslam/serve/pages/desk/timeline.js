@@ -2,6 +2,7 @@
 
 import { h, svg } from "../shared/dom.js";
 import { formatMoment } from "../shared/format.js";
+import { t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Recording} Recording */
 /** @typedef {[from: number, until: number]} Span seconds */
@@ -9,7 +10,7 @@ import { formatMoment } from "../shared/format.js";
 
 const STEP_S = 0.1;
 const LANE = 10;
-const LANES = /** @type {const} */ ([["sound", "Sound"], ["motion", "Motion"]]);
+const LANES = /** @type {const} */ ([["sound", t("Sound")], ["motion", t("Motion")]]);
 /** The least that can be chosen, s. */
 export const LEAST_S = 2;
 
@@ -56,7 +57,7 @@ export function courseLanes({ duration_s, lanes }, [from_s, until_s] = [0, durat
 
 /** @param {Span[]} spans */
 function spokenSpans(spans) {
-  return spans.map(([from_s, until_s]) => `${formatMoment(from_s)} to ${formatMoment(until_s)}`).join(", ") || "none";
+  return spans.map(([from_s, until_s]) => t("{{low}} to {{high}}", { low: formatMoment(from_s), high: formatMoment(until_s) })).join(", ") || t("none");
 }
 
 /** A time line on which both ends can be moved: fields `from_s` and `until_s` of a form.
@@ -65,7 +66,7 @@ export function stretchField(course, given = [0, course.duration_s]) {
   const { duration_s } = course;
   let chosen = given;
   let lanes = courseLanes(course, chosen);
-  const ends = [["from", "From", 0], ["until", "Until", 1]].map(([end, words, at]) => {
+  const ends = [["from", t("From"), 0], ["until", t("Until"), 1]].map(([end, words, at]) => {
     const input = h("input", { type: "range", name: `${end}_s`, min: "0", max: String(duration_s), step: String(STEP_S) });
     const told = h("span", { class: "figures", "aria-hidden": "true" });
     return { end: /** @type {"from" | "until"} */ (end), at: Number(at), input, told, label: h("label", { class: "field" }, h("span", null, words, " ", told), input) };
@@ -80,8 +81,8 @@ export function stretchField(course, given = [0, course.duration_s]) {
     lanes.replaceWith(now);
     lanes = now;
   };
-  const body = h("fieldset", { class: "stretch" }, h("legend", null, "Which part of it"), lanes, ends.map(({ label }) => label),
-    h("small", null, "The recording stays whole; only what lies between is mapped."));
+  const body = h("fieldset", { class: "stretch" }, h("legend", null, t("Which part of it")), lanes, ends.map(({ label }) => label),
+    h("small", null, t("The recording stays whole; only what lies between is mapped.")));
   for (const { end, at, input } of ends) {
     input.addEventListener("input", () => {
       const moved = /** @type {Span} */ ([...chosen]);

@@ -3,7 +3,7 @@
 import { h } from "../shared/dom.js";
 import { icon } from "../shared/icons.js";
 import { SORTS } from "./finding.js";
-import { plural } from "./format.js";
+import { counted, inSentence, t } from "../shared/words.js";
 
 /** @typedef {import("./finding.js").Order} Order */
 /** @typedef {import("./finding.js").Sort} Sort */
@@ -13,31 +13,31 @@ import { plural } from "./format.js";
  * @param {{shown: number, all: number, chosen?: any}} rows `chosen`: what can be done with those
  */
 export function toolbarOf(title, order, sorts, { shown, all, chosen = null }) {
-  const name = title.toLowerCase();
-  const search = h("input", { type: "search", "data-order": "find", name: "find", value: order.find, placeholder: `Search ${name}`, "aria-label": `Search ${name}`, autocomplete: "off", spellcheck: "false" });
-  const sort = h("select", { "data-order": "by", name: "by", "aria-label": `Sort ${name}` },
+  const list = inSentence(title);
+  const search = h("input", { type: "search", "data-order": "find", name: "find", value: order.find, placeholder: t("Search {{list}}", { list }), "aria-label": t("Search {{list}}", { list }), autocomplete: "off", spellcheck: "false" });
+  const sort = h("select", { "data-order": "by", name: "by", "aria-label": t("Sort {{list}}", { list }) },
     sorts.map((by) => h("option", { value: by, selected: by === order.by }, SORTS[by])));
-  return h("div", { class: "toolbar", role: "group", "aria-label": `${title}: search, sort, choose` },
+  return h("div", { class: "toolbar", role: "group", "aria-label": t("{{list}}: search, sort, choose", { list: title }) },
     h("div", { class: "search" }, icon("search"), search), sort,
-    chosen && h("label", { class: "tick all" }, h("input", { type: "checkbox", "data-action": "choose-all" }), h("span", null, "All")),
+    chosen && h("label", { class: "tick all" }, h("input", { type: "checkbox", "data-action": "choose-all" }), h("span", null, t("All"))),
     chosen,
-    h("p", { class: "visually-hidden", role: "status" }, order.find ? `${shown} of ${plural(all, "row")} shown` : ""));
+    h("p", { class: "visually-hidden", role: "status" }, order.find ? counted(all, "{{shown}} of {{count}} row shown", "{{shown}} of {{count}} rows shown", { shown }) : ""));
 }
 
 /** The button that deletes what is chosen. @param {number} count */
 export function deleteChosen(count) {
-  return h("button", { type: "button", class: "button danger", "data-action": "delete-chosen", "aria-disabled": String(count === 0), title: count === 0 ? "Choose some first" : null },
-    icon("trash"), count === 0 ? "Delete chosen" : `Delete ${count}`);
+  return h("button", { type: "button", class: "button danger", "data-action": "delete-chosen", "aria-disabled": String(count === 0), title: count === 0 ? t("Choose some first") : null },
+    icon("trash"), count === 0 ? t("Delete chosen") : t("Delete {{name}}", { name: count }));
 }
 
 /** In the place of a list in which nothing is found. @param {string} find */
 export function nothingFound(find) {
-  return h("div", { class: "empty" }, icon("search"), h("h2", null, "Nothing found"), h("p", { class: "soft" }, `Nothing here is called “${find.trim()}”.`));
+  return h("div", { class: "empty" }, icon("search"), h("h2", null, t("Nothing found")), h("p", { class: "soft" }, t("Nothing here is called “{{name}}”.", { name: find.trim() })));
 }
 
 /** A box that chooses a row. @param {string} id @param {string} name @param {boolean} isChosen */
 export function chooseCell(id, name, isChosen) {
-  const box = h("input", { type: "checkbox", "data-action": "choose", "data-id": id, "aria-label": `Choose ${name}`, checked: isChosen });
+  const box = h("input", { type: "checkbox", "data-action": "choose", "data-id": id, "aria-label": t("Choose {{name}}", { name }), checked: isChosen });
   return h("td", { role: "cell", class: "chosen" }, h("label", null, box));
 }
 

@@ -5,6 +5,7 @@ import { h } from "../shared/dom.js";
 import { say } from "./dialogs.js";
 import { formatBytes, formatShare } from "./format.js";
 import { icon } from "../shared/icons.js";
+import { t, translated } from "../shared/words.js";
 
 const PIECE_BYTES = 4 * 1024 * 1024;
 const RETRY_MS = [500, 1000, 3000, 5000, 10_000, 20_000];
@@ -27,13 +28,13 @@ export function uploader(changed, arrived) {
   function send(files) {
     const { taken, refused } = sorted([...files]);
     taken.forEach(begin);
-    if (refused.length > 0) say(`${refused.join(", ")}: wanted what ends in ${ENDINGS.join(", ")}; export the recording as .zip.`, "problem");
+    if (refused.length > 0) say(t("{{files}}: wanted what ends in {{endings}}; export the recording as .zip.", { files: refused.join(", "), endings: ENDINGS.join(", ") }), "problem");
   }
 
   /** @param {File} file */
   function begin(file) {
     count += 1;
-    const entry = { key: count, name: file.name, sent: 0, bytes: file.size, /** @type {string | null} */ problem: null, stop: () => {} };
+    const entry = { key: count, name: file.name, sent: 0, bytes: file.size, problem: /** @type {string | null} */ (null), stop: () => {} };
     const upload = new /** @type {any} */ (globalThis).tus.Upload(file, {
       endpoint: "/api/uploads",
       chunkSize: PIECE_BYTES,
@@ -90,16 +91,16 @@ export function sorted(files) {
  * recording, the first of several */
 async function sayWhatCame(name, id) {
   const recording = id ? await askJson(`/api/recordings/${encodeURIComponent(id)}`).catch(() => null) : null;
-  if (recording?.state === "refused") say(`${name} was refused: ${recording.refusal}`, "problem");
-  else say(`${name} has arrived.`);
+  if (recording?.state === "refused") say(t("{{name}} was refused: {{why}}", { name, why: translated(recording.refusal ?? "") }), "problem");
+  else say(t("{{name}} has arrived.", { name }));
 }
 
 /** What the server said, else what went wrong. @param {any} error */
 function refusalIn(error) {
   try {
-    return JSON.parse(error.originalResponse.getBody()).detail;
+    return translated(JSON.parse(error.originalResponse.getBody()).detail);
   } catch {
-    return error.originalResponse ? `The server answered ${error.originalResponse.getStatus()}.` : "The connection is lost; choose the file again to go on.";
+    return error.originalResponse ? t("The server answered {{status}}.", { status: error.originalResponse.getStatus() }) : t("The connection is lost; choose the file again to go on.");
   }
 }
 
@@ -109,9 +110,9 @@ function sendingList(sending) {
     h("li", { "data-key": `sending-${key}` },
       h("span", { class: "name" }, name),
       problem ? h("span", { class: "problem" }, problem)
-        : h("span", { class: "going" }, h("progress", { max: bytes || 1, value: sent, "aria-label": `Upload of ${name}` }),
-          h("span", { class: "figures" }, `${formatBytes(sent)} of ${formatBytes(bytes)}, ${formatShare(sent / (bytes || 1))}`)),
-      h("button", { type: "button", class: "icon", "data-action": "stop-upload", "data-id": String(key), "aria-label": `Stop the upload of ${name}`, title: "Stop" }, icon("stop")))));
+        : h("span", { class: "going" }, h("progress", { max: bytes || 1, value: sent, "aria-label": t("Upload of {{name}}", { name }) }),
+          h("span", { class: "figures" }, `${t("{{done}} of {{total}}", { done: formatBytes(sent), total: formatBytes(bytes) })}, ${formatShare(sent / (bytes || 1))}`)),
+      h("button", { type: "button", class: "icon", "data-action": "stop-upload", "data-id": String(key), "aria-label": t("Stop the upload of {{name}}", { name }), title: t("Stop") }, icon("stop")))));
 }
 
 /** Files dropped anywhere on the page; folders are told of. @param {(files: File[]) => void} receive */
@@ -134,7 +135,7 @@ export function onDrop(receive) {
     depth = 0;
     show(false);
     const folders = foldersIn(event);
-    if (folders.length > 0) say(`${folders.join(", ")}: wanted files, got a folder; pack it as .zip first.`, "problem");
+    if (folders.length > 0) say(t("{{folders}}: wanted files, got a folder; pack it as .zip first.", { folders: folders.join(", ") }), "problem");
     const files = [...(event.dataTransfer?.files ?? [])].filter(({ name }) => !folders.includes(name));
     if (files.length > 0) receive(files);
   });

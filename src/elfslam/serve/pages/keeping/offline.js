@@ -1,5 +1,7 @@
 /** The page kept on the phone: it opens without its server, and a new version takes over when nothing goes on. */
 
+import { t } from "../shared/words.js";
+
 /**
  * @typedef {{isKept: boolean, why: string}} Offline whether the page opens without a network, else why not
  */
@@ -7,15 +9,15 @@
 export const KEPT = { isKept: true, why: "" };
 export const NO_WORKER = {
   isKept: false,
-  why: "This browser keeps no pages: open the page by https, in a window that is not private.",
+  why: t("This browser keeps no pages: open the page by https, in a window that is not private."),
 };
 export const NOT_TRUSTED = {
   isKept: false,
-  why: "The page is not kept on this phone: install the server's authority, so that the browser trusts it.",
+  why: t("The page is not kept on this phone: install the server's authority, so that the browser trusts it."),
 };
 export const NOT_WHOLE = {
   isKept: false,
-  why: "The page did not come whole, or this phone has no room for it. Open it again later.",
+  why: t("The page did not come whole, or this phone has no room for it. Open it again later."),
 };
 /**
  * Keep the page, and change to a new version of it while `isIdle` says that nothing goes on.

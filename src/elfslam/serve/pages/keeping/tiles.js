@@ -4,6 +4,8 @@
  * and weights (n). A stretch of features: n and the order of its spots (n) as uint32; float16 features (128n).
  */
 
+import { t } from "../shared/words.js";
+
 const HEAD_BYTES = 4;
 /** @type {["walk" | "order", number][]} what a tile holds, in its order, and how many of a spot */
 const WHOLE = [["walk", 1], ["order", 1]];
@@ -13,8 +15,8 @@ const TILE_SPOT_BYTES = 4 * 9;
 const FEATURES = 128;
 const STRETCH_SPOT_BYTES = 4 + 2 * FEATURES;
 const WALK = 2 ** 32;
-const CUT_OFF = "A part of the map is cut off.";
-const NO_FEATURES = "Spots of the map have no features.";
+const CUT_OFF = t("A part of the map is cut off.");
+const NO_FEATURES = t("Spots of the map have no features.");
 
 /**
  * @typedef {{

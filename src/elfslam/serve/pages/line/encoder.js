@@ -1,6 +1,7 @@
 /** The encoder: the same ONNX file as in Python, run by onnxruntime's WebAssembly on one thread. */
 
 import { ELF_SIZE } from "./floor_map.js";
+import { marked } from "../shared/marked.js";
 
 export const ECHO_SAMPLES = 2352;
 const AT_ONCE = 256;
@@ -98,7 +99,7 @@ async function openSession(runtime, bytes) {
   try {
     session = await runtime.InferenceSession.create(bytes, options);
   } catch (cause) {
-    throw new RangeError("encoder: not a readable ONNX graph; fetch the map again", { cause });
+    throw new RangeError(marked("encoder: not a readable ONNX graph; fetch the map again"), { cause });
   }
   const samples = session.inputMetadata.find(({ name }) => name === "samples");
   if (samples?.shape?.[1] !== ECHO_SAMPLES || !session.outputNames.includes("elf")) {

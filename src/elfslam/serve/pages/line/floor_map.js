@@ -1,5 +1,7 @@
 /** A floor map in the page, and what is known of its spots. */
 
+import { marked } from "../shared/marked.js";
+
 export const ELF_SIZE = 128;
 
 /**
@@ -31,7 +33,7 @@ export function spotCount(floorMap) {
  */
 export function checkedMap(floorMap) {
   const count = spotCount(floorMap);
-  if (count === 0) throw new RangeError("map: it has no spots; map the place with sound first");
+  if (count === 0) throw new RangeError(marked("map: it has no spots; map the place with sound first"));
   /** @type {[string, Float32Array, number][]} */
   const wanted = [
     ["xyM", floorMap.xyM, 2],

@@ -1,5 +1,7 @@
 /** Whether what is heard can be the room's answer to the phone's own chirps: elfslam.line.spoofing, live. */
 
+import { marked } from "../shared/marked.js";
+
 /** Into so many parts of equal length an echo trace falls. */
 const PARTS = 4;
 /** What the fourth difference makes of the middle of the band. */
@@ -14,12 +16,12 @@ const MOST_WAITING = 1000;
 /** By number; 0 is trusted. */
 export const REASONS = [
   "",
-  "the own chirp comes at another time than it was played",
-  "sound comes before its chirp",
-  "echoes are louder than a room returns them",
-  "there is noise in the band of the chirp",
-  "the microphone is driven to its limit",
-  "echoes do not follow the loudness of their chirps",
+  marked("the own chirp comes at another time than it was played"),
+  marked("sound comes before its chirp"),
+  marked("echoes are louder than a room returns them"),
+  marked("there is noise in the band of the chirp"),
+  marked("the microphone is driven to its limit"),
+  marked("echoes do not follow the loudness of their chirps"),
 ];
 const LAGGING = REASONS.length - 1;
 /** White noise in an echo trace (rms of fourth differences) over that in the envelope (median). */

@@ -2,7 +2,7 @@
 
 import { makeChirp as chirpOf } from "../line/chirp.js";
 
-export { ACCEPTED_RATES_HZ, checkRate } from "../line/chirp.js";
+export { ACCEPTED_RATES_HZ } from "../line/chirp.js";
 
 /**
  * What is played, as recording.json says it.

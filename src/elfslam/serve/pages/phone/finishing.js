@@ -3,12 +3,14 @@
 import { ask } from "../shared/api.js";
 import { formatBytes, formatDuration } from "../shared/format.js";
 import { missingWords } from "../shared/missing.js";
+import { stageWords } from "../shared/stages.js";
 import { SOUND_FILES, TABLE_FILES } from "./mending.js";
 import { sendWalk } from "./sending.js";
 import {
   at, offer, showFinishFacts, showFinishTrouble, showFinishing, showStage, showView,
   totalBytes,
 } from "./view.js";
+import { t, translated } from "../shared/words.js";
 
 /**
  * @typedef {import("./sending.js").Progress} Progress
@@ -52,15 +54,15 @@ export function startSending(sent, keeper) {
  * @param {ReturnType<typeof startSending>} sending
  */
 export async function showSending(sent, keeper, sending) {
-  showStage("Sending the walk");
+  showStage(t("Sending the walk"));
   showView("finish");
   offer();
   at("finish-name").textContent = sent.state.name;
   const { facts } = sent.state;
   showFinishFacts([
-    ["Length", formatDuration(facts.seconds)],
-    ["Steps", String(facts.steps)],
-    ["Size", formatBytes(totalBytes(sent.sizes))],
+    [t("Length"), formatDuration(facts.seconds)],
+    [t("Steps"), String(facts.steps)],
+    [t("Size"), formatBytes(totalBytes(sent.sizes))],
   ]);
   sending.tell = (progress) => showProgress(sent, progress);
   showProgress(sent, sending.progress);
@@ -69,7 +71,7 @@ export async function showSending(sent, keeper, sending) {
   } catch (thrown) {
     const error = /** @type {Error} */ (thrown);
     if (error.name === "AbortError") return;
-    showFinishing("Not sent yet.", 0);
+    showFinishing(t("Not sent yet."), 0);
     showFinishTrouble(error.message);
     offer("send-again", "discard");
     return;
@@ -85,8 +87,8 @@ function showProgress({ sizes, state }, { sent, trouble }) {
   showFinishTrouble(trouble);
   const isAll = there >= total && state.isOver;
   const said = isAll
-    ? "The server reads the walk."
-    : `${formatBytes(there)} of ${formatBytes(total)} are on the server.`;
+    ? t("The server reads the walk.")
+    : t("{{there}} of {{total}} are on the server.", { there: formatBytes(there), total: formatBytes(total) });
   showFinishing(said, isAll ? null : there / Math.max(total, 1));
 }
 
@@ -96,14 +98,14 @@ function showProgress({ sizes, state }, { sent, trouble }) {
  */
 async function followMap(recording) {
   showFinishTrouble(null);
-  showStage("Making the map");
-  showFinishing("The walk is on the server. Its map is being made.", null);
+  showStage(t("Making the map"));
+  showFinishing(t("The walk is on the server. Its map is being made."), null);
   offer("another");
   let failures = 0;
   for (;;) {
     const job = await latestJob(recording).catch(() => undefined);
     failures = job === undefined ? failures + 1 : 0;
-    if (failures > MOST_FAILURES) return showFinishTrouble("The server does not answer; look for the map later.");
+    if (failures > MOST_FAILURES) return showFinishTrouble(t("The server does not answer; look for the map later."));
     if (job && showJob(job)) return undefined;
     await new Promise((resolve) => setTimeout(resolve, GLANCE_MS));
   }
@@ -119,8 +121,8 @@ async function latestJob(recording) {
 /** @param {Job} job @returns {boolean} whether there is nothing more to wait for */
 function showJob(job) {
   if (job.state === "done") {
-    showStage("The map is ready");
-    showFinishing("The map is ready.", 1);
+    showStage(t("The map is ready"));
+    showFinishing(t("The map is ready."), 1);
     showFinishTrouble(missingWords(job.gave.missing) || null);
     at("see-map").href = `desk.html#/maps/${encodeURIComponent(job.gave.map)}`;
     offer("see-map", "another");
@@ -128,13 +130,13 @@ function showJob(job) {
     return true;
   }
   if (job.state === "failed" || job.state === "cancelled") {
-    showStage("No map was made");
-    showFinishing("The walk is on the server, without a map.", 0);
-    showFinishTrouble(job.problem ?? "The work was cancelled.");
+    showStage(t("No map was made"));
+    showFinishing(t("The walk is on the server, without a map."), 0);
+    showFinishTrouble(translated(job.problem ?? "") || t("The work was cancelled."));
     offer("another");
     return true;
   }
-  const doing = job.state === "running" && job.doing ? job.doing : "waiting for its turn";
-  showFinishing(`The map is being made: ${doing}.`, job.share);
+  const doing = job.state === "running" && job.doing ? stageWords(job.doing) : t("waiting for its turn");
+  showFinishing(t("The map is being made: {{doing}}.", { doing }), job.share);
   return false;
 }

@@ -1,5 +1,7 @@
 /** What the walker says before the walk. */
 
+import { locale, t } from "../shared/words.js";
+
 /**
  * The start pose from three texts; null where all are empty. Raises RangeError.
  * @param {string} x metres @param {string} y metres @param {string} heading degrees
@@ -10,7 +12,7 @@ export function parseStart(x, y, heading) {
   if (texts.every((text) => text === "")) return null;
   const numbers = texts.map((text) => (text === "" ? NaN : Number(text)));
   if (!numbers.every(Number.isFinite)) {
-    throw new RangeError("Where it starts: give x, y and heading as numbers, or leave all three empty.");
+    throw new RangeError(t("Where it starts: give x, y and heading as numbers, or leave all three empty."));
   }
   const [xM, yM, degrees] = numbers;
   return [xM, yM, (degrees * Math.PI) / 180];
@@ -18,8 +20,9 @@ export function parseStart(x, y, heading) {
 
 /** @param {Date} now @returns {string} a name for a walk that was given none */
 export function usualName(now) {
-  const part = now.getHours() < 12 ? "Morning" : now.getHours() < 18 ? "Afternoon" : "Evening";
-  return `${part} walk, ${now.toLocaleDateString(undefined, { day: "numeric", month: "short" })}`;
+  const day = now.toLocaleDateString(locale, { day: "numeric", month: "short" });
+  if (now.getHours() < 12) return t("Morning walk, {{day}}", { day });
+  return now.getHours() < 18 ? t("Afternoon walk, {{day}}", { day }) : t("Evening walk, {{day}}", { day });
 }
 
 /** @param {Date} now @param {number} random below 1 @returns {string} a key that sorts by time */

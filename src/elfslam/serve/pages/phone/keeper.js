@@ -1,16 +1,24 @@
 /** The page's side of the keeper: orders as promises, and news of what has been kept. */
 
+import { t, translated } from "../shared/words.js";
+
 /**
- * @typedef {{isFull: boolean, said: string}} KeepingProblem
+ * @typedef {{isFull: boolean, said: string}} KeepingProblem in the reader's language
+ * @typedef {KeepingProblem & {why: string}} Failure as the worker tells it: in English, or why in the browser's words
  * @typedef {{
  *   ask: (order: {do: string, [key: string]: unknown}) => Promise<any>,
  *   port: () => MessagePort,
  *   onKept: (heard: (news: {walk: string, sizes: Record<string, number>}) => void) => void,
  *   onProblem: (heard: (problem: KeepingProblem) => void) => void,
  * }} Keeper
- * @typedef {{id: number, result?: unknown, problem?: KeepingProblem}} Answer
+ * @typedef {{id: number, result?: unknown, problem?: Failure}} Answer
  * @typedef {{resolve: (result: unknown) => void, reject: (error: Error) => void}} Waiting
  */
+
+/** @param {Failure} failure @returns {KeepingProblem} */
+function inWords({ isFull, said, why }) {
+  return { isFull, said: said ? translated(said) : t("The browser cannot keep the walk ({{why}}).", { why }) };
+}
 
 /** @returns {Keeper} */
 export function startKeeper() {
@@ -24,7 +32,8 @@ export function startKeeper() {
   let count = 0;
 
   /** @param {Answer} answer */
-  const answered = ({ id, result, problem }) => {
+  const answered = ({ id, result, problem: failure }) => {
+    const problem = failure && inWords(failure);
     const { resolve, reject } = /** @type {Waiting} */ (waiting.get(id));
     waiting.delete(id);
     if (problem) {
@@ -38,7 +47,7 @@ export function startKeeper() {
   worker.onmessage = ({ data }) => {
     if (data.is === "answer") answered(data);
     if (data.is === "kept") keptListeners.forEach((heard) => heard(data));
-    if (data.is === "problem") problemListeners.forEach((heard) => heard(data.problem));
+    if (data.is === "problem") problemListeners.forEach((heard) => heard(inWords(data.problem)));
   };
 
   /** @type {Keeper["ask"]} */

@@ -5,6 +5,7 @@
 
 import { openDatabaseShelf } from "./shelf_database.js";
 import { openFileShelf } from "./shelf_files.js";
+import { marked } from "../shared/marked.js";
 
 const STATE = "walk.json";
 
@@ -119,14 +120,15 @@ function carryOut(order, answer) {
   });
 }
 
-/** @param {Error | null | undefined} error @returns {import("./keeper.js").KeepingProblem} */
+/** @param {Error | null | undefined} error @returns {import("./keeper.js").Failure} */
 function describe(error) {
   const isFull = error?.name === "QuotaExceededError";
-  const isElsewhere = error?.name === "NoModificationAllowedError";
-  const said = isElsewhere
-    ? "This page is open in another tab, which holds the walks. Close that one, and load this one again."
-    : `The browser cannot keep the walk (${error?.message ?? error}).`;
-  return { isFull, said: isFull ? "This phone has no room left." : said };
+  if (isFull) return { isFull, said: marked("This phone has no room left."), why: "" };
+  if (error?.name === "NoModificationAllowedError") {
+    const said = marked("This page is open in another tab, which holds the walks. Close that one, and load this one again.");
+    return { isFull, said, why: "" };
+  }
+  return { isFull, said: "", why: String(error?.message ?? error) };
 }
 
 self.onmessage = ({ data }) => {

@@ -9,7 +9,8 @@ const LEAST_PAUSE_S = 1;
  * @typedef {import("./manifest.js").Walk} Walk
  * @typedef {import("./walking.js").Leg} Leg
  * @typedef {{isGoing: () => boolean, goOn: () => Promise<void>, pause: () => Promise<void>,
- *   flush: () => Promise<void>, end: () => Promise<void>}} Legs each takes its turn: two events at once do no harm
+ *   flush: () => Promise<void>, mark: (name: string, pageMs: number) => void, end: () => Promise<void>}} Legs
+ *   each takes its turn: two events at once do no harm
  */
 
 /** When a walk goes on that was kept so far, on its own clock, s. @param {Walk} state @param {number} nowMs */
@@ -69,6 +70,7 @@ export function makeLegs(state, { begin, close, nowMs }) {
     goOn: () => inTurn(goOn),
     pause: () => inTurn(pause),
     flush: async () => leg?.flush(),
+    mark: (name, pageMs) => leg?.mark(name, pageMs),
     end: () => inTurn(end),
   };
 }

@@ -1,6 +1,8 @@
 /** The phone page, from the first tap to the map. */
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
+import { languageChoice } from "../shared/language_choice.js";
+import { t } from "../shared/words.js";
 import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
@@ -23,7 +25,7 @@ import {
 } from "./view.js";
 
 const WITHOUT_SERVER =
-  "The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.";
+  t("The server does not answer. The maps on this phone work without it, and a walk is kept until it is back.");
 
 const keeper = startKeeper();
 /**
@@ -199,6 +201,14 @@ async function finish(sent, sending = startSending(sent, keeper)) {
   await showSending(sent, keeper, sending);
 }
 
+/** A place gets a name, and may be tapped when the walker comes by again. */
+function markPlace() {
+  const name = /** @type {HTMLInputElement} */ (at("mark-name"));
+  onTheWay.mark(name.value.trim());
+  name.value = "";
+  name.blur();
+}
+
 async function stop() {
   showProblem(null);
   await onTheWay.end();
@@ -217,11 +227,11 @@ function watchForInterruptions(phone) {
   watchInterruptions(phone.microphone, {
     taken: async () => {
       if (page.phone === phone) page.phone = null;
-      await interrupt("The microphone was taken away, as by a call.");
+      await interrupt(t("The microphone was taken away, as by a call."));
       await phone.microphone.close();
     },
     silent: onTheWay.silent,
-    stopped: () => interrupt("The sound was interrupted."),
+    stopped: () => interrupt(t("The sound was interrupted.")),
     running: onTheWay.goOnIfPossible,
   });
 }
@@ -230,7 +240,7 @@ function watchForInterruptions(phone) {
 function watchForRoom() {
   keeper.onProblem(({ isFull, said }) => {
     if (!onTheWay.isOn()) return;
-    showProblem(`${isFull ? "This phone has no room left." : said} The walk until then is kept.`);
+    showProblem(`${isFull ? t("This phone has no room left.") : said} ${t("The walk until then is kept.")}`);
     onTheWay.end();
   });
 }
@@ -284,8 +294,9 @@ function walkAgain() {
   else showView("start");
 }
 
+at("start").append(languageChoice());
 const onTheWay = makeOnTheWay({
-  keeper, finish, devices: openPhone,
+  keeper, finish, act, devices: openPhone,
   software: () => page.software, mediumAccess: () => page.mediumAccess,
   latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
 });
@@ -304,6 +315,7 @@ at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
 at("resume").addEventListener("click", act(onTheWay.goOn));
 at("stop").addEventListener("click", act(stop));
+at("mark").addEventListener("submit", act(markPlace));
 at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ (page.current))));
 at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);

@@ -8,8 +8,8 @@ import { BASEBAND } from "./baseband.js";
  *   version: 1, name: string, device: string, startPose: number[] | null, startUtc: string,
  *   kind: "baseband" | "whole", rateHz: number, scale?: number, chirp: import("./chirp.js").Chirp,
  *   capture: object, facts: Facts, recording: string | null, uploads: Record<string, string>,
- *   isOver: boolean,
- * }} Walk
+ *   isOver: boolean, marks?: string[],
+ * }} Walk marks: names of the places that the walker marked
  * @typedef {{seconds: number, steps: number, frames: number, missed: number, latencyS: number | null,
  *   jumps: {t_s: number, by_s: number}[], gaps: {t_s: number, lost_s: number}[], others: number}} Facts
  *   others: chirps of other phones that were heard

@@ -1,8 +1,10 @@
 /** What has to be cut off a walk that ended without being stopped, so that its files agree again. */
 
-const TABLES = ["accelerometer.csv", "gyroscope.csv", "chirps.csv"];
 /** When each chirp was played. */
 export const CHIRPS = "chirps.csv";
+/** When the walker was at a place that they gave a name. */
+export const CHECKPOINTS = "checkpoints.csv";
+const TABLES = ["accelerometer.csv", "gyroscope.csv", CHIRPS, CHECKPOINTS];
 export const SOUND_FILES = {
   baseband: { table: "baseband.csv", file: "baseband.iq", headerBytes: 0 },
   whole: { table: "frames.csv", file: "frames.wav", headerBytes: 44 },

@@ -1,7 +1,8 @@
 /** The microphone as it is, without the browser's improvements, and the sound clock that it runs on. */
 
 import { Problem } from "../shared/api.js";
-import { checkRate } from "./chirp.js";
+import { ACCEPTED_RATES_HZ } from "./chirp.js";
+import { t } from "../shared/words.js";
 
 /** Plain false: `exact` makes some browsers refuse altogether. */
 const UNTOUCHED = {
@@ -13,9 +14,9 @@ const UNTOUCHED = {
 
 /** @type {Record<string, string>} by the name of the error */
 const REFUSALS = {
-  NotAllowedError: "The microphone is not allowed. Allow it for this page in the browser's settings, and try again.",
-  NotFoundError: "No microphone was found.",
-  NotReadableError: "Another app holds the microphone. Close it, and try again.",
+  NotAllowedError: t("The microphone is not allowed. Allow it for this page in the browser's settings, and try again."),
+  NotFoundError: t("No microphone was found."),
+  NotReadableError: t("Another app holds the microphone. Close it, and try again."),
 };
 
 /**
@@ -24,10 +25,15 @@ const REFUSALS = {
  *   sends what is heard from now on to another port as well, by name; null ends that
  */
 
+/** @param {number} rate */
+function wrongRate(rate) {
+  return t("The sound of this phone runs at {{rate}} samples/s; wanted 44100 or 48000. Take off Bluetooth and wired headsets, close other apps that use sound, and open the page again.", { rate });
+}
+
 /** Must be called from a tap. Raises Problem. @returns {Promise<Microphone>} */
 export async function openMicrophone() {
   if (!navigator.mediaDevices?.getUserMedia || !window.AudioWorkletNode) {
-    throw new Problem("This browser gives pages no microphone here. Open the page by its https address.", 0);
+    throw new Problem(t("This browser gives pages no microphone here. Open the page by its https address."), 0);
   }
   if (navigator.audioSession) navigator.audioSession.type = "play-and-record";
   const context = new AudioContext({ latencyHint: "playback" });
@@ -36,7 +42,7 @@ export async function openMicrophone() {
   try {
     stream = await navigator.mediaDevices.getUserMedia({ audio: UNTOUCHED });
     await resumed;
-    checkRate(context.sampleRate);
+    if (!ACCEPTED_RATES_HZ.includes(context.sampleRate)) throw new RangeError(wrongRate(context.sampleRate));
     return await connect(context, stream);
   } catch (thrown) {
     const error = /** @type {Error} */ (thrown);

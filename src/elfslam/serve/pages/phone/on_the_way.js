@@ -2,11 +2,15 @@
 
 import { Problem } from "../shared/api.js";
 import { formatDuration } from "../shared/format.js";
+import { makeChirpWatch } from "./chirp_watch.js";
 import { startSending } from "./finishing.js";
+import { startGrowing } from "./growing/growing.js";
+import { showMarks, showNoSketch } from "./growing/growing_view.js";
 import { makeLegs } from "./legs.js";
 import { closeWalk, startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
-import { showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+import { showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+import { locale, t } from "../shared/words.js";
 
 const SHOW_EVERY_MS = 500;
 /** A page whose timers stood still for so long was asleep. */
@@ -20,35 +24,59 @@ const ASLEEP_MS = 2500;
  *   mediumAccess: () => import("../line/medium_access.js").MediumAccessParameters,
  *   devices: () => Promise<import("./devices.js").Devices>, latencyS: () => number | null,
  *   finish: (sent: Sent, sending: Sending) => Promise<void>,
+ *   act: (work: () => unknown) => (event?: Event) => Promise<void>,
  * }} Given devices: those of this phone, opened anew where they were taken away
  */
 
 /** @param {Given} given */
 export function makeOnTheWay(given) {
   const { keeper, finish } = given;
-  /** @type {{sent: Sent, legs: import("./legs.js").Legs, sending: Sending, leave: () => void} | null} */
+  /**
+   * @type {{sent: Sent, legs: import("./legs.js").Legs, sending: Sending, growing: ReturnType<typeof startGrowing>,
+   *   leave: () => void} | null}
+   */
   let now = null;
 
-  /** @param {Sent} sent */
-  const legsOf = (sent) => makeLegs(sent.state, {
-    begin: (fromS) => beginLeg(given, sent, fromS),
+  /** @param {Sent} sent @param {ReturnType<typeof startGrowing>} growing */
+  const legsOf = (sent, growing) => makeLegs(sent.state, {
+    begin: (fromS) => beginLeg(given, sent, growing, fromS),
     close: () => closeWalk(sent, keeper, given.software()),
     nowMs: () => Date.now(),
   });
 
   /** A new walk, or one that an earlier page left behind. @param {Sent} sent */
   async function start(sent) {
-    const legs = legsOf(sent);
+    showNoSketch();
+    const growing = startGrowing();
+    const legs = legsOf(sent, growing);
     showPause(null);
-    await legs.goOn();
+    await legs.goOn().catch((error) => {
+      growing.leave();
+      throw error;
+    });
     const sending = startSending(sent, keeper);
-    now = { sent, legs, sending, leave: watchWalk(sent, sending, legs) };
+    now = { sent, legs, sending, growing, leave: watchWalk(sent, sending, legs) };
+    showMarks(sent.state.marks ?? [], again);
+  }
+
+  /** @param {string} name */
+  const again = (name) => given.act(() => mark(name))();
+
+  /** The walker stands at a place that has a name, for the first time or again. @param {string} name */
+  function mark(name) {
+    if (!now?.legs.isGoing()) throw new Problem(t("Nothing is recorded at this moment. Go on walking, then mark the place."), 0);
+    const { sent: { state }, legs, growing } = now;
+    const pageMs = performance.now();
+    state.marks = [...new Set([...(state.marks ?? []), name])];
+    legs.mark(name, pageMs);
+    growing.mark(name, pageMs);
+    showMarks(state.marks, again);
   }
 
   /** Nothing is recorded from now on, and the page says so at once. @param {string} why */
   async function interrupt(why) {
     if (!now?.legs.isGoing()) return;
-    showPause(`${why} Nothing is recorded until the walk goes on; what was recorded is kept.`, true);
+    showPause(`${why} ${t("Nothing is recorded until the walk goes on; what was recorded is kept.")}`, true);
     await now.legs.pause();
   }
 
@@ -66,41 +94,57 @@ export function makeOnTheWay(given) {
   /** The microphone hears nothing, and motion goes on. @param {boolean} isSilent */
   function silent(isSilent) {
     if (!now?.legs.isGoing()) return;
-    showPause(isSilent ? "The microphone is silent, as in a call. The walk goes on by its steps until it hears again." : null);
+    showPause(isSilent ? t("The microphone is silent, as in a call. The walk goes on by its steps until it hears again.") : null);
   }
 
   async function end() {
     if (!now) return;
-    const { sent, legs, sending, leave } = now;
+    const { sent, legs, sending, growing, leave } = now;
     now = null;
     await legs.end();
     leave();
+    growing.leave();
     await finish(sent, sending);
   }
 
   return {
-    start, interrupt, goOn, goOnIfPossible, silent, end,
+    start, interrupt, goOn, goOnIfPossible, silent, mark, end,
     isOn: () => now !== null,
     isPaused: () => now !== null && !now.legs.isGoing(),
   };
 }
 
-/** @param {Given} given @param {Sent} sent @param {number} fromS */
-async function beginLeg(given, sent, fromS) {
-  const { microphone, sound, clocks, playSlots } = await given.devices();
+/** @param {Given} given @param {Sent} sent @param {ReturnType<typeof startGrowing>} growing @param {number} fromS */
+async function beginLeg(given, sent, growing, fromS) {
+  const devices = await given.devices();
+  const { microphone, sound, clocks, playSlots } = devices;
   const { context } = microphone;
   if (context.state !== "running") await context.resume();
   if (context.sampleRate !== sent.state.rateHz) {
-    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${rateHz / 1000} kHz`);
-    throw new Problem(`The sound runs at ${now} now and ran at ${before} before: send the walk as it is.`, 0);
+    const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${(rateHz / 1000).toLocaleString(locale)} kHz`);
+    throw new Problem(t("The sound runs at {{now}} now and ran at {{before}} before: send the walk as it is.", { now, before }), 0);
   }
   // Sound may have been opened before the server had said how the air is shared.
   const mediumAccess = given.mediumAccess();
-  return startWalking({
-    microphone, sound, clocks, mediumAccess, sent, fromS, keeper: given.keeper, heard: showLevel,
+  const chirps = makeChirpWatch(() => microphone.track.getSettings(), navigator.userAgent);
+  showChirps(null);
+  const drawn = growing.leg(devices);
+  const leg = await startWalking({
+    microphone, sound, clocks, mediumAccess, sent, fromS, keeper: given.keeper,
+    heard: (peak, isFound) => {
+      showLevel(peak, isFound);
+      showChirps(chirps(peak, isFound));
+    },
     latencyS: given.latencyS() ?? sent.state.facts.latencyS,
-    play: (delayS, tell) => playSlots(delayS, tell, mediumAccess),
+    play: (delayS, tell) => playSlots(delayS, (slot) => {
+      drawn.slot(slot);
+      tell(slot);
+    }, mediumAccess),
+  }).catch((error) => {
+    drawn.end();
+    throw error;
   });
+  return { ...leg, pause: () => leg.pause().finally(drawn.end) };
 }
 
 /**
@@ -140,5 +184,5 @@ function watchWalk(sent, sending, legs) {
 
 /** @param {number} seconds */
 function sayAsleep(seconds) {
-  showPause(`This page was asleep for ${formatDuration(seconds)}: steps are missing there. The walk goes on.`);
+  showPause(t("This page was asleep for {{time}}: steps are missing there. The walk goes on.", { time: formatDuration(seconds) }));
 }

@@ -6,6 +6,7 @@
 import "../vendor/tus-js-client/tus.min.js";
 import { Problem, ask } from "../shared/api.js";
 import { troubleOf } from "./troubles.js";
+import { t } from "../shared/words.js";
 
 const ENDPOINT = "/api/uploads";
 const CHUNK_BYTES = 1 << 20;
@@ -75,12 +76,12 @@ async function complete(sent, files) {
     if (/** @type {Problem} */ (error).status !== 409) throw error;
     sent.state.uploads = {};
     await sent.save();
-    throw new Stuck(`${/** @type {Problem} */ (error).message} Try again: the walk is then sent anew.`);
+    throw new Stuck(`${/** @type {Problem} */ (error).message} ${t("Try again: the walk is then sent anew.")}`);
   }
 }
 
 function deletedThere() {
-  return new Stuck("The server has deleted this walk. Discard it here too, or record it again.");
+  return new Stuck(t("The server has deleted this walk. Discard it here too, or record it again."));
 }
 
 /**

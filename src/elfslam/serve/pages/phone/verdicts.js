@@ -1,6 +1,7 @@
 /** What the probe found, in words: a line per check, and what to do about it. */
 
-import { formatLevel } from "../shared/format.js";
+import { formatLevel, formatNumber } from "../shared/format.js";
+import { inSentence, locale, t } from "../shared/words.js";
 
 /**
  * @typedef {"pass" | "doubt" | "fail"} Verdict
@@ -11,9 +12,9 @@ import { formatLevel } from "../shared/format.js";
  */
 
 const DISTORTIONS = {
-  echoCancellation: "echo cancellation",
-  noiseSuppression: "noise suppression",
-  autoGainControl: "automatic gain",
+  echoCancellation: t("echo cancellation"),
+  noiseSuppression: t("noise suppression"),
+  autoGainControl: t("automatic gain"),
 };
 const SAFE_RATE_HZ = 44100;
 
@@ -41,118 +42,127 @@ export function summarise(checks) {
   const failed = checks.filter((check) => check.verdict === "fail");
   const doubted = checks.filter((check) => check.verdict === "doubt");
   if (failed.length > 0) {
-    return { verdict: "fail", said: `Not yet: ${named(failed)}. See below what to do, then check again.` };
+    return { verdict: "fail", said: t("Not yet: {{checks}}. See below what to do, then check again.", { checks: named(failed) }) };
   }
   if (doubted.length > 0) {
-    return { verdict: "doubt", said: `This phone may do it. In doubt: ${named(doubted)}.` };
+    return { verdict: "doubt", said: t("This phone may do it. In doubt: {{checks}}.", { checks: named(doubted) }) };
   }
-  return { verdict: "pass", said: "This phone can do it." };
+  return { verdict: "pass", said: t("This phone can do it.") };
+}
+
+/** @param {string[]} names @returns {string} one, another and a third */
+function listed(names) {
+  return names.join(` ${t("and")} `);
 }
 
 /** @param {Check[]} checks */
 function named(checks) {
-  return checks.map(({ name }) => name[0].toLowerCase() + name.slice(1)).join(", ");
+  return checks.map(({ name }) => inSentence(name)).join(", ");
 }
 
 /** @param {Ears} ears @returns {Check} */
 function judgeMicrophone({ label, contextRateHz, settings, outputLatencyS }) {
-  const name = "Microphone";
+  const name = t("Microphone");
   const rateHz = settings.sampleRate ?? contextRateHz;
   if (/bluetooth|airpods|buds|hands-?free|headset/i.test(label)) {
-    return fail(name, `“${label}” is a headset. Take it off: the phone’s own microphone and loudspeaker are needed.`);
+    return fail(name, t("“{{label}}” is a headset. Take it off: the phone’s own microphone and loudspeaker are needed.", { label }));
   }
   if (rateHz < SAFE_RATE_HZ) {
-    return fail(name, `It hears only up to ${kilohertz(rateHz / 2)}. Switch Bluetooth off and check again.`);
+    return fail(name, t("It hears only up to {{frequency}}. Switch Bluetooth off and check again.", { frequency: kilohertz(rateHz / 2) }));
   }
   if (outputLatencyS > 0.12) {
-    const late = `${Math.round(outputLatencyS * 1000)} ms late`;
-    return doubt(name, `Sound leaves the phone ${late}. If a Bluetooth loudspeaker is connected, switch it off.`);
+    const late = Math.round(outputLatencyS * 1000);
+    return doubt(name, t("Sound leaves the phone {{late}} ms late. If a Bluetooth loudspeaker is connected, switch it off.", { late }));
   }
-  const both = rateHz === contextRateHz ? "" : `, sound runs at ${kilohertz(contextRateHz)}`;
-  return pass(name, `The phone’s own, at ${kilohertz(rateHz)}${both}.`);
+  const rates = { rate: kilohertz(rateHz), other: kilohertz(contextRateHz) };
+  if (rateHz === contextRateHz) return pass(name, t("The phone’s own, at {{rate}}.", rates));
+  return pass(name, t("The phone’s own, at {{rate}}, sound runs at {{other}}.", rates));
 }
 
 /** @param {MediaTrackSettings} settings @returns {Check} */
 function judgeProcessing(settings) {
-  const name = "Untouched sound";
+  const name = t("Untouched sound");
   const keys = /** @type {(keyof typeof DISTORTIONS)[]} */ (Object.keys(DISTORTIONS));
   const on = keys.filter((key) => settings[key] === true || typeof settings[key] === "string");
   if (on.length > 0) {
-    const which = on.map((key) => DISTORTIONS[key]).join(" and ");
-    return fail(name, `The browser keeps ${which} on, which wipes out the chirps. Try another browser.`);
+    const which = listed(on.map((key) => DISTORTIONS[key]));
+    return fail(name, t("The browser keeps {{which}} on, which wipes out the chirps. Try another browser.", { which }));
   }
   const unknown = keys.filter((key) => settings[key] === undefined);
   if (unknown.length > 0) {
-    const which = unknown.map((key) => DISTORTIONS[key]).join(" and ");
-    return doubt(name, `The browser does not say whether ${which} is off. The levels below tell.`);
+    const which = listed(unknown.map((key) => DISTORTIONS[key]));
+    return doubt(name, t("The browser does not say whether {{which}} is off. The levels below tell.", { which }));
   }
-  return pass(name, "Echo cancellation, noise suppression and automatic gain are off.");
+  return pass(name, t("Echo cancellation, noise suppression and automatic gain are off."));
 }
 
 /** @param {Measured} measured @returns {Check} */
 function judgeLevel({ peak, clippedShare, silentShare }) {
-  const name = "Loudness";
+  const name = t("Loudness");
   const level = formatLevel(20 * Math.log10(Math.max(peak, 1e-6)));
   if (silentShare > 0.9) {
-    return fail(name, "The microphone gives silence. Allow it in the phone’s settings, and unmute it.");
+    return fail(name, t("The microphone gives silence. Allow it in the phone’s settings, and unmute it."));
   }
   if (clippedShare > 0.001) {
-    return fail(name, "Far too loud: the microphone is overdriven. Turn the media volume down.");
+    return fail(name, t("Far too loud: the microphone is overdriven. Turn the media volume down."));
   }
   if (peak < 0.0005) {
-    const advice = "Turn the media volume up and uncover loudspeaker and microphone.";
-    return fail(name, `The chirps are hardly heard (${level}). ${advice}`);
+    return fail(name, t("The chirps are hardly heard ({{level}}). Turn the media volume up and uncover loudspeaker and microphone.", { level }));
   }
-  if (peak < 0.004) return doubt(name, `Soft (${level}). Turn the media volume up.`);
-  return pass(name, `The chirps are heard at ${level} of full scale.`);
+  if (peak < 0.004) return doubt(name, t("Soft ({{level}}). Turn the media volume up.", { level }));
+  return pass(name, t("The chirps are heard at {{level}} of full scale.", { level }));
 }
 
 /** @param {Measured} measured @returns {Check} */
 function judgeBands({ subbands }) {
-  const name = "15 to 20 kHz";
+  const name = t("15 to 20 kHz");
   const deaf = subbands.filter((band) => band.snrDb < 6);
   const weak = subbands.filter((band) => band.snrDb < 15);
-  if (deaf.length > 1) return fail(name, `Nothing at ${edges(deaf)}: this phone or browser cuts the sound off there.`);
-  if (weak.length > 0) return doubt(name, `Weak at ${edges(weak)}. Turn the volume up, or find a quieter place.`);
+  if (deaf.length > 1) return fail(name, t("Nothing at {{bands}}: this phone or browser cuts the sound off there.", { bands: edges(deaf) }));
+  if (weak.length > 0) return doubt(name, t("Weak at {{bands}}. Turn the volume up, or find a quieter place.", { bands: edges(weak) }));
   const least = Math.min(...subbands.map((band) => band.snrDb));
-  return pass(name, `At least ${Math.round(least)} dB above the noise in every kilohertz.`);
+  return pass(name, t("At least {{level}} dB above the noise in every kilohertz.", { level: Math.round(least) }));
 }
 
 /** @param {Measured} measured @returns {Check} */
 function judgeSteadiness({ heard, frames, jitterS, contrast }) {
-  const name = "Steady timing";
-  const share = `${heard} of ${frames} chirps`;
-  const off = `${(jitterS * 1000).toFixed(1)} ms early or late`;
+  const name = t("Steady timing");
+  const share = { heard, frames };
+  const off = { time: formatNumber(jitterS * 1000, 1) };
   if (heard < 0.5 * frames) {
-    return fail(name, `Only ${share} were heard. Turn the media volume up, and keep the loudspeaker free.`);
+    return fail(name, t("Only {{heard}} of {{frames}} chirps were heard. Turn the media volume up, and keep the loudspeaker free.", share));
   }
-  if (jitterS > 0.002) return fail(name, `The chirps come ${off}. Close other apps and check again.`);
-  if (heard < 0.9 * frames || contrast < 12) return doubt(name, `${share} were clear. A quieter place helps.`);
-  if (jitterS > 0.0003) return doubt(name, `The chirps come ${off}.`);
-  return pass(name, `${share} came straight from loudspeaker to microphone, to within ${microseconds(jitterS)}.`);
+  if (jitterS > 0.002) return fail(name, t("The chirps come {{time}} ms early or late. Close other apps and check again.", off));
+  if (heard < 0.9 * frames || contrast < 12) return doubt(name, t("{{heard}} of {{frames}} chirps were clear. A quieter place helps.", share));
+  if (jitterS > 0.0003) return doubt(name, t("The chirps come {{time}} ms early or late.", off));
+  const exact = { ...share, time: microseconds(jitterS) };
+  return pass(name, t("{{heard}} of {{frames}} chirps came straight from loudspeaker to microphone, to within {{time}}.", exact));
 }
 
 /** @param {{rateHz: number, gravityMps2: number}} motion @returns {Check} */
 function judgeMotion({ rateHz, gravityMps2 }) {
-  const name = "Motion";
-  if (rateHz === 0) return fail(name, "No motion arrives. Allow motion sensors for this page; a computer has none.");
-  const rate = `${Math.round(rateHz)} readings a second`;
-  if (rateHz < 20) return fail(name, `Only ${rate}; 50 are wanted. Switch the battery saver off.`);
+  const name = t("Motion");
+  if (rateHz === 0) return fail(name, t("No motion arrives. Allow motion sensors for this page; a computer has none."));
+  const rate = Math.round(rateHz);
+  const gravity = formatNumber(gravityMps2, 1);
+  if (rateHz < 20) return fail(name, t("Only {{rate}} readings a second; 50 are wanted. Switch the battery saver off.", { rate }));
   if (!(gravityMps2 > 5 && gravityMps2 < 15)) {
-    return fail(name, `Gravity reads ${gravityMps2.toFixed(1)} m/s², wanted 9.8. Try another browser.`);
+    return fail(name, t("Gravity reads {{gravity}} m/s², wanted {{wanted}}. Try another browser.", { gravity, wanted: formatNumber(9.8, 1) }));
   }
-  if (rateHz < 45) return doubt(name, `${rate}; 50 would be better. Switch the battery saver off.`);
-  return pass(name, `${rate}, gravity at ${gravityMps2.toFixed(1)} m/s².`);
+  if (rateHz < 45) return doubt(name, t("{{rate}} readings a second; 50 would be better. Switch the battery saver off.", { rate }));
+  return pass(name, t("{{rate}} readings a second, gravity at {{gravity}} m/s².", { rate, gravity }));
 }
 
 /** @param {number | null} freeBytes @returns {Check} */
 function judgeRoom(freeBytes) {
-  const name = "Room on this phone";
-  if (freeBytes === null) return pass(name, "The browser does not say how much is free; ten minutes take 15 MB.");
+  const name = t("Room on this phone");
+  if (freeBytes === null) return pass(name, t("The browser does not say how much is free; ten minutes take 15 MB."));
   const megabytes = Math.round(freeBytes / 1e6);
-  if (megabytes < 20) return fail(name, `${megabytes} MB are free; ten minutes take 15 MB. Delete something.`);
-  if (megabytes < 100) return doubt(name, `${megabytes} MB are free; ten minutes take 15 MB.`);
-  return pass(name, megabytes > 2000 ? `${Math.round(megabytes / 1000)} GB are free.` : `${megabytes} MB are free.`);
+  if (megabytes < 20) return fail(name, t("{{megabytes}} MB are free; ten minutes take 15 MB. Delete something.", { megabytes }));
+  if (megabytes < 100) return doubt(name, t("{{megabytes}} MB are free; ten minutes take 15 MB.", { megabytes }));
+  return pass(name, megabytes > 2000
+    ? t("{{gigabytes}} GB are free.", { gigabytes: Math.round(megabytes / 1000) })
+    : t("{{megabytes}} MB are free.", { megabytes }));
 }
 
 /** @param {Measured["subbands"]} bands */
@@ -162,12 +172,12 @@ function edges(bands) {
 
 /** @param {number} hz */
 function kilohertz(hz) {
-  return `${Number((hz / 1000).toFixed(2))} kHz`;
+  return `${(hz / 1000).toLocaleString(locale, { maximumFractionDigits: 2 })} kHz`;
 }
 
 /** @param {number} seconds */
 function microseconds(seconds) {
-  return seconds < 1e-6 ? "one sample" : `${Math.max(Math.round(seconds * 1e6), 1)} µs`;
+  return seconds < 1e-6 ? t("one sample") : `${Math.max(Math.round(seconds * 1e6), 1)} µs`;
 }
 
 /** @param {Verdict} verdict @returns {(name: string, said: string) => Check} */

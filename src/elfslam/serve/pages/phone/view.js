@@ -1,18 +1,19 @@
 /** What the page shows. Every function writes to the page, and none of them remembers anything. */
 
 import { formatBytes, formatDuration, formatLevel, formatShare, formatWhen } from "../shared/format.js";
+import { t } from "../shared/words.js";
 import { mayGoOn } from "./legs.js";
 
 const BROKEN_OFF =
-  "This walk was broken off. Nothing is recorded until you go on; what was recorded is kept, and can be sent as it is.";
+  t("This walk was broken off. Nothing is recorded until you go on; what was recorded is kept, and can be sent as it is.");
 const BROKEN_OFF_LONG_AGO =
-  "This walk was broken off, too long ago to go on. What was recorded is kept: continue sending, and it becomes a map.";
+  t("This walk was broken off, too long ago to go on. What was recorded is kept: continue sending, and it becomes a map.");
 
 /** @param {string} id @returns {any} */
 export const at = (id) => document.getElementById(id);
 
 const SIGNS = { pass: "✓", doubt: "?", fail: "✕" };
-const SPOKEN = { pass: "In order", doubt: "In doubt", fail: "Not in order" };
+const SPOKEN = { pass: t("In order"), doubt: t("In doubt"), fail: t("Not in order") };
 
 /** Shows one view and moves the reader to its heading. @param {string} id */
 export function showView(id) {
@@ -48,7 +49,7 @@ export function make(tag, properties, children = []) {
 export function showListening() {
   at("probe-verdict").dataset.verdict = "wait";
   at("probe-verdict").firstElementChild.hidden = false;
-  at("probe-said").textContent = "Hold the phone as on a walk. Two seconds of chirps are played.";
+  at("probe-said").textContent = t("Hold the phone as on a walk. Two seconds of chirps are played.");
   for (const id of ["probe-card", "go-on", "probe-again"]) at(id).hidden = true;
 }
 
@@ -66,7 +67,7 @@ export function showChecks(checks, summary, subbands) {
   at("bands").setAttribute("aria-label", bandsSpoken(subbands));
   at("probe-card").hidden = false;
   at("go-on").hidden = false;
-  at("go-on").textContent = summary.verdict === "fail" ? "Walk all the same" : "Go on";
+  at("go-on").textContent = summary.verdict === "fail" ? t("Walk all the same") : t("Go on");
   at("go-on").classList.toggle("primary", summary.verdict !== "fail");
   at("probe-again").hidden = summary.verdict === "pass";
   at("probe-again").classList.toggle("primary", summary.verdict === "fail");
@@ -94,8 +95,8 @@ function bandColumn({ lowHz, snrDb }) {
 
 /** @param {import("./probe.js").Subband[]} subbands */
 function bandsSpoken(subbands) {
-  const parts = subbands.map((band) => `${Math.round(band.snrDb)} at ${band.lowHz / 1000} kilohertz`);
-  return `Decibels above the noise: ${parts.join(", ")}`;
+  const parts = subbands.map((band) => t("{{level}} at {{frequency}} kilohertz", { level: Math.round(band.snrDb), frequency: band.lowHz / 1000 }));
+  return t("Decibels above the noise: {{levels}}", { levels: parts.join(", ") });
 }
 
 /** @param {import("./manifest.js").Facts} facts @param {number} keptBytes @param {number} sentBytes */
@@ -118,12 +119,19 @@ export function showLevel(peak, isFound) {
   meter.style.setProperty("--share", String(share));
   meter.dataset.verdict = isFound ? "pass" : "fail";
   meter.setAttribute("aria-valuenow", String(Math.round(isFound ? levelDb : SOFTEST_DB)));
-  at("level-said").textContent = isFound ? formatLevel(levelDb) : "not heard";
+  at("level-said").textContent = isFound ? formatLevel(levelDb) : t("not heard");
+}
+
+/** What is wrong with the chirps, and what to do about it; null takes it away. @param {string | null} said */
+export function showChirps(said) {
+  if (at("chirps-said").textContent === (said ?? "")) return;
+  at("chirps-said").textContent = said ?? "";
+  at("chirps-said").hidden = said === null;
 }
 
 /** @param {string | null} trouble @param {boolean} isBegun */
 export function showNetwork(trouble, isBegun) {
-  const said = trouble ?? (isBegun ? "Connected. The walk is sent as you go." : "Connecting…");
+  const said = trouble ?? (isBegun ? t("Connected. The walk is sent as you go.") : t("Connecting…"));
   at("network").dataset.verdict = trouble ? "doubt" : isBegun ? "pass" : "wait";
   if (at("network-said").textContent !== said) at("network-said").textContent = said;
 }
@@ -137,7 +145,7 @@ export function showPause(said, isStopped = false) {
   at("pause").dataset.verdict = isStopped ? "fail" : "doubt";
   at("pause").hidden = said === null;
   at("resume").hidden = !isStopped;
-  at("recording-badge").textContent = isStopped ? "Interrupted" : "Recording";
+  at("recording-badge").textContent = isStopped ? t("Interrupted") : t("Recording");
   at("recording-badge").dataset.verdict = isStopped ? "wait" : "fail";
   if (said !== null) window.scrollTo(0, 0);
 }
@@ -181,7 +189,7 @@ export function offer(...ids) {
  */
 /** @param {Sent[]} walks @param {Ways} ways @param {number} nowMs */
 export function showUnfinished(walks, ways, nowMs) {
-  at("unfinished-title").textContent = walks.length > 1 ? "Unfinished walks" : "An unfinished walk";
+  at("unfinished-title").textContent = walks.length > 1 ? t("Unfinished walks") : t("An unfinished walk");
   at("unfinished-walks").replaceChildren(...walks.map((sent) => unfinishedCard(sent, ways, nowMs)));
   at("unfinished").hidden = walks.length === 0 || at("start").hidden;
 }
@@ -196,9 +204,9 @@ function unfinishedCard(sent, ways, nowMs) {
   const button = (text, way, className) =>
     make("button", { type: "button", className, onclick: () => ways[way](sent) }, [text]);
   const buttons = make("div", { className: "row" }, [
-    ...(canGoOn ? [button("Go on walking", "goOn", "primary")] : []),
-    button("Continue sending", "send", canGoOn ? "" : "primary"),
-    button("Discard", "discard", "danger"),
+    ...(canGoOn ? [button(t("Go on walking"), "goOn", "primary")] : []),
+    button(t("Continue sending"), "send", canGoOn ? "" : "primary"),
+    button(t("Discard"), "discard", "danger"),
   ]);
   return make("li", { className: "card walk" }, [
     make("h3", {}, [name]),

@@ -1,9 +1,10 @@
 /** A walk being recorded: chirps go out, frames and motion come in, and all of it goes to the keeper. */
 
 import { Problem } from "../shared/api.js";
+import { t } from "../shared/words.js";
 import { fitClocks, readClocks, soundTime, withPair } from "./clocks.js";
 import { manifestOf } from "./manifest.js";
-import { CHIRPS } from "./mending.js";
+import { CHECKPOINTS, CHIRPS } from "./mending.js";
 import { median } from "./matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
@@ -28,6 +29,7 @@ const BEHIND_S = 0.075;
 const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
 const CHIRPS_HEADER = "t_s,gain_db\n";
+const CHECKPOINTS_HEADER = "t_s,name\n";
 
 /**
  * @typedef {import("./manifest.js").Facts} Facts
@@ -101,7 +103,8 @@ export function makeMotionLog(onReading, sinceS = 0) {
  *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
  * }} given
  * @returns {Promise<Leg>}
- * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>}} Leg flush: keeps what has come by now
+ * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>, mark: (name: string, pageMs: number) => void}} Leg
+ *   flush: keeps what has come by now; mark: the walker is at a place of that name
  */
 export async function startWalking(given) {
   const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, heard, fromS = 0 } = given;
@@ -143,6 +146,8 @@ export async function startWalking(given) {
     heard(frame.peak, frame.isFound);
   });
 
+  /** @type {{name: string, pageMs: number}[]} */
+  let marked = [];
   // Motion is kept as far as the sound is: what comes later waits.
   const soundUntilS = () => Math.max(late.endS() ?? -Infinity, keptUntilS);
   let limit = Infinity;
@@ -156,10 +161,11 @@ export async function startWalking(given) {
     const lateS = (late.latencyS() ?? 0) - zero / rateHz;
     /** @param {number} pageMs */
     const timeOf = (pageMs) => soundTime(line, pageMs) + lateS;
-    const rows = log.take(timeOf, isKnown ? soundUntilS() : Infinity);
+    const rows = { ...log.take(timeOf, isKnown ? soundUntilS() : Infinity), [CHECKPOINTS]: checkpointRows(marked, timeOf) };
+    marked = [];
     const texts = Object.entries(rows).filter(([, text]) => text !== "");
     if (texts.length === 0) return;
-    await keep(Object.fromEntries(texts.map(([name, text]) => [name, (sent.sizes[name] ? "" : TABLE_HEADER) + text])));
+    await keep(Object.fromEntries(texts.map(([name, text]) => [name, (sent.sizes[name] ? "" : headerOf(name)) + text])));
   };
   /** @type {Promise<void>} */
   let last = Promise.resolve();
@@ -184,7 +190,22 @@ export async function startWalking(given) {
     await untilKept(sent, sizes);
     await sent.save().catch(() => {});
   };
-  return { pause: pauseLeg, flush: () => flush() };
+  return { pause: pauseLeg, flush: () => flush(), mark: (name, pageMs) => marked.push({ name, pageMs }) };
+}
+
+/** @param {string} table */
+function headerOf(table) {
+  return table === CHECKPOINTS ? CHECKPOINTS_HEADER : TABLE_HEADER;
+}
+
+/**
+ * A row for each place that the walker has marked; a name may hold commas and quotes.
+ * @param {{name: string, pageMs: number}[]} marked @param {(pageMs: number) => number} timeOf
+ */
+export function checkpointRows(marked, timeOf) {
+  const row = (/** @type {{name: string, pageMs: number}} */ { name, pageMs }) =>
+    `${Math.max(timeOf(pageMs), 0).toFixed(3)},"${name.replaceAll('"', '""')}"\n`;
+  return marked.map(row).join("");
 }
 
 /**
@@ -220,7 +241,7 @@ async function beginSound(sound, { walk, state, sizes }, mediumAccess, latencyS,
   const begun = await Promise.race([started, pause(SOUND_PATIENCE_MS)]);
   if (begun) return begun.zero;
   sound.order({ do: "stop" });
-  throw new Problem("The microphone gives no sound. End the call or the app that holds it, and try again.", 0);
+  throw new Problem(t("The microphone gives no sound. End the call or the app that holds it, and try again."), 0);
 }
 
 /** @param {Facts} facts @param {{tS: number, jumpedS: number, isFound: boolean}} frame */

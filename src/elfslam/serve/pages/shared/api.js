@@ -1,6 +1,7 @@
 /** The server's interface, and what it answers when it refuses. */
 
 import { pairHere } from "../keeping/pairing.js";
+import { t, translated } from "./words.js";
 
 /** What went wrong, in one line that people can read; `status` is 0 where no answer came. */
 export class Problem extends Error {
@@ -12,8 +13,8 @@ export class Problem extends Error {
   }
 }
 
-export const NO_ANSWER = "The server does not answer: it is off, or this device is in another network.";
-export const NOT_PAIRED = "This device is not paired. Scan the code that the server shows, once.";
+export const NO_ANSWER = t("The server does not answer: it is off, or this device is in another network.");
+export const NOT_PAIRED = t("This device is not paired. Scan the code that the server shows, once.");
 
 /**
  * Ask the server; gives what its JSON says, or null where it says nothing. Raises Problem.
@@ -43,7 +44,7 @@ export async function problemOf(response) {
   const told = await response.json().catch(() => ({}));
   if (response.status === 401 && !response.url.endsWith("/session/code")) return new Problem(NOT_PAIRED, 401);
   const detail = typeof told.detail === "string" ? told.detail : told.title;
-  return new Problem(detail || `The server answered ${response.status}.`, response.status);
+  return new Problem(translated(detail || "") || t("The server answered {{status}}.", { status: response.status }), response.status);
 }
 
 /**

@@ -1,4 +1,20 @@
-/** Numbers as people read them. */
+/** Numbers as people read them, in the reader's language. */
+
+import { locale } from "./words.js";
+
+/** @type {Map<number, Intl.NumberFormat>} by digits behind the point: each is slow to make */
+const formats = new Map();
+
+/** @param {number} value @param {number} [digits] behind the point @returns {string} such as 12.4, or 12,4 */
+export function formatNumber(value, digits = 0) {
+  let format = formats.get(digits);
+  if (!format) {
+    const both = { minimumFractionDigits: digits, maximumFractionDigits: digits };
+    format = new Intl.NumberFormat(locale, { ...both, useGrouping: false });
+    formats.set(digits, format);
+  }
+  return format.format(value);
+}
 
 /** @param {number} bytes @returns {string} number and unit stay on one line */
 export function formatBytes(bytes) {
@@ -8,18 +24,18 @@ export function formatBytes(bytes) {
 /** @param {number} bytes */
 function told(bytes) {
   if (bytes < 1000) return `${bytes} B`;
-  if (bytes < 1e6) return `${(bytes / 1e3).toFixed(bytes < 1e4 ? 1 : 0)} kB`;
-  if (bytes < 1e9) return `${(bytes / 1e6).toFixed(bytes < 1e7 ? 1 : 0)} MB`;
-  return `${(bytes / 1e9).toFixed(1)} GB`;
+  if (bytes < 1e6) return `${formatNumber(bytes / 1e3, bytes < 1e4 ? 1 : 0)} kB`;
+  if (bytes < 1e9) return `${formatNumber(bytes / 1e6, bytes < 1e7 ? 1 : 0)} MB`;
+  return `${formatNumber(bytes / 1e9, 1)} GB`;
 }
 
 /** @param {number} metres @returns {string} 4 cm, 0.35 m, 12.4 m, 1.20 km */
 export function formatMetres(metres) {
   const size = Math.abs(metres);
   if (size < 0.1) return `${Math.round(metres * 100)} cm`;
-  if (size < 10) return `${metres.toFixed(2)} m`;
-  if (size < 1000) return `${metres.toFixed(1)} m`;
-  return `${(metres / 1000).toFixed(2)} km`;
+  if (size < 10) return `${formatNumber(metres, 2)} m`;
+  if (size < 1000) return `${formatNumber(metres, 1)} m`;
+  return `${formatNumber(metres / 1000, 2)} km`;
 }
 
 /** @param {number} seconds @returns {string} minutes:seconds, with hours where there are any */
@@ -34,12 +50,12 @@ export function formatDuration(seconds) {
 /** @param {number} seconds @returns {string} minutes:seconds to a tenth, with hours where there are any */
 export function formatMoment(seconds) {
   const tenths = Math.max(Math.round(seconds * 10), 0);
-  return `${formatDuration(Math.floor(tenths / 10))}.${tenths % 10}`;
+  return `${formatDuration(Math.floor(tenths / 10))}${formatNumber((tenths % 10) / 10, 1).slice(1)}`;
 }
 
 /** @param {string | number | Date} when ISO text or time @returns {string} day and time, as spoken here */
 export function formatWhen(when) {
-  return new Date(when).toLocaleString(undefined, { dateStyle: "medium", timeStyle: "short" });
+  return new Date(when).toLocaleString(locale, { dateStyle: "medium", timeStyle: "short" });
 }
 
 /** @param {number} share @returns {string} */

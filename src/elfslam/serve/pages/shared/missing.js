@@ -1,15 +1,16 @@
 /** What a recording lacks, in words: the same on the phone and at the desk. */
 
 import { formatMoment } from "./format.js";
+import { counted, t } from "./words.js";
 
 /** @typedef {{what: string, from_s: number, until_s: number}} Missing a stretch without sound, or without motion */
 
-const WORDS = { sound: "Sound", motion: "Motion" };
-
 /** @param {Missing} missing @returns {string} such as "Motion is missing from 0:59.2 to 1:00.0" */
 export function missingLine({ what, from_s: fromS, until_s: untilS }) {
-  const named = WORDS[/** @type {keyof typeof WORDS} */ (what)] ?? what;
-  return `${named} is missing from ${formatMoment(fromS)} to ${formatMoment(untilS)}`;
+  const ends = { from: formatMoment(fromS), until: formatMoment(untilS) };
+  if (what === "sound") return t("Sound is missing from {{from}} to {{until}}", ends);
+  if (what === "motion") return t("Motion is missing from {{from}} to {{until}}", ends);
+  return t("{{what}} is missing from {{from}} to {{until}}", { what, ...ends });
 }
 
 /**
@@ -20,6 +21,6 @@ export function missingLine({ what, from_s: fromS, until_s: untilS }) {
 export function missingWords(missing = [], most = 3) {
   const lines = missing.slice(0, most).map(missingLine);
   const others = missing.length - lines.length;
-  if (others > 0) lines.push(`${others} more ${others === 1 ? "stretch" : "stretches"} like it`);
+  if (others > 0) lines.push(counted(others, "{{count}} more stretch like it", "{{count}} more stretches like it"));
   return lines.length === 0 ? "" : `${lines.join("; ")}.`;
 }

@@ -1,12 +1,14 @@
 /** Venues, their floors, and the maps that lie there. Pure. */
 
+import { locale } from "./words.js";
+
 /**
  * @typedef {{venue?: string | null, floor?: string | null, level?: number | null}} Placed
  */
 
 /** @param {string} one @param {string} other @returns {number} as people sort names with numbers in them */
 export function byName(one, other) {
-  return one.localeCompare(other, undefined, { numeric: true, sensitivity: "base" });
+  return one.localeCompare(other, locale, { numeric: true, sensitivity: "base" });
 }
 
 /** Where something lies, in a line; "" where nobody said. @param {Placed} placed */

@@ -1,5 +1,7 @@
 // Curves of least and largest values, as paths in a box and as words. Pure.
 
+import { locale, t } from "../../shared/words.js";
+
 /** @typedef {{name: string, unit: string, start_s: number, step_s: number, low: (number | null)[], high: (number | null)[]}} Curve */
 /** @typedef {{low: number, high: number}} Extent */
 /** @typedef {{start_s: number, end_s: number}} Span */
@@ -7,11 +9,11 @@
 
 /** What the server calls a curve, and what people do. @type {Record<string, string>} */
 const NAMES = {
-  acceleration: "Acceleration",
-  "yaw rate": "Turning",
-  "magnetic field": "Magnetic field",
-  "access points": "Wi-Fi access points",
-  "sound level": "Sound level",
+  acceleration: t("Acceleration"),
+  "yaw rate": t("Turning"),
+  "magnetic field": t("Magnetic field"),
+  "access points": t("Wi-Fi access points"),
+  "sound level": t("Sound level"),
 };
 
 /** Counted one by one: bars from zero, where others are bands. */
@@ -49,7 +51,7 @@ export function ticksOf({ low, high }) {
 
 /** A number as a tick says it. @param {number} value @returns {string} */
 export function tickText(value) {
-  return String(Number(value.toPrecision(4))).replace("-", "−");
+  return Number(value.toPrecision(4)).toLocaleString(locale, { maximumSignificantDigits: 4, useGrouping: false }).replace("-", "−");
 }
 
 /** How far down a value lies, 0 at the top. @param {Extent} extent @param {number} value */
@@ -111,15 +113,15 @@ export function stretchAt({ start_s, step_s, low }, t_s) {
 /** What was read in a stretch, in words. @param {Curve} curve @param {number} at @returns {string} */
 export function readingText(curve, at) {
   const [low, high] = [curve.low[at], curve.high[at]];
-  if (low === null || high === null) return "nothing read";
-  const values = low === high ? tickText(low) : `${tickText(low)} to ${tickText(high)}`;
+  if (low === null || high === null) return t("nothing read");
+  const values = low === high ? tickText(low) : t("{{low}} to {{high}}", { low: tickText(low), high: tickText(high) });
   return `${values} ${curve.unit}`;
 }
 
 /** All of a curve in one line, for those who do not see it. @param {Curve} curve @returns {string} */
 export function summaryOf(curve) {
   const known = curve.low.flatMap((low, at) => (low === null ? [] : [low, Number(curve.high[at])]));
-  if (known.length === 0) return `${titleOf(curve)}: nothing read`;
+  if (known.length === 0) return `${titleOf(curve)}: ${t("nothing read")}`;
   const [low, high] = [known.reduce((a, b) => Math.min(a, b)), known.reduce((a, b) => Math.max(a, b))];
-  return `${titleOf(curve)}: ${tickText(low)} to ${tickText(high)} ${curve.unit}`;
+  return `${titleOf(curve)}: ${t("{{low}} to {{high}}", { low: tickText(low), high: tickText(high) })} ${curve.unit}`;
 }

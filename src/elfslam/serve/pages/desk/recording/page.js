@@ -9,6 +9,7 @@ import { bytesOf, deleteRecording, mapRecording, stateOf } from "../recordings_v
 import { spanOf } from "./curves.js";
 import { plotOf } from "./plot.js";
 import { factsOf, filesOf } from "./words.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("../main.js").Desk} Desk */
 /** @typedef {import("../store.js").Recording} Recording */
@@ -27,14 +28,14 @@ export async function openRecording(desk, id, root, isWanted) {
   if (!isWanted()) return null;
   const state = h("div", { class: "recording-state" });
   const facts = h("dl", { class: "facts" });
-  const curves = h("div", { class: "plots", "aria-busy": "true" }, h("p", { class: "soft" }, "Reading the sensors…"));
+  const curves = h("div", { class: "plots", "aria-busy": "true" }, h("p", { class: "soft" }, t("Reading the sensors…")));
   const changed = () => {
     const now = desk.known.recordings.find((each) => each.id === id) ?? recording;
     state.replaceChildren(...[stateOf(now, desk.known)].flat(Infinity).filter(Boolean));
   };
   fillFacts(facts, recording, null);
   // What changes a recording, such as cutting its ends off, has its part between these two.
-  const parts = [partOf("Sensors", curves), filesPart(recording, path)];
+  const parts = [partOf(t("Sensors"), curves), filesPart(recording, path)];
   root.replaceChildren(h("div", { class: "page recording" }, headOf(desk, recording), state, facts, recording.files.length > 0 && parts));
   changed();
   if (recording.files.length > 0 && recording.state !== "receiving") void showSensors(recording, path, facts, curves);
@@ -52,12 +53,12 @@ function headOf(desk, recording) {
   const ready = recording.state === "ready";
   const address = `/api/recordings/${encodeURIComponent(id)}/recording.zip`;
   return h("header", { class: "page-head" },
-    h("a", { class: "button icon", href: "#/recordings", "aria-label": "Back to the recordings", title: "Back to the recordings" }, icon("back")),
+    h("a", { class: "button icon", href: "#/recordings", "aria-label": t("Back to the recordings"), title: t("Back to the recordings") }, icon("back")),
     h("div", null, h("h1", { tabindex: "-1" }, name), h("p", { class: "soft" }, `${device} · ${formatWhen(created_utc)}`)),
     h("div", { class: "row" },
-      ready && h("button", { type: "button", class: "button primary", click: () => void mapRecording(desk, recording) }, icon("map"), "Map"),
-      ready && h("a", { class: "button", href: address, download: `${fileName(name)}.zip` }, icon("download"), "Download"),
-      h("button", { type: "button", class: "button icon danger", "aria-label": `Delete ${name}`, title: "Delete", click: async () => {
+      ready && h("button", { type: "button", class: "button primary", click: () => void mapRecording(desk, recording) }, icon("map"), t("Map", { context: "verb" })),
+      ready && h("a", { class: "button", href: address, download: `${fileName(name)}.zip` }, icon("download"), t("Download")),
+      h("button", { type: "button", class: "button icon danger", "aria-label": t("Delete {{name}}", { name }), title: t("Delete"), click: async () => {
         if (await deleteRecording(desk, recording)) location.hash = "#/recordings";
       } }, icon("trash"))));
 }
@@ -75,7 +76,7 @@ async function showSensors(recording, path, facts, curves) {
     fillFacts(facts, recording, look);
     const span = spanOf(look.curves);
     const plots = look.curves.map((curve) => plotOf(curve, span)).filter(Boolean);
-    curves.replaceChildren(...(plots.length > 0 ? plots : [h("p", { class: "soft" }, "No sensor of it can be drawn.")]));
+    curves.replaceChildren(...(plots.length > 0 ? plots : [h("p", { class: "soft" }, t("No sensor of it can be drawn."))]));
   } catch (problem) {
     curves.replaceChildren(h("p", { class: "problem" }, problem instanceof Error ? problem.message : String(problem)));
   }
@@ -85,7 +86,7 @@ async function showSensors(recording, path, facts, curves) {
 /** @param {Recording} recording @param {string} path */
 function filesPart(recording, path) {
   const lines = filesOf(recording.files).map(({ name, size_bytes, words }) => h("li", null,
-    h("a", { class: "button small", href: `${path}/files/${encodeURIComponent(name)}`, download: `${fileName(recording.name)}-${name}`, "aria-label": `Download ${name}` }, icon("download"), name),
+    h("a", { class: "button small", href: `${path}/files/${encodeURIComponent(name)}`, download: `${fileName(recording.name)}-${name}`, "aria-label": t("Download {{name}}", { name }) }, icon("download"), name),
     h("div", null, h("span", null, words), h("span", null, formatBytes(size_bytes)))));
-  return partOf("Files", h("ul", { class: "exports" }, lines));
+  return partOf(t("Files"), h("ul", { class: "exports" }, lines));
 }

@@ -12,13 +12,14 @@ import { around, boundsOf, fit, toMap, toScreen } from "../../shared/map/project
 import { corners } from "../../shared/map/placement.js";
 import { paletteOf } from "./state.js";
 import { focusAt, nextFocus, tell } from "./telling.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("./scene.js").Scene} Scene */
 
 const MANY_FOOTSTEPS = 3000;
 const CALM_MS = 150;
-const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all, square brackets step along a walk.";
+const HELP = t("Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all, square brackets step along a walk.");
 
 /**
  * @param {Scene} scene @param {State} state @param {string} name of the map
@@ -26,8 +27,8 @@ const HELP = "Drag or arrow keys move, wheel or plus and minus zoom, 0 shows all
  * `onTap` while a plan is tied to the walks
  */
 export function mountCanvas(scene, state, name, told) {
-  const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
-    "aria-label": `Map ${name}. ${HELP}` });
+  const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": t("map"),
+    "aria-label": `${t("Map {{name}}", { name })}. ${HELP}` });
   const tip = h("div", { class: "tip", hidden: true });
   const spoken = h("p", { class: "visually-hidden", "aria-live": "polite" });
   const scale = makeScale();

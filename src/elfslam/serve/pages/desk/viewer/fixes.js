@@ -1,16 +1,18 @@
 // Located walks: the CSV of a locate job. Pure.
 
+import { t } from "../../shared/words.js";
+
 /** @typedef {{t_s: number, xy_m: [number, number] | null, heading_rad: number | null, sigma_m: number | null, status: string}} Fix */
 
 export const FIX_COLUMNS = ["t_s", "x_m", "y_m", "heading_rad", "sigma_m", "status"];
 
 /** What the statuses mean to people. @type {Record<string, string>} */
 export const STATUS_WORDS = {
-  OK: "located",
-  AMBIGUOUS: "several places sound alike",
-  UNKNOWN_PLACE: "unknown place",
-  NO_ECHO: "no echo heard",
-  SUSPECT: "sound not to be trusted",
+  OK: t("located"),
+  AMBIGUOUS: t("several places sound alike"),
+  UNKNOWN_PLACE: t("unknown place"),
+  NO_ECHO: t("no echo heard"),
+  SUSPECT: t("sound not to be trusted"),
 };
 
 /** The rows of a fixes file; columns by name. Throws Error naming what is missing.
@@ -19,7 +21,7 @@ export function parseFixes(text) {
   const [head, ...lines] = text.trim().split(/\r?\n/);
   const names = head.split(",");
   const missing = FIX_COLUMNS.filter((name) => !names.includes(name));
-  if (missing.length > 0) throw new Error(`The fixes lack the column ${missing[0]}; locate again.`);
+  if (missing.length > 0) throw new Error(t("The fixes lack the column {{column}}; locate again.", { column: missing[0] }));
   return lines.filter((line) => line !== "").map((line) => fixOf(names, line.split(",")));
 }
 

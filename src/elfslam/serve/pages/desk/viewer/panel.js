@@ -1,10 +1,11 @@
 // Beside the map: which layers are on, which walks are shown, and what is known of them.
 
 import { h } from "../../shared/dom.js";
-import { formatDuration, formatMetres, plural } from "../format.js";
+import { formatDuration, formatMetres } from "../format.js";
 import { colourOf } from "./draw.js";
 import { countStatuses, STATUS_WORDS } from "./fixes.js";
 import { paletteOf } from "./state.js";
+import { counted, t } from "../../shared/words.js";
 
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("./state.js").Layer} Layer */
@@ -20,13 +21,13 @@ export function part(title, body, id = `part-${title.toLowerCase().replace(/\W+/
 function layersOf(scene, state) {
   const sigmas = scene.walks.some((walk) => walk.middle_sigma_m !== null);
   return [
-    ["trajectories", "Trajectories", scene.walks.length > 0 ? null : "this map keeps none"],
-    ["uncertainty", "Uncertainty", sigmas ? null : "not known for this map"],
-    ["closures", "Places passed again", scene.closures.length > 0 ? null : "in maps of one walk"],
-    ["reckoning", "Dead reckoning", scene.reckoned.length > 0 ? null : "in maps of one walk"],
-    ["coverage", "Coverage", scene.coverage ? null : "comes with several walks: merge maps"],
-    ["fixes", "Located walks", state.located.length > 0 ? null : "none yet"],
-    ["plan", "Floor plan", state.plan ? null : "none yet"],
+    ["trajectories", t("Trajectories"), scene.walks.length > 0 ? null : t("this map keeps none")],
+    ["uncertainty", t("Uncertainty"), sigmas ? null : t("not known for this map")],
+    ["closures", t("Places passed again"), scene.closures.length > 0 ? null : t("in maps of one walk")],
+    ["reckoning", t("Dead reckoning"), scene.reckoned.length > 0 ? null : t("in maps of one walk")],
+    ["coverage", t("Coverage"), scene.coverage ? null : t("comes with several walks: merge maps")],
+    ["fixes", t("Located walks"), state.located.length > 0 ? null : t("none yet")],
+    ["plan", t("Floor plan"), state.plan ? null : t("none yet")],
   ];
 }
 
@@ -42,18 +43,18 @@ export function layerPart(scene, state, changed) {
     return h("label", { class: "tick" }, input, h("span", null, words, lacks && h("small", null, ` ${lacks}`)));
   };
   const body = [h("div", { class: "ticks" }, layersOf(scene, state).map(box)),
-    either("Colour of walks", "colour-by", [["walk", "by walk"], ["time", "by time"]], state.colourBy, (value) => {
+    either(t("Colour of walks"), "colour-by", [["walk", t("by walk")], ["time", t("by time")]], state.colourBy, (value) => {
       state.colourBy = /** @type {"walk" | "time"} */ (value);
       changed();
     })];
   if (scene.coverage) {
-    body.push(either("Coverage shows", "coverage-by", [["walks", "walks"], ["sigma_m", "uncertainty"]], state.coverageBy, (value) => {
+    body.push(either(t("Coverage shows"), "coverage-by", [["walks", t("walks")], ["sigma_m", t("uncertainty")]], state.coverageBy, (value) => {
       state.coverageBy = /** @type {"walks" | "sigma_m"} */ (value);
       state.layers.coverage = true;
       changed();
     }));
   }
-  return part("Layers", body);
+  return part(t("Layers"), body);
 }
 
 /** One of two or three. @param {string} legend @param {string} name @param {[string, string][]} choices
@@ -71,7 +72,7 @@ export function either(legend, name, choices, chosen, choose) {
 export function walkPart(scene, state, changed) {
   const palette = paletteOf(document.documentElement);
   const row = (/** @type {import("./scene.js").Walk} */ walk, /** @type {number} */ at) => {
-    const input = h("input", { type: "checkbox", "aria-label": `Show ${walk.name}` });
+    const input = h("input", { type: "checkbox", "aria-label": t("Show {{name}}", { name: walk.name }) });
     input.checked = !state.hidden.has(at);
     input.addEventListener("change", () => {
       if (input.checked) state.hidden.delete(at);
@@ -90,10 +91,10 @@ export function walkPart(scene, state, changed) {
     line.addEventListener("pointerleave", stand(null));
     return line;
   };
-  const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, "Shown")),
-    ["Walk", "Length", "Time", "Uncertainty"].map((name) => h("th", { scope: "col" }, name)));
-  return part(plural(scene.walks.length, "walk"), h("div", { class: "scroll" },
-    h("table", { class: "walks", "aria-label": "Walks" }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
+  const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, t("Shown"))),
+    [t("Walk"), t("Length"), t("Time"), t("Uncertainty", { context: "column" })].map((name) => h("th", { scope: "col" }, name)));
+  return part(counted(scene.walks.length, "{{count}} walk", "{{count}} walks"), h("div", { class: "scroll" },
+    h("table", { class: "walks", "aria-label": t("Walks") }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
 }
 
 /** @param {State} state @param {() => void} changed @param {any} locate the button that locates another */
@@ -106,8 +107,8 @@ export function locatedPart(state, changed, locate) {
       changed();
     });
     const counts = countStatuses(walk.fixes).map(([status, count]) => `${count} ${STATUS_WORDS[status] ?? status}`);
-    return h("label", { class: "tick" }, input, h("span", null, walk.name, h("small", null, ` ${counts.join(", ") || "no fixes"}`)));
+    return h("label", { class: "tick" }, input, h("span", null, walk.name, h("small", null, ` ${counts.join(", ") || t("no fixes")}`)));
   });
-  const none = h("p", { class: "soft" }, "Take a recording made elsewhere on this floor and see where its walker was.");
-  return part("Located walks", [list.length > 0 ? h("div", { class: "ticks" }, list) : none, locate]);
+  const none = h("p", { class: "soft" }, t("Take a recording made elsewhere on this floor and see where its walker was."));
+  return part(t("Located walks"), [list.length > 0 ? h("div", { class: "ticks" }, list) : none, locate]);
 }

@@ -8,6 +8,7 @@ import { part } from "./panel.js";
 import { tiePart } from "./tie_part.js";
 import { loadPlanImage } from "../../shared/map/plan_image.js";
 import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("../../shared/map/placement.js").Placement} Placement */
 /** @typedef {import("./state.js").State} State */
@@ -20,7 +21,6 @@ const TYPES = {
   png: "image/png", jpg: "image/jpeg", jpeg: "image/jpeg", pdf: "application/pdf", svg: "image/svg+xml",
   geojson: "application/geo+json", json: "application/geo+json",
 };
-const KINDS = "PNG, JPEG, PDF, SVG or GeoJSON";
 
 /** What a file says it is, by how it ends; undefined of what is no plan. @param {{name: string}} file */
 export function planType({ name }) {
@@ -29,10 +29,10 @@ export function planType({ name }) {
 
 /** @type {[string, string, string, (p: Placement) => number, (p: Placement, aspect: number, value: number) => Placement][]} */
 const FIELDS = [
-  ["width", "Width, m", "0.01", (p) => p.width_m, widened],
-  ["x", "Left, m", "0.01", (p) => p.x_m, (p, _, x) => moved(p, [x - p.x_m, 0])],
-  ["y", "Bottom, m", "0.01", (p) => p.y_m, (p, _, y) => moved(p, [0, y - p.y_m])],
-  ["turn", "Turned, degrees", "0.1", (p) => Number((p.heading_rad / DEGREE).toFixed(2)), (p, aspect, degrees) => turned(p, aspect, degrees * DEGREE)],
+  ["width", t("Width, m"), "0.01", (p) => p.width_m, widened],
+  ["x", t("Left, m"), "0.01", (p) => p.x_m, (p, _, x) => moved(p, [x - p.x_m, 0])],
+  ["y", t("Bottom, m"), "0.01", (p) => p.y_m, (p, _, y) => moved(p, [0, y - p.y_m])],
+  ["turn", t("Turned, degrees"), "0.1", (p) => Number((p.heading_rad / DEGREE).toFixed(2)), (p, aspect, degrees) => turned(p, aspect, degrees * DEGREE)],
 ];
 
 /** What the server keeps of where a plan lies, if it does. @param {any} kept @returns {Placement | null} */
@@ -70,7 +70,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     dirty = true;
     fillIn();
     redraw();
-    status.textContent = "Not saved yet";
+    status.textContent = t("Not saved yet");
     clearTimeout(timer);
     if (finished) timer = setTimeout(save, SAVE_AFTER_MS);
   }
@@ -82,7 +82,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     const json = state.plan.placement;
     const well = await orSay(() => ask(`${path}/placement`, { method: "PUT", json, keepalive: true }));
     dirty ||= !well;
-    status.textContent = well ? "Saved" : "Not saved; change it again to retry";
+    status.textContent = well ? t("Saved") : t("Not saved; change it again to retry");
   }
 
   /** @param {File} file */
@@ -99,11 +99,11 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     await save();
     changed();
     showAll();
-    say("Drag the plan under the walks; its corners stretch it, the knob turns it. Or place it by points.");
+    say(t("Drag the plan under the walks; its corners stretch it, the knob turns it. Or place it by points."));
   }
 
   async function remove() {
-    if (!(await confirmDelete("the floor plan", "The image and its place are deleted. The map itself stays as it is."))) return;
+    if (!(await confirmDelete(t("the floor plan"), t("The image and its place are deleted. The map itself stays as it is.")))) return;
     if (!(await orSay(() => ask(path, { method: "DELETE" })))) return;
     state.plan = null;
     state.tie = null;
@@ -136,13 +136,13 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     const opacity = h("input", { type: "range", min: "0.05", max: "1", step: "0.05", name: "plan-opacity" });
     opacity.addEventListener("input", () => state.plan && place({ ...state.plan.placement, opacity: opacity.valueAsNumber }, true));
     inputs.set("opacity", opacity);
-    return [h("div", { class: "fields two" }, fields), h("label", { class: "field" }, h("span", null, "Opacity"), opacity)];
+    return [h("div", { class: "fields two" }, fields), h("label", { class: "field" }, h("span", null, t("Opacity")), opacity)];
   }
 
   function pick() {
     const input = h("input", { type: "file", accept: Object.keys(TYPES).map((ending) => `.${ending}`).join(","), class: "visually-hidden", name: "plan-file" });
     input.addEventListener("change", () => input.files?.[0] && upload(input.files[0]));
-    return h("label", { class: "button" }, icon("image"), state.plan ? "Another plan" : "Choose a plan", input);
+    return h("label", { class: "button" }, icon("image"), state.plan ? t("Another plan") : t("Choose a plan"), input);
   }
 
   /** Light lines on a dark ground, on this screen alone. */
@@ -153,13 +153,13 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
       if (state.plan) state.plan.inverted = negative.checked;
       redraw();
     });
-    return h("label", { class: "tick" }, negative, h("span", null, "Light on dark"));
+    return h("label", { class: "tick" }, negative, h("span", null, t("Light on dark")));
   }
 
   function body() {
     tie.bar.hidden = state.tie === null;
-    if (!canEdit()) return state.plan ? negativeTick() : h("p", { class: "soft" }, "None yet. Who may edit the map can put one below it.");
-    if (!state.plan) return [h("p", { class: "soft" }, `A plan of the floor (${KINDS}) to lie under the walks.`), pick()];
+    if (!canEdit()) return state.plan ? negativeTick() : h("p", { class: "soft" }, t("None yet. Who may edit the map can put one below it."));
+    if (!state.plan) return [h("p", { class: "soft" }, t("A plan of the floor (PNG, JPEG, PDF, SVG or GeoJSON) to lie under the walks.")), pick()];
     const placing = h("button", { type: "button", class: "button", "aria-pressed": String(state.placing), click: () => {
       state.placing = !state.placing;
       if (state.tie) {
@@ -168,13 +168,13 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
       }
       placing.setAttribute("aria-pressed", String(state.placing));
       redraw();
-    } }, icon("fit"), "Move the plan");
+    } }, icon("fit"), t("Move the plan"));
     const shown = [h("div", { class: "row" }, placing), ...tie.part(), ...fieldsOf(),
       negativeTick(), status,
-      h("div", { class: "row" }, pick(), h("button", { type: "button", class: "button danger", click: remove }, icon("trash"), "Remove"))];
+      h("div", { class: "row" }, pick(), h("button", { type: "button", class: "button danger", click: remove }, icon("trash"), t("Remove")))];
     fillIn();
     return shown;
   }
 
-  return { load, place, save, upload, tap: tie.tap, bar: tie.bar, part: () => part("Floor plan", body()) };
+  return { load, place, save, upload, tap: tie.tap, bar: tie.bar, part: () => part(t("Floor plan"), body()) };
 }

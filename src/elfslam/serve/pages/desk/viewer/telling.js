@@ -1,9 +1,11 @@
 // What is under the finger, in words. Pure.
 
-import { formatDuration, formatMetres, plural } from "../format.js";
+import { formatNumber } from "../../shared/format.js";
+import { formatDuration, formatMetres } from "../format.js";
 import { STATUS_WORDS } from "./fixes.js";
 import { nearest } from "./nearest.js";
 import { cellAt, stepAt } from "./scene.js";
+import { counted, t } from "../../shared/words.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("./scene.js").Scene} Scene */
@@ -46,16 +48,16 @@ export function tell(scene, state, focus) {
   const cell = scene.coverage && cellAt(scene.coverage, focus.xy_m);
   const known = cell?.sigma_m ?? null;
   return {
-    name: plural(cell?.walks ?? 0, "walk") + " here",
-    line: known === null ? "uncertainty unknown" : `places are known to ± ${formatMetres(known)}`,
+    name: counted(cell?.walks ?? 0, "{{count}} walk here", "{{count}} walks here"),
+    line: known === null ? t("uncertainty unknown") : t("places are known to ± {{distance}}", { distance: formatMetres(known) }),
   };
 }
 
 /** @param {import("./scene.js").Walk} walk @param {number} step */
 function tellStep(walk, step) {
   const sigma_m = walk.sigma_m?.[step] ?? null;
-  const parts = [`footstep ${step + 1}`, placeWords(walk.xy_m[step])];
-  if (walk.t_s[step] !== undefined) parts.unshift(`at ${formatDuration(walk.t_s[step])}`);
+  const parts = [t("footstep {{number}}", { number: step + 1 }), placeWords(walk.xy_m[step])];
+  if (walk.t_s[step] !== undefined) parts.unshift(t("at {{time}}", { time: formatDuration(walk.t_s[step]) }));
   if (sigma_m !== null) parts.push(`± ${formatMetres(sigma_m)}`);
   return { name: walk.name, line: parts.join(" · ") };
 }
@@ -63,7 +65,7 @@ function tellStep(walk, step) {
 /** @param {import("./state.js").Located} located @param {number} at */
 function tellFix({ name, fixes }, at) {
   const { t_s, xy_m, sigma_m, status } = fixes[at];
-  const parts = [STATUS_WORDS[status] ?? status, `at ${formatDuration(t_s)}`];
+  const parts = [STATUS_WORDS[status] ?? status, t("at {{time}}", { time: formatDuration(t_s) })];
   if (xy_m) parts.push(placeWords(xy_m));
   if (sigma_m !== null) parts.push(`± ${formatMetres(sigma_m)}`);
   return { name, line: parts.join(" · ") };
@@ -71,7 +73,7 @@ function tellFix({ name, fixes }, at) {
 
 /** @param {Point} xy_m */
 function placeWords([x_m, y_m]) {
-  return `x ${x_m.toFixed(2)}, y ${y_m.toFixed(2)} m`;
+  return t("x {{x}}, y {{y}} m", { x: formatNumber(x_m, 2), y: formatNumber(y_m, 2) });
 }
 
 /** The footstep before or after the one in focus, over all walks that are shown.

@@ -2,6 +2,7 @@
 
 import { h } from "../../shared/dom.js";
 import { askFor, FEWEST_PAIRS, noTie, scaledTo, tapped, tied, wantedNext } from "./tying.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("./state.js").State} State */
 /** @typedef {import("../../shared/map/placement.js").Placement} Placement */
@@ -11,16 +12,16 @@ import { askFor, FEWEST_PAIRS, noTie, scaledTo, tapped, tied, wantedNext } from 
  */
 export function tiePart(state, { place, redraw, changed }) {
   const words = h("p", { role: "status" });
-  const done = h("button", { type: "button", class: "button small", click: end }, "Done");
+  const done = h("button", { type: "button", class: "button small", click: end }, t("Done"));
   const length = h("input", { type: "number", step: "0.01", min: "0.1", name: "plan-length", inputmode: "decimal" });
-  const form = h("form", { class: "row" }, h("label", { class: "field" }, h("span", null, "Length, m"), length),
-    h("button", { type: "submit", class: "button" }, "Scale it"));
+  const form = h("form", { class: "row" }, h("label", { class: "field" }, h("span", null, t("Length, m")), length),
+    h("button", { type: "submit", class: "button" }, t("Scale it")));
   const bar = h("div", { class: "tie-bar", hidden: true }, words, form, done);
   form.addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     const made = state.tie && state.plan && scaledTo(state.tie, state.plan.placement, length.valueAsNumber);
     if (!made) {
-      words.textContent = "These two places and this length give no plan of 0.1 to 5000 m; give another length, or begin again.";
+      words.textContent = t("These two places and this length give no plan of 0.1 to 5000 m; give another length, or begin again.");
       return;
     }
     place(made, true);
@@ -64,7 +65,7 @@ export function tiePart(state, { place, redraw, changed }) {
     show();
     const begins = (/** @type {import("./tying.js").TieKind} */ kind, /** @type {string} */ title) =>
       h("button", { type: "button", class: "button", "aria-pressed": String(state.tie?.kind === kind), click: () => begin(kind) }, title);
-    return [h("div", { class: "row" }, begins("points", "Place by points"), begins("length", "Scale by a length"))];
+    return [h("div", { class: "row" }, begins("points", t("Place by points")), begins("length", t("Scale by a length")))];
   }
 
   return { part, tap, bar };

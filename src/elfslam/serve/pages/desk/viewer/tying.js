@@ -2,6 +2,7 @@
 // Pure.
 
 import { mapToPlan, NARROWEST_M, planToMap, WIDEST_M } from "../../shared/map/placement.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
 /** @typedef {import("../../shared/map/placement.js").Placement} Placement */
@@ -27,10 +28,10 @@ export function wantedNext({ kind, plan, map }) {
 /** What to do now, in words. @param {Tie} tie @returns {string} */
 export function askFor(tie) {
   const next = wantedNext(tie);
-  if (tie.kind === "length") return next ? `Tap one end of a known length on the plan (${tie.plan.length + 1} of 2).` : "How long is that?";
-  if (next === "map") return "Now tap where that is on the walk.";
-  if (next === null) return "Three places are tied; the plan lies as well as they let it.";
-  return tie.map.length < FEWEST_PAIRS ? `Tap a place on the plan, such as a corner (${tie.map.length + 1} of 2).` : "A third place makes it more exact, or be done.";
+  if (tie.kind === "length") return next ? t("Tap one end of a known length on the plan ({{number}} of 2).", { number: tie.plan.length + 1 }) : t("How long is that?");
+  if (next === "map") return t("Now tap where that is on the walk.");
+  if (next === null) return t("Three places are tied; the plan lies as well as they let it.");
+  return tie.map.length < FEWEST_PAIRS ? t("Tap a place on the plan, such as a corner ({{number}} of 2).", { number: tie.map.length + 1 }) : t("A third place makes it more exact, or be done.");
 }
 
 /** With one more tap. @param {Tie} tie @param {Placement} placement of the plan at this moment @param {Point} xy_m

@@ -8,9 +8,10 @@ import { at, showView } from "../view.js";
 import { offersOf, rowsOf, venuesOf } from "./maps.js";
 import { floorsNear } from "./near.js";
 import { askRemove, isGetting, showMaps, showMapsTrouble, showOffline, showProgress } from "./place_view.js";
+import { t } from "../../shared/words.js";
 
 const AGAIN_MS = 20_000;
-const NO_SERVER = "The server does not answer. The maps on this phone work without it.";
+const NO_SERVER = t("The server does not answer. The maps on this phone work without it.");
 
 /**
  * @typedef {import("../../keeping/packages.js").Packages} Packages

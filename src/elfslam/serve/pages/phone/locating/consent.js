@@ -3,10 +3,11 @@
 import { ask } from "../../shared/api.js";
 import { at } from "../view.js";
 import { startTelling } from "./telling.js";
+import { t } from "../../shared/words.js";
 
-const OFFER = "Let others see where I am";
-const DELETED = "Deleted: the server knows no place of yours any more.";
-const UNHEARD = "No answer: nothing is sent now.";
+const OFFER = t("Let others see where I am");
+const DELETED = t("Deleted: the server knows no place of yours any more.");
+const UNHEARD = t("No answer: nothing is sent now.");
 
 /**
  * The button by which a walker has the server delete where they were.
@@ -36,10 +37,10 @@ export function makeConsent({ problem }) {
     box.hidden = offered === null;
     input.checked = telling !== null;
     box.dataset.verdict = telling ? "doubt" : "wait";
-    at("place-tell-words").textContent = telling && offered ? `Others see where you are: ${offered.name}` : OFFER;
+    at("place-tell-words").textContent = telling && offered ? t("Others see where you are: {{name}}", { name: offered.name }) : OFFER;
     if (at("place-tell-trouble").textContent !== trouble) at("place-tell-trouble").textContent = trouble;
     at("place-tell-trouble").hidden = trouble === "";
-    at("place-sent").textContent = telling ? "Positions are sent" : "Nothing is sent";
+    at("place-sent").textContent = telling ? t("Positions are sent") : t("Nothing is sent");
   }
 
   function end() {

@@ -2,6 +2,7 @@
 
 import { fixOf, likeness } from "../../line/locate.js";
 import { REASONS } from "../../line/spoofing.js";
+import { marked } from "../../shared/marked.js";
 
 /**
  * `decide(untilS)` gives the fixes that can be made once everything that was heard before `untilS` is in
@@ -19,7 +20,7 @@ import { REASONS } from "../../line/spoofing.js";
 /** @type {SpoofingCheck} */
 const UNCHECKED = { reasonAt: () => 0 };
 /** Why a tracker that is settled suspects what is heard. */
-const JUMPS = "it sounds like a place that no step leads to";
+const JUMPS = marked("it sounds like a place that no step leads to");
 
 /** Looking for footsteps goes through the last seconds of motion: not for every block of sound. */
 const LOOK_EVERY_S = 0.2;
@@ -35,9 +36,7 @@ const LOOK_EVERY_S = 0.2;
  * @returns {Deciding}
  */
 export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing = UNCHECKED }) {
-  /** @type {Step[]} */
-  let waiting = [];
-  let lookedS = -Infinity;
+  const ready = stepsUntil(footsteps);
   /** @param {Step} step @returns {Fix} */
   const fixOfStep = ({ fromS, tS, moveM, sigma }) => {
     const mean = memory.mean(fromS, tS);
@@ -46,16 +45,25 @@ export function decideBySteps({ floorMap, memory, footsteps, tracker, spoofing =
     const fix = tracker.step(moveM, sigma, mean && likeness(mean, floorMap), reason > 0);
     return { ...fix, tS, ...(fix.status === "SUSPECT" && { reason: reason > 0 ? REASONS[reason] : JUMPS }) };
   };
-  /** @param {number} untilS */
-  const decide = (untilS) => {
+  return { decide: (untilS) => ready(untilS).map(fixOfStep) };
+}
+
+/**
+ * The footsteps that are over, once each; looked for now and then only.
+ * @param {{take: (nowS: number) => Step[]}} footsteps @returns {(untilS: number) => Step[]}
+ */
+export function stepsUntil(footsteps) {
+  /** @type {Step[]} */
+  let waiting = [];
+  let lookedS = -Infinity;
+  return (untilS) => {
     if (untilS - lookedS < LOOK_EVERY_S) return [];
     lookedS = untilS;
     waiting.push(...footsteps.take(untilS));
     const ready = waiting.filter(({ tS }) => tS <= untilS);
     waiting = waiting.slice(ready.length);
-    return ready.map(fixOfStep);
+    return ready;
   };
-  return { decide };
 }
 
 /**

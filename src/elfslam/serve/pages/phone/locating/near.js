@@ -1,6 +1,7 @@
 /** The floors around the phone: the server is asked once, by where the phone believes itself to be. */
 
 import { Problem, ask } from "../../shared/api.js";
+import { inSentence, t } from "../../shared/words.js";
 
 const PATIENCE = { enableHighAccuracy: true, timeout: 20_000, maximumAge: 60_000 };
 /** Browsers tell the radius that holds 95 % of a plane's Gaussian: so many sigmas. */
@@ -8,12 +9,12 @@ const SIGMAS = Math.sqrt(-2 * Math.log(0.05));
 const [LEAST_M, MOST_M] = [1, 2000];
 const NOT_ALLOWED = 1;
 
-export const NO_POSITION = "This browser tells no page where the phone is. Choose the place from the list.";
+export const NO_POSITION = t("This browser tells no page where the phone is. Choose the place from the list.");
 export const REFUSED =
-  "The page may not know where the phone is: allow it in the browser's settings, or choose from the list.";
-export const LOST = "The phone does not know where it is. Go near a window and try again, or choose from the list.";
+  t("The page may not know where the phone is: allow it in the browser's settings, or choose from the list.");
+export const LOST = t("The phone does not know where it is. Go near a window and try again, or choose from the list.");
 export const NOTHING_NEAR =
-  "No map of a place near here is published. Choose from the list, or walk through the place to map it.";
+  t("No map of a place near here is published. Choose from the list, or walk through the place to map it.");
 
 /** @typedef {{id: string, name: string, revision: number, venue: string, floor: string}} NearMap */
 
@@ -44,13 +45,13 @@ export function questionOf({ coords: { latitude, longitude, accuracy } }) {
 export function floorsOf({ candidates }) {
   return candidates.map(({ building, floor, map, revision }) => {
     const name = floorName(floor);
-    return { id: map, name: `${building}, ${name.toLowerCase()}`, revision, venue: building, floor: name };
+    return { id: map, name: `${building}, ${inSentence(name)}`, revision, venue: building, floor: name };
   });
 }
 
 /** As maps on floors of published buildings tell it. @param {number} level */
 function floorName(level) {
-  return level === 0 ? "Ground floor" : `Floor ${level}`;
+  return level === 0 ? t("Ground floor") : t("Floor {{level}}", { level });
 }
 
 /** @param {Geolocation | undefined} geolocation @returns {Promise<GeolocationPosition>} */

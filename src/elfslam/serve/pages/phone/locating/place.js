@@ -2,11 +2,12 @@
 
 import { listenToMotion } from "../motion_sensor.js";
 import { soundTime } from "../clocks.js";
+import { t, translated } from "../../shared/words.js";
 
 const MOTION_EVERY_MS = 150;
 const FIRST_CHIRP_S = 0.25;
 const SAME_S = 0.01;
-const TOO_OLD = "This browser cannot run the part of the page that locates. Use a newer one.";
+const TOO_OLD = t("This browser cannot run the part of the page that locates. Use a newer one.");
 
 /**
  * @typedef {{
@@ -77,8 +78,8 @@ function untilReady(worker, told, latest) {
       }
       if (data.is === "heard") latest.heard(data.slot, data.othersS, data.played);
       if (data.is === "problem") {
-        reject(new Error(data.said));
-        told.problem(data.said);
+        reject(new Error(translated(data.said)));
+        told.problem(translated(data.said));
       }
     };
   });
@@ -88,7 +89,7 @@ function untilReady(worker, told, latest) {
  * Every reading with the time of the sound that was being played.
  * @param {Worker} worker @param {import("../devices.js").Devices["clocks"]} clocks @returns {() => void} stops
  */
-function sendMotion(worker, clocks) {
+export function sendMotion(worker, clocks) {
   /** @type {{pageMs: number, acceleration: number[] | null, turning: number[] | null}[]} */
   let readings = [];
   const stop = listenToMotion((pageMs, acceleration, turning) => readings.push({ pageMs, acceleration, turning }));

@@ -10,6 +10,7 @@ import { makeScale, mountSurface, zoomButtons } from "../../shared/map/surface.j
 import { drawPlace } from "./draw_place.js";
 import { groundOf } from "./ground_of_map.js";
 import { NO_TRAIL } from "./trail.js";
+import { t } from "../../shared/words.js";
 
 /** @typedef {import("../../shared/map/projection.js").View} View */
 /**
@@ -23,7 +24,7 @@ import { NO_TRAIL } from "./trail.js";
  */
 
 const HELP =
-  "Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.";
+  t("Drag or arrow keys move the map, plus and minus zoom, 0 shows all, F follows you, Enter says where you are.");
 /** Once the walker is found, no more of the map is shown than this. */
 const AROUND_M = 8;
 const MARGIN_PX = 28;
@@ -39,10 +40,10 @@ export function mountPlaceMap(floorMap, name, { say }) {
   const shown = { view: fit(ground.bounds_m, size, MARGIN_PX), size, ground, plan: null, trail: NO_TRAIL };
   let isFollowing = true;
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
-    "aria-label": `Map ${name}. ${HELP}` });
+    "aria-label": `${t("Map {{name}}", { name })}. ${HELP}` });
   const scale = makeScale();
-  const follow = h("button", { type: "button", class: "follow", "aria-pressed": "true", "aria-label": "Follow me",
-    title: "Follow me (F)", click: () => setFollowing(!isFollowing) }, icon("follow"));
+  const follow = h("button", { type: "button", class: "follow", "aria-pressed": "true", "aria-label": t("Follow me"),
+    title: t("Follow me (F)"), click: () => setFollowing(!isFollowing) }, icon("follow"));
   const buttons = zoomButtons({ look: () => shown, turnTo: zoomTo, fit: showAll });
   const stage = h("div", { class: "stage" }, canvas, buttons, follow, scale.bar);
   let palette = paletteOf(document.documentElement);
@@ -131,7 +132,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
 }
 
 /** The colours of the page as they are now. @param {Element} element @returns {import("./draw_place.js").Palette} */
-function paletteOf(element) {
+export function paletteOf(element) {
   const style = getComputedStyle(element);
   /** @param {string} name */
   const colour = (name) => style.getPropertyValue(name).trim();

@@ -3,6 +3,7 @@
 import { formatBytes, formatDuration, formatShare, formatWhen } from "../../shared/format.js";
 import { at, make } from "../view.js";
 import { WAITING, placeSpoken, wordsOf } from "./words.js";
+import { t } from "../../shared/words.js";
 
 const SIGNS = { pass: "✓", doubt: "?", fail: "!", wait: "…" };
 
@@ -72,7 +73,7 @@ export function showMapsTrouble(said) {
 export function showMaps(venues, does) {
   const hasVenues = venues.some(({ venue }) => venue !== null);
   at("maps-list").replaceChildren(...venues.flatMap(({ venue, rows }) => [
-    ...(hasVenues ? [make("li", { className: "venue" }, [make("h2", {}, [venue ?? "Elsewhere"])])] : []),
+    ...(hasVenues ? [make("li", { className: "venue" }, [make("h2", {}, [venue ?? t("Elsewhere")])])] : []),
     ...rows.map((row) => mapCard(row, does, hasVenues ? "h3" : "h2")),
   ]));
   at("maps-none").hidden = venues.length > 0;
@@ -93,15 +94,15 @@ function mapCard(row, does, heading) {
     return inside;
   };
   const buttons = [
-    row.isHere && button("Find me here", "primary big", does.open),
-    row.canGet && button(row.isHere ? "Update" : "Get this map", row.isHere ? "" : "primary", does.get),
-    row.isHere && button("Remove", "danger", does.remove),
+    row.isHere && button(t("Find me here"), "primary big", does.open),
+    row.canGet && button(row.isHere ? t("Update") : t("Get this map"), row.isHere ? "" : "primary", does.get),
+    row.isHere && button(t("Remove"), "danger", does.remove),
   ].filter((each) => each !== false);
   return make("li", { className: "card map-card", data: { map: row.id } }, [
     make("div", { className: "row apart" }, [make(heading, {}, [row.name]), badge(row)]),
     make("p", { className: "soft" }, [factsOf(row)]),
     make("div", { className: "stack tight", hidden: true, data: { progress: row.id } }, [
-      make("progress", { max: 1, ariaLabel: `Getting ${row.name}` }),
+      make("progress", { max: 1, ariaLabel: t("Getting {{name}}", { name: row.name }) }),
       make("p", { className: "soft" }, []),
     ]),
     make("div", { className: "row" }, buttons),
@@ -110,13 +111,14 @@ function mapCard(row, does, heading) {
 
 /** @param {MapRow} row */
 function badge({ isHere, isOld }) {
-  const [verdict, said] = isOld ? ["doubt", "Update"] : isHere ? ["pass", "On this phone"] : ["wait", "On the server"];
+  const [verdict, said] = isOld ? ["doubt", t("Update")] : isHere ? ["pass", t("On this phone")] : ["wait", t("On the server")];
   return make("span", { className: "badge", data: { verdict } }, [said]);
 }
 
 /** @param {MapRow} row */
 function factsOf({ sizeBytes, when, floor, owner }) {
-  return [floor, owner && `shared by ${owner}`, when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
+  const shared = owner && t("shared by {{owner}}", { owner });
+  return [floor, shared, when && formatWhen(when), sizeBytes !== null && formatBytes(sizeBytes)].filter(Boolean).join(" · ");
 }
 
 /** Why the page itself does not open without a network, where it does not. */
@@ -136,7 +138,7 @@ export function showProgress(id, progress) {
   const [bar, said] = box.children;
   const { doneBytes, totalBytes } = progress;
   /** @type {HTMLProgressElement} */ (bar).value = totalBytes > 0 ? doneBytes / totalBytes : 1;
-  said.textContent = `${formatBytes(doneBytes)} of ${formatBytes(totalBytes)}`;
+  said.textContent = t("{{done}} of {{total}}", { done: formatBytes(doneBytes), total: formatBytes(totalBytes) });
 }
 
 /** Asks before a map is removed. @returns {Promise<boolean>} */

@@ -7,6 +7,7 @@ const MOST_AT_ONCE = 32;
 const TRACE = 2352;
 
 /**
+ * @template Answer a fix, or whatever else is made of what was heard
  * @param {{
  *   rateHz: number,
  *   cutter: import("../../line/echo.js").EchoCutter,
@@ -15,8 +16,8 @@ const TRACE = 2352;
  *   spoofing?: {take: (facts: import("../../line/spoofing.js").Facts[], echoes: import("../../line/echo.js").Echo[],
  *     clean: import("../../line/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
- *   deciding: import("./deciding.js").Deciding,
- *   onFix: (fix: import("./words.js").Fix) => void,
+ *   deciding: {decide: (untilS: number) => Answer[]},
+ *   onFix: (answer: Answer) => void,
  *   onEcho?: (echo: import("../../line/echo.js").Echo) => void,
  * }} given clean: keeps back the echoes that others have spoiled
  * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}

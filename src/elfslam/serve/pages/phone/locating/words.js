@@ -1,6 +1,8 @@
 /** What a fix says, in words. Pure. */
 
 import { radiusOf } from "./ellipse.js";
+import { formatNumber } from "../../shared/format.js";
+import { t, translated } from "../../shared/words.js";
 
 /** @typedef {"OK" | "AMBIGUOUS" | "UNKNOWN_PLACE" | "NO_ECHO" | "SUSPECT"} Status */
 /**
@@ -17,18 +19,18 @@ import { radiusOf } from "./ellipse.js";
 
 /** @type {Record<"track" | "one-shot", Words>} before the first fix */
 export const WAITING = {
-  track: { verdict: "wait", title: "Listening", line: "Walk a few steps, the phone held in front of you." },
-  "one-shot": { verdict: "wait", title: "Listening", line: "Hold the phone in front of you." },
+  track: { verdict: "wait", title: t("Listening"), line: t("Walk a few steps, the phone held in front of you.") },
+  "one-shot": { verdict: "wait", title: t("Listening"), line: t("Hold the phone in front of you.") },
 };
 
 /** @type {Words} while the map and the encoder are made ready */
-export const READYING = { verdict: "wait", title: "Getting ready", line: "This takes a few seconds." };
+export const READYING = { verdict: "wait", title: t("Getting ready"), line: t("This takes a few seconds.") };
 /** @type {Words} */
-export const STOPPED = { verdict: "wait", title: "Stopped", line: "The map shows where you were." };
+export const STOPPED = { verdict: "wait", title: t("Stopped"), line: t("The map shows where you were.") };
 
 /** @param {number} metres @returns {string} "0.3 m", "12 m": no finer than it is known */
 export function within(metres) {
-  return metres < 9.95 ? `${Math.max(metres, 0.1).toFixed(1)}\u00a0m` : `${Math.round(metres)}\u00a0m`;
+  return `${metres < 9.95 ? formatNumber(Math.max(metres, 0.1), 1) : Math.round(metres)}\u00a0m`;
 }
 
 /** @param {Fix} fix @returns {Words} */
@@ -38,37 +40,37 @@ export function wordsOf(fix) {
 
 /** @type {Record<Status, (fix: Fix) => Words>} */
 const SAYING = {
-  OK: (fix) => ({ verdict: "pass", title: `Here, within ${howFar(fix)}`, line: "The echoes fit the map." }),
+  OK: (fix) => ({ verdict: "pass", title: t("Here, within {{distance}}", { distance: howFar(fix) }), line: t("The echoes fit the map.") }),
   AMBIGUOUS: (fix) => ({
     verdict: "doubt",
-    title: "One of several places",
+    title: t("One of several places"),
     line: fix.xyM
-      ? `More than one place sounds like this. The likeliest is shown, within ${howFar(fix)}. Walk on.`
-      : "More than one place sounds like this. Walk on.",
+      ? t("More than one place sounds like this. The likeliest is shown, within {{distance}}. Walk on.", { distance: howFar(fix) })
+      : t("More than one place sounds like this. Walk on."),
   }),
   UNKNOWN_PLACE: () => ({
     verdict: "fail",
-    title: "An unknown place",
-    line: "Nothing in this map sounds like this: you have left it, or it has changed.",
+    title: t("An unknown place"),
+    line: t("Nothing in this map sounds like this: you have left it, or it has changed."),
   }),
   NO_ECHO: (fix) => ({
     verdict: "doubt",
-    title: "No echoes heard",
+    title: t("No echoes heard"),
     line: fix.xyM
-      ? `Counting steps since, within ${howFar(fix)}. Is the loudspeaker covered, or the volume down?`
-      : "Is the loudspeaker covered, or the volume down?",
+      ? t("Counting steps since, within {{distance}}. Is the loudspeaker covered, or the volume down?", { distance: howFar(fix) })
+      : t("Is the loudspeaker covered, or the volume down?"),
   }),
   SUSPECT: (fix) => ({
     verdict: "fail",
-    title: "Not to be trusted",
-    line: `${sentence(fix.reason ?? "What is heard does not fit what was played")}${
-      fix.xyM ? ` Counting steps since, within ${howFar(fix)}.` : ""}`,
+    title: t("Not to be trusted"),
+    line: `${sentence(fix.reason ? translated(fix.reason) : t("What is heard does not fit what was played"))}${
+      fix.xyM ? ` ${t("Counting steps since, within {{distance}}.", { distance: howFar(fix) })}` : ""}`,
   }),
 };
 
 /** @param {Fix} fix */
 function howFar({ covarianceM2 }) {
-  return covarianceM2 ? within(radiusOf(covarianceM2)) : "an unknown distance";
+  return covarianceM2 ? within(radiusOf(covarianceM2)) : t("an unknown distance");
 }
 
 /** @param {string} text */
@@ -78,13 +80,15 @@ function sentence(text) {
   return /[.!?]$/.test(upper) ? upper : `${upper}.`;
 }
 
-const POINTS = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
+const POINTS = [
+  t("east"), t("north-east"), t("north"), t("north-west"), t("west"), t("south-west"), t("south"), t("south-east"),
+];
 
 /** Where it is, for those who do not see the map: x runs to the east. @param {Fix} fix */
 export function placeSpoken({ xyM, headingRad }) {
-  if (!xyM) return "No place is known.";
-  const [x, y] = xyM.map((metres) => metres.toFixed(1).replace("-", "minus "));
+  if (!xyM) return t("No place is known.");
+  const [x, y] = xyM.map((metres) => `${metres < 0 ? `${t("minus")} ` : ""}${formatNumber(Math.abs(metres), 1)}`);
   const eighth = ((Math.round((4 * headingRad) / Math.PI) % 8) + 8) % 8;
-  const towards = Number.isFinite(headingRad) ? `, facing ${POINTS[eighth]} on the map` : "";
-  return `At ${x} across and ${y} up${towards}.`;
+  if (!Number.isFinite(headingRad)) return t("At {{x}} across and {{y}} up.", { x, y });
+  return t("At {{x}} across and {{y}} up, facing {{towards}} on the map.", { x, y, towards: POINTS[eighth] });
 }

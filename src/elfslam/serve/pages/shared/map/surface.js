@@ -6,6 +6,7 @@ import { formatMetres } from "../format.js";
 import { icon } from "../icons.js";
 import { density } from "./ground.js";
 import { scaleBar, zoomAt } from "./projection.js";
+import { t } from "../words.js";
 
 /** @typedef {import("./projection.js").View} View */
 /** @typedef {import("./projection.js").Size} Size */
@@ -58,10 +59,10 @@ export function zoomButtons({ look, turnTo, fit }) {
     const { view, size } = look();
     turnTo(zoomAt(view, size, [size.width / 2, size.height / 2], factor));
   };
-  return h("div", { class: "zoom", role: "group", "aria-label": "Zoom" },
-    h("button", { type: "button", "aria-label": "Zoom in", title: "Zoom in (+)", click: zoom(ZOOM) }, icon("plus")),
-    h("button", { type: "button", "aria-label": "Zoom out", title: "Zoom out (-)", click: zoom(1 / ZOOM) }, icon("minus")),
-    h("button", { type: "button", "aria-label": "Show all", title: "Show all (0)", click: () => fit() }, icon("fit")));
+  return h("div", { class: "zoom", role: "group", "aria-label": t("Zoom") },
+    h("button", { type: "button", "aria-label": t("Zoom in"), title: t("Zoom in (+)"), click: zoom(ZOOM) }, icon("plus")),
+    h("button", { type: "button", "aria-label": t("Zoom out"), title: t("Zoom out (-)"), click: zoom(1 / ZOOM) }, icon("minus")),
+    h("button", { type: "button", "aria-label": t("Show all"), title: t("Show all (0)"), click: () => fit() }, icon("fit")));
 }
 
 /** @returns {{bar: HTMLElement, show: (view: View) => void}} */
@@ -70,8 +71,8 @@ export function makeScale() {
   const show = (/** @type {View} */ { px_per_m }) => {
     const { length_m, length_px } = scaleBar(px_per_m, BAR_PX);
     bar.style.width = `${length_px}px`;
-    bar.firstChild.textContent = formatMetres(length_m).replace(/\.0+ /, " ");
-    bar.setAttribute("aria-label", `Scale: this bar is ${bar.textContent} long`);
+    bar.firstChild.textContent = formatMetres(length_m).replace(/[.,]0+ /, " ");
+    bar.setAttribute("aria-label", t("Scale: this bar is {{length}} long", { length: bar.textContent }));
   };
   return { bar, show };
 }

@@ -1,0 +1,80 @@
+/**
+ * Words in the reader's language. English stands in the source, where it is read, and is its own key; another
+ * language has a catalogue (`words/de.json`), which is there before any module that imports this one runs. In
+ * workers and in node there is English alone.
+ */
+
+import { createInstance } from "../vendor/i18next/i18next.js";
+import { translateElements } from "./translating.js";
+
+/** @typedef {Record<string, string | number>} Values */
+
+const given = globalThis.elfslamLanguage;
+const fetched = given ? await given.catalogue : {};
+/** @type {Record<string, string>} */
+const catalogue = fetched ?? {};
+
+export const language = given && fetched ? given.language : "en";
+/** Of numbers and dates: the reader's own kind of the language, such as de-CH. */
+export const locale = given && fetched ? given.locale : "en";
+
+const library = createInstance();
+library.init({
+  lng: language,
+  fallbackLng: false,
+  resources: { [language]: { translation: catalogue } },
+  keySeparator: false,
+  nsSeparator: false,
+  initAsync: false,
+  interpolation: { escapeValue: false }, // nothing of it is parsed as HTML
+});
+
+/**
+ * @param {string} text English, with the names of values as in `{{name}}` @param {Values} [values]
+ * @returns {string}
+ */
+export function t(text, values = {}) {
+  return library.t(text, values);
+}
+
+/**
+ * What is counted, in as many forms as the language has.
+ * @param {number} count `{{count}}` of the texts, or `{{count, number}}` where it may be large
+ * @param {string} one English for one @param {string} many English for any other count, and the key
+ * @param {Values} [values] besides @returns {string}
+ */
+export function counted(count, one, many, values = {}) {
+  return library.t(many, { ...values, count, defaultValue_one: one, defaultValue_other: many });
+}
+
+/**
+ * A text with elements in it.
+ * @param {string} text English @param {Record<string, Node>} nodes by their names in the text
+ * @returns {(Node | string)[]}
+ */
+export function woven(text, nodes) {
+  const marked = Object.fromEntries(Object.keys(nodes).map((name) => [name, `\u0000${name}\u0000`]));
+  return t(text, marked).split("\u0000").map((piece, at) => (at % 2 === 1 ? nodes[piece] : piece));
+}
+
+/** The name of a thing inside a sentence: English begins it small, other languages write it as it is.
+ * @param {string} name @returns {string} */
+export function inSentence(name) {
+  return language === "en" ? name.charAt(0).toLowerCase() + name.slice(1) : name;
+}
+
+/**
+ * A text that comes from elsewhere, a worker or the server: in the reader's language where the catalogue has exactly
+ * it, else as it came.
+ * @param {string} text @returns {string}
+ */
+export function translated(text) {
+  return Object.hasOwn(catalogue, text) ? catalogue[text] : text;
+}
+
+if (globalThis.document) {
+  const root = document.documentElement;
+  root.lang = language;
+  if (language !== "en") translateElements(root, translated);
+  delete root.dataset.words;
+}

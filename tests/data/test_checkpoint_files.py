@@ -1,0 +1,54 @@
+"""checkpoints.csv: written and read back, and refused where it cannot be meant."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from elfslam.base.errors import InputError
+from elfslam.base.values import Checkpoints
+from elfslam.data.checkpoint_files import CHECKPOINTS, MOST, read_checkpoints, write_checkpoints
+
+
+def test_names_come_back_as_they_were(tmp_path: Path) -> None:
+    told = Checkpoints(np.array([0.0, 12.345, 60.5]), ("Door", 'Room 5, "left"', "Tür"))
+    write_checkpoints(told, tmp_path)
+    read = read_checkpoints(tmp_path)
+    assert read is not None
+    assert read.names == told.names
+    np.testing.assert_allclose(read.t_s, told.t_s)
+
+
+def test_a_recording_without_them_has_none(tmp_path: Path) -> None:
+    assert read_checkpoints(tmp_path) is None
+
+
+def test_they_are_in_order_of_time_whoever_wrote_them(tmp_path: Path) -> None:
+    (tmp_path / CHECKPOINTS).write_text("name,t_s\nb,9\na , 3\n")
+    read = read_checkpoints(tmp_path)
+    assert read is not None
+    assert (read.names, read.t_s.tolist()) == (("a", "b"), [3.0, 9.0])
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("t_s\n3\n", "column name is missing"),
+        ("t_s,name\nsoon,Door\n", "row 2 has time 'soon', wanted seconds"),
+        ("t_s,name\ninf,Door\n", "row 2 has time 'inf'"),
+        ("t_s,name\n1,Door\n2\n", "row 3 has a name of 0 characters"),
+        (f"t_s,name\n1,{'x' * 81}\n", "row 2 has a name of 81 characters, wanted 1 to 80"),
+        ("t_s,name\n1e9,Door\n", "1e+09"),
+        ("t_s,name\n3,Door\n1,a\n3,b\n", "two checkpoints at 3.000 s"),
+        ("t_s,name\n" + "1,Door\n" * (MOST + 1), f"wanted at most {MOST}"),
+        ("", "is empty"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused(tmp_path: Path, text: str, said: str) -> None:
+    (tmp_path / CHECKPOINTS).write_text(text)
+    with pytest.raises(InputError) as refusal:
+        read_checkpoints(tmp_path)
+    assert said in str(refusal.value)
+    assert "\n" not in str(refusal.value)
