@@ -3,27 +3,23 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Closures, MeanSimilarity, Odometry
 from elfslam.line.closure import BACK, ClosureParameters, candidates
 from elfslam.line.graph import GraphParameters, build_graph, optimise
+from tests.in_node import needs_node, passed_in_node
 
 HERE = Path(__file__).parent
 LAP = 40
 SIGMA = np.array([0.08, 0.04, 0.03])
 CLOSING_SIGMA = np.array([0.2, 0.28, 0.28])
 AS_STATED = GraphParameters(robust=False, noise_rounds=0)
-node = shutil.which("node")
 
 
 def two_laps(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -94,18 +90,9 @@ def closure_vectors() -> dict[str, Any]:
     }
 
 
-@pytest.mark.skipif(node is None, reason="node is missing: install nodejs")
+@needs_node
 def test_graph_and_closures_are_those_of_the_line(tmp_path: Path) -> None:
     vectors = {"walks": [graph_vectors(seed) for seed in (1, 2, 3)], **closure_vectors()}
     file = tmp_path / "growing.json"
     file.write_text(json.dumps(vectors))
-    done = subprocess.run(
-        [str(node), "--test", str(HERE / "growing.test.mjs")],
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-        env={**os.environ, "ELFSLAM_VECTORS": str(file)},
-    )
-    assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
-    assert "# fail 0" in done.stdout
+    passed_in_node(HERE / "growing.test.mjs", ELFSLAM_VECTORS=file)
