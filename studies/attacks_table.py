@@ -128,11 +128,12 @@ def _mode_panels(rows: Sequence[Row], title: str) -> list[Panel]:
 
 
 def _alarms(rows: Sequence[Row]) -> Panel:
-    dots = dots_by(
+    found = dots_by(
         lambda row: MODES[str(row["mode"])],
         lambda row: str(row["what"]).removeprefix(f"{HONEST}: "),
         rows, "per hour", "per hour from", "per hour to",
     )  # fmt: skip
+    dots = {title: found.get(title, []) for title in MODES.values()}
     figure = dots_figure(dots, "alarms per hour of honest walking", "")
     note = "With the exact 95 % interval of a count."
     return Panel("False alarms", figure, note, wide=True)
