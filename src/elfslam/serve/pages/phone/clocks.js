@@ -3,6 +3,9 @@
  * Pairs of readings of both, taken again and again, tie them by a straight line.
  */
 
+const CLOCK_EVERY_MS = 200;
+/** Three seconds: where the browser's sound stalls, its clock falls behind, and is followed there. */
+const CLOCK_PAIRS = 15;
 const LIKELY_DRIFT = 1e-3;
 const FEWEST = 3;
 
@@ -63,6 +66,19 @@ export function readClocks(context, nowMs) {
   const { contextTime = 0, performanceTime = 0 } = context.getOutputTimestamp?.() ?? {};
   if (contextTime > 0 && performanceTime > 0) return { pageMs: performanceTime, soundS: contextTime };
   return { pageMs: nowMs, soundS: context.currentTime - (context.outputLatency ?? 0) };
+}
+
+/**
+ * Reads both clocks again and again.
+ * @param {AudioContext} context
+ * @returns {{line: () => import("./clocks.js").Line, stop: () => void}}
+ */
+export function watchClocks(context) {
+  let pairs = [readClocks(context, performance.now())];
+  const timer = setInterval(() => {
+    pairs = withPair(pairs, readClocks(context, performance.now()), CLOCK_PAIRS);
+  }, CLOCK_EVERY_MS);
+  return { line: () => fitClocks(pairs), stop: () => clearInterval(timer) };
 }
 
 /**

@@ -1,11 +1,11 @@
 /** Microphone, loudspeaker and motion of this phone, as walking and locating share them. */
 
 import { makeChirp, periodSamples } from "./chirp.js";
+import { watchClocks } from "./clocks.js";
 import { openMicrophone } from "./microphone.js";
 import { allowMotion } from "./motion_sensor.js";
 import { startChirps, startSlots } from "./player.js";
 import { startSound } from "./sound.js";
-import { watchClocks } from "./walking.js";
 
 /**
  * @typedef {{

@@ -1,4 +1,7 @@
-/** The phone page, from the first tap to the map. */
+/**
+ * The phone page, from the first tap to the map. What the first views do not need is loaded behind them: on a slow
+ * phone a tap does something before all of it is there.
+ */
 
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
 import { languageChoice } from "../shared/language_choice.js";
@@ -6,19 +9,15 @@ import { t } from "../shared/words.js";
 import { MEDIUM_ACCESS } from "../line/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
-import { showSending, startSending } from "./finishing.js";
 import { hasLinks, openShared } from "./guest.js";
 import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
 import { describeDevice, NO_FACTS } from "./manifest.js";
 import { watchInterruptions } from "./interruptions.js";
-import { makeLocating } from "./locating/locating.js";
 import { describeEars } from "./microphone.js";
 import { describeMotion } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
-import { makeOnTheWay } from "./on_the_way.js";
 import { probeSound } from "./sound.js";
-import { findUnfinished, makeSent, mend, mendFiles } from "./unfinished.js";
 import { judge, summarise } from "./verdicts.js";
 import {
   askDiscard, at, showChecks, showListening, showProblem, showUnfinished, showView,
@@ -31,7 +30,7 @@ const keeper = startKeeper();
 /**
  * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null}} Phone
  * @typedef {import("./sending.js").Sent} Sent
- * @typedef {ReturnType<typeof startSending>} Sending
+ * @typedef {ReturnType<typeof import("./finishing.js").startSending>} Sending
  */
 
 /**
@@ -99,6 +98,7 @@ function listUnfinished() {
 /** Looks for walks that an earlier page left behind. */
 async function clearUp() {
   try {
+    const { findUnfinished } = await import("./unfinished.js");
     page.walks = await findUnfinished(keeper);
     listUnfinished();
   } catch (error) {
@@ -184,10 +184,12 @@ async function walk() {
     uploads: {},
     isOver: false,
   };
+  const { makeSent } = await import("./unfinished.js");
   const sent = makeSent(keeper, walkKey(now, Math.random()), state, {});
   page.current = sent;
   at("record-title").textContent = state.name;
   showView("record");
+  const onTheWay = await walking();
   await onTheWay.start(sent).catch((error) => {
     showView("name");
     throw error;
@@ -195,23 +197,24 @@ async function walk() {
 }
 
 /** @param {Sent} sent @param {Sending} [sending] */
-async function finish(sent, sending = startSending(sent, keeper)) {
+async function finish(sent, sending) {
+  const { showSending, startSending } = await import("./finishing.js");
   page.current = sent;
-  page.sending = sending;
-  await showSending(sent, keeper, sending);
+  page.sending = sending ?? startSending(sent, keeper);
+  await showSending(sent, keeper, page.sending);
 }
 
 /** A place gets a name, and may be tapped when the walker comes by again. */
-function markPlace() {
+async function markPlace() {
   const name = /** @type {HTMLInputElement} */ (at("mark-name"));
-  onTheWay.mark(name.value.trim());
+  (await walking()).mark(name.value.trim());
   name.value = "";
   name.blur();
 }
 
 async function stop() {
   showProblem(null);
-  await onTheWay.end();
+  await (await walking()).end();
 }
 
 /**
@@ -221,8 +224,8 @@ async function stop() {
 function watchForInterruptions(phone) {
   /** @param {string} why */
   const interrupt = (why) => {
-    locating.stopFor(why);
-    return onTheWay.interrupt(why);
+    loaded.locating?.stopFor(why);
+    return loaded.onTheWay?.interrupt(why);
   };
   watchInterruptions(phone.microphone, {
     taken: async () => {
@@ -230,18 +233,18 @@ function watchForInterruptions(phone) {
       await interrupt(t("The microphone was taken away, as by a call."));
       await phone.microphone.close();
     },
-    silent: onTheWay.silent,
+    silent: (isSilent) => loaded.onTheWay?.silent(isSilent),
     stopped: () => interrupt(t("The sound was interrupted.")),
-    running: onTheWay.goOnIfPossible,
+    running: () => loaded.onTheWay?.goOnIfPossible(),
   });
 }
 
 /** A full phone ends the walk; what was recorded until then is kept and sent. */
 function watchForRoom() {
   keeper.onProblem(({ isFull, said }) => {
-    if (!onTheWay.isOn()) return;
+    if (!loaded.onTheWay?.isOn()) return;
     showProblem(`${isFull ? t("This phone has no room left.") : said} ${t("The walk until then is kept.")}`);
-    onTheWay.end();
+    loaded.onTheWay.end();
   });
 }
 
@@ -250,12 +253,12 @@ async function goOnWith(sent) {
   await act(async () => {
     await openPhone(); // before anything else is waited for: it needs the tap
     await page.begun;
-    await mendFiles(sent, keeper);
+    await (await import("./unfinished.js")).mendFiles(sent, keeper);
     page.walks = page.walks.filter((other) => other !== sent);
     page.current = sent;
     at("record-title").textContent = sent.state.name;
     showView("record");
-    await onTheWay.start(sent).catch((error) => {
+    await (await walking()).start(sent).catch((error) => {
       page.walks = [sent, ...page.walks];
       showView("start");
       listUnfinished();
@@ -267,7 +270,7 @@ async function goOnWith(sent) {
 /** @param {Sent} sent */
 async function continueSending(sent) {
   await act(async () => {
-    await mend(sent, keeper, page.software);
+    await (await import("./unfinished.js")).mend(sent, keeper, page.software);
     page.walks = page.walks.filter((other) => other !== sent);
     listUnfinished();
     await finish(sent);
@@ -295,33 +298,53 @@ function walkAgain() {
 }
 
 at("start").append(languageChoice());
-const onTheWay = makeOnTheWay({
-  keeper, finish, act, devices: openPhone,
-  software: () => page.software, mediumAccess: () => page.mediumAccess,
-  latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
-});
-const locating = makeLocating({
-  devices: openPhone, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
-});
+/** @type {{onTheWay?: ReturnType<typeof import("./on_the_way.js").makeOnTheWay>, locating?: ReturnType<typeof import("./locating/locating.js").makeLocating>}} */
+const loaded = {};
+
+/** What records walks. */
+async function walking() {
+  const { makeOnTheWay } = await import("./on_the_way.js");
+  return (loaded.onTheWay ??= makeOnTheWay({
+    keeper, finish, act, devices: openPhone,
+    software: () => page.software, mediumAccess: () => page.mediumAccess,
+    latencyS: () => (Number.isFinite(page.phone?.measured?.latencyS) ? Number(page.phone?.measured?.latencyS) : null),
+  }));
+}
+
+/** What locates. */
+async function placing() {
+  const { makeLocating } = await import("./locating/locating.js");
+  return (loaded.locating ??= makeLocating({
+    devices: openPhone, act, problem: showProblem, paired: () => /** @type {Promise<void>} */ (page.begun),
+  }));
+}
+
+async function listMaps() {
+  await (await placing()).list();
+}
+
 keeper.onKept(({ walk: key, sizes }) => {
   if (page.current?.walk === key) Object.assign(page.current.sizes, sizes);
 });
 at("pair").addEventListener("submit", act(pairByHand));
 at("allow").addEventListener("click", act(allow));
-at("where").addEventListener("click", act(locating.list));
+at("where").addEventListener("click", act(listMaps));
 at("maps-back").addEventListener("click", () => showView("start"));
 at("probe-again").addEventListener("click", act(probe));
 at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
-at("resume").addEventListener("click", act(onTheWay.goOn));
+at("resume").addEventListener("click", act(async () => (await walking()).goOn()));
 at("stop").addEventListener("click", act(stop));
 at("mark").addEventListener("submit", act(markPlace));
 at("send-again").addEventListener("click", act(() => finish(/** @type {Sent} */ (page.current))));
 at("discard").addEventListener("click", () => discardWalk(/** @type {Sent} */ (page.current)));
 at("another").addEventListener("click", walkAgain);
 window.addEventListener("beforeunload", (event) => {
-  if (onTheWay.isOn()) event.preventDefault();
+  if (loaded.onTheWay?.isOn()) event.preventDefault();
 });
 watchForRoom();
 page.begun = begin();
-page.begun.then(() => (page.isGuest ? act(locating.list)() : undefined));
+page.begun.then(async () => {
+  await Promise.all([walking(), placing()]).catch(() => {}); // who needs them hears why they do not come
+  if (page.isGuest) await act(listMaps)();
+});

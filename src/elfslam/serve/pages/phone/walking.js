@@ -2,16 +2,13 @@
 
 import { Problem } from "../shared/api.js";
 import { t } from "../shared/words.js";
-import { fitClocks, readClocks, soundTime, withPair } from "./clocks.js";
+import { soundTime } from "./clocks.js";
 import { manifestOf } from "./manifest.js";
 import { CHECKPOINTS, CHIRPS } from "./mending.js";
 import { median } from "./matched_filter.js";
 import { NO_STEPS, TABLE_HEADER, countStep, tableRow } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
 
-const CLOCK_EVERY_MS = 200;
-/** Three seconds: where the browser's sound stalls, its clock falls behind, and is followed there. */
-const CLOCK_PAIRS = 15;
 const FLUSH_EVERY_MS = 1000;
 const SAVE_EVERY = 5;
 const FIRST_CHIRP_S = 0.25;
@@ -40,19 +37,6 @@ const CHECKPOINTS_HEADER = "t_s,name\n";
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock
  * @typedef {{pageMs: number, acceleration: number[] | null, turning: number[] | null}} Reading
  */
-
-/**
- * Reads both clocks again and again.
- * @param {AudioContext} context
- * @returns {{line: () => import("./clocks.js").Line, stop: () => void}}
- */
-export function watchClocks(context) {
-  let pairs = [readClocks(context, performance.now())];
-  const timer = setInterval(() => {
-    pairs = withPair(pairs, readClocks(context, performance.now()), CLOCK_PAIRS);
-  }, CLOCK_EVERY_MS);
-  return { line: () => fitClocks(pairs), stop: () => clearInterval(timer) };
-}
 
 /**
  * Motion on the recording's clock, held back until it is known how long sound takes through the phone.
@@ -97,7 +81,7 @@ export function makeMotionLog(onReading, sinceS = 0) {
  * walk's own time: what lies between is missing, and nothing before it is touched.
  * @param {{
  *   microphone: import("./microphone.js").Microphone, sound: Sound,
- *   keeper: Keeper, clocks: ReturnType<typeof watchClocks>,
+ *   keeper: Keeper, clocks: ReturnType<typeof import("./clocks.js").watchClocks>,
  *   play: (delayS: number, tell: (slot: Slot) => void) => ReturnType<typeof import("./player.js").startSlots>,
  *   mediumAccess: MediumAccessParameters, latencyS: number | null,
  *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
