@@ -80,8 +80,8 @@ export function walkPart(scene, state, changed) {
       changed();
     });
     const line = h("tr", null, h("td", null, input),
-      h("th", { scope: "row" }, h("i", { class: "swatch", style: { background: colourOf(palette, at) } }), h("span", null, walk.name)),
-      h("td", null, formatMetres(walk.length_m)), h("td", null, formatDuration(walk.duration_s)),
+      h("th", { scope: "row" }, h("i", { class: "swatch", style: { background: colourOf(palette, at) } }), h("span", null, walk.name),
+        h("small", null, `${formatMetres(walk.length_m)} · ${formatDuration(walk.duration_s)}`)),
       h("td", null, walk.middle_sigma_m === null ? "–" : `± ${formatMetres(walk.middle_sigma_m)}`));
     const stand = (/** @type {number | null} */ chosen) => () => {
       state.chosen = scene.walks.length > 1 ? chosen : null;
@@ -92,7 +92,7 @@ export function walkPart(scene, state, changed) {
     return line;
   };
   const head = h("tr", null, h("td", null, h("span", { class: "visually-hidden" }, t("Shown"))),
-    [t("Walk"), t("Length"), t("Time"), t("Uncertainty", { context: "column" })].map((name) => h("th", { scope: "col" }, name)));
+    [t("Walk"), t("Uncertainty", { context: "column" })].map((name) => h("th", { scope: "col" }, name)));
   return part(counted(scene.walks.length, "{{count}} walk", "{{count}} walks"), h("div", { class: "scroll" },
     h("table", { class: "walks", "aria-label": t("Walks") }, h("thead", null, head), h("tbody", null, scene.walks.map(row)))), "part-walks");
 }
