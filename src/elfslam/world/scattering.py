@@ -86,9 +86,14 @@ class Scattering(NamedTuple):
 
 
 def as_measured(room: Room) -> Room:
-    """The room with surfaces that scatter and absorb as those of measured rooms do."""
+    """The room with surfaces that scatter and absorb as those of measured rooms do.
+
+    What absorbs all is no surface but an opening, and stays one.
+    """
 
     def rougher(surface: Material) -> Material:
+        if surface.absorption == 1:
+            return surface
         fittings = FITTINGS.get(surface.name, OTHER_FITTINGS)
         return replace(
             surface,

@@ -180,7 +180,8 @@ def motion_along(
     angles = np.stack([yaw, pitch, roll])
     if walker.unrest_radps:
         angles = angles + _unrest(walker, count, generator.spawn(1)[0])
-    return Motion(t_s, position, *angles, heading, steps, straying.covered_db)
+    yaw, pitch, roll = angles
+    return Motion(t_s, position, yaw, pitch, roll, heading, steps, straying.covered_db)
 
 
 def _unrest(walker: Walker, count: int, generator: np.random.Generator) -> F64:
