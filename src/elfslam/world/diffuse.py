@@ -104,23 +104,23 @@ def diffuse_echoes(
     falling = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
     out = image_echoes(bare, ends, people_m, air, reach, threads, falling)
     add_diffuse(out, falling, scene, scattering, ends, people_m, air, threads, person)
-    return tilted(out, falling, air, scattering.tilt_per_m_hz)
+    return tilted(out, falling, air)
 
 
-def tilted(envelopes: C64, falling: C64, air: Air, surface_tilt_per_m_hz: float) -> C64:
-    """What air and surfaces do to the sides of the band, which they damp unlike the carrier.
+def tilted(envelopes: C64, falling: C64, air: Air) -> C64:
+    """What surfaces and air do to the sides of the band, which they damp unlike the carrier.
 
-    Sound that comes at t has gone c t; what air and the mean of the surfaces take, the factor
-    exp(-tilt f c t), is expanded to second order. By how much more or less each path falls than
-    that mean (`falling` has every path times its fall) is added to first order.
+    What surfaces do is that of each path to first order: `falling` has every path times its fall.
+    Sound that comes at t has gone c t through the air; its factor exp(-tilt f c t) is expanded to
+    second order.
     """
     metres = (np.arange(BAND_BINS) / BASEBAND_HZ * air.speed_mps).astype(np.float32)
     frequency_hz = fft.fftfreq(BAND_BINS, 1 / BASEBAND_HZ).astype(np.float32)
-    beyond = falling / np.float32(CARRIER_HZ) - surface_tilt_per_m_hz * metres * envelopes
-    spectrum = fft.fft(envelopes, axis=1) - frequency_hz * fft.fft(beyond, axis=1)
-    rest, first, second = (fft.ifft(spectrum * frequency_hz**k, axis=1) for k in range(3))
-    taken = (air.tilt_per_m_hz + surface_tilt_per_m_hz) * metres
-    return np.asarray(rest - taken * first + 0.5 * taken**2 * second, dtype=np.complex64)
+    share = frequency_hz / np.float32(CARRIER_HZ)
+    spectrum = fft.fft(envelopes, axis=1) - share * fft.fft(falling, axis=1)
+    whole, first, second = (fft.ifft(spectrum * frequency_hz**k, axis=1) for k in range(3))
+    taken = air.tilt_per_m_hz * metres
+    return np.asarray(whole - taken * first + 0.5 * taken**2 * second, dtype=np.complex64)
 
 
 def add_diffuse(

@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from elfslam.base.arrays import F64, I64
 from elfslam.world.kernels import kernel
-from elfslam.world.materials import Material, absorption_fall, scattering_rise
+from elfslam.world.materials import Material, scattering_rise
 from elfslam.world.patches import (
     Faces,
     Patches,
@@ -29,8 +29,7 @@ from elfslam.world.patches import (
     first_face,
     patch_at,
 )
-from elfslam.world.pulses import CARRIER_HZ
-from elfslam.world.room import Room, floor_area_m2
+from elfslam.world.room import Room
 
 FITTINGS: Mapping[str, float] = MappingProxyType(
     dict.fromkeys(
@@ -73,16 +72,11 @@ class Chains(NamedTuple):
 
 
 class Scattering(NamedTuple):
-    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain.
-
-    On the mean surfaces damp by `tilt_per_m_hz` more nepers on each metre for each hertz above the
-    carrier.
-    """
+    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain."""
 
     patches: Patches
     once: F64
     chains: Chains
-    tilt_per_m_hz: float
 
 
 def as_measured(room: Room) -> Room:
@@ -119,7 +113,7 @@ def scattering_of(room: Room) -> Scattering:
     chains = _both_ways(noted, patches, _scattered(faces, patches))
     signs = draws_by_owner(room, 2, faces.cells.prod(axis=1), ())[patches.cell]
     signed = np.where(signs < 0.5, -once, once)
-    return Scattering(patches, signed, chains, surface_tilt_per_m_hz(room, faces, patches))
+    return Scattering(patches, signed, chains)
 
 
 def _scattered(faces: Faces, patches: Patches) -> tuple[float, float]:
@@ -128,19 +122,6 @@ def _scattered(faces: Faces, patches: Patches) -> tuple[float, float]:
     weights = patches.area * np.maximum(patches.scattered, LEAST_SCATTERED)
     grows = 2 * float(np.average(scattering_rise(patches.scattered), weights=weights))
     return max(share, LEAST_SCATTERED), grows
-
-
-def surface_tilt_per_m_hz(room: Room, faces: Faces, patches: Patches) -> float:
-    """How much more surfaces damp with the frequency: the room's mean, by the mean free path.
-
-    A reflection takes ln(1 - a) / 2 nepers by the mean absorption a, one every 4 V / S (Eyring, J.
-    Acoust. Soc. Am. 1, 1930). What scattering takes from the mirrored sound it does not take from
-    the room.
-    """
-    kept = float(np.average(faces.kept[patches.face], weights=patches.area))
-    steeper = float(absorption_fall(1 - kept)) / CARRIER_HZ
-    volume_m3 = floor_area_m2(room) * room.height_m
-    return steeper * float(patches.area.sum()) / (4 * volume_m3)
 
 
 def _particles(room: Room, patches: int) -> int:
