@@ -13,7 +13,7 @@ from elfslam.world.circumstances import Circumstances, room_on
 from elfslam.world.doors import (
     DOORWAY,
     OPEN_SHARE,
-    Door,
+    HingedDoor,
     blocks_of,
     in_outer_wall,
     leads_through,
@@ -52,14 +52,14 @@ def divided() -> Room:
     return shoebox(SIZE_M, walls, (screen("south", 0.0, 1.5), screen("north", 2.5, 4.0)), 5)
 
 
-def door_of(**changes: object) -> Door:
-    door = Door("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
+def door_of(**changes: object) -> HingedDoor:
+    door = HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
     return replace(door, **changes)  # type: ignore[arg-type]
 
 
-def outer_door() -> Door:
+def outer_door() -> HingedDoor:
     """In the east wall, before the phone; it opens into the room."""
-    return Door("exit", HARD, np.array([8.0, 1.5]), np.array([8.0, 2.5]), 3.0)
+    return HingedDoor("exit", HARD, np.array([8.0, 1.5]), np.array([8.0, 2.5]), 3.0)
 
 
 def after_m(room: Room, metres: float) -> float:
@@ -70,7 +70,7 @@ def after_m(room: Room, metres: float) -> float:
     return float(np.abs(out[at - 1 : at + 2]).max())
 
 
-def opened(door: Door, room: Room, *, is_open: bool) -> Room:
+def opened(door: HingedDoor, room: Room, *, is_open: bool) -> Room:
     return replace(room, blocks=(*room.blocks, *blocks_of(door, room, is_open=is_open)))
 
 
@@ -162,7 +162,7 @@ def test_a_doorway_absorbs_all_in_measured_rooms_too() -> None:
 # --- days ---
 
 
-def is_open(room: Room, door: Door) -> bool:
+def is_open(room: Room, door: HingedDoor) -> bool:
     [leaf] = [block for block in room.blocks if block.name == f"{door.name} leaf 1"]
     return bool(np.abs(leaf.turn_rad - np.pi / 2) > 0.1)
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.world.doors import Door, in_outer_wall, leaf_ends
+from elfslam.world.doors import HingedDoor, in_outer_wall, leaf_ends
 from elfslam.world.room import Block, Room
 from elfslam.world.room_file import material_of, repeats
 from elfslam.world.toml_tables import (
@@ -33,9 +33,9 @@ HANGS_M = 0.15
 PROBES = 24
 
 
-def read_doors(top: Table, room: Room) -> tuple[Door, ...]:
+def read_doors(top: Table, room: Room) -> tuple[HingedDoor, ...]:
     """The doors of a room. Raises InputError that names the line and the element."""
-    doors: list[Door] = []
+    doors: list[HingedDoor] = []
     taken = {block.name for block in room.blocks}
     for given in tables(top, "door"):
         check_keys(given, DOOR_KEYS)
@@ -57,8 +57,8 @@ def read_doors(top: Table, room: Room) -> tuple[Door, ...]:
     return tuple(doors)
 
 
-def _door(given: Table, room: Room) -> Door:
-    door = Door(
+def _door(given: Table, room: Room) -> HingedDoor:
+    door = HingedDoor(
         text(given, "name"),
         material_of(given, "material", given.values.get("material", "door")),
         vector(given, "from_m", 2),
@@ -76,7 +76,7 @@ def _door(given: Table, room: Room) -> Door:
     return door
 
 
-def _fault(door: Door, room: Room) -> str | None:
+def _fault(door: HingedDoor, room: Room) -> str | None:
     """Why the door cannot hang there, or None."""
     for end_m in (door.from_m, door.to_m):
         if _gap_m(room, end_m) > HANGS_M:
@@ -101,7 +101,7 @@ def _gap_m(room: Room, end_m: F64) -> float:
     return min(float(point_gap_m(end_m[None], a, b)[0]) for a, b in sides)
 
 
-def _met(room: Room, door: Door, hinge: F64, tip: F64) -> str | None:
+def _met(room: Room, door: HingedDoor, hinge: F64, tip: F64) -> str | None:
     """What a leaf meets between its hinge and its far end: a wall, a block, or nothing."""
     xy_m = hinge + np.linspace(0.15, 0.97, PROBES)[:, None] * (tip - hinge)
     if not room.holds(xy_m).all():
@@ -109,6 +109,6 @@ def _met(room: Room, door: Door, hinge: F64, tip: F64) -> str | None:
     return next((f'"{block.name}"' for block in room.blocks if _holds(block, door, xy_m)), None)
 
 
-def _holds(block: Block, door: Door, xy_m: F64) -> bool:
+def _holds(block: Block, door: HingedDoor, xy_m: F64) -> bool:
     local = np.abs(block.turn_back(xy_m - block.centre_m))
     return block.base_m < door.height_m and bool((local < block.size_m[:2] / 2).all(axis=1).any())

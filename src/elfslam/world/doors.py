@@ -29,7 +29,7 @@ DEEP_M = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class Door(Value):
+class HingedDoor(Value):
     """An opening between two ends in plan, and what closes it.
 
     One leaf is hinged at `from_m`, two at either end. Open, they are turned by `open_rad` to the
@@ -45,7 +45,7 @@ class Door(Value):
     leaves: int = 1
 
 
-def leaf_ends(door: Door, *, is_open: bool) -> F64:
+def leaf_ends(door: HingedDoor, *, is_open: bool) -> F64:
     """Hinge and far end of every leaf in plan (leaves, 2, 2)."""
     leaf_m = (door.to_m - door.from_m) / door.leaves
     turn = door.open_rad if is_open else 0.0
@@ -56,14 +56,14 @@ def leaf_ends(door: Door, *, is_open: bool) -> F64:
     return np.array(ends[: door.leaves])
 
 
-def in_outer_wall(door: Door, room: Room) -> bool:
+def in_outer_wall(door: HingedDoor, room: Room) -> bool:
     """Whether it is a part of one side of the room's outline."""
     ends = np.stack([door.from_m, door.to_m])
     sides = zip(room.outline_m, np.roll(room.outline_m, -1, axis=0), strict=True)
     return any(point_gap_m(ends, a, b).max() < DEEP_M for a, b in sides)
 
 
-def blocks_of(door: Door, room: Room, *, is_open: bool) -> tuple[Block, ...]:
+def blocks_of(door: HingedDoor, room: Room, *, is_open: bool) -> tuple[Block, ...]:
     """What the door puts into the room."""
     outer = in_outer_wall(door, room)
     if outer and not is_open:
@@ -75,13 +75,13 @@ def blocks_of(door: Door, room: Room, *, is_open: bool) -> tuple[Block, ...]:
     return (*leaves, _doorway(door, room)) if outer else leaves
 
 
-def _upright(name: str, door: Door, a: F64, b: F64) -> Block:
+def _upright(name: str, door: HingedDoor, a: F64, b: F64) -> Block:
     length_m, turn_rad = float(np.linalg.norm(b - a)), float(np.arctan2(*(b - a)[::-1]))
     size_m = np.array([length_m, THICK_M, door.height_m])
     return Block(name, door.surface, (a + b) / 2, size_m, turn_rad, clutter_per_m2=0.0)
 
 
-def _doorway(door: Door, room: Room) -> Block:
+def _doorway(door: HingedDoor, room: Room) -> Block:
     """Flat before the wall, on the side of the room."""
     along = (door.to_m - door.from_m) / np.linalg.norm(door.to_m - door.from_m)
     aside = DEEP_M / 2 * np.array([-along[1], along[0]])
@@ -91,7 +91,7 @@ def _doorway(door: Door, room: Room) -> Block:
     return replace(before, surface=DOORWAY, size_m=before.size_m * [1, DEEP_M / THICK_M, 1])
 
 
-def leads_through(way_m: F64, door: Door) -> bool:
+def leads_through(way_m: F64, door: HingedDoor) -> bool:
     """Whether somebody on this way (n, 2) passes the door."""
     return any(
         segment_gap_m(a, b, door.from_m, door.to_m) < HALF_WIDTH_M - TOUCH_M
@@ -99,10 +99,10 @@ def leads_through(way_m: F64, door: Door) -> bool:
     )
 
 
-def with_doors(room: Room, doors: Sequence[Door], ways_m: Sequence[F64], day: int) -> Room:
+def with_doors(room: Room, doors: Sequence[HingedDoor], ways_m: Sequence[F64], day: int) -> Room:
     """The room with its doors as that day has them: open wherever one of the ways leads through."""
 
-    def is_open(door: Door) -> bool:
+    def is_open(door: HingedDoor) -> bool:
         seed = [room.seed, day, 3, zlib.crc32(door.name.encode())]
         drawn = np.random.default_rng(seed).uniform() < OPEN_SHARE
         return drawn or any(leads_through(way_m, door) for way_m in ways_m)
@@ -111,7 +111,7 @@ def with_doors(room: Room, doors: Sequence[Door], ways_m: Sequence[F64], day: in
     return replace(room, blocks=(*room.blocks, *added)) if added else room
 
 
-def room_to_walk_in(room: Room, doors: Sequence[Door], ways_m: Sequence[F64]) -> Room:
+def room_to_walk_in(room: Room, doors: Sequence[HingedDoor], ways_m: Sequence[F64]) -> Room:
     """The room with all that its doors put in anybody's way, on whatever day."""
     added: list[Block] = []
     for door in doors:

@@ -14,7 +14,7 @@ from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import MOST_TOML_BYTES, read_text
 from elfslam.world.door_file import read_doors
-from elfslam.world.doors import Door, room_to_walk_in
+from elfslam.world.doors import HingedDoor, room_to_walk_in
 from elfslam.world.magnetic_field import Magnetism
 from elfslam.world.mains import PowerLine
 from elfslam.world.room import Room
@@ -77,7 +77,7 @@ class World(Value):
     spots_m: F64 = field(default_factory=_no_spots, metadata=array("s", 2).metadata)
     people: People = People()
     climate: Climate = Climate()
-    doors: tuple[Door, ...] = ()
+    doors: tuple[HingedDoor, ...] = ()
 
     @property
     def ways_m(self) -> tuple[F64, ...]:
