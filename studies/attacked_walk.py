@@ -82,7 +82,7 @@ def walked(
     periods = np.arange(latency, total - 2 * PERIOD, PERIOD)
     offset = np.random.default_rng([seed, 8]).uniform(0.0, jitter_s * RATE_HZ, len(periods))
     played = periods + np.round(offset).astype(np.int64)
-    scene, air = scene_of(room_on(world, today)), air_on(world, today.day)
+    scene, air = scene_of(room_on(world, today)), air_on(world, today.day, lived_in=today.lived_in)
     device, chirp = device_of(today), make_chirp(ChirpParameters(), RATE_HZ)
     poses = phone_poses(walker, motion, world, today.people, seed, played / RATE_HZ)
     heard = room_responses(scene, device, poses, air, reach_of(today))

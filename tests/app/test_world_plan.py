@@ -16,7 +16,10 @@ from elfslam.world.world_file import load_world, world_names
 def test_every_built_in_world_becomes_a_page(name: str, tmp_path: Path) -> None:
     world = load_world(name)
     plan = world_plan(world)
-    assert len(plan.blocks) == len(world.room.blocks)
+    drawn = [block.name for block in plan.blocks]
+    assert drawn[: len(world.room.blocks)] == [block.name for block in world.room.blocks]
+    leaves = sum(door.leaves for door in world.doors)
+    assert sum(" leaf " in name for name in drawn) == leaves
     assert len(plan.walls) == len(plan.outline_m)
     assert plan.spots_m.shape == world.spots_m.shape
     write_world_page(tmp_path / "world.html", plan)

@@ -46,11 +46,14 @@ def elfslam(capsys: pytest.CaptureFixture[str]) -> Elfslam:
     return ended
 
 
+WALK = ("--seed", 107, "--rounds", 3, "--as-drawn")
+
+
 @pytest.fixture(scope="session")
 def walk(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated recording with its truth."""
     folder = tmp_path_factory.mktemp("simulated") / "walk"
-    assert run_command("simulate", "studio", folder, "--seed", 107, "--rounds", 3) == 0
+    assert run_command("simulate", "studio", folder, *WALK) == 0
     return folder
 
 
@@ -92,9 +95,23 @@ def test_a_simulated_walk_holds_what_a_phone_records_and_the_truth_apart(walk: P
 
 
 def test_the_same_seed_gives_the_same_bytes(walk: Path, tmp_path: Path, elfslam: Elfslam) -> None:
-    elfslam("simulate", "studio", tmp_path / "again", "--seed", 107, "--rounds", 3)
+    elfslam("simulate", "studio", tmp_path / "again", *WALK)
     for file in ("audio.flac", "accelerometer.csv", "gyroscope.csv", "truth.tum"):
         assert (tmp_path / "again" / file).read_bytes() == (walk / file).read_bytes()
+
+
+def test_a_place_that_is_lived_in_sounds_otherwise(tmp_path: Path, elfslam: Elfslam) -> None:
+    """Which is the usual thing, and told to nobody."""
+    files = "recording.json", "audio.flac", "gyroscope.csv", "truth.tum"
+    heard = {}
+    for told in ((), ("--lived-in",), ("--as-drawn",)):
+        out = tmp_path / "-".join(("walk", *told))
+        assert elfslam("simulate", "studio", out, "--rounds", 1, *told)[0] == 0
+        heard[told] = [(out / file).read_bytes() for file in files]
+    assert heard[()] == heard["--lived-in",]
+    assert [a == b for a, b in zip(heard[()], heard["--as-drawn",], strict=True)] == [
+        True, False, True, True,
+    ]  # fmt: skip
 
 
 def test_a_walk_brings_the_sensors_asked_for(tmp_path: Path, elfslam: Elfslam) -> None:

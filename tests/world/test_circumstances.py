@@ -10,15 +10,19 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
+from elfslam.line.acoustic_odometry import AcousticOdometryParameters
 from elfslam.world import pyroom
 from elfslam.world.air import speed_of_sound_mps
 from elfslam.world.circumstances import (
+    DRAWN_C,
     ENGINES,
+    INDOORS_C,
     KEEP_AWAY_M,
     LOW_FURNITURE_M,
     MOVED_M,
     MOVED_PER_DAY,
     MOVED_RAD,
+    OFF_C,
     SOUNDS,
     WARMTH_C,
     Circumstances,
@@ -33,6 +37,7 @@ from elfslam.world.circumstances import (
 from elfslam.world.device import BAND_BINS, DEVICES, Device, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at, room_responses
+from elfslam.world.pulses import Air
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import Climate, People, World, load_world
@@ -163,6 +168,43 @@ def test_the_air_is_warmer_or_colder_on_other_days(world: World) -> None:
     assert (speed.mean() - speed_of_sound_mps(24.0)) / per_degree == pytest.approx(0, abs=0.3)
     assert speed.std() / per_degree == pytest.approx(WARMTH_C, rel=0.15)
     assert air_on(world, 5) == air_on(hall(), 5) != air_on(world, 6)
+
+
+def celsius(air: Air) -> float:
+    return float((air.speed_mps / 343.2) ** 2 * 293.15 - 273.15)
+
+
+def seeded(seed: int, told_c: float | None) -> World:
+    world = hall(0)
+    return replace(world, room=replace(world.room, seed=seed), climate=Climate(told_c))
+
+
+def test_where_nothing_is_told_the_world_is_as_warm_as_the_line_assumes() -> None:
+    """Until somebody lives there."""
+    assert air_on(seeded(1, None), 0) == air_at(DRAWN_C)
+    assert DRAWN_C == 20.0
+    assert AcousticOdometryParameters().sound_mps == speed_of_sound_mps(DRAWN_C)
+
+
+def test_lived_in_rooms_are_never_as_warm_as_the_line_assumes() -> None:
+    """From the first day on, as warm as people like it, and a little different every day."""
+    first = [celsius(air_on(seeded(seed, None), 0, lived_in=True)) for seed in range(300)]
+    assert min(first) == pytest.approx(INDOORS_C[0])
+    assert max(first) == pytest.approx(INDOORS_C[1])
+    assert np.mean(first) == pytest.approx(np.mean(INDOORS_C), abs=0.5)
+    assert min(abs(warmth - DRAWN_C) for warmth in first) >= OFF_C - 1e-9
+    days = [celsius(air_on(seeded(4, None), day, lived_in=True)) for day in range(60)]
+    assert len(set(days)) > 40
+    assert np.std(days) < 2 * WARMTH_C
+    assert air_on(seeded(4, None), 7, lived_in=True) == air_on(seeded(4, None), 7, lived_in=True)
+
+
+def test_lived_in_rooms_are_about_as_warm_as_they_are_told_to_be() -> None:
+    for told_c in (-5.0, DRAWN_C, 24.0):
+        days = [celsius(air_on(seeded(1, told_c), day, lived_in=True)) for day in range(300)]
+        assert np.mean(days) == pytest.approx(told_c, abs=0.3)
+        assert np.std(days) == pytest.approx(WARMTH_C, rel=0.15)
+        assert min(abs(warmth - DRAWN_C) for warmth in days) >= OFF_C - 1e-9
 
 
 # --- phone ---

@@ -36,7 +36,8 @@ def heard(
     around = room or dead_room()
     out = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
     people = np.repeat(people_m[None], len(out), axis=0)
-    add_diffuse(out, scene_of(around), scattering_of(around), ends, people, AIR, person=person)
+    falling, scene = np.zeros_like(out), scene_of(around)
+    add_diffuse(out, falling, scene, scattering_of(around), ends, people, AIR, person=person)
     return out
 
 
@@ -160,6 +161,8 @@ def test_threads_and_rows_change_no_byte() -> None:
     scene, scattering = scene_of(room), scattering_of(room)
     for threads in (1, 3):
         out = np.zeros_like(whole)
-        add_diffuse(out, scene, scattering, three, people_m, AIR, threads, PERSON)
+        add_diffuse(
+            out, np.zeros_like(out), scene, scattering, three, people_m, AIR, threads, PERSON
+        )
         for k in range(3):
             assert out[k].tobytes() == heard(ends, people_m[k])[0].tobytes()

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from one_phone import AIR, DEAD, MICROPHONE_M, SIZE_M, SPEAKER_M, UP, X, ends_at
@@ -18,6 +20,8 @@ from elfslam.world.scattering import Chains, Scattering, scattering_of
 from elfslam.world.scene import scene_of
 
 ROUGH = Material("rough", 0.2, 0.8, "planted")
+PERSON = Material("person", 0.0, 0.5, "planted")
+FALL = 1.7
 NOBODY = np.zeros((1, 0, 2))
 
 
@@ -28,17 +32,27 @@ def rough_room(seed: int = 3) -> Room:
 def heard(
     scattering: Scattering, ends: Ends, room: Room | None = None, people_m: F64 = NOBODY
 ) -> C64:
-    out = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
-    add_diffuse(out, scene_of(room or rough_room()), scattering, ends, people_m, AIR)
-    return out
+    return heard_and_falling(scattering, ends, room, people_m)[0]
+
+
+def heard_and_falling(
+    scattering: Scattering, ends: Ends, room: Room | None = None, people_m: F64 = NOBODY,
+    person: Material | None = None,
+) -> C64:  # fmt: skip
+    """Envelopes (2, n, 630): what is heard, and the same with each path times its fall."""
+    out, falling = both = np.zeros((2, len(ends.speaker), BAND_BINS), dtype=np.complex64)
+    scene = scene_of(room or rough_room())
+    add_diffuse(out, falling, scene, scattering, ends, people_m, AIR, 1, person)
+    return both
 
 
 def one_chain(scattering: Scattering, first: int, last: int, length_m: float) -> Scattering:
     """Of all that is scattered, one chain alone."""
     count = len(scattering.once)
     start = (np.arange(count + 1) > first).astype(np.int64)
-    chain = Chains(start, np.array([last], dtype=np.int32), np.array([length_m]), np.ones(1))
-    return Scattering(scattering.patches, np.zeros(count), chain, 0.0)
+    length, one, fall = np.array([length_m]), np.ones(1), np.array([FALL])
+    chain = Chains(start, np.array([last], dtype=np.int32), length, one, fall)
+    return Scattering(scattering.patches, np.zeros(count), chain)
 
 
 def facing(scattering: Scattering, k: int, place: F64) -> tuple[float, float]:
@@ -88,12 +102,12 @@ def test_a_patch_alone_is_heard_as_loud_as_it_scatters() -> None:
     whole = scattering_of(rough_room())
     none = whole.chains._replace(
         start=np.zeros(len(whole.once) + 1, dtype=np.int64), to=whole.chains.to[:0],
-        length=whole.chains.length[:0], gain=whole.chains.gain[:0],
+        length=whole.chains.length[:0], gain=whole.chains.gain[:0], fall=whole.chains.fall[:0],
     )  # fmt: skip
     found, law = [], []
     for k in range(len(whole.once)):
         once = np.where(np.arange(len(whole.once)) == k, whole.once, 0.0)
-        out = heard(Scattering(whole.patches, once, none, 0.0), ends_at())[0]
+        out = heard(Scattering(whole.patches, once, none), ends_at())[0]
         (there, a), (home, b) = facing(whole, k, SPEAKER_M), facing(whole, k, MICROPHONE_M)
         found.append(float((np.abs(out) ** 2).sum()))
         damped = np.exp(-2 * AIR.attenuation_per_m * (there + home))
@@ -157,11 +171,79 @@ def test_the_engine_is_mirror_images_and_the_field() -> None:
     bare = scene._replace(
         point=np.zeros((0, 3)), point_normal=np.zeros((0, 3)), point_radius=np.zeros(0)
     )
-    both = image_echoes(bare, ends_at(), NOBODY, AIR, Reach())
-    add_diffuse(both, bare, scattering, ends_at(), NOBODY, AIR)
+    falling = np.zeros((1, BAND_BINS), dtype=np.complex64)
+    both = image_echoes(bare, ends_at(), NOBODY, AIR, Reach(), 1, falling)
+    add_diffuse(both, falling, bare, scattering, ends_at(), NOBODY, AIR)
     out = diffuse_echoes(scene, ends_at(), NOBODY, AIR, Reach(), scattering=scattering)
-    both_damp = AIR._replace(tilt_per_m_hz=AIR.tilt_per_m_hz + scattering.tilt_per_m_hz)
-    assert np.abs(out - tilted(both, both_damp)).max() == 0
+    assert np.abs(out - tilted(both, falling, AIR)).max() == 0
+
+
+def test_every_path_is_also_written_times_its_fall() -> None:
+    """A chain's, a patch's and a person's; twice the carrier's phase changes nothing of it."""
+    whole = scattering_of(rough_room())
+    for ends in (ends_at(), ends_at(velocity_mps=np.array([0.9, -0.4, 0.2]))):
+        out, falling = heard_and_falling(one_chain(whole, 0, 30, 2.5), ends)
+        assert np.abs(out).max() > 0
+        assert np.abs(falling - FALL * out).max() < 1e-5 * np.abs(out).max()
+    none, count = one_chain(whole, 0, 30, 2.5), len(whole.once)
+    k = int(
+        np.argmax(whole.once**2 * [max(facing(whole, k, SPEAKER_M)[1], 0) for k in range(count)])
+    )
+    alone = none._replace(
+        once=np.where(np.arange(count) == k, whole.once, 0.0),
+        chains=none.chains._replace(gain=np.zeros(1)),
+    )
+    out, falling = heard_and_falling(alone, ends_at())
+    assert np.abs(out).max() > 0
+    assert np.abs(falling - whole.patches.diffuse_fall[k] * out).max() < 1e-5 * np.abs(out).max()
+    beside = (SPEAKER_M + 1.2 * X)[None, None, :2]
+    nothing = alone._replace(once=np.zeros(len(whole.once)))
+    out, falling = heard_and_falling(nothing, ends_at(), None, beside, PERSON)
+    assert np.abs(out).max() > 0
+    assert np.abs(falling - PERSON.diffuse_fall * out).max() < 1e-5 * np.abs(out).max()
+
+
+def test_the_whole_engine_is_reciprocal_at_every_frequency() -> None:
+    room = rough_room()
+    scene, scattering = scene_of(room), scattering_of(room)
+    forth, back = (
+        diffuse_echoes(scene, ends, NOBODY, AIR, Reach(), scattering=scattering)[0]
+        for ends in (ends_at(), ends_at(MICROPHONE_M, SPEAKER_M))
+    )
+    spectra = np.fft.fft(forth), np.fft.fft(back)
+    assert np.abs(spectra[0] - spectra[1]).max() < 1e-5 * np.abs(spectra[0]).max()
+
+
+def spectrum_of(envelope: C64) -> tuple[F64, F64]:
+    """Frequencies from the carrier between 15 and 20 kHz, and the level there (dB)."""
+    hz = np.fft.fftfreq(BAND_BINS, 1 / BASEBAND_HZ)
+    inside = np.abs(hz) <= 2_500.0
+    return hz[inside], 20 * np.log10(np.abs(np.fft.fft(envelope))[inside])
+
+
+@pytest.mark.parametrize("scattering", [0.05, 0.21, 0.45])
+def test_a_wall_mirrors_at_every_frequency_what_it_neither_absorbs_nor_scatters(
+    scattering: float,
+) -> None:
+    """Oracle: the one wall that is not dead, by what the material says of each frequency."""
+    wall = Material("wall", 0.2, scattering, "planted")
+    room = shoebox(SIZE_M, (wall,) + (DEAD,) * 5, (), 3)
+    rough = scattering_of(room)
+    silent = rough._replace(once=np.zeros_like(rough.once))
+    silent = silent._replace(chains=silent.chains._replace(gain=np.zeros(len(silent.chains.to))))
+    flat = AIR._replace(tilt_per_m_hz=0.0)
+    reach, bare = Reach(order=1, plan_order=1), shoebox(SIZE_M, (DEAD,) * 6, (), 3)
+    direct = image_echoes(scene_of(bare), ends_at(), NOBODY, flat, reach)[0]
+    smooth = shoebox(SIZE_M, (replace(wall, scattering=0.0),) + (DEAD,) * 5, (), 3)
+    mirrored = np.sqrt(1 - scattering) * (
+        image_echoes(scene_of(smooth), ends_at(), NOBODY, flat, reach)[0] - direct
+    )
+    found = diffuse_echoes(scene_of(room), ends_at(), NOBODY, flat, reach, scattering=silent)[0]
+    found -= direct
+    hz, level_db = spectrum_of(found)
+    other_db = spectrum_of(mirrored)[1]
+    law_db = 20 * np.log10([wall.at(CARRIER_HZ + f).reflection / wall.reflection for f in hz])
+    assert np.abs(level_db - other_db - law_db).max() < 0.05
 
 
 def test_air_damps_the_upper_edge_more_than_the_lower() -> None:
@@ -169,7 +251,8 @@ def test_air_damps_the_upper_edge_more_than_the_lower() -> None:
     pulse = np.zeros((1, BAND_BINS), dtype=np.complex64)
     metres = 20.0
     pulse[0, round(metres / AIR.speed_mps * BASEBAND_HZ)] = 1.0
-    transfer = 20 * np.log10(np.abs(np.fft.fftshift(np.fft.fft(tilted(pulse, AIR)[0]))))
+    heard_through = tilted(pulse, np.zeros_like(pulse), AIR)
+    transfer = 20 * np.log10(np.abs(np.fft.fftshift(np.fft.fft(heard_through[0]))))
     low, middle, high = transfer[[65, 315, 565]]
     assert low - high == pytest.approx(4.0 * metres / 21.0, abs=0.4)
     assert middle == pytest.approx(0.0, abs=0.01)

@@ -33,6 +33,8 @@ def test_who_asks_comes_on_another_day_with_another_phone(kind: Kind) -> None:
     phones = [device_of(today) for today in (mapping, asking)]
     assert phones[0].name != phones[1].name
     assert all(phone.ringing for phone in phones)
+    assert mapping.lived_in
+    assert asking.lived_in
 
 
 def test_the_larger_the_place_the_more_people_are_about() -> None:

@@ -14,6 +14,7 @@ from elfslam.base.errors import InputError
 from elfslam.world.materials import (
     BOUNDARY_LAYER_ABSORPTION,
     MATERIALS,
+    MIDDLE_HZ,
     Material,
     material,
     rough_scattering,
@@ -31,6 +32,48 @@ WANTED = {
 def test_no_energy_is_lost_or_made(absorption: float, scattering: float) -> None:
     made = Material("any", absorption, scattering, "test")
     assert made.reflection**2 + made.diffuse + made.absorption == pytest.approx(1.0)
+
+
+@given(absorption=SHARE, scattering=SHARE, frequency_hz=st.floats(15_000.0, 20_000.0))
+def test_no_energy_is_lost_or_made_at_any_frequency(
+    absorption: float, scattering: float, frequency_hz: float
+) -> None:
+    there = Material("any", absorption, scattering, "test").at(frequency_hz)
+    assert there.reflection**2 + there.diffuse + there.absorption == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("roughness_m", [1e-4, 3e-4, 1e-3, 2e-3])
+def test_a_rough_wall_mirrors_by_its_height_in_wavelengths(roughness_m: float) -> None:
+    """Rayleigh's roughness: exp(-(4 pi height cos / wavelength)^2), at 45 degrees and any
+    frequency."""
+    wall = Material("rough", 0.0, rough_scattering(roughness_m), "test")
+    for frequency_hz in (15_000.0, 17_500.0, 20_000.0):
+        wavelength_m = 343.0 / frequency_hz
+        mirrored = np.exp(-((4 * np.pi * roughness_m * np.cos(np.pi / 4) / wavelength_m) ** 2))
+        assert wall.at(frequency_hz).reflection ** 2 == pytest.approx(mirrored)
+
+
+@given(absorption=st.floats(0.0, 0.85), scattering=st.floats(0.001, 0.95))
+def test_falls_are_the_slopes_of_what_the_material_says(
+    absorption: float, scattering: float
+) -> None:
+    """Of pressures, by the logarithm of the frequency about 17.5 kHz; energy is kept in them."""
+    made, step = Material("any", absorption, scattering, "test"), 1e-5
+    low, high = (made.at(MIDDLE_HZ * np.exp(sign * step)) for sign in (-1, 1))
+    mirrored = np.log(low.reflection / high.reflection) / (2 * step)
+    diffuse = np.log(low.diffuse / high.diffuse) / (4 * step)
+    assert made.mirror_fall == pytest.approx(mirrored, rel=1e-3, abs=1e-6)
+    assert made.diffuse_fall == pytest.approx(diffuse, rel=1e-3, abs=1e-4)
+    absorbed = (high.absorption - low.absorption) / (2 * step)
+    lost = 2 * (made.mirror_fall * made.reflection**2 + made.diffuse_fall * made.diffuse)
+    assert lost == pytest.approx(absorbed, rel=1e-3, abs=1e-6)
+
+
+def test_shorter_waves_are_scattered_more_and_mirrored_less() -> None:
+    for item in MATERIALS.values():
+        low, high = item.at(15_000.0), item.at(20_000.0)
+        assert low.scattering < item.scattering < high.scattering
+        assert low.reflection > item.reflection > high.reflection
 
 
 def test_a_mirror_and_a_hole() -> None:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from elfslam.world.materials import MATERIALS, Material
-from elfslam.world.pulses import CARRIER_HZ
 from elfslam.world.room import Room, box, shoebox
 from elfslam.world.scattering import (
     FITTINGS,
@@ -28,10 +27,10 @@ def room_of(surface: Material = ROUGH, seed: int = 3) -> Room:
 
 
 def rows_of(scattering: Scattering) -> np.ndarray:
-    """First patch, last patch, length and gain of every chain."""
+    """First patch, last patch, length, gain and fall of every chain."""
     chains = scattering.chains
     first = np.repeat(np.arange(len(scattering.once)), np.diff(chains.start))
-    return np.column_stack([first, chains.to, chains.length, chains.gain])
+    return np.column_stack([first, chains.to, chains.length, chains.gain, chains.fall])
 
 
 def test_a_patch_scatters_what_it_keeps() -> None:
@@ -50,7 +49,7 @@ def test_smooth_walls_scatter_nothing() -> None:
 def test_every_chain_leads_both_ways() -> None:
     """Reciprocity."""
     rows = rows_of(scattering_of(room_of()))
-    back = rows[:, [1, 0, 2, 3]]
+    back = rows[:, [1, 0, 2, 3, 4]]
     assert rows[np.lexsort(rows.T)] == pytest.approx(back[np.lexsort(back.T)])
 
 
@@ -84,6 +83,32 @@ def test_energy_decays_by_absorption_and_mean_free_path() -> None:
     slope = np.polyfit(bins[:-1], np.log(energy), 1)[0]
     volume, surface = SIZE_M.prod(), 2 * (24 + 18 + 12)
     assert slope == pytest.approx(np.log(0.8) * surface / (4 * volume), rel=0.25)
+
+
+def test_what_scattering_takes_from_mirrors_it_gives_to_the_field() -> None:
+    """Where nothing is absorbed the energy of chains is the same at every frequency, long or short.
+
+    Chain by chain it is not: some fall with the frequency, and others grow.
+    """
+    for share in (0.3, 0.6):
+        bright = Material("bright", 0.0, share, "planted")
+        rooms = [scattering_of(room_of(bright, seed)).chains for seed in range(4)]
+        for low, high in ((0.0, 8.0), (8.0, 14.0), (14.0, 21.0)):
+            falls = []
+            for chains in rooms:
+                of = (chains.length >= low) & (chains.length < high)
+                falls.append(np.average(chains.fall[of], weights=chains.gain[of] ** 2))
+                assert chains.fall[of].std() > 0.4
+            assert abs(np.mean(falls)) < 0.08
+
+
+def test_absorption_makes_chains_fall_with_every_reflection() -> None:
+    """In a room that scatters all that it keeps, by the same for each of their patches."""
+    rows = scattering_of(room_of()).chains
+    steps = rows.fall / (0.5 * 0.2 / (2 * 0.8))
+    assert steps == pytest.approx(np.round(steps), abs=1e-4)
+    assert steps.min() == pytest.approx(2.0, abs=1e-4)
+    assert np.corrcoef(steps, rows.length)[0, 1] > 0.5
 
 
 def test_mirroring_between_scatterings_adds_to_the_way_and_not_to_the_chains() -> None:
@@ -126,13 +151,12 @@ def test_fittings_are_of_materials_that_exist() -> None:
     assert set(FITTINGS) <= set(MATERIALS)
 
 
-def test_surfaces_damp_the_upper_edge_more() -> None:
+def test_the_field_falls_by_absorption_and_mean_free_path() -> None:
     """Oracle: Eyring at two frequencies, with absorption as the root of the frequency."""
-    scattering = scattering_of(room_of())
-    metres, step_hz = 4 * SIZE_M.prod() / (2 * (24 + 18 + 12)), 100.0
-    nepers = [
-        -0.5 * np.log(1 - 0.2 * np.sqrt((CARRIER_HZ + sign * step_hz) / CARRIER_HZ)) / metres
-        for sign in (-1, 1)
-    ]
-    slope = (nepers[1] - nepers[0]) / (2 * step_hz)
-    assert scattering.tilt_per_m_hz == pytest.approx(slope, rel=1e-3)
+    chains = scattering_of(room_of()).chains
+    step = 1e-3
+    nepers = [-0.5 * np.log(1 - 0.2 * np.sqrt(1 + sign * step)) for sign in (-1, 1)]
+    a_metre = (nepers[1] - nepers[0]) / (2 * step) * 2 * (24 + 18 + 12) / (4 * SIZE_M.prod())
+    late = chains.length > 5.0
+    slope = np.polyfit(chains.length[late], chains.fall[late], 1, w=np.abs(chains.gain[late]))[0]
+    assert slope == pytest.approx(a_metre, rel=0.15)

@@ -178,6 +178,42 @@ def test_a_phone_points_aside_and_comes_back() -> None:
     assert abs(np.rad2deg(aside.mean())) < 3
 
 
+def rates(motion: Motion) -> F64:
+    """Rates of turn (3, n), rad/s."""
+    angles = np.stack([motion.yaw_rad, motion.pitch_rad, motion.roll_rad])
+    return np.asarray(np.gradient(angles, 1 / KINEMATICS_RATE_HZ, axis=1))
+
+
+def test_a_hand_trembles_as_told_when_its_owner_stands_still() -> None:
+    """About every axis and at 3 to 6 Hz, as a second of walking has it beside the swing."""
+    habits = {"stops_per_min": 6.0, "tremor_rad": 0.0, "aside_rad": 0.0, "wobble_rad": 0.0}
+    motion = motion_of(2, unrest_radps=0.12, **habits)
+    calm = motion_of(2, unrest_radps=0.0, **habits)
+    stood = ground_speed(motion) < 0.02
+    assert stood.sum() > 8 * KINEMATICS_RATE_HZ
+    assert rates(motion)[:, stood].std(axis=1) == pytest.approx(np.full(3, 0.12), rel=0.15)
+    unrest = rates(motion) - rates(calm)
+    power = (np.abs(np.fft.rfft(unrest, axis=1)) ** 2).sum(axis=0)
+    hz = np.fft.rfftfreq(unrest.shape[1], 1 / KINEMATICS_RATE_HZ)
+    assert 3.0 < np.average(hz, weights=power) < 6.0
+    assert motion.position_m.tobytes() == calm.position_m.tobytes()
+    assert motion.heading_rad.tobytes() == calm.heading_rad.tobytes()
+
+
+def test_the_quietest_second_of_people_is_that_of_real_walks() -> None:
+    """0.118 rad/s in the median of 80 walks, within a quarter; the surveyor's is a tenth of it."""
+    world = load_world("studio")
+    quietest: dict[str, list[float]] = {"person": [], "surveyor": []}
+    for kind, found in quietest.items():
+        for seed in range(12):
+            imu = simulate(world, seed, rounds=3, walker=kind, sound=False)[0].imu
+            assert imu is not None
+            seconds = (imu.gyro_radps[k : k + 100] for k in range(0, len(imu.t_s) - 100, 50))
+            found.append(min(float(rows.std(axis=0).mean()) for rows in seconds))
+    assert np.median(quietest["person"]) == pytest.approx(0.118, rel=0.25)
+    assert np.median(quietest["surveyor"]) < 0.012
+
+
 def footfalls(motion: Motion) -> F64:
     """Times of the steps of somebody under way."""
     return np.interp(np.arange(20, motion.steps[-1] - 20), motion.steps, motion.t_s)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 from elfslam.scoring.world_figures import DrawnBlock, WorldPlan
+from elfslam.world.doors import blocks_of
 from elfslam.world.room import Block, Room
 from elfslam.world.world_file import World
 
 
 def world_plan(world: World) -> WorldPlan:
-    """Everything of a world that can be drawn."""
+    """Everything of a world that can be drawn; its doors stand open."""
     room, around = world.room, world.surroundings
     points = around.access_points if around else ()
     lines = around.power_lines if around else ()
+    leaves = [block for door in world.doors for block in blocks_of(door, room, is_open=True)]
     return WorldPlan(
         world.name,
         room.height_m,
@@ -21,7 +23,7 @@ def world_plan(world: World) -> WorldPlan:
         room.floor.name,
         room.ceiling.name,
         room.outline_m,
-        tuple(map(_drawn, room.blocks)),
+        tuple(map(_drawn, (*room.blocks, *leaves))),
         world.route_m,
         world.spots_m,
         world.people.routes_m,

@@ -37,6 +37,10 @@ def simulate_command(
     sensors: Annotated[str, typer.Option(help="Besides sound and motion: wifi,magnetic,emr.")] = "",
     state: Annotated[str, typer.Option(help="A state of the world's furniture.")] = "",
     day: Annotated[int | None, typer.Option(help="Days since the world was drawn.")] = None,
+    lived_in: Annotated[
+        bool | None,
+        typer.Option("--lived-in/--as-drawn", help="Doors and warmth are of the day, or told."),
+    ] = None,
     people: Annotated[int | None, typer.Option(help="How many others walk about.")] = None,
     device: Annotated[str | None, typer.Option(help=f"{', '.join(DEVICES)}.")] = None,
     volume: Annotated[float, typer.Option(help="Share of the phone's full level.")] = 1.0,
@@ -51,7 +55,9 @@ def simulate_command(
     place, whose = load_world(world), kind_named(kind)
     usual = whose.asking(place.room) if asking else whose.mapping(place.room)
     place = whose.asking_place(place, seed) if asking else place
-    changed: dict[str, Any] = {"day": day, "people": people, "device": device, "engine": engine}
+    changed: dict[str, Any] = {
+        "day": day, "lived_in": lived_in, "people": people, "device": device, "engine": engine,
+    }  # fmt: skip
     today = replace(
         usual, state=state, volume=volume, sounds=parse_sounds(sounds), other_phones=other_phones,
         jitter_s=jitter, softer_db=softer,

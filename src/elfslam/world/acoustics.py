@@ -75,7 +75,7 @@ def _raise_powers(powers, gain):
 
 
 @kernel
-def _add_lifted(rays, phone, paths, p, gain, image, seen):
+def _add_lifted(rays, phone, paths, p, gain, fall, image, seen):
     """Adds plan path p with the heights of the speaker's image and of the microphone's."""
     rise = image - phone.microphone[2]
     plan = paths.length[p]
@@ -83,7 +83,7 @@ def _add_lifted(rays, phone, paths, p, gain, image, seen):
     inverse = 1.0 / max(length, 1e-3)
     flat = plan * inverse
     note_ray(
-        rays, length, gain * paths.gain[p] * inverse,
+        rays, length, gain * paths.gain[p] * inverse, fall + paths.fall[p],
         paths.departure[p, 0] * flat, paths.departure[p, 1] * flat,
         (seen - phone.speaker[2]) * inverse,
         paths.arrival[p, 0] * flat, paths.arrival[p, 1] * flat, rise * inverse,
@@ -109,7 +109,8 @@ def _heights(rays, scene, phone, paths, p, reach):
             seen = sign * (end - 2.0 * n * height)
             if _is_open(scene, paths, p, 0.0, start, (seen - start) / max(plan, 1e-9)):
                 gain = paths.floor_power[abs(n - odd)] * paths.ceiling_power[abs(n)]
-                _add_lifted(rays, phone, paths, p, gain, image, seen)
+                fall = abs(n - odd) * scene.floor_fall + abs(n) * scene.ceiling_fall
+                _add_lifted(rays, phone, paths, p, gain, fall, image, seen)
 
 
 @kernel
@@ -140,7 +141,8 @@ def _tops(rays, scene, phone, paths, p, reach):
                 continue
             if _is_open(scene, paths, p, base, start - base, slope):
                 gain = top_gain * paths.ceiling_power[abs(n)]
-                _add_lifted(rays, phone, paths, p, gain, image + base, seen + base)
+                fall = paths.crossings.top_fall[c] + abs(n) * scene.ceiling_fall
+                _add_lifted(rays, phone, paths, p, gain, fall, image + base, seen + base)
 
 
 @kernel
@@ -174,7 +176,7 @@ def _via(rays, scene, phone, people, paths, x, y, z, strength, reach):
         return
     gain = strength / (max(there, NEAREST_M) * max(home, NEAREST_M))
     note_ray(
-        rays, there + home, gain, dx / there, dy / there, dz / there,
+        rays, there + home, gain, 0.0, dx / there, dy / there, dz / there,
         ax / home, ay / home, az / home,
     )  # fmt: skip
 
@@ -247,11 +249,11 @@ def _people(rays, scene, phone, people, paths, reach):
 
 
 @kernel
-def add_echoes(out, scene, phone, people, paths, rays, reach, air, table):
+def add_echoes(out, falling, scene, phone, people, paths, rays, reach, air, table):
     """Writes all that one phone hears of an impulse to `out` (630); False where it does not fit.
 
     The direct sound comes only with phones that nobody holds: a held one adds its near field
-    itself.
+    itself. `falling` (630, or nobody asks: 0) gets the same with each path times its fall.
     """
     rays.filled[0] = 0
     _look(scene, phone, paths, reach)
@@ -265,5 +267,5 @@ def add_echoes(out, scene, phone, people, paths, rays, reach, air, table):
     _edges(rays, scene, phone, people, paths, reach)
     _people(rays, scene, phone, people, paths, reach)
     fits = count >= 0 and rays.filled[0] < MOST_RAYS
-    write_rays(out, rays, phone, air, table)
+    write_rays(out, falling, rays, phone, air, table)
     return fits

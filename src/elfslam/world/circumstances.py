@@ -14,6 +14,7 @@ from elfslam.base.errors import ParameterError
 from elfslam.world import interference
 from elfslam.world.device import Device, built_in_device
 from elfslam.world.diffuse import diffuse_echoes
+from elfslam.world.doors import with_doors
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Engine, air_at, image_echoes
@@ -45,6 +46,11 @@ SOFTEST_DB = 20.0
 
 WARMTH_C = 1.5
 """Standard deviation of the room's temperature from day to day."""
+DRAWN_C = 20.0
+"""As the world was drawn, where it tells no temperature: the one that the line assumes."""
+INDOORS_C = (17.0, 26.0)
+OFF_C = 0.5
+"""At least by so much a lived-in room is warmer or colder than the line assumes."""
 MOVED_PER_DAY = 1 / 60
 """Share of the low furniture that is no longer in its place after a day; half of it at most."""
 MOVED_M = 0.06
@@ -59,9 +65,10 @@ class Circumstances:
     """The circumstances of a recording.
 
     `state` names one of the world's states of the furniture, `day` counts from when the world was
-    drawn, `volume` is the share of the phone's full level. Each chirp is played at a random moment
-    of the first `jitter_s` of its period, and by chance as loud as can be or `softer_db` softer.
-    Raises ParameterError for what cannot be.
+    drawn, `volume` is the share of the phone's full level. A place that is `lived_in` has its doors
+    as that day finds them and a temperature of its own, from the first day on. Each chirp is played
+    at a random moment of the first `jitter_s` of its period, and by chance as loud as can be or
+    `softer_db` softer. Raises ParameterError for what cannot be.
     """
 
     state: str = ""
@@ -74,6 +81,7 @@ class Circumstances:
     engine: str = "images"
     jitter_s: float = 0.0
     softer_db: float = 0.0
+    lived_in: bool = False
 
     def __post_init__(self) -> None:
         _require("day", self.day, 0, 36_500)
@@ -151,10 +159,12 @@ def device_of(circumstances: Circumstances) -> Device:
 
 
 def room_on(world: World, circumstances: Circumstances) -> Room:
-    """The room in the asked state, with what has been moved a little by that day."""
+    """The room in the asked state, with what has been moved a little by that day, and its doors."""
     room = in_state(world, circumstances.state).room if circumstances.state else world.room
     if circumstances.day:
         room = _after_days(room, circumstances.day)
+    if circumstances.lived_in:
+        room = with_doors(room, world.doors, world.ways_m, circumstances.day)
     return room_in(room, circumstances)
 
 
@@ -182,11 +192,24 @@ def _moved(room: Room, block: Block, share: float, generator: np.random.Generato
     return moved if room.holds(moved.corners_m).all() else block
 
 
-def air_on(world: World, day: int) -> Air:
-    """The air of that day; day 0 is as the world says."""
-    climate = world.climate
-    warmth = np.random.default_rng([world.room.seed, day, 2]).normal(0, WARMTH_C) if day else 0.0
-    return air_at(climate.temperature_c + warmth, climate.humidity_percent)
+def air_on(world: World, day: int, *, lived_in: bool = False) -> Air:
+    """The air of that day; day 0 is as the world says, but where people live."""
+    told_c, humidity = world.climate.temperature_c, world.climate.humidity_percent
+    warmth_c = np.random.default_rng([world.room.seed, day, 2]).normal(0, WARMTH_C)
+    if lived_in:
+        return air_at(_lived_in_c(told_c, world.room.seed, warmth_c), humidity)
+    return air_at((DRAWN_C if told_c is None else told_c) + (warmth_c if day else 0.0), humidity)
+
+
+def _lived_in_c(told_c: float | None, seed: int, warmth_c: float) -> float:
+    """A day's temperature: about what is told, or what people there like."""
+    if told_c is None:
+        liked_c = np.random.default_rng([seed, 6]).uniform(*INDOORS_C)
+        today_c = float(np.clip(liked_c + warmth_c, *INDOORS_C))
+    else:
+        today_c = told_c + warmth_c
+    off_c = today_c - DRAWN_C
+    return DRAWN_C + float(np.copysign(max(abs(off_c), OFF_C), off_c))
 
 
 def whereabouts(world: World, people: int, seed: int, t_s: F64, phone_xy_m: F64) -> F64:

@@ -21,12 +21,13 @@ DRAWS = 20
 
 class Crowd(NamedTuple):
     """Points on people (p times 12): the way they look (3), height, signed gain as of a patch, and
-    where they are (3) about one phone."""
+    where they are (3) about one phone. All gains `fall` with this power of the frequency."""
 
     normal: F64
     height: F64
     gain: F64
     point: F64
+    fall: float
 
 
 def make_crowd(people: int, person: Material | None) -> Crowd:
@@ -36,7 +37,7 @@ def make_crowd(people: int, person: Material | None) -> Crowd:
     Together the points scatter what an upright cylinder does between these heights.
     """
     if person is None or not people:
-        return Crowd(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)))
+        return Crowd(np.zeros((0, 3)), np.zeros(0), np.zeros(0), np.zeros((0, 3)), 0.0)
     shape = POINTS, 3
     draws = np.array([np.random.default_rng([DRAWS, k]).uniform(size=shape) for k in range(people)])
     turn = (2 * np.pi / POINTS * (np.arange(POINTS) + draws[..., 0])).ravel()
@@ -48,6 +49,7 @@ def make_crowd(people: int, person: Material | None) -> Crowd:
         height=low + (high - low) * draws[..., 1].ravel(),
         gain=np.where(draws[..., 2].ravel() < 0.5, -gain, gain),
         point=np.zeros((len(turn), 3)),
+        fall=person.diffuse_fall,
     )
 
 

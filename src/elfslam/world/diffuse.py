@@ -44,6 +44,8 @@ from elfslam.world.sight import Sight, hides, look, make_sight
 FINER = 8
 """Columns in a sample: their pulses are at most 11 degrees off at the edges of the band."""
 SAMPLES = BAND_BINS + PAD // 2
+PARTS = 4
+"""In a column: the two of gains, and the two of gains times their falls."""
 GLINTS = 5
 
 
@@ -59,11 +61,12 @@ class Ways(NamedTuple):
 
 
 class Links(NamedTuple):
-    """Chains (c) in this air: delay in columns, gain with the carrier's phase."""
+    """Chains (c) in this air: delay in columns, gain with the carrier's phase, and its fall."""
 
     column: F64
     real: F64
     imag: F64
+    fall: F64
 
 
 class Glints(NamedTuple):
@@ -74,7 +77,8 @@ class Glints(NamedTuple):
 
 
 class Bench(NamedTuple):
-    """Scratch of one thread; `grid` and `padded` have a real and an imaginary part."""
+    """Scratch of one thread; `grid` and `padded` have a real and an imaginary part, of gains and of
+    gains times their falls."""
 
     there: Ways
     home: Ways
@@ -97,32 +101,36 @@ def diffuse_echoes(
     """
     none = np.zeros((0, 3))
     bare = scene._replace(point=none, point_normal=none, point_radius=np.zeros(0))
-    out = image_echoes(bare, ends, people_m, air, reach, threads)
-    add_diffuse(out, scene, scattering, ends, people_m, air, threads, person)
-    tilt = air.tilt_per_m_hz + scattering.tilt_per_m_hz
-    return tilted(out, air._replace(tilt_per_m_hz=tilt))
+    falling = np.zeros((len(ends.speaker), BAND_BINS), dtype=np.complex64)
+    out = image_echoes(bare, ends, people_m, air, reach, threads, falling)
+    add_diffuse(out, falling, scene, scattering, ends, people_m, air, threads, person)
+    return tilted(out, falling, air)
 
 
-def tilted(envelopes: C64, air: Air) -> C64:
-    """What air and surfaces do to the sides of the band, which they damp unlike the carrier.
+def tilted(envelopes: C64, falling: C64, air: Air) -> C64:
+    """What surfaces and air do to the sides of the band, which they damp unlike the carrier.
 
-    Sound that comes at t has gone c t; the factor exp(-tilt f c t) is expanded to second order.
+    What surfaces do is that of each path to first order: `falling` has every path times its fall.
+    Sound that comes at t has gone c t through the air; its factor exp(-tilt f c t) is expanded to
+    second order.
     """
-    metres = np.arange(BAND_BINS) / BASEBAND_HZ * air.speed_mps
-    frequency_hz = fft.fftfreq(BAND_BINS, 1 / BASEBAND_HZ)
-    spectrum = fft.fft(envelopes, axis=1)
-    first, second = (fft.ifft(spectrum * frequency_hz**k, axis=1) for k in (1, 2))
+    metres = (np.arange(BAND_BINS) / BASEBAND_HZ * air.speed_mps).astype(np.float32)
+    frequency_hz = fft.fftfreq(BAND_BINS, 1 / BASEBAND_HZ).astype(np.float32)
+    share = frequency_hz / np.float32(CARRIER_HZ)
+    spectrum = fft.fft(envelopes, axis=1) - share * fft.fft(falling, axis=1)
+    whole, first, second = (fft.ifft(spectrum * frequency_hz**k, axis=1) for k in range(3))
     taken = air.tilt_per_m_hz * metres
-    return np.asarray(envelopes - taken * first + 0.5 * taken**2 * second, dtype=np.complex64)
+    return np.asarray(whole - taken * first + 0.5 * taken**2 * second, dtype=np.complex64)
 
 
 def add_diffuse(
-    out: C64, scene: Scene, scattering: Scattering, ends: Ends, people_m: F64, air: Air,
-    threads: int = 1, person: Material | None = None,
+    out: C64, falling: C64, scene: Scene, scattering: Scattering, ends: Ends, people_m: F64,
+    air: Air, threads: int = 1, person: Material | None = None,
 ) -> None:  # fmt: skip
     """Adds the diffuse field to the envelopes (n, 630) of phones, the same for any threads.
 
-    People scatter once, by Lambert's law, where it is said what a `person` is made of.
+    `falling` gets the same with each path times its fall. People scatter once, by Lambert's law,
+    where it is said what a `person` is made of.
     """
     links, glints, table = _links(scattering, air), _glints(scattering), pulse_table()
 
@@ -130,7 +138,10 @@ def add_diffuse(
         crowd = make_crowd(people_m.shape[1], person)
         bench = _make_bench(len(scattering.once), len(scene.block_low), crowd)
         part, about = plain_rows(ends, rows), np.array(people_m[rows], dtype=np.float64)
-        _render(out[rows], scene, scattering, links, glints, part, about, bench, air, table)
+        _render(
+            out[rows], falling[rows], scene, scattering, links, glints, part, about, bench, air,
+            table,
+        )  # fmt: skip
 
     edges = np.linspace(0, len(out), max(min(threads, len(out)), 1) + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(edges)]
@@ -146,7 +157,8 @@ def _links(scattering: Scattering, air: Air) -> Links:
     delay_s = chains.length / air.speed_mps
     damped = chains.gain * np.exp(-air.attenuation_per_m * chains.length)
     turned = damped * np.exp(-2j * np.pi * CARRIER_HZ * delay_s)
-    return Links(delay_s * BASEBAND_HZ * FINER, turned.real.copy(), turned.imag.copy())
+    column = delay_s * BASEBAND_HZ * FINER
+    return Links(column, turned.real.copy(), turned.imag.copy(), chains.fall)
 
 
 def _glints(scattering: Scattering) -> Glints:
@@ -166,7 +178,7 @@ def _make_bench(patches: int, blocks: int, crowd: Crowd) -> Bench:
         column, real, imag, length = np.zeros((4, count))
         return Ways(column, real, imag, length, np.zeros((count, 3)))
 
-    grid, padded = np.zeros((2, FINER, SAMPLES)), np.zeros((2, BAND_BINS + 2 * PAD))
+    grid, padded = np.zeros((FINER, SAMPLES * PARTS)), np.zeros((BAND_BINS + 2 * PAD) * PARTS)
     return Bench(
         ways(patches), ways(patches), grid, padded, make_sight(blocks),
         crowd, ways(len(crowd.gain)), ways(len(crowd.gain)),
@@ -239,16 +251,18 @@ def _go_both_ways(bench, scene, patches, phone, people, air):
 
 
 @kernel
-def _lay(grid, column, real, imag):
+def _lay(grid, column, real, imag, fall):
     at = int(column + 0.5)
     sample = at // FINER
-    fine = at - sample * FINER
-    grid[0, fine, sample] += real
-    grid[1, fine, sample] += imag
+    fine, first = at - sample * FINER, PARTS * sample
+    grid[fine, first] += real
+    grid[fine, first + 1] += imag
+    grid[fine, first + 2] += fall * real
+    grid[fine, first + 3] += fall * imag
 
 
 @kernel
-def _lay_glints(bench, glints, k, column, real, imag, air):
+def _lay_glints(bench, glints, k, column, real, imag, fall, air):
     """Patch k alone: its glints are a little nearer or farther than its point."""
     there, home, d, a = bench.there, bench.home, bench.there.direction[k], bench.home.direction[k]
     for g in range(GLINTS):
@@ -263,7 +277,7 @@ def _lay_glints(bench, glints, k, column, real, imag, air):
         cos, sin = glints.gain[k, g] * np.cos(turns), -glints.gain[k, g] * np.sin(turns)
         at = column + farther * (BASEBAND_HZ * FINER / air.speed_mps)
         if 0.0 < at < (SAMPLES - 1) * FINER:
-            _lay(bench.grid, at, real * cos - imag * sin, real * sin + imag * cos)
+            _lay(bench.grid, at, real * cos - imag * sin, real * sin + imag * cos, fall)
 
 
 @kernel
@@ -277,8 +291,8 @@ def _lay_all(bench, scattering, links, glints, air):
             continue
         begun, hr, hi = there.column[k], home.real[k], home.imag[k]
         if hr != 0.0 or hi != 0.0:
-            column = begun + home.column[k]
-            _lay_glints(bench, glints, k, column, sr * hr - si * hi, sr * hi + si * hr, air)
+            column, fall = begun + home.column[k], scattering.patches.diffuse_fall[k]
+            _lay_glints(bench, glints, k, column, sr * hr - si * hi, sr * hi + si * hr, fall, air)
         for c in range(chains.start[k], chains.start[k + 1]):
             column = begun + links.column[c]
             if column > latest:
@@ -290,7 +304,7 @@ def _lay_all(bench, scattering, links, glints, air):
                 continue
             r = sr * links.real[c] - si * links.imag[c]
             i = sr * links.imag[c] + si * links.real[c]
-            _lay(bench.grid, column, r * hr - i * hi, r * hi + i * hr)
+            _lay(bench.grid, column, r * hr - i * hi, r * hi + i * hr, links.fall[c])
 
 
 @kernel
@@ -309,31 +323,32 @@ def _lay_people(bench, scene, phone, people, air):
         if 0.0 < column < (SAMPLES - 1) * FINER and there.length[k] + home.length[k] < LONGEST_M:
             sr, si = crowd.gain[k] * there.real[k], crowd.gain[k] * there.imag[k]
             hr, hi = home.real[k], home.imag[k]
-            _lay(bench.grid, column, sr * hr - si * hi, sr * hi + si * hr)
+            _lay(bench.grid, column, sr * hr - si * hi, sr * hi + si * hr, crowd.fall)
 
 
 @kernel
-def _write(out, bench, table):
-    """Adds the pulses of the grid's columns to the envelope `out` (630)."""
+def _write(out, falling, bench, table):
+    """Adds the pulses of the grid's columns to the envelopes `out` and `falling` (630)."""
     grid, padded = bench.grid, bench.padded
     padded[:] = 0.0
-    for part in range(2):
-        for fine in range(FINER):
-            for tap in range(TAPS):
-                pulse = table[fine * (PHASES // FINER), tap]
-                first = PAD - TAPS // 2 + 1 + tap
-                for k in range(SAMPLES):
-                    padded[part, first + k] += pulse * grid[part, fine, k]
+    for fine in range(FINER):
+        for tap in range(TAPS):
+            pulse = table[fine * (PHASES // FINER), tap]
+            first = PARTS * (PAD - TAPS // 2 + 1 + tap)
+            for k in range(PARTS * SAMPLES):
+                padded[first + k] += pulse * grid[fine, k]
     for k in range(BAND_BINS):
-        out[k] += complex(padded[0, PAD + k], padded[1, PAD + k])
+        at = PARTS * (PAD + k)
+        out[k] += complex(padded[at], padded[at + 1])
+        falling[k] += complex(padded[at + 2], padded[at + 3])
 
 
 @kernel
-def _render(out, scene, scattering, links, glints, ends, people, bench, air, table):
+def _render(out, falling, scene, scattering, links, glints, ends, people, bench, air, table):
     for row in range(out.shape[0]):
         phone = one_phone(ends, row)
         bench.grid[:] = 0.0
         _go_both_ways(bench, scene, scattering.patches, phone, people[row], air)
         _lay_all(bench, scattering, links, glints, air)
         _lay_people(bench, scene, phone, people[row], air)
-        _write(out[row], bench, table)
+        _write(out[row], falling[row], bench, table)

@@ -1,8 +1,9 @@
 """Kinds of walks: who walks, in which sound, and what differs between mapping and asking.
 
 A quiet day is what a laboratory has: one line, one phone, mirror images. In ordinary life phones
-are ordinary, rooms scatter, others are about, and who asks comes on another day with another phone,
-by other ways where they are people.
+are ordinary, rooms scatter, are as warm as people like it and have their doors open or shut, others
+are about, and who asks comes on another day with another phone, by other ways where they are
+people.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from elfslam.base.errors import ParameterError
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.crossing import crossing_route
 from elfslam.world.room import Room, floor_area_m2
-from elfslam.world.world_file import World
+from elfslam.world.world_file import World, walked_room
 
 PEOPLE_ABOUT = ((120.0, 0), (600.0, 3), (float("inf"), 6))
 """Others about in rooms, offices and halls: floor of up to so many m2."""
@@ -36,15 +37,13 @@ class Kind:
         """The circumstances of walks that are mapped."""
         if not self.ordinary:
             return Circumstances()
-        return Circumstances(engine="diffuse", people=people_about(room), device=MAPPING_PHONE)
+        return _ordinary(room, MAPPING_PHONE, day=0)
 
     def asking(self, room: Room) -> Circumstances:
         """The circumstances of walks that are located in a map of the same kind."""
         if not self.ordinary:
             return Circumstances()
-        return Circumstances(
-            engine="diffuse", people=people_about(room), device=ASKING_PHONE, day=DAYS_LATER
-        )
+        return _ordinary(room, ASKING_PHONE, DAYS_LATER)
 
     def asking_place(self, world: World, seed: int) -> World:
         """The world with the route of who asks: a surveyor's is the mapped one, people's crosses
@@ -52,7 +51,13 @@ class Kind:
         if self.walker == SURVEYOR.walker:
             return world
         generator = np.random.default_rng([seed, 31])
-        return replace(world, route_m=crossing_route(world.room, world.route_m, generator))
+        return replace(world, route_m=crossing_route(walked_room(world), world.route_m, generator))
+
+
+def _ordinary(room: Room, device: str, day: int) -> Circumstances:
+    return Circumstances(
+        engine="diffuse", people=people_about(room), device=device, day=day, lived_in=True
+    )
 
 
 QUIET = Kind("quiet", "surveyor", ordinary=False)

@@ -8,6 +8,13 @@ which. Two things are computed instead:
   the thin layer of air at it (1.8e-4 times the root of the frequency at random incidence). Values
   measured below it at 8 kHz are raised to it.
 - A wall scatters by its roughness as `rough_scattering` says; the roughness itself is an estimate.
+
+Across the band, which the shares are those of the middle of, two laws hold for every material. What
+a rough surface mirrors is exp(-(4 pi height cos angle / wavelength)^2) (Rayleigh's roughness), so
+that a mirrored share m becomes m^((f / f0)^2): shorter waves are scattered more. Fittings, folds
+and gaps are taken for roughness as well, which is the most that their scattering can change by.
+Absorption grows as that of the boundary layer does, with the root of the frequency. What is neither
+absorbed nor mirrored is scattered, at every frequency.
 """
 
 from __future__ import annotations
@@ -15,22 +22,32 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import MappingProxyType
 
+import numpy as np
+
+from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 
 BOUNDARY_LAYER_ABSORPTION = 0.024
 """At 17.5 kHz."""
 
-WAVENUMBER_RADPM = 2 * math.pi * 17_500.0 / 343.0
+MIDDLE_HZ = 17_500.0
+"""Of the band; absorption and scattering are told for it."""
+WAVENUMBER_RADPM = 2 * math.pi * MIDDLE_HZ / 343.0
+ABSORPTION_GROWS = 0.5
+"""Absorption grows with this power of the frequency, as that of the boundary layer does."""
+LEAST_KEPT, LEAST_MIRRORED = 0.1, 1e-3
+"""How fast smaller shares of energy fall with the frequency is asked for these."""
 
 
 @dataclass(frozen=True)
 class Material:
     """A surface: shares of the energy of sound that it absorbs and, of the rest, scatters.
 
-    `source` says where both come from: the band measured, or that it is an estimate.
+    Both are those at 17.5 kHz. `source` says where they come from: the band measured, or that it is
+    an estimate.
     """
 
     name: str
@@ -54,6 +71,45 @@ class Material:
     def diffuse(self) -> float:
         """Share of the incident energy that leaves in other directions than the mirrored one."""
         return (1 - self.absorption) * self.scattering
+
+    @property
+    def mirror_fall(self) -> float:
+        """The power of the frequency with which the mirrored pressure falls, about 17.5 kHz."""
+        return float(absorption_fall(self.absorption) + mirror_fall(self.scattering))
+
+    @property
+    def diffuse_fall(self) -> float:
+        """The same of the scattered pressure; negative where it grows."""
+        return float(absorption_fall(self.absorption) - scattering_rise(self.scattering))
+
+    def at(self, frequency_hz: float) -> Material:
+        """The surface as sound of this frequency finds it."""
+        ratio = frequency_hz / MIDDLE_HZ
+        return replace(
+            self,
+            absorption=min(self.absorption * ratio**ABSORPTION_GROWS, 1.0),
+            scattering=1 - (1 - self.scattering) ** (ratio**2),
+        )
+
+
+def absorption_fall(absorption: F64 | float) -> F64:
+    """The power of the frequency with which the pressure falls that a surface keeps."""
+    kept = np.maximum(1 - np.asarray(absorption), LEAST_KEPT)
+    return np.asarray(ABSORPTION_GROWS * (1 - kept) / (2 * kept))
+
+
+def mirror_fall(scattering: F64 | float) -> F64:
+    """The power of the frequency with which the mirrored pressure falls, absorption apart."""
+    return np.asarray(-np.log(np.maximum(1 - np.asarray(scattering), LEAST_MIRRORED)))
+
+
+def scattering_rise(scattering: F64 | float) -> F64:
+    """The power of the frequency with which the scattered pressure grows, absorption apart.
+
+    It is 1 where hardly anything is scattered, and 0 where everything is.
+    """
+    share = np.maximum(scattering, 1e-9)
+    return np.asarray((1 - share) * mirror_fall(share) / share)
 
 
 def rough_scattering(roughness_m: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.world.kernels import kernel
-from elfslam.world.materials import Material
+from elfslam.world.materials import Material, absorption_fall, mirror_fall, scattering_rise
 from elfslam.world.room import Block, Room, inside
 
 PATCH_M = 0.8
@@ -30,7 +30,8 @@ class Faces(NamedTuple):
     `corner`, `along`, `up` and `normal` (f, 3) are in the room, the air lies on the normal's side;
     `size` and `cells` (f, 2) are along both sides. Cell (i, j) of face f is the patch
     `cell_patch[first_cell[f] + i * cells[f, 1] + j]`, or none (-1). Of the energy a face keeps
-    `kept`, and of that it scatters `scattered`.
+    `kept`, and of that it scatters `scattered`; `mirror_fall` is the power of the frequency with
+    which the mirrored pressure falls.
     """
 
     corner: F64
@@ -43,11 +44,13 @@ class Faces(NamedTuple):
     cell_patch: I64
     kept: F64
     scattered: F64
+    mirror_fall: F64
 
 
 class Patches(NamedTuple):
     """Patches (p): the point in the open that scatters for it, its frame, area (m2), face, which of
-    all cells it is, and the share of what it keeps that it scatters."""
+    all cells it is, the share of what it keeps that it scatters, and the powers of the frequency
+    with which the pressures fall that it mirrors and scatters."""
 
     point: F64
     normal: F64
@@ -57,6 +60,8 @@ class Patches(NamedTuple):
     face: I64
     cell: I64
     scattered: F64
+    mirror_fall: F64
+    diffuse_fall: F64
 
 
 class Boxes(NamedTuple):
@@ -91,11 +96,16 @@ def faces_and_patches(room: Room) -> tuple[Faces, Patches]:
         corner, along, up, normal, size, cells, first, cell_patch,
         np.array([1 - surface.absorption for surface in surfaces]),
         np.array([surface.scattering for surface in surfaces]),
+        np.array([surface.mirror_fall for surface in surfaces]),
     )  # fmt: skip
     on = face[kept]
     point = tried[kept, free[kept].argmax(axis=1)]
     scattered = uneven(faces.scattered[on], draws_by_owner(room, 4, counts, ())[kept])
-    return faces, Patches(point, normal[on], along[on], up[on], area[kept], on, kept, scattered)
+    absorbed = absorption_fall(1 - faces.kept[on])
+    return faces, Patches(
+        point, normal[on], along[on], up[on], area[kept], on, kept, scattered,
+        absorbed + mirror_fall(scattered), absorbed - scattering_rise(scattered),
+    )  # fmt: skip
 
 
 def uneven(share: F64, draw: F64) -> F64:

@@ -41,13 +41,15 @@ class Reach(NamedTuple):
 class PlanPaths(NamedTuple):
     """Paths in plan, one row each, and scratch space for finding them.
 
-    `departure` and `arrival` are unit vectors from the two ends along the path. The crossings of
+    `fall` is the power of the frequency with which the gain falls about 17.5 kHz. `departure` and
+    `arrival` are unit vectors from the two ends along the path. The crossings of
     path p are `crossing_end[p - 1]` to `crossing_end[p]`; `hit_block` and `hit_at` say which
     block's face reflects how far from the start (-1 in `hit_block`: a wall).
     """
 
     length: F64
     gain: F64
+    fall: F64
     order: I64
     departure: F64
     arrival: F64
@@ -69,8 +71,9 @@ class PlanPaths(NamedTuple):
 def make_plan_paths(blocks: int) -> PlanPaths:
     """Room for the paths between one pair of points."""
     deep = MOST_REFLECTIONS + 1
+    length, gain, fall = np.zeros((3, MOST_PATHS))
     return PlanPaths(
-        np.zeros(MOST_PATHS), np.zeros(MOST_PATHS), np.zeros(MOST_PATHS, dtype=np.int64),
+        length, gain, fall, np.zeros(MOST_PATHS, dtype=np.int64),
         np.zeros((MOST_PATHS, 2)), np.zeros((MOST_PATHS, 2)),
         np.zeros(MOST_PATHS, dtype=np.int64), np.zeros((MOST_PATHS, deep), dtype=np.int64),
         np.zeros((MOST_PATHS, deep)), make_crossings(blocks), np.zeros((deep, 2)),
@@ -171,7 +174,7 @@ def _trace(scene, people, paths, depth, count, noted, source, target, reach):
     length = np.sqrt(dx * dx + dy * dy)
     if length > reach.longest_m:
         return -1
-    left, gain, onto = length, 1.0, -1
+    left, gain, fall, onto = length, 1.0, 0.0, -1
     for level in range(depth, -1, -1):
         hx, hy, f = source[0], source[1], -1
         if level > 0:
@@ -180,6 +183,7 @@ def _trace(scene, people, paths, depth, count, noted, source, target, reach):
                 return -1
             f = paths.face[level]
             gain *= scene.face_gain[f]
+            fall += scene.face_fall[f]
         leg = np.sqrt((hx - x) ** 2 + (hy - y) ** 2)
         if meets_wall(scene, hx, hy, x, y, f, onto):
             return -1
@@ -199,6 +203,7 @@ def _trace(scene, people, paths, depth, count, noted, source, target, reach):
         paths.arrival[count, k] /= max(length, 1e-12)
         paths.departure[count, k] /= max(size, 1e-12)
     paths.length[count], paths.gain[count], paths.order[count] = length, gain, depth
+    paths.fall[count] = fall
     return noted
 
 

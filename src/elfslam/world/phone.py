@@ -159,11 +159,13 @@ def one_phone(ends, row):
 
 
 @kernel
-def _render_rows(out, scene, ends, people, paths, rays, reach, air, table):
-    """Adds the echoes of each phone to its row; the first row that does not fit, or -1."""
+def _render_rows(out, falling, scene, ends, people, paths, rays, reach, air, table):
+    """Writes the echoes of each phone to its row; the first row that does not fit, or -1."""
     for row in range(out.shape[0]):
-        phone = one_phone(ends, row)
-        if not add_echoes(out[row], scene, phone, people[row], paths, rays, reach, air, table):
+        phone, about = one_phone(ends, row), people[row]
+        if not add_echoes(
+            out[row], falling[row], scene, phone, about, paths, rays, reach, air, table
+        ):
             return row
     return -1
 
@@ -187,10 +189,13 @@ def plain_rows(ends: Ends, rows: slice) -> Ends:
 
 
 def image_echoes(
-    scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, threads: int = 1
-) -> C64:
+    scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, threads: int = 1,
+    falling: C64 | None = None,
+) -> C64:  # fmt: skip
     """Our engine: envelopes (n, 630) of the echoes, the same for any number of threads.
 
+    All frequencies are reflected as 17.5 kHz. `falling` (n, 630) is overwritten by what surfaces
+    take of the sides of the band: each path times the power of the frequency with which it falls.
     Raises ParameterError where a reach asks for more paths than there is room for.
     """
     if not reach.plan_order <= MOST_REFLECTIONS or reach.longest_m <= 0:
@@ -200,12 +205,14 @@ def image_echoes(
         )
     count, limits = len(ends.speaker), Reach(float(reach.longest_m), *map(int, reach[1:]))
     out, table = np.zeros((count, BAND_BINS), dtype=np.complex64), pulse_table()
+    fall = np.zeros((count, 0), dtype=np.complex64) if falling is None else falling
 
     def render(rows: slice) -> int:
         part, about = plain_rows(ends, rows), np.array(people_m[rows], dtype=np.float64)
         paths, rays = make_plan_paths(len(scene.block_low)), make_rays()
-        found = _render_rows(out[rows], scene, part, about, paths, rays, limits, air, table)
-        return int(found)
+        return int(
+            _render_rows(out[rows], fall[rows], scene, part, about, paths, rays, limits, air, table)
+        )
 
     edges = np.linspace(0, count, max(min(threads, count), 1) + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(edges)]

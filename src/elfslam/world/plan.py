@@ -21,21 +21,23 @@ GRAZE_M = 1e-6
 
 
 class Crossings(NamedTuple):
-    """Obstacles met by plan paths: distance from the path's start, heights and gain of the top."""
+    """Obstacles met by plan paths: distance from the path's start, heights, the top's gain and how
+    that falls with the frequency."""
 
     enter: F64
     leave: F64
     low: F64
     high: F64
     top_gain: F64
+    top_fall: F64
     stamp: I64
 
 
 def make_crossings(blocks: int) -> Crossings:
     """Room for the crossings of one phone's paths among `blocks` blocks."""
-    enter, leave, low, high, top_gain = np.zeros((5, MOST_CROSSINGS))
+    enter, leave, low, high, top_gain, top_fall = np.zeros((6, MOST_CROSSINGS))
     stamp = np.zeros(blocks + 1, dtype=np.int64)
-    return Crossings(enter, leave, low, high, top_gain, stamp)
+    return Crossings(enter, leave, low, high, top_gain, top_fall, stamp)
 
 
 @kernel
@@ -82,7 +84,7 @@ def through_person(x, y, ax, ay, dx, dy):
 
 
 @kernel
-def _note(crossings, count, start, length, enter, leave, low, high, top_gain):
+def _note(crossings, count, start, length, enter, leave, low, high, top_gain, top_fall):
     if (leave - enter) * length <= GRAZE_M or count >= MOST_CROSSINGS:
         return count
     crossings.enter[count] = start + enter * length
@@ -90,6 +92,7 @@ def _note(crossings, count, start, length, enter, leave, low, high, top_gain):
     crossings.low[count] = low
     crossings.high[count] = high
     crossings.top_gain[count] = top_gain
+    crossings.top_fall[count] = top_fall
     return count + 1
 
 
@@ -100,7 +103,7 @@ def _note_block(scene, crossings, count, start, k, ax, ay, dx, dy, length):
     enter, leave = through_block(scene.block_corner[k], ax, ay, dx, dy)
     return _note(
         crossings, count, start, length, enter, leave,
-        scene.block_low[k], scene.block_high[k], scene.block_top_gain[k],
+        scene.block_low[k], scene.block_high[k], scene.block_top_gain[k], scene.block_top_fall[k],
     )  # fmt: skip
 
 
@@ -111,7 +114,7 @@ def note_crossings(scene, people, crossings, count, start, ax, ay, bx, by):
     length = np.sqrt(dx * dx + dy * dy)
     for p in range(people.shape[0]):
         enter, leave = through_person(people[p, 0], people[p, 1], ax, ay, dx, dy)
-        count = _note(crossings, count, start, length, enter, leave, 0.0, PERSON_HEIGHT_M, 0.0)
+        count = _note(crossings, count, start, length, enter, leave, 0.0, PERSON_HEIGHT_M, 0.0, 0.0)
     if scene.block_low.shape[0] == 0:
         return count
     if scene.grid_shape[0] * scene.grid_shape[1] == 1:

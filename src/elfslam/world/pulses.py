@@ -48,7 +48,8 @@ class Air(NamedTuple):
 
 
 class Rays(NamedTuple):
-    """Paths of one phone, a column each: length, gain, and unit vectors along both ends.
+    """Paths of one phone, a column each: length, gain, the power of the frequency with which that
+    falls, and unit vectors along both ends.
 
     `filled[0]` says how many there are. The next four columns are their pulses: the first tap,
     which of the table's phases, and the two parts of the gain. `padded` is an envelope of parts.
@@ -57,6 +58,7 @@ class Rays(NamedTuple):
     filled: I32
     length: F64
     gain: F64
+    fall: F64
     departure: F64
     arrival: F64
     first: I32
@@ -68,12 +70,13 @@ class Rays(NamedTuple):
 
 def make_rays() -> Rays:
     """Room for the rays of one phone."""
-    real = [np.zeros(MOST_RAYS) for _ in range(4)]
+    real = [np.zeros(MOST_RAYS) for _ in range(5)]
     whole = [np.zeros(MOST_RAYS, dtype=np.int32) for _ in range(2)]
     return Rays(
         filled=np.zeros(1, dtype=np.int32),
         length=real[0],
         gain=real[1],
+        fall=real[4],
         departure=np.zeros((3, MOST_RAYS)),
         arrival=np.zeros((3, MOST_RAYS)),
         first=whole[0],
@@ -96,12 +99,12 @@ def pulse_table() -> F64:
 
 
 @kernel
-def note_ray(rays, length, gain, dx, dy, dz, ax, ay, az):
+def note_ray(rays, length, gain, fall, dx, dy, dz, ax, ay, az):
     """Notes a path that departs along d and arrives from a, both unit vectors from the phone."""
     k = rays.filled[0]
     if k == MOST_RAYS:
         return
-    rays.length[k], rays.gain[k] = length, gain
+    rays.length[k], rays.gain[k], rays.fall[k] = length, gain, fall
     rays.departure[0, k], rays.departure[1, k], rays.departure[2, k] = dx, dy, dz
     rays.arrival[0, k], rays.arrival[1, k], rays.arrival[2, k] = ax, ay, az
     rays.filled[0] = k + 1
@@ -203,11 +206,24 @@ def _work_out(rays, phone, air):
 
 
 @kernel
-def write_rays(out, rays, phone, air, table):
-    """Writes the pulses of all rays into the envelope `out` (630)."""
+def write_rays(out, falling, rays, phone, air, table):
+    """Writes the pulses of all rays into the envelope `out` (630).
+
+    Times their falls they are written into `falling`, if that has any length.
+    """
     if phone.speaker_lobe_share > 0.0 or phone.microphone_lobe_share > 0.0:
         _lobe(rays, phone)
     _work_out(rays, phone, air)
+    _write(out, rays, table)
+    if falling.shape[0] > 0:
+        for k in range(rays.filled[0]):
+            rays.real[k] *= rays.fall[k]
+            rays.imag[k] *= rays.fall[k]
+        _write(falling, rays, table)
+
+
+@kernel
+def _write(out, rays, table):
     padded = rays.padded
     for k in range(padded.shape[1]):
         padded[0, k] = padded[1, k] = 0.0

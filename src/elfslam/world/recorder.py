@@ -66,7 +66,7 @@ def stage_of(world: World, circumstances: Circumstances, rate_hz: int, threads: 
     """What the frames have in common that are heard in a world; rendered on so many threads."""
     room = room_on(world, circumstances)
     return Stage(
-        scene_of(room), air_on(world, circumstances.day),
+        scene_of(room), air_on(world, circumstances.day, lived_in=circumstances.lived_in),
         device_of(circumstances), make_chirp(ChirpParameters(), rate_hz),
         engine_of(circumstances, room, threads), reach_of(circumstances),
     )  # fmt: skip

@@ -138,12 +138,12 @@ def _surfaces(top: Table, sides: int) -> tuple[Material, ...]:
         raise surfaces.refusal(
             f"walls has {len(each)} materials, wanted one or {sides}; add or drop some", "walls"
         )
-    made = [_material(surfaces, "walls", wall) for wall in each]
-    ends = [_material(surfaces, key, surfaces.values.get(key)) for key in ("floor", "ceiling")]
+    made = [material_of(surfaces, "walls", wall) for wall in each]
+    ends = [material_of(surfaces, key, surfaces.values.get(key)) for key in ("floor", "ceiling")]
     return (*made, *ends)
 
 
-def _material(given: Table, key: str, value: object) -> Material:
+def material_of(given: Table, key: str, value: object) -> Material:
     """A material by its name, or one that a table in braces describes."""
     if isinstance(value, dict):
         described = inline(given, key, value, key)
@@ -163,7 +163,8 @@ def _material(given: Table, key: str, value: object) -> Material:
 def _blocks(top: Table, room: Room) -> tuple[Block, ...]:
     blocks: dict[str, Block] = {}
     for given, made in (*_furniture(top), *_partitions(top, room.height_m)):
-        for block in _repeated(given, made):
+        for suffix, shift in repeats(given):
+            block = replace(made, name=made.name + suffix, centre_m=made.centre_m + shift)
             if block.name in blocks:
                 raise given.refusal(
                     f"the name {block.name!r} is taken; give each piece its own", "name"
@@ -182,7 +183,7 @@ def _furniture(top: Table) -> Iterator[tuple[Table, Block]]:
             text(given, "name"),
             vector(given, "corner_m", 3),
             vector(given, "size_m", 3, low=SHORTEST_M),
-            _material(given, "material", given.values.get("material", "wood panel")),
+            material_of(given, "material", given.values.get("material", "wood panel")),
             np.deg2rad(number(given, "turn_deg", 0.0, low=-360.0, high=360.0)),
             number(given, "clutter_per_m2", CLUTTER_PER_M2, low=0.0, high=100.0),
         )
@@ -202,7 +203,7 @@ def _partitions(top: Table, ceiling_m: float) -> Iterator[tuple[Table, Block]]:
             given,
             Block(
                 text(given, "name"),
-                _material(given, "material", given.values.get("material", "gypsum board")),
+                material_of(given, "material", given.values.get("material", "gypsum board")),
                 (start + end) / 2,
                 np.array([length_m, thickness_m, height_m]),
                 float(np.arctan2(*(end - start)[::-1])),
@@ -211,10 +212,10 @@ def _partitions(top: Table, ceiling_m: float) -> Iterator[tuple[Table, Block]]:
         )
 
 
-def _repeated(given: Table, block: Block) -> Iterator[Block]:
-    """The block, or rows of the same, numbered from 1 along x first."""
+def repeats(given: Table) -> Iterator[tuple[str, F64]]:
+    """What names end in and places are shifted by (2), for rows of the same along x first."""
     if "repeat" not in given.values and "spacing_m" not in given.values:
-        yield block
+        yield "", np.zeros(2)
         return
     counts = vector(given, "repeat", 2, low=1, high=200)
     if (counts % 1 != 0).any():
@@ -222,8 +223,7 @@ def _repeated(given: Table, block: Block) -> Iterator[Block]:
     step = vector(given, "spacing_m", 2)
     along, across = int(counts[0]), int(counts[1])
     for k in range(along * across):
-        centre_m = block.centre_m + step * [k % along, k // along]
-        yield replace(block, name=f"{block.name} {k + 1}", centre_m=centre_m)
+        yield f" {k + 1}", step * [k % along, k // along]
 
 
 def _check_inside(given: Table, room: Room, block: Block, key: str = "corner_m") -> None:

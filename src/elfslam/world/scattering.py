@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from elfslam.base.arrays import F64, I64
 from elfslam.world.kernels import kernel
-from elfslam.world.materials import Material
+from elfslam.world.materials import Material, scattering_rise
 from elfslam.world.patches import (
     Faces,
     Patches,
@@ -29,8 +29,7 @@ from elfslam.world.patches import (
     first_face,
     patch_at,
 )
-from elfslam.world.pulses import CARRIER_HZ
-from elfslam.world.room import Room, floor_area_m2
+from elfslam.world.room import Room
 
 FITTINGS: Mapping[str, float] = MappingProxyType(
     dict.fromkeys(
@@ -45,9 +44,6 @@ ABSORPTION = (0.08, 0.5)
 """Of surfaces at 15 to 20 kHz, at least and at most. These and the fittings are chosen in the
 development worlds, so that rooms are as measured ones in kurtosis, spread and reverberation time of
 their responses, and in how fast echoes change with the place (`python -m studies realism`)."""
-ABSORPTION_GROWS = 0.5
-"""Absorption grows with this power of the frequency, as that of the boundary layer does."""
-LEAST_KEPT = 0.1
 LONGEST_M = 21.0
 PARTICLES = 2400
 """From all patches that one phone hears together; more make a smoother field and take longer."""
@@ -64,31 +60,34 @@ I32 = npt.NDArray[np.int32]
 class Chains(NamedTuple):
     """Chains of patch p are `start[p]` to `start[p + 1]`, by growing `length`; they end at `to`.
 
-    `gain` is the pressure 1 m before the last patch per pressure at the first, cosines apart.
+    `gain` is the pressure 1 m before the last patch per pressure at the first, cosines apart, and
+    `fall` the power of the frequency with which it falls about 17.5 kHz.
     """
 
     start: I64
     to: I32
     length: F64
     gain: F64
+    fall: F64
 
 
 class Scattering(NamedTuple):
-    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain.
-
-    Surfaces damp by `tilt_per_m_hz` more nepers on each metre for each hertz above the carrier.
-    """
+    """What a room scatters; `once` (p) is the signed gain of a patch alone, as of a chain."""
 
     patches: Patches
     once: F64
     chains: Chains
-    tilt_per_m_hz: float
 
 
 def as_measured(room: Room) -> Room:
-    """The room with surfaces that scatter and absorb as those of measured rooms do."""
+    """The room with surfaces that scatter and absorb as those of measured rooms do.
+
+    What absorbs all is no surface but an opening, and stays one.
+    """
 
     def rougher(surface: Material) -> Material:
+        if surface.absorption == 1:
+            return surface
         fittings = FITTINGS.get(surface.name, OTHER_FITTINGS)
         return replace(
             surface,
@@ -111,23 +110,18 @@ def scattering_of(room: Room) -> Scattering:
     once = np.sqrt(patches.area * faces.kept[patches.face] * patches.scattered / np.pi)
     particles = _particles(room, len(once))
     noted = _trace(room, faces, patches, particles)
-    scattered = np.average(faces.scattered[patches.face], weights=patches.area)
-    chains = _both_ways(noted, len(once), max(float(scattered), LEAST_SCATTERED))
+    chains = _both_ways(noted, patches, _scattered(faces, patches))
     signs = draws_by_owner(room, 2, faces.cells.prod(axis=1), ())[patches.cell]
     signed = np.where(signs < 0.5, -once, once)
-    return Scattering(patches, signed, chains, surface_tilt_per_m_hz(room, faces, patches))
+    return Scattering(patches, signed, chains)
 
 
-def surface_tilt_per_m_hz(room: Room, faces: Faces, patches: Patches) -> float:
-    """How much more surfaces damp with the frequency: the room's mean, by the mean free path.
-
-    A reflection takes ln(1 - a) / 2 nepers by the mean absorption a, one every 4 V / S (Eyring, J.
-    Acoust. Soc. Am. 1, 1930).
-    """
-    kept = max(float(np.average(faces.kept[patches.face], weights=patches.area)), LEAST_KEPT)
-    steeper = ABSORPTION_GROWS * (1 - kept) / (2 * kept * CARRIER_HZ)
-    volume_m3 = floor_area_m2(room) * room.height_m
-    return steeper * float(patches.area.sum()) / (4 * volume_m3)
+def _scattered(faces: Faces, patches: Patches) -> tuple[float, float]:
+    """The room's mean share of scattering, and the power of the frequency with which it grows."""
+    share = float(np.average(faces.scattered[patches.face], weights=patches.area))
+    weights = patches.area * np.maximum(patches.scattered, LEAST_SCATTERED)
+    grows = 2 * float(np.average(scattering_rise(patches.scattered), weights=weights))
+    return max(share, LEAST_SCATTERED), grows
 
 
 def _particles(room: Room, patches: int) -> int:
@@ -136,28 +130,30 @@ def _particles(room: Room, patches: int) -> int:
     return int(np.clip(PARTICLES / heard, *PARTICLES_A_PATCH))
 
 
-def _both_ways(noted: F64, patches: int, scattered: float) -> Chains:
-    """Chains from noted rows of first patch, last patch, length and signed energy, and reversals.
+def _both_ways(noted: F64, patches: Patches, scattered: tuple[float, float]) -> Chains:
+    """Chains from noted rows of first patch, last patch, length, signed energy and fall, and their
+    reversals.
 
     The mirrored share of the ways from and to the phone is not followed to where it is scattered:
-    it is added here, by the mean share that surfaces scatter, at both ends.
+    it is added here, by the mean share that surfaces scatter and how that grows, at both ends.
     """
-    gain = np.sign(noted[:, 3]) * np.sqrt(np.abs(noted[:, 3]) / 2) / scattered
+    share, grows = scattered
+    gain = np.sign(noted[:, 3]) * np.sqrt(np.abs(noted[:, 3]) / 2) / share
     begin = np.concatenate([noted[:, 0], noted[:, 1]]).astype(np.int64)
     end = np.concatenate([noted[:, 1], noted[:, 0]]).astype(np.int32)
-    length, gain = np.tile(noted[:, 2], 2), np.tile(gain, 2)
+    length, gain, fall = (np.tile(rows, 2) for rows in (noted[:, 2], gain, noted[:, 4] + grows))
     order = np.lexsort((length, begin))
-    start = np.searchsorted(begin[order], np.arange(patches + 1)).astype(np.int64)
-    return Chains(start, end[order], length[order], gain[order])
+    start = np.searchsorted(begin[order], np.arange(len(patches.area) + 1)).astype(np.int64)
+    return Chains(start, end[order], length[order], gain[order], fall[order])
 
 
 def _trace(room: Room, faces: Faces, patches: Patches, particles: int) -> F64:
-    """Rows of first patch, last patch, length (m) and signed energy of every chain."""
+    """Rows of first patch, last patch, length (m), signed energy and fall of every chain."""
     boxes, walls = boxes_of(room), len(room.walls)
     draws = draws_by_owner(room, 3, faces.cells.prod(axis=1), (particles, MOST_REFLECTIONS, DRAWS))[
         patches.cell
     ]
-    noted = np.zeros((len(patches.area) * particles * MOST_SCATTERINGS, 4))
+    noted = np.zeros((len(patches.area) * particles * MOST_SCATTERINGS, 5))
     return noted[: _trace_particles(noted, faces, patches, boxes, walls, draws)]
 
 
@@ -178,6 +174,7 @@ def _lambert(faces, f, square, turn):
 def _trace_particle(noted, count, faces, patches, boxes, walls, first, energy, draws):
     """Follows one particle from patch `first`; notes a chain where it is scattered; their count."""
     f, here, length, leg, order = patches.face[first], first, 0.0, 0.0, 1
+    fall = patches.diffuse_fall[first]
     point = patches.point[here]
     x, y, z = point[0], point[1], point[2]
     dx, dy, dz = _lambert(faces, f, draws[0, 0], draws[0, 1])
@@ -196,12 +193,14 @@ def _trace_particle(noted, count, faces, patches, boxes, walls, first, energy, d
             n = faces.normal[f]
             into = 2.0 * (dx * n[0] + dy * n[1] + dz * n[2])
             dx, dy, dz = dx - into * n[0], dy - into * n[1], dz - into * n[2]
+            fall += patches.mirror_fall[here] if here >= 0 else faces.mirror_fall[f]
             continue
         if here < 0:
             break
-        length, leg, order = length + leg, 0.0, order + 1
+        length, leg, order, fall = length + leg, 0.0, order + 1, fall + patches.diffuse_fall[here]
         noted[count, 0], noted[count, 1] = first, here
         noted[count, 2], noted[count, 3] = length, energy if draws[k, 3] < 0.5 else -energy
+        noted[count, 4] = fall
         count += 1
         point = patches.point[here]
         x, y, z = point[0], point[1], point[2]

@@ -28,9 +28,10 @@ OUTSIDE_M = 0.005
 class Scene(NamedTuple):
     """What sound meets. Faces 0 to `outer - 1` are the room's walls, then four per block.
 
-    In plan: `face_a`, `face_b`, `face_normal` (f, 2), `face_gain`, `face_block` (f);
+    In plan: `face_a`, `face_b`, `face_normal` (f, 2), `face_gain`, `face_fall`, `face_block` (f);
     `block_corner` (b, 4, 2), `block_centre` (b, 2), `block_radius`, `block_low`, `block_high`,
-    `block_top_gain` (b). The grid's cell c lists blocks `cell_block[cell_start[c]:cell_start[c +
+    `block_top_gain`, `block_top_fall` (b). A fall is the power of the frequency with which a gain
+    falls about 17.5 kHz. The grid's cell c lists blocks `cell_block[cell_start[c]:cell_start[c +
     1]]`. `point`, `point_normal` (s, 3) and `point_radius` (s) scatter; `edge_a`, `edge_b`,
     `edge_normal` (e, 3) diffract.
     """
@@ -39,18 +40,22 @@ class Scene(NamedTuple):
     face_b: F64
     face_normal: F64
     face_gain: F64
+    face_fall: F64
     face_block: I64
     outer: int
     convex: bool
     height: float
     floor_gain: float
     ceiling_gain: float
+    floor_fall: float
+    ceiling_fall: float
     block_corner: F64
     block_centre: F64
     block_radius: F64
     block_low: F64
     block_high: F64
     block_top_gain: F64
+    block_top_fall: F64
     cell: float
     grid_origin: F64
     grid_shape: I64
@@ -75,8 +80,7 @@ def scene_of(room: Room) -> Scene:
     along = (b - a) / np.linalg.norm(b - a, axis=1, keepdims=True)
     normal = np.column_stack([-along[:, 1], along[:, 0]])
     normal[outer:] *= -1.0
-    sides = np.array([side.reflection for side in room.walls])
-    gains = np.array([block.surface.reflection for block in room.blocks], dtype=np.float64)
+    gain, fall, top_gain, top_fall = _mirrors(room)
     cell_m, origin, shape, start, listed = _grid(room, corners)
     point, point_normal, radius = _clutter(room)
     edge_a, edge_b, edge_normal = _edges(room)
@@ -84,19 +88,23 @@ def scene_of(room: Room) -> Scene:
         face_a=a,
         face_b=b,
         face_normal=normal,
-        face_gain=np.append(sides, np.repeat(gains, 4)),
+        face_gain=gain,
+        face_fall=fall,
         face_block=np.append(np.full(outer, -1), np.repeat(np.arange(count), 4)),
         outer=outer,
         convex=_is_convex(room.outline_m),
         height=float(room.height_m),
         floor_gain=room.floor.reflection,
         ceiling_gain=room.ceiling.reflection,
+        floor_fall=room.floor.mirror_fall,
+        ceiling_fall=room.ceiling.mirror_fall,
         block_corner=corners,
         block_centre=corners.mean(axis=1),
         block_radius=np.linalg.norm(corners[:, 0] - corners[:, 2], axis=1) / 2,
         block_low=np.array([block.base_m for block in room.blocks], dtype=np.float64),
         block_high=np.array([block.top_m for block in room.blocks], dtype=np.float64),
-        block_top_gain=gains,
+        block_top_gain=top_gain,
+        block_top_fall=top_fall,
         cell=cell_m,
         grid_origin=origin,
         grid_shape=shape,
@@ -109,6 +117,17 @@ def scene_of(room: Room) -> Scene:
         edge_b=edge_b,
         edge_normal=edge_normal,
     )
+
+
+def _mirrors(room: Room) -> tuple[F64, F64, F64, F64]:
+    """Gain and fall of every upright face, and of every block's top."""
+    walls = np.array([[side.reflection, side.mirror_fall] for side in room.walls])
+    tops = np.array(
+        [[block.surface.reflection, block.surface.mirror_fall] for block in room.blocks]
+    ).reshape(-1, 2)
+    gain, fall = np.vstack([walls, np.repeat(tops, 4, axis=0)]).T.copy()
+    top_gain, top_fall = tops.T.copy()
+    return gain, fall, top_gain, top_fall
 
 
 def _is_convex(outline_m: F64) -> bool:

@@ -18,7 +18,7 @@ from elfslam.world.sensors import Sensor, read_surroundings, sense
 from elfslam.world.stroll import lane_of, random_person, stroll
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker, walk
 from elfslam.world.wifi import WifiParameters
-from elfslam.world.world_file import World, load_world, world_names
+from elfslam.world.world_file import World, load_world, walked_room, world_names
 
 __all__ = ["World", "describe_chirp", "load_world", "simulate", "world_names"]
 
@@ -90,7 +90,7 @@ def _walked(
         return surveyor, walk(surveyor, route_m, rounds, generator)
     person = random_person(generator, lane_of(world.room))
     _check_duration(world, rounds, person)
-    return person, stroll(person, route_m, rounds, world.room, generator)
+    return person, stroll(person, route_m, rounds, walked_room(world), generator)
 
 
 def _check_duration(world: World, rounds: int, walker: Walker) -> None:

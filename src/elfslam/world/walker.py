@@ -14,6 +14,9 @@ TYPICAL_STEP_M = 0.68
 TYPICAL_SPEED_MPS = 1.25
 TYPICAL_CADENCE_HZ = TYPICAL_SPEED_MPS / TYPICAL_STEP_M
 CORNER_RADIUS_M = 0.45
+UNREST_S = 0.1
+"""Of a hand's unrest, about; its rate of turn is then strongest at 3 to 6 Hz, as in people who
+stand (`python -m studies sensors`)."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +26,8 @@ class Walker:
     `step_factor` is the true step length over the typical one at the same cadence; at the same
     speed it enters as its square root. It is hidden from the line. Besides it, speed errs from
     step to step by `step_noise`, and the time that a step takes by `rhythm_noise`. `impact` is how
-    hard a foot comes down, as a share of the bounce.
+    hard a foot comes down, as a share of the bounce. `unrest_radps` is the rate at which a hand
+    trembles about each axis (rms), walking or standing.
     Others stray (`stroll.py`): `lane_m` is the standard deviation of the lane that they keep to,
     `aside_rad` that of the angle at which they hold the phone, and they stop, walk back a bit and
     change their grip so many times a minute; `cover_share` of the new grips cover a port.
@@ -45,6 +49,7 @@ class Walker:
     step_noise: float = 0.0
     rhythm_noise: float = 0.0
     impact: float = 0.0
+    unrest_radps: float = 0.0
     lane_m: float = 0.0
     aside_rad: float = 0.0
     stops_per_min: float = 0.0
@@ -172,7 +177,18 @@ def motion_along(
     roll = roll + gait * walker.rock_rad * np.sin(np.pi * steps + 1.3)
     t_s = np.asarray(np.arange(count) * dt_s, dtype=np.float64)
     position = np.column_stack([xy, z])
+    angles = np.stack([yaw, pitch, roll])
+    if walker.unrest_radps:
+        angles = angles + _unrest(walker, count, generator.spawn(1)[0])
+    yaw, pitch, roll = angles
     return Motion(t_s, position, yaw, pitch, roll, heading, steps, straying.covered_db)
+
+
+def _unrest(walker: Walker, count: int, generator: np.random.Generator) -> F64:
+    """Angles (3, n) by which a hand trembles; drawn from a child, which leaves all else."""
+    noise = np.stack([smooth_noise(generator, count, UNREST_S) for _ in range(3)])
+    rate = np.gradient(noise, 1 / KINEMATICS_RATE_HZ, axis=1)
+    return np.asarray(noise * (walker.unrest_radps / rate.std(axis=1, keepdims=True)))
 
 
 def cadence_hz(walker: Walker, speed_mps: F64) -> F64:

@@ -13,6 +13,8 @@ import numpy as np
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import MOST_TOML_BYTES, read_text
+from elfslam.world.door_file import read_doors
+from elfslam.world.doors import HingedDoor, room_to_walk_in
 from elfslam.world.magnetic_field import Magnetism
 from elfslam.world.mains import PowerLine
 from elfslam.world.room import Room
@@ -42,9 +44,9 @@ MOST_MEETINGS = 1_000_000
 
 @dataclass(frozen=True)
 class Climate:
-    """The air of a place."""
+    """The air of a place; where no temperature is told, people who live there have their own."""
 
-    temperature_c: float = 20.0
+    temperature_c: float | None = None
     humidity_percent: float = 50.0
 
 
@@ -75,6 +77,17 @@ class World(Value):
     spots_m: F64 = field(default_factory=_no_spots, metadata=array("s", 2).metadata)
     people: People = People()
     climate: Climate = Climate()
+    doors: tuple[HingedDoor, ...] = ()
+
+    @property
+    def ways_m(self) -> tuple[F64, ...]:
+        """The route with its way home, and the routes of people, each (n, 2)."""
+        return np.vstack([self.route_m, self.route_m[:1]]), *self.people.routes_m
+
+
+def walked_room(world: World, room: Room | None = None) -> Room:
+    """A room of the world, by default the usual one, as walkers find it whatever the day."""
+    return room_to_walk_in(room or world.room, world.doors, world.ways_m)
 
 
 def in_state(world: World, state: str) -> World:
@@ -112,7 +125,7 @@ def load_world(name: str) -> World:
 def parse_world(content: str, file: str) -> World:
     """The world that a TOML text describes; `file` is what errors call it."""
     top = read_table(content, file)
-    own = ("name", "route_m", "spots", "people", "climate", "access_point", "magnetic")
+    own = ("name", "route_m", "spots", "people", "climate", "access_point", "magnetic", "door")
     check_keys(top, (*own, "power_line", *ROOM_KEYS))
     room = read_room(top)
     world = World(
@@ -124,6 +137,7 @@ def parse_world(content: str, file: str) -> World:
         _spots(top),
         _people(top),
         _climate(top),
+        read_doors(top, room),
     )
     _check_walks(top, world)
     return world
@@ -187,8 +201,9 @@ def _people(top: Table) -> People:
 def _climate(top: Table) -> Climate:
     climate = table(top, "climate")
     check_keys(climate, ("temperature_c", "humidity_percent"))
+    told = "temperature_c" in climate.values
     return Climate(
-        number(climate, "temperature_c", 20.0, low=-20.0, high=50.0),
+        number(climate, "temperature_c", low=-20.0, high=50.0) if told else None,
         number(climate, "humidity_percent", 50.0, low=1.0, high=100.0),
     )
 
@@ -196,24 +211,27 @@ def _climate(top: Table) -> Climate:
 def _check_walks(top: Table, world: World) -> None:
     """Refuse routes and spots where nobody can go, in every state of the furniture."""
     legs = sum(map(len, (world.route_m, *world.people.routes_m)))
-    meetings = legs * (1 + len(world.states)) * (1 + len(world.room.blocks))
+    pieces = len(world.room.blocks) + 4 * len(world.doors)
+    meetings = legs * (1 + len(world.states)) * (1 + pieces)
     if meetings + len(world.spots_m) * len(world.room.blocks) / SPOTS_AT_ONCE > MOST_MEETINGS:
         raise top.refusal(
             f"{legs} legs of routes, {len(world.room.blocks)} pieces of furniture and "
             f"{len(world.states)} states are too many together; take some out"
         )
-    if fault := fault_of_route(world.room, world.route_m, closed=True):
+    usual = walked_room(world)
+    if fault := fault_of_route(usual, world.route_m, closed=True):
         raise top.refusal(f"route_m: {fault}", "route_m")
     for k, route_m in enumerate(world.people.routes_m, 1):
-        if fault := fault_of_route(world.room, route_m, closed=False):
+        if fault := fault_of_route(usual, route_m, closed=False):
             raise table(top, "people").refusal(f"route {k}: {fault}", "routes_m")
-    for state, room in zip(tables(top, "state"), world.states.values(), strict=True):
+    for state, changed in zip(tables(top, "state"), world.states.values(), strict=True):
+        room = walked_room(world, changed)
         if fault := fault_of_route(room, world.route_m, closed=True):
             raise state.refusal(f"route_m: {fault}")
         for k, route_m in enumerate(world.people.routes_m, 1):
             if fault := fault_of_route(room, route_m, closed=False):
                 raise state.refusal(f"people, route {k}: {fault}")
-    taken = np.flatnonzero(~standing_room(world.room, world.spots_m))
+    taken = np.flatnonzero(~standing_room(usual, world.spots_m))
     if len(taken):
         spot = world.spots_m[taken[0]].round(3).tolist()
         raise top.refusal(

@@ -1,0 +1,249 @@
+"""Doors: what they put into a room, and what a day makes of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from one_phone import AIR, DEAD, FIRST_ORDER, UP, ends_at
+
+from elfslam.base.arrays import F64
+from elfslam.world.circumstances import Circumstances, room_on
+from elfslam.world.doors import (
+    DOORWAY,
+    OPEN_SHARE,
+    HingedDoor,
+    blocks_of,
+    in_outer_wall,
+    leads_through,
+    leaf_ends,
+    room_to_walk_in,
+    with_doors,
+)
+from elfslam.world.kinds import PEOPLE
+from elfslam.world.materials import Material, material
+from elfslam.world.phone import image_echoes
+from elfslam.world.pulses import BASEBAND_HZ
+from elfslam.world.room import Block, Room, shoebox
+from elfslam.world.scattering import as_measured
+from elfslam.world.scene import scene_of
+from elfslam.world.sight import hides, look, make_sight
+from elfslam.world.walkable import fault_of_route
+from elfslam.world.world_file import load_world, world_names
+
+HARD = Material("hard", 0.1, 0.0, "planted")
+SIZE_M = np.array([8.0, 4.0, 3.0])
+NOBODY = np.zeros((0, 2))
+PHONE_M, BEHIND_M = np.array([1.5, 2.0, 1.2]), np.array([6.0, 2.0, 1.2])
+EAST_M = 2 * (8.0 - 1.5)
+"""Way to the hard east wall and back, through the opening."""
+
+
+def screen(name: str, low_m: float, high_m: float) -> Block:
+    """A part of the wall at x = 3, up to the ceiling."""
+    size_m = np.array([0.1, high_m - low_m, 3.0])
+    return Block(name, DEAD, np.array([3.0, (low_m + high_m) / 2]), size_m, clutter_per_m2=0.0)
+
+
+def divided() -> Room:
+    """Two rooms with an opening of 1 m between them; all is dead but the east wall."""
+    walls = (DEAD, HARD, DEAD, DEAD, DEAD, DEAD)
+    return shoebox(SIZE_M, walls, (screen("south", 0.0, 1.5), screen("north", 2.5, 4.0)), 5)
+
+
+def door_of(**changes: object) -> HingedDoor:
+    door = HingedDoor("door", HARD, np.array([3.0, 1.5]), np.array([3.0, 2.5]), height_m=3.0)
+    return replace(door, **changes)  # type: ignore[arg-type]
+
+
+def outer_door() -> HingedDoor:
+    """In the east wall, before the phone; it opens into the room."""
+    return HingedDoor("exit", HARD, np.array([8.0, 1.5]), np.array([8.0, 2.5]), 3.0)
+
+
+def after_m(room: Room, metres: float) -> float:
+    """How loud the echo is that has gone so far."""
+    ends = ends_at(PHONE_M, PHONE_M + 1e-3 * UP)
+    out = image_echoes(scene_of(room), ends, NOBODY[None], AIR, FIRST_ORDER)[0]
+    at = round(metres / AIR.speed_mps * BASEBAND_HZ)
+    return float(np.abs(out[at - 1 : at + 2]).max())
+
+
+def opened(door: HingedDoor, room: Room, *, is_open: bool) -> Room:
+    return replace(room, blocks=(*room.blocks, *blocks_of(door, room, is_open=is_open)))
+
+
+# --- leaves ---
+
+
+def test_a_shut_leaf_reaches_from_end_to_end_and_an_open_one_stands_to_the_left() -> None:
+    assert leaf_ends(door_of(), is_open=False).tolist() == [[[3.0, 1.5], [3.0, 2.5]]]
+    [[hinge, tip]] = leaf_ends(door_of(), is_open=True)
+    assert (hinge.tolist(), tip.tolist()) == ([3.0, 1.5], pytest.approx([2.0, 1.5]))
+    [[_, right]] = leaf_ends(door_of(open_rad=-np.pi / 2), is_open=True)
+    assert right == pytest.approx(np.array([4.0, 1.5]))
+
+
+def test_two_leaves_meet_in_the_middle_and_open_to_one_side() -> None:
+    double = door_of(leaves=2, open_rad=np.pi / 3)
+    shut, wide = (leaf_ends(double, is_open=is_open) for is_open in (False, True))
+    assert shut[:, 0].tolist() == wide[:, 0].tolist() == [[3.0, 1.5], [3.0, 2.5]]
+    assert shut[:, 1] == pytest.approx(np.array([[3.0, 2.0], [3.0, 2.0]]))
+    away = 0.5 * np.sin(np.pi / 3)
+    assert wide[:, 1] == pytest.approx(np.array([[3.0 - away, 1.75], [3.0 - away, 2.25]]))
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.7, -2.4])
+def test_leaves_are_blocks_where_their_ends_are(turn_rad: float) -> None:
+    door = door_of(open_rad=turn_rad, height_m=2.0)
+    [leaf] = blocks_of(door, divided(), is_open=True)
+    [[hinge, tip]] = leaf_ends(door, is_open=True)
+    assert leaf.centre_m == pytest.approx((hinge + tip) / 2)
+    assert leaf.turn(np.array([[0.5, 0.0]]))[0] == pytest.approx((tip - hinge) / 2)
+    assert (leaf.size_m[0], leaf.top_m, leaf.surface) == (pytest.approx(1.0), 2.0, HARD)
+
+
+# --- sound ---
+
+
+def test_a_shut_door_hides_what_is_behind_it_and_an_open_one_does_not() -> None:
+    for is_open in (True, False):
+        scene = scene_of(opened(door_of(), divided(), is_open=is_open))
+        sight = make_sight(len(scene.block_low))
+        look(scene, sight, *PHONE_M, 20.0)
+        assert hides(scene, NOBODY, sight, *BEHIND_M) is not is_open
+
+
+def test_a_mirror_beyond_an_opening_is_heard_while_its_door_is_open() -> None:
+    gap, wide, shut = (
+        after_m(room, EAST_M)
+        for room in (
+            divided(),
+            opened(door_of(), divided(), is_open=True),
+            opened(door_of(), divided(), is_open=False),
+        )
+    )
+    assert gap > 0.01
+    assert wide == pytest.approx(gap)
+    assert shut < 1e-3 * gap
+
+
+def test_a_leaf_mirrors_where_it_stands() -> None:
+    """Shut, it lies 1.48 m before the phone; the gap itself returns nothing."""
+    assert after_m(divided(), 2 * 1.48) < 1e-6
+    assert after_m(opened(door_of(), divided(), is_open=False), 2 * 1.48) > 0.1
+
+
+def test_a_door_in_an_outer_wall_is_the_wall_while_it_is_shut() -> None:
+    room = divided()
+    assert in_outer_wall(outer_door(), room)
+    assert not in_outer_wall(door_of(), room)
+    assert blocks_of(outer_door(), room, is_open=False) == ()
+
+
+def test_nothing_comes_back_from_an_open_doorway() -> None:
+    room = divided()
+    leaf, way = blocks_of(outer_door(), room, is_open=True)
+    assert way.surface is DOORWAY
+    assert way.corners_m.min(axis=0) == pytest.approx([7.98, 1.5])
+    assert way.corners_m.max(axis=0) == pytest.approx([8.0, 2.5])
+    assert room.holds(leaf.centre_m[None]).all()
+    before, after = after_m(room, EAST_M), after_m(opened(outer_door(), room, is_open=True), EAST_M)
+    assert after < 1e-3 * before
+
+
+def test_a_doorway_absorbs_all_in_measured_rooms_too() -> None:
+    room = as_measured(opened(outer_door(), divided(), is_open=True))
+    assert room.blocks[-1].surface is DOORWAY
+    assert material("acoustic partition").absorption < 1, "no material is taken for an opening"
+
+
+# --- days ---
+
+
+def is_open(room: Room, door: HingedDoor) -> bool:
+    [leaf] = [block for block in room.blocks if block.name == f"{door.name} leaf 1"]
+    return bool(np.abs(leaf.turn_rad - np.pi / 2) > 0.1)
+
+
+def test_a_day_finds_a_door_open_or_shut_the_same_every_time() -> None:
+
+    def found(room: Room, days: int) -> list[bool]:
+        return [is_open(with_doors(room, [door_of()], [], day), door_of()) for day in range(days)]
+
+    days = found(divided(), 400)
+    assert found(divided(), 40) == days[:40] != found(replace(divided(), seed=6), 40)
+    assert np.mean(days) == pytest.approx(OPEN_SHARE, abs=0.1)
+
+
+def test_every_door_has_draws_of_its_own() -> None:
+    doors = [door_of(name=f"door {k}") for k in range(40)]
+    room = with_doors(divided(), doors, [], 3)
+    states = [is_open(room, door) for door in doors]
+    assert 8 < sum(states) < 32
+    assert is_open(with_doors(divided(), doors[7:8], [], 3), doors[7]) == states[7]
+
+
+def test_a_door_that_somebody_walks_through_is_open() -> None:
+    through, past = np.array([[1.0, 2.0], [6.0, 2.0]]), np.array([[2.7, 0.5], [2.7, 3.5]])
+    assert leads_through(through, door_of())
+    assert not leads_through(past, door_of())
+    assert all(
+        is_open(with_doors(divided(), [door_of()], [past, through], day), door_of())
+        for day in range(20)
+    )
+
+
+def test_walkers_mind_leaves_wherever_they_may_stand() -> None:
+    """Beside the way as well, whatever the day; one that they walk through is never shut."""
+    ways: list[F64] = [np.array([[1.0, 2.0], [6.0, 2.0]])]
+    names = [block.name for block in room_to_walk_in(divided(), [door_of()], []).blocks]
+    assert names.count("door leaf 1") == 2
+    led = room_to_walk_in(divided(), [door_of()], ways)
+    assert fault_of_route(led, ways[0], closed=False) is None
+    barred = room_to_walk_in(divided(), [door_of()], [])
+    assert 'meets "door leaf 1"' in str(fault_of_route(barred, ways[0], closed=False))
+    room = divided()
+    assert room_to_walk_in(room, [], ways) is room
+
+
+# --- built-in worlds ---
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_built_in_worlds_keep_their_plans(name: str) -> None:
+    """Walls, furniture and ways are those of a world without doors."""
+    world = load_world(name)
+    assert room_on(world, Circumstances()) is world.room
+    for day in (0, 20):
+        room = room_on(world, Circumstances(lived_in=True, day=day))
+        plain = room_on(world, Circumstances(day=day))
+        names = [block.name for block in plain.blocks]
+        assert [block.name for block in room.blocks][: len(names)] == names
+        assert (room.outline_m == world.room.outline_m).all()
+        assert room.walls == world.room.walls
+
+
+@pytest.mark.parametrize("name", world_names())
+def test_no_door_of_a_built_in_world_is_ever_in_the_way(name: str) -> None:
+    world = load_world(name)
+    asking = PEOPLE.asking_place(world, 1)
+    for place in (world, asking):
+        for day in (0, 20, 21):
+            room = with_doors(place.room, place.doors, place.ways_m, day)
+            assert fault_of_route(room, place.route_m, closed=True) is None
+            for route_m in place.people.routes_m:
+                assert fault_of_route(room, route_m, closed=False) is None
+
+
+def test_rooms_and_stores_have_doors_and_one_store_is_walked_into() -> None:
+    counts = {name: len(load_world(name).doors) for name in world_names()}
+    assert counts == {
+        "concourse": 0, "hall": 0, "lab": 1, "living_room": 1, "lounge": 1, "mall": 13,
+        "office": 2, "studio": 1,
+    }  # fmt: skip
+    mall = load_world("mall")
+    assert [d.name for d in mall.doors if any(leads_through(w, d) for w in mall.ways_m)] == [
+        "pharmacy door"
+    ]
