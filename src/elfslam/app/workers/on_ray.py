@@ -89,17 +89,15 @@ class Cluster:
         done = ray.put(partial(by_one_thread, do))
         waiting: dict[Any, int] = {}
         numbered = iter(enumerate(tasks))
-        try:
-            while True:
-                for index, task in islice(numbered, AHEAD * self.count - len(waiting)):
-                    waiting[work.remote(wanted, done, task)] = index
-                if not waiting:
-                    return
-                for reference in ray.wait(list(waiting), num_returns=1)[0]:
-                    yield waiting.pop(reference), self._result(reference)
-        finally:
-            for reference in waiting:
-                ray.cancel(reference, force=True)
+        # Whoever stops early lets the few that wait be done in vain: Ray aborts this process where a
+        # task is cancelled as its result arrives (pull request 54798 of ray-project/ray).
+        while True:
+            for index, task in islice(numbered, AHEAD * self.count - len(waiting)):
+                waiting[work.remote(wanted, done, task)] = index
+            if not waiting:
+                return
+            for reference in ray.wait(list(waiting), num_returns=1)[0]:
+                yield waiting.pop(reference), self._result(reference)
 
     def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
         """As `Workers` says; by Ray Data."""
