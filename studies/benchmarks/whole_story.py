@@ -83,7 +83,7 @@ class Story:
     def look(self, page: Page, name: str) -> None:
         """Pictures of a page as it is now."""
         for scheme in ("light", "dark"):
-            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")  # type: ignore[arg-type]
+            page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
             page.wait_for_timeout(400)
             keep(page, self.folder / f"{name}_{scheme}.png")
 

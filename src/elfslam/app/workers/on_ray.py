@@ -89,8 +89,8 @@ class Cluster:
         done = ray.put(partial(by_one_thread, do))
         waiting: dict[Any, int] = {}
         numbered = iter(enumerate(tasks))
-        # Whoever stops early lets the few that wait be done in vain: Ray aborts this process where a
-        # task is cancelled as its result arrives (pull request 54798 of ray-project/ray).
+        # Whoever stops early lets the few that wait be done in vain: Ray aborts this process
+        # where a task is cancelled as its result arrives (ray-project/ray, pull request 54798).
         while True:
             for index, task in islice(numbered, AHEAD * self.count - len(waiting)):
                 waiting[work.remote(wanted, done, task)] = index
