@@ -28,4 +28,6 @@ def passed_in_node(file: Path, **environment: object) -> int:
     done = run_node("--test", file, **environment)
     assert done.returncode == 0, done.stdout[-6000:] + done.stderr[-2000:]
     assert "# fail 0" in done.stdout
-    return int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])  # type: ignore[index]
+    passed = int(re.search(r"^# pass (\d+)$", done.stdout, re.M)[1])  # type: ignore[index]
+    assert passed > 0, f"{file}: no test ran"
+    return passed

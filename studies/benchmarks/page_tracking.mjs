@@ -6,6 +6,7 @@
 import { makeFootsteps } from "../../src/elfslam/serve/pages/line/motion/live.js";
 import { makeTracker } from "../../src/elfslam/serve/pages/line/track.js";
 import { makeRandom } from "../../src/elfslam/serve/pages/line/tracking/random.js";
+import { makeSketch } from "../../src/elfslam/serve/pages/phone/growing/sketch.js";
 
 const EVERY_S = 0.1;
 
@@ -124,7 +125,25 @@ function costs({ imu, motion, track, spots, steps, rounds }) {
   return told;
 }
 
-const VERBS = { steps: liveSteps, timed: timedSteps, fixes: fixesOf, costs };
+/** The map as it stands when the walk ends: when each footstep was, its pose, and how many loops closed. `heard` has
+ * a time and a vector per echo. */
+function sketchOf({ imu, motion, closure, heard, fewest }) {
+  const sketch = makeSketch(closure);
+  const steps = liveSteps({ imu, parameters: motion });
+  for (const step of steps) {
+    const between = heard.vectors.filter((_, k) => heard.tS[k] >= step.fromS && heard.tS[k] < step.tS);
+    sketch.step(step, between.length < fewest ? null : meanOf(between));
+  }
+  const { poses, loops } = sketch.now();
+  return { tS: [steps[0].fromS, ...steps.map(({ tS }) => tS)], poses: Array.from(poses), loops: loops.length };
+}
+
+/** @param {number[][]} vectors */
+function meanOf(vectors) {
+  return Float32Array.from(vectors[0], (_, n) => vectors.reduce((sum, each) => sum + each[n], 0) / vectors.length);
+}
+
+const VERBS = { sketch: sketchOf, steps: liveSteps, timed: timedSteps, fixes: fixesOf, costs };
 
 if (typeof process !== "undefined" && process.argv[1]?.endsWith("page_tracking.mjs")) {
   const { readFileSync } = await import("node:fs");
