@@ -13,8 +13,11 @@ import pytest
 
 from elfslam.app.merge import merge_into
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
+from elfslam.data.merged_maps import walk_in
+from elfslam.data.points_of_interest import read_points
 from elfslam.data.runs import write_run
 from elfslam.line.feature import load_encoder
 from elfslam.slam.merging import MergeParameters
@@ -43,7 +46,10 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name, (world, seed) in WORLDS.items():
         recording, _ = simulate(load_world(world), seed, rounds=2)
         run: Run = map_by_echoes(recording, encoder, Parameters())
-        write_run(replace(run, echoes=None), folder / name, facts={}, encoder=b"an encoder")
+        x_m, y_m = run.trajectory.world_from_body[0, :2].tolist()
+        named = (PointOfInterest(f"Start of {name}", PointKind.OTHER, x_m, y_m),)
+        bare = replace(run, echoes=None, points_of_interest=named)
+        write_run(bare, folder / name, facts={}, encoder=b"an encoder")
     return folder
 
 
@@ -58,6 +64,11 @@ def test_walks_are_merged_into_a_map_and_one_more_is_added(
     assert made.sources == ("one", "two")
     assert (first / "encoder.onnx").read_bytes() == b"an encoder"
     assert 10_000 < (first / "report.html").stat().st_size < 500_000
+    named = {each.name: (each.x_m, each.y_m) for each in read_points(first)}
+    starts = {f"Start of {name}": walk_in(first, name)[1][0, :2] for name in made.sources}
+    assert named.keys() == starts.keys(), "who stays out names nothing"
+    for name, xy_m in starts.items():
+        npt.assert_allclose(named[name], xy_m, atol=2e-3)
     facts = json.loads((first / "merge.json").read_text())
     assert [pair["outcome"] == "merged" for pair in facts["pairs"]] == [True, False, False]
     code, said = elfslam("merge", first, runs / "three", runs / "away", second)
@@ -65,6 +76,7 @@ def test_walks_are_merged_into_a_map_and_one_more_is_added(
     grown = read_map(second)
     assert grown.sources == ("one", "two", "three")
     npt.assert_array_equal(grown.xy_m[grown.walk < 2], made.xy_m)
+    assert [each.name for each in read_points(second)] == [*named, "Start of three"]
     assert elfslam("show", second, tmp_path / "map.html")[0] == 0
     assert sorted(file.stem for file in (second / "trajectories").iterdir()) == ["three"]
 

@@ -11,6 +11,7 @@ import pytest
 import shapely
 from shapely.geometry import shape
 
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.geojson_files import walk_lines, write_geojson
@@ -54,6 +55,15 @@ def test_walks_spots_and_cells_are_where_the_map_has_them(
     polygon = shape(cell["geometry"])
     assert polygon.is_valid
     assert polygon.exterior.is_ccw
+
+
+def test_points_of_interest_are_points_with_a_name(floor_map: FloorMap, tmp_path: Path) -> None:
+    door = PointOfInterest("Tür 5", PointKind.DOOR, 1.5, -2.0)
+    write_geojson(tmp_path / "m.geojson", floor_map, ORIGIN, points_of_interest=[door])
+    (told,) = read(tmp_path / "m.geojson", "point_of_interest")
+    assert told["properties"] == {"kind": "point_of_interest", "name": "Tür 5", "category": "door"}
+    place = shapely.get_coordinates(shape(told["geometry"]))
+    npt.assert_allclose(from_lon_lat(ORIGIN, place), [[1.5, -2.0]], atol=1e-3)
 
 
 def test_walks_are_ordered_and_cut_at_gaps(floor_map: FloorMap) -> None:

@@ -14,6 +14,7 @@ import pytest
 from shapely.geometry import shape
 
 from elfslam.base.errors import InputError
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue, imdf_archive, read_imdf, read_place, write_imdf
 from elfslam.data.imdf_rules import POLYGONAL, crosses_itself, faults_of
@@ -23,6 +24,10 @@ PLACE = Venue("Studio", "businesscampus", "Hauptstrasse 1", "Zürich", "CH", "Gr
 NOON = datetime(2026, 1, 2, 12, tzinfo=UTC)
 LAP = np.array([[0, 0], [4, 0], [4, 3], [0, 3], [0, 0]], dtype=float)
 APART = np.array([[8.0, 0.0], [9.0, 2.0]])
+POINTS = (
+    PointOfInterest("Tür", PointKind.DOOR, 0.1, 1.0),
+    PointOfInterest("Lift", PointKind.LIFT, 9.5, 2.5),
+)
 TOML = """
 name = "Studio"
 category = "businesscampus"
@@ -36,19 +41,32 @@ ordinal = 0
 
 @pytest.fixture(scope="module")
 def archive() -> dict[str, Any]:
-    return dict(imdf_archive([LAP, APART], PLACE, ORIGIN, NOON))
+    return dict(imdf_archive([LAP, APART], PLACE, ORIGIN, NOON, POINTS))
 
 
 def test_the_archive_is_read_as_it_was_made(tmp_path: Path, archive: dict[str, Any]) -> None:
-    write_imdf(tmp_path / "a.zip", [LAP, APART], PLACE, ORIGIN, NOON)
+    write_imdf(tmp_path / "a.zip", [LAP, APART], PLACE, ORIGIN, NOON, POINTS)
     read = read_imdf(tmp_path / "a.zip")
     assert read == archive
     assert faults_of(read) == []
     names = zipfile.ZipFile(tmp_path / "a.zip").namelist()
-    kinds = ("address", "venue", "building", "footprint", "level", "unit")
+    kinds = ("address", "venue", "building", "footprint", "level", "unit", "amenity")
     assert names == ["manifest.json", *(f"{kind}.geojson" for kind in kinds)]
-    write_imdf(tmp_path / "b.zip", [LAP, APART], PLACE, ORIGIN, NOON)
+    write_imdf(tmp_path / "b.zip", [LAP, APART], PLACE, ORIGIN, NOON, POINTS)
     assert (tmp_path / "a.zip").read_bytes() == (tmp_path / "b.zip").read_bytes()
+
+
+def test_points_of_interest_are_amenities_of_the_nearest_walked_ground(
+    archive: dict[str, Any],
+) -> None:
+    door, lift = archive["amenity"]["features"]
+    told = [(each["properties"]["category"], each["properties"]["name"]) for each in (door, lift)]
+    assert told == [("entry", {"en": "Tür"}), ("elevator", {"en": "Lift"})]
+    units = {each["id"]: shape(each["geometry"]) for each in archive["unit"]["features"]}
+    for each in (door, lift):
+        away = {name: unit.distance(shape(each["geometry"])) for name, unit in units.items()}
+        assert each["properties"]["unit_ids"] == [min(away, key=lambda name: away[name])]
+    assert door["properties"]["unit_ids"] != lift["properties"]["unit_ids"]
 
 
 def test_another_geometry_engine_agrees(archive: dict[str, Any]) -> None:
@@ -124,6 +142,9 @@ BROKEN: dict[str, Callable[[dict[str, Any]], Any]] = {
     "display point lies outside": edit(
         "venue", "display_point", {"type": "Point", "coordinates": [0, 0]}
     ),
+    "category 'shelf'": edit("amenity", "category", "shelf"),
+    "geometry is no Point": lambda a: a["amenity"]["features"][0].update(geometry=None),
+    "which is no unit": edit("amenity", "unit_ids", ["11111111-1111-1111-1111-111111111111"]),
     "share an id": lambda a: a["unit"]["features"][1].update(id=a["unit"]["features"][0]["id"]),
 }
 

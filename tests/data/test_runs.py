@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError, StoreError
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Closures, Recording, Run, Truth
 from elfslam.data.facts import read_facts
 from elfslam.data.recordings import write_recording
@@ -40,6 +41,12 @@ def test_round_trip(folder: Path, run: Run) -> None:
     np.testing.assert_allclose(read.similarity.scores, run.similarity.scores, atol=5e-4)
     assert read.similarity.kind == "elf"
     np.testing.assert_array_equal(read.floor_map.xy_m, run.floor_map.xy_m)
+
+
+def test_points_of_interest_lie_beside_the_run(tmp_path: Path, run: Run) -> None:
+    named = (PointOfInterest("Door", PointKind.DOOR, 1.5, -2.0),)
+    write_run(replace(run, points_of_interest=named), tmp_path / "run", facts=FACTS, encoder=None)
+    assert read_run(tmp_path / "run").points_of_interest == named
 
 
 def test_echoes_lose_66_db_at_most(folder: Path, run: Run) -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from elfslam.base.geometry import compose
-from elfslam.base.values import Checkpoints, Odometry
-from elfslam.line.checkpoints import CheckpointParameters, closures_at
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import Checkpoints, Odometry, Trajectory
+from elfslam.line.checkpoints import CheckpointParameters, closures_at, places_visited
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 
 PARAMETERS = CheckpointParameters()
@@ -42,6 +43,21 @@ def test_what_ties_nothing_gives_nothing() -> None:
     single = Checkpoints(np.array([5.0]), ("Door",))
     for told in (None, outside, twice, single):
         assert len(closures_at(told, nodes, PARAMETERS).i) == 0
+
+
+def test_a_named_place_lies_in_the_middle_of_its_visits() -> None:
+    walk = square(2)
+    poses = walk.world_from_body.copy()
+    poses[50:, 0] += 1.0
+    mapped = Trajectory(
+        walk.t_s, poses, np.tile(np.eye(3), (len(poses), 1, 1)), np.zeros(0), "OK"
+    )  # fmt: skip
+    told = Checkpoints(np.array([0.0, 5.0, 25.0, 500.0]), ("Start", "Door", "Door", "Late"))
+    start, door = places_visited(told, mapped, PARAMETERS)
+    assert start == PointOfInterest("Start", PointKind.OTHER, 0.0, 0.0)
+    x_m, y_m = poses[[10, 50], :2].mean(axis=0)
+    assert (door.name, door.x_m, door.y_m) == ("Door", pytest.approx(x_m), pytest.approx(y_m))
+    assert places_visited(None, mapped, PARAMETERS) == ()
 
 
 def test_a_tap_straightens_a_bent_walk() -> None:

@@ -23,6 +23,7 @@ from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
 from elfslam.data.imdf import Venue, write_imdf
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.parquet_files import write_parquet
+from elfslam.data.points_of_interest import read_points
 from elfslam.data.ros_map import write_ros_map
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
@@ -103,19 +104,20 @@ def _onnx(source: Path, out: Path, told: Told) -> None:
 
 
 def _geojson(source: Path, out: Path, told: Told) -> None:
-    """Walks, spots and squares of coverage on the Earth."""
-    write_geojson(out, map_of(source), _origin(told), _coverage(source))
+    """Walks, spots, squares of coverage and points of interest on the Earth."""
+    write_geojson(out, map_of(source), _origin(told), _coverage(source), read_points(source))
 
 
 def _imdf(source: Path, out: Path, told: Told) -> None:
-    """The walked ground as a unit of a level."""
+    """The walked ground as a unit of a level, points of interest as amenities."""
     origin = _origin(told)
     if told.place is None:
         raise ParameterError(
             "--place: the format asks for the name and the address of the venue; "
             "give a TOML file with name, category, address, locality, country, level and ordinal"
         )
-    write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC))
+    points = read_points(source)
+    write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
 
 
 def _ros(source: Path, out: Path, told: Told) -> None:

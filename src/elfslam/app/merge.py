@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from elfslam.app.map import versions
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged, is_superimposed
+from elfslam.data.points_of_interest import read_points
 from elfslam.data.runs import read_run
 from elfslam.line.map_alignment import Registration
+from elfslam.line.points_of_interest import carried, gathered
 from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
@@ -68,7 +71,10 @@ def merge_into(
     }
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
         content = (made.floor_map, quality, made.trajectories)
-        fill_merged(partial, *content, facts=facts, encoder=_encoder_in(paths))
+        fill_merged(
+            partial, *content, facts=facts, encoder=_encoder_in(paths),
+            points_of_interest=_named(bases, walks, made.trajectories),
+        )  # fmt: skip
         report = partial / "report.html"
         write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
     return made
@@ -155,6 +161,17 @@ def _row(one: str, other: str, found: Registration) -> dict[str, object]:
         "lead": round(found.lead, 2) if found.lead < 1e6 else None,
         "outcome": found.refusal or "merged",
     }
+
+
+def _named(
+    bases: Sequence[Path], walks: Sequence[MappedWalk], trajectories: Mapping[str, Trajectory]
+) -> list[PointOfInterest]:
+    """The points of interest of the map that was there, and of the walks that are in it now."""
+    named = [point for base in bases for point in read_points(settled(base))]
+    for walk in walks:
+        if walk.name in trajectories:
+            named += carried(walk.points_of_interest, walk.trajectory, trajectories[walk.name])
+    return gathered(named)
 
 
 def _encoder_in(paths: Sequence[Path]) -> bytes | None:

@@ -19,6 +19,7 @@ from elfslam.base.values import ELF_SIZE, FloorMap
 from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, SUPERIMPOSED, fill_merged, is_superimposed, walk_in
+from elfslam.data.points_of_interest import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.line.feature import Encoder, OnnxEncoder
@@ -75,7 +76,10 @@ def superimpose_into(
     }
     content = encoder.content if isinstance(encoder, OnnxEncoder) else None
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
-        fill_merged(partial, made, quality, {}, facts=facts, encoder=content)
+        fill_merged(
+            partial, made, quality, {}, facts=facts, encoder=content,
+            points_of_interest=read_points(source),
+        )  # fmt: skip
         write_merged_report(partial / "report.html", made, quality, [], {})
     _checkpoint(out).unlink(missing_ok=True)
     return made

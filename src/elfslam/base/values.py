@@ -4,7 +4,6 @@ One clock: seconds since the recording began, on the audio sample clock. One pla
 metres and heading in radians counter-clockwise from x. A pose is (x, y, heading).
 """
 
-# mypy takes every call on the right of a field for a default.
 # mypy: disable-error-code="misc"
 
 from __future__ import annotations
@@ -17,6 +16,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.notebooks import Plotted, run_summary, summary
+from elfslam.base.points_of_interest import PointOfInterest
 
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
@@ -395,5 +395,6 @@ class Run(Plotted):
     echoes: Echoes | None
     features: Features | None
     seconds: dict[str, float] = field(default_factory=dict)
+    points_of_interest: tuple[PointOfInterest, ...] = ()
 
     __repr__ = run_summary

@@ -1,9 +1,9 @@
-"""Maps as GeoJSON (RFC 7946): walks, spots and squares of coverage in WGS84 degrees."""
+"""Maps as GeoJSON (RFC 7946) in WGS84 degrees: walks, spots, coverage and points of interest."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.grid import Polygon
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap
 from elfslam.data.folders import new_file
 from elfslam.data.geographic import Origin, bearings_deg, to_lon_lat
@@ -40,11 +41,19 @@ def sigma_m(floor_map: FloorMap) -> F64:
 
 
 def write_geojson(
-    file: Path, floor_map: FloorMap, origin: Origin, cells: list[tuple[F64, Feature]]
+    file: Path,
+    floor_map: FloorMap,
+    origin: Origin,
+    cells: Sequence[tuple[F64, Feature]] = (),
+    points_of_interest: Sequence[PointOfInterest] = (),
 ) -> None:
-    """Walks as LineStrings, spots as Points, and cells (ring, properties) as Polygons."""
+    """Walks as LineStrings, spots and points of interest as Points, and cells as Polygons.
+
+    A cell is a ring (k, 2) and its properties.
+    """
     features = [*_walks(floor_map, origin), *_spots(floor_map, origin)]
     features += [feature(polygon_of(origin, (ring,)), told) for ring, told in cells]
+    features += [_point_of_interest(origin, each) for each in points_of_interest]
     content = {"type": "FeatureCollection", "features": features}
     with new_file(file) as partial:
         partial.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
@@ -70,6 +79,11 @@ def positions(origin: Origin, xy_m: F64) -> list[list[float]]:
     """Longitude and latitude of points (n, 2), rounded."""
     rounded: list[list[float]] = np.round(to_lon_lat(origin, xy_m), DIGITS).tolist()
     return rounded
+
+
+def _point_of_interest(origin: Origin, point: PointOfInterest) -> Feature:
+    told = {"kind": "point_of_interest", "name": point.name, "category": point.kind}
+    return feature(point_of(origin, np.array([point.x_m, point.y_m])), told)
 
 
 def _walks(floor_map: FloorMap, origin: Origin) -> Iterator[Feature]:

@@ -1,6 +1,6 @@
-"""Maps as IMDF 1.0.0 archives (OGC 20-094): where people walked, as a unit of a level.
+"""Maps as IMDF 1.0.0 archives (OGC 20-094): walked ground as units, named places as amenities.
 
-The walked ground is all that a map knows. What the standard wants to be told on top (name, kind
+The walked ground and the points of interest are all that a map knows. What the standard wants to be told on top (name, kind
 and address of the venue, the level) comes from a TOML file; the extent of venue, footprint and
 level is the convex hull of the walked ground with a margin.
 """
@@ -21,6 +21,7 @@ import elfslam
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.text_files import parse_json, read_toml
 from elfslam.base.zips import opened_zip
 from elfslam.data.folders import new_file
@@ -32,7 +33,16 @@ CELL_M = 0.1
 REACH_M = 0.35
 """Ground counts as walked this far from the middle of a person."""
 MARGIN_M = 0.5
+OF_A_LEVEL = ("level", "unit", "amenity")
 NAMESPACE = uuid.uuid5(uuid.NAMESPACE_DNS, "imdf.elfslam")
+CATEGORY_OF = {
+    PointKind.ROOM: "unspecified",
+    PointKind.DOOR: "entry",
+    PointKind.STAIRS: "stairs",
+    PointKind.LIFT: "elevator",
+    PointKind.OTHER: "landmark",
+}
+"""What the standard calls each kind of point; it has rooms as units alone, whose walls we lack."""
 LONG_AGO = (1980, 1, 1, 0, 0, 0)
 """The date of every file in the archive, so that equal maps give equal bytes."""
 
@@ -75,13 +85,18 @@ def read_place(file: Path) -> Venue:
 
 
 def write_imdf(
-    file: Path, lines_m: Sequence[F64], place: Venue, origin: Origin, created: datetime
+    file: Path,
+    lines_m: Sequence[F64],
+    place: Venue,
+    origin: Origin,
+    created: datetime,
+    points_of_interest: Sequence[PointOfInterest] = (),
 ) -> None:
     """The archive of a map whose walks are lines (each n, 2), checked before it is written.
 
     Raises InputError where what the place says breaks a rule of the standard.
     """
-    archive = imdf_archive(lines_m, place, origin, created)
+    archive = imdf_archive(lines_m, place, origin, created, points_of_interest)
     faults = faults_of(archive)
     if faults:
         raise InputError(f"{file}: would be no valid IMDF: {faults[0]}; correct the --place file")
@@ -102,9 +117,13 @@ def read_imdf(file: Path) -> dict[str, Json]:
 
 
 def imdf_archive(
-    lines_m: Sequence[F64], place: Venue, origin: Origin, created: datetime
+    lines_m: Sequence[F64],
+    place: Venue,
+    origin: Origin,
+    created: datetime,
+    points_of_interest: Sequence[PointOfInterest] = (),
 ) -> Archive:
-    """The manifest and a collection for each feature type."""
+    """The manifest and a collection for each feature type; an amenity for each point."""
     units = outlines(walked_grid(lines_m, REACH_M, CELL_M))
     extent = (_hull(np.concatenate([unit[0] for unit in units]), MARGIN_M),)
     middle = point_of(origin, extent[0].mean(axis=0))
@@ -117,6 +136,10 @@ def imdf_archive(
         "unit": [
             _feature(place, "unit", polygon_of(origin, unit), _unit(place, origin, unit), k)
             for k, unit in enumerate(units)
+        ],
+        "amenity": [
+            _feature(place, "amenity", _spot(point, origin), _amenity(place, point, units), k)
+            for k, point in enumerate(points_of_interest)
         ],
     }
     manifest = {
@@ -139,7 +162,7 @@ def _file_name(name: str) -> str:
 
 def _id(place: Venue, kind: str, count: int = 0) -> str:
     """The same for the same place, every time."""
-    level = (place.level, str(place.ordinal)) if kind in ("level", "unit") else ()
+    level = (place.level, str(place.ordinal)) if kind in OF_A_LEVEL else ()
     return str(uuid.uuid5(NAMESPACE, json.dumps([place.name, place.address, kind, count, *level])))
 
 
@@ -196,6 +219,23 @@ def _unit(place: Venue, origin: Origin, unit: Polygon) -> Json:
         "category": "walkway",
         "level_id": _id(place, "level"),
         "display_point": point_of(origin, _inner_point(unit)),
+    }
+
+
+def _spot(point: PointOfInterest, origin: Origin) -> Json:
+    return point_of(origin, np.array([point.x_m, point.y_m]))
+
+
+def _amenity(place: Venue, point: PointOfInterest, units: Sequence[Polygon]) -> Json:
+    """It belongs to the walked ground that it is nearest to."""
+    spot = np.array([point.x_m, point.y_m])
+    away_m = [np.linalg.norm(unit[0] - spot, axis=1).min() for unit in units]
+    inside = [in_polygon(unit, spot[None])[0] for unit in units]
+    nearest = min(range(len(units)), key=lambda k: (not inside[k], away_m[k]))
+    return {
+        "category": CATEGORY_OF[point.kind],
+        "name": _labels(place, point.name),
+        "unit_ids": [_id(place, "unit", nearest)],
     }
 
 

@@ -30,6 +30,7 @@ CATEGORIES: Mapping[str, tuple[str, ...]] = {
     "footprint": ("aerial", "ground", "subterranean"),
     "level": ("arrivals", "departures", "parking", "transit", "unspecified"),
     "unit": ("room", "walkway", "unspecified"),
+    "amenity": ("elevator", "entry", "landmark", "stairs", "unspecified"),
 }
 RESTRICTIONS = ("employeesonly", "restricted")
 POLYGONAL = ("venue", "footprint", "level", "unit")
@@ -155,11 +156,24 @@ PROPERTIES: Mapping[str, Mapping[str, Callable[[Any], bool]]] = {
         "level_id": _reference,
         "display_point": _or_null(_point),
     },
+    "amenity": {
+        "category": _text,
+        "accessibility": _or_null(_list),
+        "name": OPTIONAL_LABELS,
+        "alt_name": OPTIONAL_LABELS,
+        "hours": _or_null(_text),
+        "phone": _or_null(_text),
+        "website": _or_null(_text),
+        "unit_ids": _references,
+        "address_id": _or_null(_reference),
+        "correlation_id": _or_null(_reference),
+    },
 }
 REFERS_TO = {
     "address_id": "address",
     "building_ids": "building",
     "level_id": "level",
+    "unit_ids": "unit",
 }
 WITHIN = (("unit", "level"), ("level", "venue"), ("footprint", "venue"))
 
@@ -213,11 +227,13 @@ def _feature_faults(kind: str, feature: Json) -> Iterator[str]:
     if wanted and given.get("category") not in wanted:
         yield f"category {given.get('category')!r} is none of {', '.join(wanted)}"
     geometry = feature.get("geometry", "")
-    if kind not in POLYGONAL:
-        if geometry is not None:
-            yield "geometry is not null"
-    else:
+    if kind in POLYGONAL:
         yield from _geometry_faults(geometry)
+    elif kind == "amenity":
+        if not _point(geometry):
+            yield "geometry is no Point"
+    elif geometry is not None:
+        yield "geometry is not null"
 
 
 def _is_uuid(value: Any) -> bool:

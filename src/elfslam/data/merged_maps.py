@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER, read_object
 from elfslam.data.map_files import MAP, write_map
+from elfslam.data.points_of_interest import write_points
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.line.quality import MapQuality
 
@@ -54,6 +56,7 @@ def fill_merged(
     *,
     facts: Mapping[str, object],
     encoder: bytes | None,
+    points_of_interest: Sequence[PointOfInterest] = (),
 ) -> None:
     """Into a folder that is there: map.npz, quality.csv, trajectories, and what the facts say."""
     write_map(floor_map, folder / MAP)
@@ -66,6 +69,8 @@ def fill_merged(
     (folder / MERGED).write_text(text + "\n", encoding="utf-8")
     if encoder is not None:
         (folder / ENCODER).write_bytes(encoder)
+    if points_of_interest:
+        write_points(points_of_interest, folder)
 
 
 def write_quality(quality: MapQuality, file: Path) -> None:

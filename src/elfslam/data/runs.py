@@ -28,6 +28,7 @@ from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import AS_PHONE, MAP, read_map, write_map
 from elfslam.data.npz import check_covariances, read_npz, write_npz
+from elfslam.data.points_of_interest import read_points, write_points
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES
@@ -77,6 +78,8 @@ def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: by
     _write_evidence(run, folder)
     if run.floor_map is not None:
         write_map(run.floor_map, folder / MAP)
+    if run.points_of_interest:
+        write_points(run.points_of_interest, folder)
     if encoder is not None:
         (folder / ENCODER).write_bytes(encoder)
 
@@ -134,6 +137,7 @@ def _read_run(folder: Path) -> Run:
         echoes=_read_echoes(folder / "echoes.npz"),
         features=_read_features(folder / "features.npz"),
         seconds={name: float(seconds) for name, seconds in timings.items()},
+        points_of_interest=read_points(folder),
     )
 
 

@@ -1,4 +1,4 @@
-"""Loop closures by hand: places that the walker gave a name, and came by again."""
+"""Checkpoints: places that the walker gave a name close loops by hand, and name the map."""
 
 from __future__ import annotations
 
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from elfslam.base.arrays import I64
+from elfslam.base.arrays import F64, I64
 from elfslam.base.parameters import parameter
-from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
+from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry, Trajectory
 
 ANY_HEADING_RAD = 6.0
 """Whoever stands at a door may face anywhere."""
@@ -40,7 +41,7 @@ def closures_at(
     pairs = np.array(
         [
             (first, later)
-            for first, *others in _visits(checkpoints, nodes, parameters).values()
+            for first, *others in _visits(checkpoints, nodes.t_s, parameters).values()
             for later in others
             if later > first
         ],
@@ -57,21 +58,34 @@ def closures_at(
     )
 
 
+def places_visited(
+    checkpoints: Checkpoints | None, trajectory: Trajectory, parameters: CheckpointParameters
+) -> tuple[PointOfInterest, ...]:
+    """Each named place as a point of interest: the middle of where its visits were mapped."""
+    if checkpoints is None:
+        return ()
+    xy_m = trajectory.world_from_body[:, :2]
+    return tuple(
+        PointOfInterest(name, PointKind.OTHER, *xy_m[visits].mean(axis=0).tolist())
+        for name, visits in _visits(checkpoints, trajectory.t_s, parameters).items()
+    )
+
+
 def _visits(
-    checkpoints: Checkpoints, nodes: Odometry, parameters: CheckpointParameters
+    checkpoints: Checkpoints, footstep_t_s: F64, parameters: CheckpointParameters
 ) -> dict[str, list[int]]:
     """The footsteps at which each place was visited, in order."""
     visits: dict[str, list[int]] = {}
-    first_s, last_s = nodes.t_s[0] - parameters.slack_s, nodes.t_s[-1] + parameters.slack_s
+    first_s, last_s = footstep_t_s[0] - parameters.slack_s, footstep_t_s[-1] + parameters.slack_s
     for t_s, node, name in zip(
-        checkpoints.t_s, _nearest(checkpoints, nodes), checkpoints.names, strict=True
+        checkpoints.t_s, _nearest(checkpoints, footstep_t_s), checkpoints.names, strict=True
     ):
         if first_s <= t_s <= last_s:
             visits.setdefault(name, []).append(int(node))
     return visits
 
 
-def _nearest(checkpoints: Checkpoints, nodes: Odometry) -> I64:
+def _nearest(checkpoints: Checkpoints, footstep_t_s: F64) -> I64:
     """The footstep nearest in time to each tap (k)."""
-    halfway_s = (nodes.t_s[:-1] + nodes.t_s[1:]) / 2
+    halfway_s = (footstep_t_s[:-1] + footstep_t_s[1:]) / 2
     return np.searchsorted(halfway_s, checkpoints.t_s)

@@ -28,7 +28,7 @@ from elfslam.base.values import (
     Run,
     Trajectory,
 )
-from elfslam.line.checkpoints import closures_at
+from elfslam.line.checkpoints import closures_at, places_visited
 from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
 from elfslam.line.device_adaptation import heard_as_map
 from elfslam.line.feature import Encoder, extract_features
@@ -104,8 +104,9 @@ def map_by_echoes(
             parameters_digest=digest(parameters),
             source=recording.name,
         )
+    named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
     evidence = similarity, closures, trajectory, floor_map, echoes, features
-    return Run(recording.name, nodes, *evidence, seconds)
+    return Run(recording.name, nodes, *evidence, seconds, named)
 
 
 def map_by(
@@ -126,8 +127,9 @@ def map_by(
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
     closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
-    similarity = similarities[0][0]
-    return Run(recording.name, nodes, similarity, closures, trajectory, None, None, None, seconds)
+    named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
+    evidence = similarities[0][0], closures, trajectory, None, None, None
+    return Run(recording.name, nodes, *evidence, seconds, named)
 
 
 def _sensed(

@@ -13,6 +13,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import (
     Closures,
     Features,
@@ -37,6 +38,7 @@ class MappedWalk:
     trajectory: Trajectory
     closures: Closures
     features: Features
+    points_of_interest: tuple[PointOfInterest, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +60,8 @@ def walk_of(run: Run) -> MappedWalk:
         raise InputError(
             f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
         )
-    return MappedWalk(run.name, run.odometry, run.trajectory, run.closures, run.features)
+    evidence = run.odometry, run.trajectory, run.closures, run.features
+    return MappedWalk(run.name, *evidence, run.points_of_interest)
 
 
 def side_of(walk: MappedWalk, parameters: MergeParameters) -> Side:
