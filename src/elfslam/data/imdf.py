@@ -1,8 +1,8 @@
 """Maps as IMDF 1.0.0 archives (OGC 20-094): walked ground as units, named places as amenities.
 
-The walked ground and the points of interest are all that a map knows. What the standard wants to be told on top (name, kind
-and address of the venue, the level) comes from a TOML file; the extent of venue, footprint and
-level is the convex hull of the walked ground with a margin.
+That is all that a map knows. What the standard wants to be told on top (name, kind and address of
+the venue, the level) comes from a TOML file; the extent of venue, footprint and level is the
+convex hull of the walked ground with a margin.
 """
 
 from __future__ import annotations

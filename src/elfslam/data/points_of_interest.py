@@ -36,13 +36,13 @@ def points_as_csv(points: Sequence[PointOfInterest]) -> str:
 
 
 def read_points(folder: Path) -> tuple[PointOfInterest, ...]:
-    """The points of interest of a map in the order of its table; none where there is no table.
-
-    Raises InputError naming file and row.
-    """
+    """The points of interest of a map; none where there is no table. Raises InputError."""
     file = folder / POINTS_OF_INTEREST
-    if not file.is_file():
-        return ()
+    return read_points_file(file) if file.is_file() else ()
+
+
+def read_points_file(file: Path) -> tuple[PointOfInterest, ...]:
+    """The points of interest in a table, in its order. Raises InputError naming file and row."""
     rows = read_named_rows(file, COLUMNS)
     if len(rows) > MOST:
         raise InputError(f"{file}: has {len(rows)} points, wanted at most {MOST}; leave some out")

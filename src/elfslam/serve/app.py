@@ -20,6 +20,7 @@ from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import changing as map_changing
 from elfslam.serve.maps import floor_plans as floor_plan_routes
 from elfslam.serve.maps import package_routes
+from elfslam.serve.maps import points_of_interest as point_routes
 from elfslam.serve.maps import routes as map_routes
 from elfslam.serve.page_routes import install_pages
 from elfslam.serve.people import pairing, users
@@ -54,6 +55,7 @@ ADMITTING: tuple[APIRouter, ...] = (
     map_routes.router,
     map_changing.router,
     floor_plan_routes.router,
+    point_routes.router,
     package_routes.router,
     sharing_routes.router,
 )

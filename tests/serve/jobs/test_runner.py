@@ -123,11 +123,16 @@ def test_maps_are_merged_and_a_walk_is_located(
     recordings = [remember(owner, name) for name in ("one", "two")]
     runs = [ended(owner, start(owner, kind="map", recording=each)) for each in recordings]
     maps = [job["gave"]["map"] for job in reversed(runs)]
+    door = {"name": "Door", "kind": "door", "x_m": 0.0, "y_m": 0.0}
+    named = {"version": "", "points": [door]}
+    owner.put(f"/api/maps/{maps[1]}/points-of-interest", json=named).raise_for_status()
     merged = ended(owner, start(owner, kind="merge", maps=maps, name="the studio"))
     assert merged["problem"] is None
     floor = owner.get(f"/api/maps/{merged['gave']['map']}").json()
     assert (floor["name"], floor["kind"]) == ("the studio", "floor")
     assert floor["sources"] == recordings
+    kept = owner.get(f"/api/maps/{floor['id']}/points-of-interest").json()["points"]
+    assert [each["name"] for each in kept] == ["Door"]
     assert floor["facts"]["walks"] == 2
     told = [owner.get(f"/api/maps/{each}").json()["facts"]["distance_m"] for each in maps]
     assert floor["facts"]["distance_m"] == pytest.approx(sum(told), rel=0.1)

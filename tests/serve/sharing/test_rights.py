@@ -22,6 +22,7 @@ from elfslam.serve.store.holdings import delete_user
 LetIn = Callable[[str], TestClient]
 PutMap = Callable[..., str]
 PNG = {"headers": {"Content-Type": "image/png"}, "content": b"no picture"}
+NO_POINTS = {"json": {"version": "", "points": []}}
 PLACED = {"json": {"width_m": 1, "x_m": 0, "y_m": 0}}
 READ, EDIT = {"json": {"may": "read"}}, {"json": {"may": "edit"}}
 SOMEBODY = "0" * 32
@@ -33,12 +34,14 @@ ROUTES: dict[tuple[str, str], tuple[Right, dict[str, Any]]] = {
     ("GET", "/exports"): (Right.READ, {}),
     ("GET", "/exports/{to}"): (Right.READ, {}),
     ("GET", "/floor-plan"): (Right.READ, {}),
+    ("GET", "/points-of-interest"): (Right.READ, {}),
     ("GET", "/package"): (Right.READ, {}),
     ("GET", "/package/{sha256}"): (Right.READ, {}),
     ("PATCH", ""): (Right.EDIT, {"json": {"name": "Other"}}),
     ("PUT", "/floor-plan"): (Right.EDIT, PNG),
     ("PUT", "/floor-plan/placement"): (Right.EDIT, PLACED),
     ("DELETE", "/floor-plan"): (Right.EDIT, {}),
+    ("PUT", "/points-of-interest"): (Right.EDIT, NO_POINTS),
     ("GET", "/shares"): (Right.OWN, {}),
     ("PUT", "/shares/{user_id}"): (Right.OWN, READ),
     ("DELETE", "/shares/{user_id}"): (Right.OWN, {}),

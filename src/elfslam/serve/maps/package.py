@@ -5,8 +5,8 @@ from __future__ import annotations
 import hashlib
 import json
 import time
-from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -16,11 +16,13 @@ from sqlalchemy.orm import Session
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import as_dict
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
+from elfslam.serve.maps.points_of_interest import points_of
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
@@ -59,6 +61,7 @@ class Sources:
     parameters: Json
     place: Json = field(default_factory=dict)
     """The venue and the floor, where they are known."""
+    points_of_interest: Sequence[PointOfInterest] = ()
 
     @property
     def sha256(self) -> str:
@@ -67,6 +70,7 @@ class Sources:
                  if name in self.files}  # fmt: skip
         told = [FORMAT, self.name, files, self.floor_plan, self.parameters]
         told += [self.place] if self.place else []
+        told += [asdict(each) for each in self.points_of_interest]
         return hashlib.sha256(_text(told).encode()).hexdigest()
 
 
@@ -77,20 +81,21 @@ def package_of(services: Services, asker: Asker, map_id: str) -> str:
     deleted meanwhile.
     """
     with reading(services.sessions) as session:
-        sources = sources_of(session, map_for(session, asker, map_id))
+        sources = sources_of(session, map_for(session, asker, map_id), services.settings)
         known = session.get(MapPackage, map_id)
     if known is not None and known.sources_sha256 == sources.sha256:
         return known.manifest
     return _made(services, asker, map_id, sources)
 
 
-def sources_of(session: Session, found: Map) -> Sources:
+def sources_of(session: Session, found: Map, settings: ServerSettings) -> Sources:
     """What the package of a map is made from."""
     rows = session.query(MapFile).filter_by(map_id=found.id)
     files = {row.name: Blob(row.sha256, row.size_bytes) for row in rows}
     place = {"venue": found.venue, "floor": found.floor}
     known = {name: told for name, told in place.items() if told is not None}
-    return Sources(found.name, files, found.floor_plan, phone_parameters(), known)
+    points = points_of(session, settings, found.id)
+    return Sources(found.name, files, found.floor_plan, phone_parameters(), known, points)
 
 
 def phone_parameters(groups: Collection[str] = GROUPS) -> Json:
@@ -115,6 +120,8 @@ def manifest_of(
     plan = sources.files.get(FLOOR_PLAN)
     if plan is not None and sources.floor_plan is not None:
         manifest["floor_plan"] = {**_told(plan), **sources.floor_plan}
+    if sources.points_of_interest:
+        manifest["points_of_interest"] = [asdict(each) for each in sources.points_of_interest]
     return _text(manifest)
 
 
@@ -165,7 +172,8 @@ def _made(services: Services, asker: Asker, map_id: str, sources: Sources) -> st
 
         content = content_of(floor_map, sources.files[ENCODER], kept)
         with transaction(services.sessions) as session:
-            manifest, dropped = _kept(session, map_for(session, asker, map_id), content, parts)
+            found = map_for(session, asker, map_id)
+            manifest, dropped = _kept(session, found, settings, content, parts)
     drop_unnamed(services, dropped)
     return manifest
 
@@ -179,10 +187,10 @@ def _read(settings: ServerSettings, named: Mapping[str, str], name: str) -> Floo
 
 
 def _kept(
-    session: Session, found: Map, content: Json, sizes: Mapping[str, int]
+    session: Session, found: Map, settings: ServerSettings, content: Json, sizes: Mapping[str, int]
 ) -> tuple[str, list[str]]:
     """Keep a package beside its map; its manifest, and the SHA-256 of what it names no more."""
-    sources, older = sources_of(session, found), session.get(MapPackage, found.id)
+    sources, older = sources_of(session, found, settings), session.get(MapPackage, found.id)
     if older is not None and older.sources_sha256 == sources.sha256:
         return older.manifest, []
     # In seconds of this age: it grows even after the folder was put back from a copy.
