@@ -40,7 +40,8 @@ ROUTES = (
     "/api/maps", "/api/maps/{id}", "/api/maps/{id}/view", "/api/maps/{id}/floor-plan",
     "/api/maps/{id}/export", "/api/maps/{id}/package", "/api/key", "/api/find", "/", "/desk",
     "/api/maps/{id}/shares", "/api/maps/{id}/shares/{id}", "/api/maps/{id}/link", "/api/links/open",
-    "/api/maps/{id}/points-of-interest", "/api/maps/delete", "/api/recordings/delete", "/api/places", "/api/people",
+    "/api/maps/delete", "/api/recordings/delete", "/api/places", "/api/people",
+    "/api/maps/{id}/points-of-interest",
     "/precache.json", "/authority.pem", "/openapi.json", "/{id}", "/api/../api/me", "//", "*",
 )  # fmt: skip
 METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE", "CONNECT", "G\x00T")

@@ -34,7 +34,7 @@ NO_WORDS = {
     "map-page waiting", "yaw rate", "magnetic field", "access points", "sound level",
     "Indoor Location Competition", "Sensor Logger", "… Hz", "Files",
     "linear-gradient(to right, …)", "600 13px system-ui, sans-serif",
-    "650 15px system-ui, sans-serif", "primary big",
+    "650 15px system-ui, sans-serif", "… …px system-ui, sans-serif", "primary big",
     "comparing walks", "joining walks", "step length",
 }  # fmt: skip
 """What looks like words and is not for people."""

@@ -95,15 +95,18 @@ def put_points_of_interest(
     store = services.settings.blobs_folder
     points = [PointOfInterest(**each.model_dump()) for each in given.points]
     table = points_as_csv(points).encode()
-    with scratch_file(services.settings, table) as file, blobs.locked(store):
-        with transaction(services.sessions) as session:
-            found = map_for(session, asker, map_id, Right.EDIT)
-            session.refresh(found, with_for_update=True)
-            refuse_full(services, session, found.user_id)
-            older = _of_version(session, map_id, given.version)
-            dropped = [] if older is None else [older.sha256]
-            _replace(session, map_id, older, blobs.put(store, file) if points else None)
-            answer = _body(session, services.settings, map_id)
+    with (
+        scratch_file(services.settings, table) as file,
+        blobs.locked(store),
+        transaction(services.sessions) as session,
+    ):
+        found = map_for(session, asker, map_id, Right.EDIT)
+        session.refresh(found, with_for_update=True)
+        refuse_full(services, session, found.user_id)
+        older = _of_version(session, map_id, given.version)
+        dropped = [] if older is None else [older.sha256]
+        _replace(session, map_id, older, blobs.put(store, file) if points else None)
+        answer = _body(session, services.settings, map_id)
     drop_unnamed(services, dropped)
     return answer
 

@@ -20,6 +20,7 @@ import { parseFixes } from "./viewer/fixes.js";
 import { legendOf } from "./viewer/legend.js";
 import { layerPart, locatedPart, part, walkPart } from "./viewer/panel.js";
 import { planOf, planType } from "./viewer/plan_panel.js";
+import { pointsOf } from "./viewer/points_part.js";
 import { sceneOf } from "./viewer/scene.js";
 import { firstState } from "./viewer/state.js";
 import { counted, t } from "../shared/words.js";
@@ -46,11 +47,12 @@ export async function openMap(desk, id, root, isWanted) {
   const scene = sceneOf(view);
   const state = firstState(scene);
   const panel = h("aside", { class: "panel", "aria-label": t("About this map") });
-  const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished), onTap: (xy_m) => plan.tap(xy_m) });
+  const canvas = mountCanvas(scene, state, map.name, { onPlacement: (placement, finished) => plan.place(placement, finished), onTap: (xy_m) => (state.naming ? points : plan).tap(xy_m) });
   const canEdit = () => map.right !== "read";
-  const plan = planOf(id, state, scene.bounds_m, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "plan"), showAll: canvas.showAll });
+  const plan = planOf(id, state, scene.bounds_m, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "points", "plan"), showAll: canvas.showAll });
+  const points = pointsOf(id, state, { canEdit, redraw: canvas.redraw, changed: () => fillPanel("layers", "points", "plan") });
   let legend = legendOf(scene, state);
-  canvas.stage.append(legend, plan.bar);
+  canvas.stage.append(legend, plan.bar, points.bar);
 
   function redraw() {
     const now = legendOf(scene, state);
@@ -67,6 +69,7 @@ export async function openMap(desk, id, root, isWanted) {
     layers: () => layerPart(scene, state, redraw),
     walks: () => walkPart(scene, state, redraw),
     located: () => locatedPart(state, redraw, locate),
+    points: () => points.part(),
     plan: () => plan.part(),
     recorded: () => recordedPart(map, recording, () => mapAgain(desk, map, recording)),
   };
@@ -82,13 +85,14 @@ export async function openMap(desk, id, root, isWanted) {
     redraw();
   }
 
-  fillPanel("layers", "walks", ...(desk.me ? [/** @type {const} */ ("located")] : []), "plan", ...(desk.me ? [/** @type {const} */ ("recorded")] : []));
+  fillPanel("layers", "walks", ...(desk.me ? [/** @type {const} */ ("located")] : []), "points", "plan", ...(desk.me ? [/** @type {const} */ ("recorded")] : []));
   const live = desk.me && livePart(id, state, canvas.redraw);
   panel.append(...(live ? [live.part] : []), ...meetingPart(map), downloads);
   let head = headOfMap(desk, map, scene, look);
   root.replaceChildren(h("div", { class: "map-page" }, head, canvas.stage, panel));
   canvas.redraw();
   void fillDownloads(map, downloads);
+  void orSay(points.load);
   if (map.floor_plan) void orSay(() => plan.load(map.floor_plan));
   const seen = new Set();
   const changed = () => {
@@ -112,7 +116,7 @@ export async function openMap(desk, id, root, isWanted) {
       const wanted = headOfMap(desk, map, scene, look);
       head.replaceWith(wanted);
       head = wanted;
-      if (mayOther) fillPanel("plan");
+      if (mayOther) fillPanel("points", "plan");
     } catch (problem) {
       if (problem instanceof Problem && problem.status === 404) leaveGone(problem.message);
     }

@@ -14,7 +14,7 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  *   format: number, map: string, name: string, venue?: string, floor?: string, revision: number, made_utc: string,
  *   encoder: Part & {identity: string}, parameters: import("../line/floor_map.js").MapParameters,
  *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
- *   floor_plan?: Plan,
+ *   floor_plan?: Plan, points_of_interest?: import("../shared/map/points_of_interest.js").PointOfInterest[],
  * }} Manifest
  * @typedef {Part & {type: string, width_px: number, height_px: number,
  *   placement: import("../shared/map/placement.js").Placement | null}} Plan

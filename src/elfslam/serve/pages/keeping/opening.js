@@ -19,6 +19,7 @@ import { spotsOf } from "./tiles.js";
  *   tiles: {square: [number, number], spots: number}[],
  *   floorPlan: null | {bytes: Uint8Array<ArrayBuffer>, type: string, widthPx: number, heightPx: number,
  *     placement: Plan["placement"]},
+ *   pointsOfInterest: import("../shared/map/points_of_interest.js").PointOfInterest[],
  * }} Facts
  * @typedef {{floorMap: FloorMap, encoderBytes: Uint8Array<ArrayBuffer>, facts: Facts}} Opened
  */
@@ -66,6 +67,7 @@ async function readAll(store, prefix, manifest) {
     spots: spots.headingRad.length,
     tiles: manifest.tiles.map(({ square, spots: count }) => ({ square, spots: count })),
     floorPlan: manifest.floor_plan ? await planOf(manifest.floor_plan, bytesOf) : null,
+    pointsOfInterest: manifest.points_of_interest ?? [],
   };
   return { floorMap, encoderBytes: await bytesOf(manifest.encoder), facts };
 }

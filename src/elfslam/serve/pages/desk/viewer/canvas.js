@@ -24,7 +24,7 @@ const HELP = t("Drag or arrow keys move, wheel or plus and minus zoom, 0 shows a
 /**
  * @param {Scene} scene @param {State} state @param {string} name of the map
  * @param {{onPlacement: (placement: import("../../shared/map/placement.js").Placement, finished: boolean) => void, onTap: (xy_m: import("../../shared/map/projection.js").Point) => void}} told
- * `onTap` while a plan is tied to the walks
+ * `onTap` while a plan is tied to the walks, or a place is named
  */
 export function mountCanvas(scene, state, name, told) {
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": t("map"),
@@ -92,12 +92,12 @@ export function mountCanvas(scene, state, name, told) {
     fit: showAll,
     leave: () => setFocus(null),
     point(at_px, reach_px) {
-      if (state.tie) return;
+      if (state.tie || state.naming) return;
       const reach_m = reach_px / state.view.px_per_m;
       setFocus(focusAt(scene, state, toMap(state.view, state.size, at_px), reach_m));
     },
     tap(at_px) {
-      if (!state.tie) return;
+      if (!state.tie && !state.naming) return;
       state.focus = null;
       told.onTap(toMap(state.view, state.size, at_px));
     },

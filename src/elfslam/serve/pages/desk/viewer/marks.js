@@ -2,6 +2,7 @@
 
 import { dot } from "../../shared/map/ground.js";
 import { corners, middle } from "../../shared/map/placement.js";
+import { drawPointsOfInterest } from "../../shared/map/points_of_interest.js";
 import { toScreen } from "../../shared/map/projection.js";
 import { placesOf } from "./tying.js";
 
@@ -16,6 +17,7 @@ const KNOB_PX = 34;
  * @param {State} state @param {Palette} palette */
 export function drawMarks(context, scene, state, palette) {
   if (state.layers.fixes) state.located.filter((walk) => walk.shown).forEach((walk) => drawLocated(context, walk, state, palette));
+  if (state.layers.points) drawPointsOfInterest(context, state, state.points, palette, state.point);
   drawFocus(context, scene, state, palette);
   if (state.placing && state.plan) drawHandles(context, state, palette);
   if (state.tie && state.plan) drawTie(context, state, palette);

@@ -27,6 +27,7 @@ function layersOf(scene, state) {
     ["reckoning", t("Dead reckoning"), scene.reckoned.length > 0 ? null : t("in maps of one walk")],
     ["coverage", t("Coverage"), scene.coverage ? null : t("comes with several walks: merge maps")],
     ["fixes", t("Located walks"), state.located.length > 0 ? null : t("none yet")],
+    ["points", t("Named places"), state.points.length > 0 ? null : t("none yet")],
     ["plan", t("Floor plan"), state.plan ? null : t("none yet")],
   ];
 }

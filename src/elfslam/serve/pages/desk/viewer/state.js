@@ -6,7 +6,7 @@ import { fit } from "../../shared/map/projection.js";
 /** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("../../shared/map/placement.js").Placement, inverted: boolean}} Plan */
 /** @typedef {{id: string, name: string, fixes: import("./fixes.js").Fix[], shown: boolean}} Located */
 /** @typedef {{kind: "step", walk: number, step: number} | {kind: "fix", located: number, fix: number} | {kind: "cell", xy_m: Point}} Focus */
-/** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes"} Layer */
+/** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes" | "points"} Layer */
 /**
  * @typedef {object} State
  * @property {import("../../shared/map/projection.js").View} view
@@ -20,6 +20,9 @@ import { fit } from "../../shared/map/projection.js";
  * @property {Plan | null} plan
  * @property {boolean} placing whether the floor plan can be dragged
  * @property {import("./tying.js").Tie | null} tie the places by which the plan is being scaled or placed
+ * @property {import("../../shared/map/points_of_interest.js").PointOfInterest[]} points
+ * @property {import("../../shared/map/points_of_interest.js").PointOfInterest | null} point the one that stands out
+ * @property {boolean} naming whether the next tap names a place
  * @property {Located[]} located
  * @property {import("./live.js").Walker[]} live who lets others see where they are
  * @property {boolean} hurried whether a map with very many footsteps is being moved: the band of uncertainty waits
@@ -33,7 +36,7 @@ export function firstState(scene) {
     size,
     layers: {
       plan: true, coverage: scene.walks.length === 0, uncertainty: true, reckoning: false,
-      closures: scene.closures.length > 0, trajectories: true, fixes: true,
+      closures: scene.closures.length > 0, trajectories: true, fixes: true, points: true,
     },
     colourBy: "walk",
     coverageBy: "walks",
@@ -43,6 +46,9 @@ export function firstState(scene) {
     plan: null,
     placing: false,
     tie: null,
+    points: [],
+    point: null,
+    naming: false,
     located: [],
     live: [],
     hurried: false,

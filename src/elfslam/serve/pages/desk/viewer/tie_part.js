@@ -32,6 +32,7 @@ export function tiePart(state, { place, redraw, changed }) {
   function begin(kind) {
     state.tie = noTie(kind);
     state.placing = false;
+    state.naming = false;
     changed();
     bar.closest(".stage")?.scrollIntoView({ block: "nearest" });
   }

@@ -1,6 +1,7 @@
 /** The map with the walker on it, layer over layer. */
 
 import { drawGrid, drawPlan, inMetres, stroke } from "../../shared/map/ground.js";
+import { drawPointsOfInterest } from "../../shared/map/points_of_interest.js";
 import { toScreen } from "../../shared/map/projection.js";
 import { ellipseOf } from "./ellipse.js";
 
@@ -13,6 +14,7 @@ const DOT_PX = 9;
 const BEAM_PX = 46;
 const BEAM_RAD = 0.55;
 const TRAIL_PX = 4;
+const WAY_PX = 3;
 /** Older pieces of the trail fade to this. */
 const FAINT = 0.35;
 
@@ -27,7 +29,9 @@ export function drawPlace(context, shown, palette, density) {
   inMetres(context, shown, density);
   drawGround(context, shown, ground, palette);
   drawTrail(context, shown, palette);
+  drawWay(context, shown, palette);
   context.setTransform(density, 0, 0, density, 0, 0);
+  drawPointsOfInterest(context, shown, shown.points, palette, shown.goal);
   if (trail.placed) drawWalker(context, shown, trail.placed, palette);
 }
 
@@ -50,6 +54,18 @@ function drawTrail(context, shown, palette) {
     stroke(context, path, palette.surface, TRAIL_PX + 3, shown, isLast ? 0.8 : 0.5);
     stroke(context, path, palette.accent, TRAIL_PX, shown, isLast ? 0.9 : FAINT);
   });
+}
+
+/** A broken line to where the walker wants to go. @param {Context} context @param {Shown} shown
+ * @param {Palette} palette */
+function drawWay(context, shown, palette) {
+  if (shown.way.length < 2) return;
+  const path = new Path2D();
+  shown.way.forEach(([x, y], k) => (k === 0 ? path.moveTo(x, y) : path.lineTo(x, y)));
+  stroke(context, path, palette.surface, WAY_PX + 3, shown, 0.8);
+  context.setLineDash([2 * WAY_PX, 2 * WAY_PX].map((pixels) => pixels / shown.view.px_per_m));
+  stroke(context, path, palette.ink, WAY_PX, shown);
+  context.setLineDash([]);
 }
 
 /**

@@ -11,6 +11,7 @@ import { mountPlaceMap } from "./place_map.js";
 import { offerFixes, showMap, showRunning, showWords, speak, speakPlace } from "./place_view.js";
 import { showFixes } from "./showing.js";
 import { NO_TRAIL } from "./trail.js";
+import { offerWays } from "./way.js";
 import { READYING, STOPPED, WAITING } from "./words.js";
 
 /**
@@ -18,6 +19,7 @@ import { READYING, STOPPED, WAITING } from "./words.js";
  * @typedef {object} Here
  * @property {import("../../keeping/opening.js").Opened | null} kept the map
  * @property {ReturnType<typeof mountPlaceMap> | null} map
+ * @property {ReturnType<typeof offerWays> | null} ways to its named places
  * @property {import("./trail.js").Trail} trail
  * @property {(() => void) | null} running stops it
  */
@@ -32,7 +34,7 @@ import { READYING, STOPPED, WAITING } from "./words.js";
  */
 export function makeLocating({ devices, act, problem, paired }) {
   /** @type {Here} */
-  const here = { kept: null, map: null, trail: NO_TRAIL, running: null };
+  const here = { kept: null, map: null, ways: null, trail: NO_TRAIL, running: null };
   const consent = makeConsent({ problem });
   offerDeletion({ act });
   const choosing = makeChoosing({ act, chosen: open, paired });
@@ -43,11 +45,14 @@ export function makeLocating({ devices, act, problem, paired }) {
     opening.catch(() => {});
     here.kept = await packages.open(row.id);
     here.map?.leave();
-    here.map = mountPlaceMap(here.kept.floorMap, row.name, { say: () => speakPlace(here.trail.fix, mode()) });
+    here.map = mountPlaceMap(here.kept.floorMap, row.name, { say: () => speakPlace(here.trail.fix, mode(), here.ways?.words() ?? "") });
+    const { floorMap, facts } = here.kept;
+    here.ways = offerWays(floorMap, facts.pointsOfInterest, here.map.setWay);
+    here.map.setPoints(facts.pointsOfInterest);
     showMap(row.name, here.map.stage);
     showRunning(false);
     showView("place");
-    await showPlan(here.map, here.kept.facts.floorPlan);
+    await showPlan(here.map, facts.floorPlan);
     await opening;
     await start();
   }
@@ -58,13 +63,14 @@ export function makeLocating({ devices, act, problem, paired }) {
     stop();
     here.trail = NO_TRAIL;
     here.map.setTrail(NO_TRAIL);
+    here.ways?.fix(null);
     tell(READYING);
     at("place-start").disabled = true;
     const opened = await devices();
     if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
     const awake = stayAwake();
     const shown = showFixes(here, mode());
-    const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix), problem: stopFor };
+    const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix, (found) => here.ways?.fix(found)), problem: stopFor };
     const placing = await startPlacing(opened, here.kept, mode(), told).catch((error) => {
       awake.stop();
       at("place-start").disabled = false;

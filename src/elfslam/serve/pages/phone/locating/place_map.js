@@ -20,6 +20,9 @@ import { t } from "../../shared/words.js";
  * @property {import("../../shared/map/projection.js").Size} size
  * @property {import("./ground_of_map.js").Ground} ground
  * @property {import("../../shared/map/ground.js").Plan | null} plan
+ * @property {import("../../shared/map/points_of_interest.js").PointOfInterest[]} points
+ * @property {import("../../shared/map/points_of_interest.js").PointOfInterest | null} goal where the walker wants to go
+ * @property {import("../../shared/map/projection.js").Point[]} way there
  * @property {import("./trail.js").Trail} trail
  */
 
@@ -37,7 +40,7 @@ export function mountPlaceMap(floorMap, name, { say }) {
   const ground = groundOf(floorMap);
   const size = { width: 360, height: 420 };
   /** @type {Shown} */
-  const shown = { view: fit(ground.bounds_m, size, MARGIN_PX), size, ground, plan: null, trail: NO_TRAIL };
+  const shown = { view: fit(ground.bounds_m, size, MARGIN_PX), size, ground, plan: null, points: [], goal: null, way: [], trail: NO_TRAIL };
   let isFollowing = true;
   const canvas = h("canvas", { tabindex: "0", role: "application", "aria-roledescription": "map",
     "aria-label": `${t("Map {{name}}", { name })}. ${HELP}` });
@@ -128,7 +131,17 @@ export function mountPlaceMap(floorMap, name, { say }) {
     shown.plan = plan;
     redraw();
   };
-  return { stage, canvas, setTrail, setPlan, leave };
+  /** @param {Shown["points"]} points */
+  const setPoints = (points) => {
+    shown.points = points;
+    redraw();
+  };
+  /** @param {Shown["goal"]} goal @param {Shown["way"]} way */
+  const setWay = (goal, way) => {
+    [shown.goal, shown.way] = [goal, way];
+    redraw();
+  };
+  return { stage, canvas, setTrail, setPlan, setPoints, setWay, leave };
 }
 
 /** The colours of the page as they are now. @param {Element} element @returns {import("./draw_place.js").Palette} */

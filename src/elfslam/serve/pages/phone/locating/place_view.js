@@ -28,10 +28,11 @@ export function speak({ title, line }) {
   at("place-spoken").textContent = `${title}. ${line}`;
 }
 
-/** @param {import("./words.js").Fix | null} fix @param {"track" | "one-shot"} mode */
-export function speakPlace(fix, mode) {
+/** @param {import("./words.js").Fix | null} fix @param {"track" | "one-shot"} mode @param {string} way "" where none is wanted */
+export function speakPlace(fix, mode, way) {
   const { title } = fix ? wordsOf(fix) : WAITING[mode];
-  at("place-spoken").textContent = fix ? `${title}. ${placeSpoken(fix)}` : `${title}.`;
+  const parts = [`${title}.`, fix && placeSpoken(fix), way && `${way}.`];
+  at("place-spoken").textContent = parts.filter(Boolean).join(" ");
 }
 
 /** @param {{seconds: number, fixes: number, heardShare: number | null}} facts */

@@ -88,7 +88,11 @@ const POINTS = [
 export function placeSpoken({ xyM, headingRad }) {
   if (!xyM) return t("No place is known.");
   const [x, y] = xyM.map((metres) => `${metres < 0 ? `${t("minus")} ` : ""}${formatNumber(Math.abs(metres), 1)}`);
-  const eighth = ((Math.round((4 * headingRad) / Math.PI) % 8) + 8) % 8;
   if (!Number.isFinite(headingRad)) return t("At {{x}} across and {{y}} up.", { x, y });
-  return t("At {{x}} across and {{y}} up, facing {{towards}} on the map.", { x, y, towards: POINTS[eighth] });
+  return t("At {{x}} across and {{y}} up, facing {{towards}} on the map.", { x, y, towards: mapTowards(headingRad) });
+}
+
+/** A direction on the map, whose x runs to the east. @param {number} headingRad */
+export function mapTowards(headingRad) {
+  return POINTS[((Math.round((4 * headingRad) / Math.PI) % 8) + 8) % 8];
 }
