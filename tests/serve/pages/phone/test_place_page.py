@@ -172,6 +172,31 @@ def test_a_map_is_got_once_and_then_needs_no_server(
     np.testing.assert_allclose(fixes.heading_rad[known], np.pi / 2, atol=1e-5)
 
 
+def test_the_way_to_a_named_place_is_told_and_drawn(pocket: Any, server: Any, map_id: str) -> None:
+    """The walker stands at HERE_M and faces along y."""
+    named = [
+        {"name": "Room 5", "kind": "room", "x_m": HERE_M[0], "y_m": HERE_M[1] + 3.0},
+        {"name": "Exit", "kind": "door", "x_m": HERE_M[0] - 2.5, "y_m": HERE_M[1]},
+    ]
+    points = f"/api/maps/{map_id}/points-of-interest"
+    server.ask(points, "PUT", json={"version": "", "points": named})
+    with pocket.on() as page:
+        get_map(page, server)
+        page.click("text=Find me here")
+        page.select_option("#way-to", label="Room 5 (room)")
+        page.locator("#way-words", has_text="Room 5: told once your place is known").wait_for()
+        page.check("input[value=one-shot]", force=True)
+        wait_for_words(page, "Here, within")
+        page.locator("#way-words", has_text="Room 5: 3.0\u00a0m, straight ahead").wait_for()
+        page.select_option("#way-to", label="Exit (door)")
+        page.locator("#way-words", has_text="Exit: 2.5\u00a0m, to the left").wait_for()
+        page.locator("#place-map canvas").press("Enter")
+        page.locator("#place-spoken", has_text="Exit: 2.5\u00a0m, to the left.").wait_for()
+        check_view(page, 390)
+        page.select_option("#way-to", label="nowhere")
+        assert page.locator("#way-words").is_hidden()
+
+
 def test_a_guest_is_located_by_a_link_and_without_an_account(
     pocket: Any, server: Any, map_id: str
 ) -> None:

@@ -69,15 +69,16 @@ export function makeLocating({ devices, act, problem, paired }) {
     const opened = await devices();
     if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
     const awake = stayAwake();
-    const shown = showFixes(here, mode());
+    const by = mode();
+    const shown = showFixes(here, by);
     const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix, (found) => here.ways?.fix(found)), problem: stopFor };
-    const placing = await startPlacing(opened, here.kept, mode(), told).catch((error) => {
+    const placing = await startPlacing(opened, here.kept, by, told).catch((error) => {
       awake.stop();
       at("place-start").disabled = false;
       tell(STOPPED);
       throw error;
     });
-    tell(WAITING[mode()]);
+    tell(WAITING[by]);
     shown.begin(placing.playedUntil);
     consent.offer(here.kept.facts.map, here.kept.facts.name, placing.nowS);
     here.running = () => {
@@ -89,6 +90,7 @@ export function makeLocating({ devices, act, problem, paired }) {
     };
     at("place-start").disabled = false;
     showRunning(true);
+    if (mode() !== by) await start(); // it was chosen while the devices opened
   }
 
   function stop() {
