@@ -22,6 +22,8 @@ from statistics import median
 from elfslam.app.console import print_rows, say
 
 Row = dict[str, object]
+MOST_LINES, LONGEST_LINE = 20, 300
+"""Of what was wrong in a run."""
 
 
 def main() -> None:
@@ -58,10 +60,11 @@ def run_once(suite: str, number: int) -> Row:
 
 
 def failures(output: str) -> list[str]:
-    """The lines that name a failed test; the last ten where none does."""
+    """What was wrong and which test failed; the last ten lines where none is named."""
     lines = output.splitlines()
     named = [line for line in lines if line.startswith(("FAILED", "ERROR"))]
-    return named or lines[-10:]
+    wrong = [line[:LONGEST_LINE] for line in lines if line.startswith("E  ")][:MOST_LINES]
+    return [*wrong, *named] if named else lines[-10:]
 
 
 @contextmanager
