@@ -35,6 +35,7 @@ from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import changing, looking, recordings, uploads
 from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
+from elfslam.serve.sharing import groups
 from elfslam.serve.sharing import routes as sharing_routes
 from elfslam.serve.store.sweeps import sweeping
 
@@ -48,6 +49,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     job_routes.router,
     position_routes.router,
     map_position_routes.router,
+    groups.router,
 )
 """Under /api, all of them for users with a token."""
 ADMITTING: tuple[APIRouter, ...] = (

@@ -45,6 +45,8 @@ ROUTES: dict[tuple[str, str], tuple[Right, dict[str, Any]]] = {
     ("GET", "/shares"): (Right.OWN, {}),
     ("PUT", "/shares/{user_id}"): (Right.OWN, READ),
     ("DELETE", "/shares/{user_id}"): (Right.OWN, {}),
+    ("PUT", "/groups/{group_id}"): (Right.OWN, READ),
+    ("DELETE", "/groups/{group_id}"): (Right.OWN, {}),
     ("PUT", "/link"): (Right.OWN, READ),
     ("DELETE", "/link"): (Right.OWN, {}),
     ("DELETE", ""): (Right.OWN, {}),
@@ -59,6 +61,10 @@ ROLES = {
     "link to edit": Right.EDIT,
     "link to read": Right.READ,
     "reader with a link to edit": Right.EDIT,
+    "in a group that edits": Right.EDIT,
+    "in groups that read and edit": Right.EDIT,
+    "taken out of the group": Right.NONE,
+    "in a group of another map": Right.NONE,
     "another user": Right.NONE,
     "owner of the server": Right.NONE,
     "withdrawn link": Right.NONE,
@@ -114,6 +120,12 @@ def client_in(
         "reader with a link to edit": lambda: linked(
             ada, map_id, shared_with(ada, map_id, eve), "edit"
         ),
+        "in a group that edits": lambda: grouped(ada, map_id, eve, "edit"),
+        "in groups that read and edit": lambda: grouped(
+            ada, map_id, grouped(ada, map_id, eve, "edit")
+        ),
+        "taken out of the group": lambda: taken_out(ada, map_id, eve),
+        "in a group of another map": lambda: grouped(ada, put_map(ada), eve, "edit"),
         "another user": lambda: eve,
         "owner of the server": lambda: owner,
         "withdrawn link": lambda: withdrawn(ada, map_id, passer_by()),
@@ -121,6 +133,21 @@ def client_in(
         "nobody": passer_by,
     }
     return clients[role](), map_id
+
+
+def grouped(ada: TestClient, map_id: str, other: TestClient, may: str = "read") -> TestClient:
+    """Somebody who is in a group with which a map is shared."""
+    made = ada.post("/api/groups", json={"name": "Guards", "members": [id_of(other)]}).json()
+    address = f"/api/maps/{map_id}/groups/{made['id']}"
+    assert ada.put(address, json={"may": may}).status_code == 200
+    return other
+
+
+def taken_out(ada: TestClient, map_id: str, other: TestClient) -> TestClient:
+    grouped(ada, map_id, other)
+    [group] = ada.get("/api/groups").json()
+    ada.put(f"/api/groups/{group['id']}", json={"name": "Guards", "members": []}).raise_for_status()
+    return other
 
 
 def withdrawn(ada: TestClient, map_id: str, client: TestClient) -> TestClient:
@@ -143,7 +170,7 @@ def with_cookie_of(ada: TestClient, other_id: str, map_id: str, client: TestClie
 def test_every_role_on_every_route(client_in: tuple[TestClient, str], role: str) -> None:
     client, map_id = client_in
     for (method, path), (wanted, sent) in ROUTES.items():
-        told = path.format(to="tum", sha256="0" * 64, user_id=SOMEBODY)
+        told = path.format(to="tum", sha256="0" * 64, user_id=SOMEBODY, group_id=SOMEBODY)
         answer = client.request(method, f"/api/maps/{map_id}{told}", **sent)
         case = role, method, path, answer.status_code, answer.text[:200]
         if ROLES[role] >= wanted:
@@ -178,6 +205,8 @@ def test_a_right_is_for_that_map_and_that_person_alone() -> None:
     assert right_to(Asker(eve), found, share) is Right.EDIT
     assert right_to(Asker("0" * 32), found, share) is Right.NONE
     assert right_to(Asker(eve), Map(id=yard, user_id=ada), share, link) is Right.NONE
+    assert right_to(Asker(eve), found, through=("read", "edit")) is Right.EDIT
+    assert right_to(Asker(eve), found, share, through=("read",)) is Right.EDIT
     assert right_to(Asker(None, "secret"), found, None, link) is Right.READ
     assert right_to(Asker(None, "Secret"), found, None, link) is Right.NONE
     assert right_to(Asker(None, "\u017fecret\ud800"), found, None, link) is Right.NONE

@@ -53,7 +53,11 @@ def test_a_shared_map_is_listed_with_whose_it_is(let_in: LetIn, put_map: PutMap)
     map_id = put_map(ada, "Hall", sources=["0" * 32], venue="Mall", floor="Floor 2")
     put_map(ada, "not for Eve")
     told = share(ada, map_id, id_of(eve)).json()
-    assert told == {"people": [{"user": id_of(eve), "name": "Eve", "may": "read"}], "link": None}
+    assert told == {
+        "people": [{"user": id_of(eve), "name": "Eve", "may": "read"}],
+        "groups": [],
+        "link": None,
+    }
     assert told == ada.get(f"/api/maps/{map_id}/shares").json()
     [seen] = eve.get("/api/maps").json()
     assert (seen["id"], seen["owner"], seen["right"]) == (map_id, "Ada", "read")
@@ -91,7 +95,7 @@ def test_sharing_that_makes_no_sense_is_refused(let_in: LetIn, put_map: PutMap) 
     assert share(ada, theirs, id_of(ada)).status_code == 404
     for may in ("own", "none", "", None):
         assert share(ada, mine, id_of(eve), may).status_code == 422  # type: ignore[arg-type]
-    assert ada.get(f"/api/maps/{mine}/shares").json() == {"people": [], "link": None}
+    assert ada.get(f"/api/maps/{mine}/shares").json() == {"people": [], "groups": [], "link": None}
     assert ada.delete(f"/api/maps/{mine}/link").status_code == 404
 
 

@@ -7,13 +7,13 @@ from datetime import datetime
 from typing import Any, Literal
 
 from pydantic import BaseModel
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, func, select, union
 from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.floors import level_of
-from elfslam.serve.sharing.rights import Asker, Right, right_to
-from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.sharing.rights import Asker, Right, right_to, through_groups
+from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, MapFile, User
 
 
@@ -71,10 +71,11 @@ def bodies_of(session: Session, asker: Asker, of_maps: ColumnElement[bool]) -> l
     links = {row.map_id: row for row in session.scalars(with_link)}
     with_asker = select(MapShare).filter_by(user_id=asker.user_id)
     shares = {row.map_id: row for row in session.scalars(with_asker)}
+    through = _through(session, asker, of_maps)
     counts = _counts(session, of_maps)
     bodies = []
     for each in maps:
-        right = right_to(asker, each, shares.get(each.id), links.get(each.id))
+        right = right_to(asker, each, shares.get(each.id), links.get(each.id), through[each.id])
         is_own = right is Right.OWN
         bodies.append(
             MapBody(
@@ -100,7 +101,26 @@ def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[Map
     return found
 
 
+def _through(
+    session: Session, asker: Asker, of_maps: ColumnElement[bool]
+) -> dict[str, list[Shared]]:
+    """What the asker's groups may do to each map."""
+    found: dict[str, list[Shared]] = defaultdict(list)
+    if asker.user_id is not None:
+        rows = through_groups(asker.user_id).join(Map, Map.id == MapGroupShare.map_id)
+        for row in session.execute(rows.where(of_maps)):
+            found[row.map_id].append(row.may)
+    return found
+
+
 def _counts(session: Session, of_maps: ColumnElement[bool]) -> dict[str, int]:
-    """With how many people each map is shared."""
-    rows = select(MapShare.map_id, func.count()).join(Map).where(of_maps)
-    return {row[0]: row[1] for row in session.execute(rows.group_by(MapShare.map_id))}
+    """With how many people each map is shared, in groups or by name."""
+    alone = select(MapShare.map_id, MapShare.user_id).join(Map).where(of_maps)
+    member = GroupMember.group_id == MapGroupShare.group_id
+    grouped = select(MapGroupShare.map_id, GroupMember.user_id).join(GroupMember, member)
+    others = grouped.join(Map, Map.id == MapGroupShare.map_id).where(
+        of_maps, GroupMember.user_id != Map.user_id
+    )
+    people = union(alone, others).subquery()
+    rows = select(people.c.map_id, func.count()).group_by(people.c.map_id)
+    return {row[0]: row[1] for row in session.execute(rows)}

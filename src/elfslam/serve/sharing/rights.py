@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hmac
+from collections.abc import Collection
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated
 
 from fastapi import Cookie, Depends, Security
 from fastapi.security import HTTPAuthorizationCredentials
-from sqlalchemy import ColumnElement, or_, select
+from sqlalchemy import ColumnElement, Select, or_, select
 from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import (
@@ -26,7 +27,7 @@ from elfslam.serve.people.access import (
 )
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Here
-from elfslam.serve.sharing.tables import MapLink, MapShare
+from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, reading
 
 LINK_COOKIE = "elfslam_link"
@@ -63,12 +64,19 @@ class Asker:
 
 
 def right_to(
-    asker: Asker, found: Map, share: MapShare | None = None, link: MapLink | None = None
+    asker: Asker,
+    found: Map,
+    share: MapShare | None = None,
+    link: MapLink | None = None,
+    through: Collection[Shared] = (),
 ) -> Right:
-    """What somebody may do to a map, whose `share` is with them and whose `link` is this."""
+    """What somebody may do to a map, whose `share` is with them and whose `link` is this.
+
+    `through` is what the groups may with which it is shared and that they are in.
+    """
     if asker.user_id is not None and asker.user_id == found.user_id:
         return Right.OWN
-    rights = [Right.NONE]
+    rights = [Right.NONE, *(Right[may.upper()] for may in through)]
     if share is not None and (share.map_id, share.user_id) == (found.id, asker.user_id):
         rights.append(Right[share.may.upper()])
     if link is not None and link.map_id == found.id and _is_secret(link, asker.link):
@@ -97,13 +105,23 @@ def right_in(session: Session, asker: Asker, found: Map) -> Right:
     """What somebody may do to a map, as the database has it."""
     share = session.get(MapShare, (found.id, asker.user_id)) if asker.user_id else None
     link = session.get(MapLink, found.id) if asker.link else None
-    return right_to(asker, found, share, link)
+    through = through_groups(asker.user_id).where(MapGroupShare.map_id == found.id)
+    mays = [row.may for row in session.execute(through)] if asker.user_id else []
+    return right_to(asker, found, share, link, mays)
+
+
+def through_groups(user_id: str | None) -> Select[str, str, Shared]:
+    """Map, group and what may be done, for all that is shared with groups that a user is in."""
+    wanted = select(MapGroupShare.map_id, MapGroupShare.group_id, MapGroupShare.may)
+    member = GroupMember.group_id == MapGroupShare.group_id
+    return wanted.join(GroupMember, member).where(GroupMember.user_id == user_id)
 
 
 def seen_by(user_id: str) -> ColumnElement[bool]:
     """The maps that a user sees in lists: their own, and those that are shared with them."""
     shared = select(MapShare.map_id).where(MapShare.user_id == user_id)
-    return or_(Map.user_id == user_id, Map.id.in_(shared))
+    through = through_groups(user_id).with_only_columns(MapGroupShare.map_id)
+    return or_(Map.user_id == user_id, Map.id.in_(shared), Map.id.in_(through))
 
 
 def opens(session: Session, map_id: str, secret: str) -> MapLink | None:

@@ -1,4 +1,4 @@
-"""Routes of sharing: a map with people, and with everyone who has its link."""
+"""Routes of sharing: a map with people, with groups, and with everyone who has its link."""
 
 from __future__ import annotations
 
@@ -24,7 +24,14 @@ from elfslam.serve.sharing.rights import (
     map_for,
     opens,
 )
-from elfslam.serve.sharing.tables import MapLink, MapShare, Shared
+from elfslam.serve.sharing.tables import (
+    Group,
+    GroupMember,
+    MapGroupShare,
+    MapLink,
+    MapShare,
+    Shared,
+)
 from elfslam.serve.store.database import Map, User, reading, transaction
 
 router = APIRouter(tags=["sharing"], prefix="/maps/{map_id}")
@@ -47,6 +54,14 @@ class ShareBody(BaseModel):
     may: Shared
 
 
+class GroupShareBody(BaseModel):
+    """A group with which a map is shared."""
+
+    group: str
+    name: str
+    may: Shared
+
+
 class LinkBody(BaseModel):
     """The address that opens a map without an account."""
 
@@ -58,6 +73,7 @@ class SharesBody(BaseModel):
     """With whom a map is shared."""
 
     people: list[ShareBody]
+    groups: list[GroupShareBody]
     link: LinkBody | None
 
 
@@ -107,11 +123,43 @@ def share_map(
 
 @router.delete("/shares/{user_id}", status_code=204, operation_id="unshare_map")
 def unshare_map(map_id: str, user_id: str, asker: Asks, services: Here) -> Response:
-    """Share a map with somebody no more; whom it is shared with may leave by themselves."""
+    """Share a map with somebody no more; whom it is shared with may leave by themselves.
+
+    Who leaves a map that is shared with groups that they are in leaves those groups.
+    """
     wanted = Right.READ if asker.user_id == user_id else Right.OWN
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, wanted)
         share = session.get(MapShare, (found.id, known_id(user_id, "user")))
+        left = _leave_groups(session, found.id, user_id) if asker.user_id == user_id else False
+        if share is not None:
+            session.delete(share)
+        elif not left:
+            raise not_found("share")
+    return Response(status_code=204)
+
+
+@router.put("/groups/{group_id}", operation_id="share_map_with_group", responses=problems(409))
+def share_map_with_group(
+    map_id: str, group_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+) -> SharesBody:
+    """Share one of your maps with one of your groups, or change what those in it may."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN, lock=True)
+        group = session.get(Group, known_id(group_id, "group"), with_for_update=True)
+        if group is None or group.user_id != found.user_id:
+            raise not_found("group")
+        session.merge(MapGroupShare(map_id=found.id, group_id=group.id, may=given.may))
+        session.flush()
+        return _shares(services, session, found, request)
+
+
+@router.delete("/groups/{group_id}", status_code=204, operation_id="unshare_map_with_group")
+def unshare_map_with_group(map_id: str, group_id: str, asker: Asks, services: Here) -> Response:
+    """Share a map with a group no more."""
+    with transaction(services.sessions) as session:
+        found = map_for(session, asker, map_id, Right.OWN)
+        share = session.get(MapGroupShare, (found.id, known_id(group_id, "group")))
         if share is None:
             raise not_found("share")
         session.delete(share)
@@ -171,11 +219,27 @@ def open_link(given: GivenLink, services: Here, response: Response) -> OpenedLin
 def _shares(services: Services, session: Session, found: Map, request: Request) -> SharesBody:
     people = select(User.id, User.name, MapShare.may).join(MapShare, MapShare.user_id == User.id)
     rows = session.execute(people.where(MapShare.map_id == found.id).order_by(User.name, User.id))
+    shared = select(Group.id, Group.name, MapGroupShare.may).join(MapGroupShare)
+    grouped = session.execute(
+        shared.where(MapGroupShare.map_id == found.id).order_by(Group.name, Group.id)
+    )
     link = session.get(MapLink, found.id)
     told = None if link is None else LinkBody(url=_url(services, link, request), may=link.may)
     return SharesBody(
-        people=[ShareBody(user=user, name=name, may=may) for user, name, may in rows], link=told
+        people=[ShareBody(user=user, name=name, may=may) for user, name, may in rows],
+        groups=[GroupShareBody(group=group, name=name, may=may) for group, name, may in grouped],
+        link=told,
     )
+
+
+def _leave_groups(session: Session, map_id: str, user_id: str) -> bool:
+    """Take somebody out of all groups with which a map is shared; whether they were in any."""
+    groups = select(MapGroupShare.group_id).where(MapGroupShare.map_id == map_id)
+    mine = GroupMember.group_id.in_(groups), GroupMember.user_id == user_id
+    left = session.scalars(select(GroupMember).where(*mine)).all()
+    for each in left:
+        session.delete(each)
+    return bool(left)
 
 
 def _url(services: Services, link: MapLink, request: Request) -> str:

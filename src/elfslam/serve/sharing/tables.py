@@ -8,7 +8,7 @@ from typing import Literal
 from sqlalchemy import ForeignKey, String
 from sqlalchemy.orm import Mapped, mapped_column
 
-from elfslam.serve.store.database import Base, now_utc
+from elfslam.serve.store.database import Base, new_id, now_utc
 
 Shared = Literal["read", "edit"]
 """What can be given to others."""
@@ -21,6 +21,40 @@ class MapShare(Base):
     map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
     user_id: Mapped[str] = mapped_column(
         ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+    may: Mapped[Shared] = mapped_column(String)
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class Group(Base):
+    """Some people with whom somebody shares maps at once; its name is theirs alone."""
+
+    __tablename__ = "user_groups"
+    id: Mapped[str] = mapped_column(primary_key=True, default=new_id)
+    user_id: Mapped[str] = mapped_column(ForeignKey("users.id", ondelete="CASCADE"), index=True)
+    name: Mapped[str]
+    created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+
+
+class GroupMember(Base):
+    """Somebody in a group."""
+
+    __tablename__ = "group_members"
+    group_id: Mapped[str] = mapped_column(
+        ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True
+    )
+    user_id: Mapped[str] = mapped_column(
+        ForeignKey("users.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
+
+
+class MapGroupShare(Base):
+    """What all in a group may do to a map, whoever is in it at that time."""
+
+    __tablename__ = "map_group_shares"
+    map_id: Mapped[str] = mapped_column(ForeignKey("maps.id", ondelete="CASCADE"), primary_key=True)
+    group_id: Mapped[str] = mapped_column(
+        ForeignKey("user_groups.id", ondelete="CASCADE"), primary_key=True, index=True
     )
     may: Mapped[Shared] = mapped_column(String)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)

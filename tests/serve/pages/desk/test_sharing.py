@@ -91,6 +91,39 @@ def test_ada_shares_a_map_with_eve_who_opens_it_and_cannot_delete_it(
     eves.get_by_text("This map is gone").wait_for()  # without a reload
 
 
+def test_a_map_is_shared_with_a_group_whose_people_come_and_go(
+    person: Any, eve: Any, open_desk: Open, run_folder: Path
+) -> None:
+    person.plant_map("round the studio", run_folder)
+    adas = open_desk(person, "#/maps")
+    adas.get_by_role("button", name="Share round the studio").click()
+    dialog = adas.get_by_role("dialog", name="Share round the studio")
+    dialog.get_by_role("button", name="New group").click()
+    asking = adas.get_by_role("dialog", name="New group")
+    asking.get_by_label("Name", exact=True).fill("Night guards")
+    asking.get_by_label(eve.name).check()
+    asking.get_by_role("button", name="Save").click()
+    dialog.locator(".groups li", has_text="Night guards 1 person").wait_for()
+    dialog.get_by_label("What Night guards may do").select_option("edit")
+    dialog.get_by_text("Saved").wait_for()
+    dialog.get_by_role("button", name="Close").click()
+    row(adas, "round the studio").get_by_text("shared with 1 person").wait_for()
+    eves = open_desk(eve, "#/maps")
+    row(eves, "round the studio").get_by_role("link", name="Open round the studio").click()
+    eves.get_by_role("button", name="Rename round the studio").wait_for()
+    adas.get_by_role("button", name="Share round the studio").click()
+    dialog.get_by_role("button", name="Change Night guards").click()
+    asking = adas.get_by_role("dialog", name="Change Night guards")
+    asking.get_by_label(eve.name).uncheck()
+    asking.get_by_role("button", name="Save").click()
+    dialog.locator(".groups li", has_text="Night guards 0 people").wait_for()
+    assert dialog.get_by_label("What Night guards may do").input_value() == "edit"
+    eves.get_by_text("This map is gone").wait_for()  # without a reload
+    dialog.get_by_role("button", name="Delete Night guards").click()
+    adas.get_by_role("button", name="Delete for good").click()
+    dialog.locator(".groups", has_not_text="Night guards").wait_for(state="attached")
+
+
 def test_who_may_edit_renames_a_map_and_who_leaves_it_sees_it_no_more(
     person: Any, eve: Any, open_desk: Open, run_folder: Path, asked: Any
 ) -> None:

@@ -1,14 +1,17 @@
-// Sharing a map: with people of this server, and with everyone who has its link.
+// Sharing a map: with people of this server, with groups of them, and with everyone who has its link.
 
 import { ask, askJson } from "./api.js";
 import { addressField, codeOf } from "./codes.js";
 import { askPerson, orSay, showPerson } from "./dialogs.js";
+import { askGroup, deleteGroup, loadGroups, sizeOf } from "./groups.js";
 import { h } from "../shared/dom.js";
+import { icon } from "../shared/icons.js";
+import { byName } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
 
 /** @typedef {import("./store.js").Map_} Map_ */
 /** @typedef {"" | "read" | "edit"} May */
-/** @typedef {{people: {user: string, name: string, may: May}[], link: {url: string, may: May} | null}} Shares */
+/** @typedef {{people: {user: string, name: string, may: May}[], groups: {group: string, name: string, may: May}[], link: {url: string, may: May} | null}} Shares */
 
 /** @type {[May, string][]} */
 const CHOICES = [["", t("No access")], ["read", t("Can view")], ["edit", t("Can edit")]];
@@ -31,7 +34,7 @@ export function sharedWords({ right, shared_with: count, has_link: hasLink }) {
 export async function shareMap({ id, name }) {
   const path = `/api/maps/${encodeURIComponent(id)}`;
   await orSay(async () => {
-    const [people, shares] = await Promise.all([askJson("/api/people"), askJson(`${path}/shares`)]);
+    const [people, groups, shares] = await Promise.all([askJson("/api/people"), loadGroups(), askJson(`${path}/shares`)]);
     const status = h("p", { class: "soft saved", role: "status" });
     /** Sends a change; whether it went well. @param {() => Promise<unknown>} deed */
     const save = async (deed) => {
@@ -40,7 +43,7 @@ export async function shareMap({ id, name }) {
       status.textContent = well ? t("Saved") : t("Not saved; try again");
       return well;
     };
-    await showPerson(t("Share {{name}}", { name }), [peoplePart(path, people, shares, save), linkPart(path, shares, save), status]);
+    await showPerson(t("Share {{name}}", { name }), [peoplePart(path, people, shares, save), people.length > 0 && groupPart(path, people, groups, shares, save), linkPart(path, shares, save), status]);
   });
 }
 
@@ -81,6 +84,58 @@ function peoplePart(path, people, shares, save) {
 }
 
 /**
+ * @param {string} path @param {import("./groups.js").Person[]} people @param {import("./groups.js").Group[]} groups
+ * @param {Shares} shares @param {(deed: () => Promise<unknown>) => Promise<boolean>} save
+ */
+function groupPart(path, people, groups, shares, save) {
+  const has = new Map(shares.groups.map(({ group, may }) => [group, may]));
+  const list = h("ul", { class: "people groups" });
+  const known = new Map(groups.map((group) => [group.id, group]));
+
+  /** @param {import("./groups.js").Group} group */
+  function row(group) {
+    const { id, name } = group;
+    const address = `${path}/groups/${encodeURIComponent(id)}`;
+    const set = async (/** @type {May} */ may) => {
+      const well = await save(() => (may === "" ? ask(address, { method: "DELETE" }) : askJson(address, { method: "PUT", json: { may } })));
+      if (well) has.set(id, may);
+      return well;
+    };
+    const button = (/** @type {"edit" | "trash"} */ picture, /** @type {string} */ words, /** @type {() => void} */ click, danger = "") =>
+      h("button", { type: "button", class: `button icon small ${danger}`.trim(), "aria-label": words, title: words, click }, icon(picture));
+    return h("li", null, h("span", null, name, h("small", null, ` ${sizeOf(group)}`)),
+      button("edit", t("Change {{name}}", { name }), () => change(group)), button("trash", t("Delete {{name}}", { name }), () => remove(group), "danger"),
+      mayField(t("What {{name}} may do", { name }), has.get(id) ?? "", t("No access"), set));
+  }
+
+  function show() {
+    list.replaceChildren(...[...known.values()].sort((one, other) => byName(one.name, other.name)).map(row));
+    list.hidden = known.size === 0;
+  }
+
+  /** @param {import("./groups.js").Group | null} group */
+  async function change(group) {
+    const made = await askGroup(people, group);
+    if (!made) return;
+    known.set(made.id, made);
+    show();
+  }
+
+  /** @param {import("./groups.js").Group} group */
+  async function remove(group) {
+    if (!(await deleteGroup(group))) return;
+    known.delete(group.id);
+    has.delete(group.id);
+    show();
+  }
+
+  show();
+  return h("section", { class: "stack tight", "aria-labelledby": "share-groups" },
+    h("h3", { id: "share-groups" }, t("Groups")), list,
+    h("button", { type: "button", class: "button small", click: () => change(null) }, icon("plus"), t("New group")));
+}
+
+/**
  * @param {string} path @param {Shares} shares @param {(deed: () => Promise<unknown>) => Promise<boolean>} save
  */
 function linkPart(path, shares, save) {
@@ -109,7 +164,7 @@ async function confirmWithdrawal() {
 
 /** A map that somebody else shared leaves one's own list. @param {Map_} map @returns {Promise<boolean>} whether it is gone */
 export async function leaveMap({ id, name, owner }) {
-  const body = h("p", null, t("{{owner}} keeps the map, and can share it with you again.", { owner }));
+  const body = h("p", null, t("{{owner}} keeps the map, and can share it with you again. Where it is shared with a group that you are in, you leave the group.", { owner }));
   if ((await askPerson({ title: t("Take {{name}} off your list?", { name }), body, submit: t("Take it off"), danger: true, cancel: t("Keep it") })) === null) return false;
   return orSay(async () => {
     const me = await askJson("/api/me");
