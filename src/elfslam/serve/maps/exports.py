@@ -17,6 +17,7 @@ from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import Venue
 from elfslam.serve.jobs.tasks import Named, file_name
 from elfslam.serve.maps.floors import level_of
+from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Map
@@ -63,9 +64,12 @@ class ExportOptions(BaseModel):
     language: Line | None = None
 
 
-def placed(asked: ExportOptions, found: Map) -> ExportOptions:
-    """What was asked for, and of the venue what the map knows beside."""
+def placed(asked: ExportOptions, found: Map, origin: MapOrigin | None) -> ExportOptions:
+    """What was asked for, and beside it what is known of the venue and of where the map lies."""
     known = {"name": found.venue, "level": found.floor, "ordinal": level_of(found.floor)}
+    if origin is not None:
+        numbers = (origin.latitude_deg, origin.longitude_deg, origin.bearing_deg)
+        known["origin"] = ",".join(f"{each!r}" for each in numbers)
     lacking = {name: told for name, told in known.items() if getattr(asked, name) is None}
     return asked.model_copy(update=lacking)
 

@@ -18,6 +18,7 @@ from elfslam.serve.maps.bodies import MapBody, bodies_of, body_of
 from elfslam.serve.maps.exports import HEAVY, ExportOptions, exported, formats_of, placed
 from elfslam.serve.maps.view import view_of
 from elfslam.serve.people.access import Me, not_found
+from elfslam.serve.positions.whose import settled_map
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here, Services
 from elfslam.serve.sharing.rights import Asker, Asks, Right, map_for, seen_by
@@ -166,10 +167,12 @@ def export_map(
 ) -> StreamingResponse:
     """The map in the format of other programs; a .zip where that is several files.
 
-    What `imdf` asks for and the map knows (its venue and floor) need not be told.
+    What the map knows (its venue and floor, and where on the Earth it lies) need not be told.
     """
     with _folder(services, asker, map_id) as (found, named):
-        return sent(*exported(services.settings, found.name, named, to, placed(asked, found)))
+        with reading(services.sessions) as session:
+            known = placed(asked, found, settled_map(session, found).origin)
+        return sent(*exported(services.settings, found.name, named, to, known))
 
 
 @contextmanager

@@ -23,14 +23,14 @@ export function invitation(url, what) {
   return [h("p", null, what), codeOf(url), ...addressField(url)];
 }
 
-/** An address, and what copies it. @param {string} url */
-export function addressField(url) {
-  const address = h("input", { readonly: true, value: url, "aria-label": t("Address"), name: "address" });
-  const copy = h("button", { type: "button", class: "button" }, icon("copy"), t("Copy the address"));
+/** An address or another text, and what copies it. @param {string} text @param {string} [label] */
+export function addressField(text, label = t("Address")) {
+  const address = h("input", { readonly: true, value: text, "aria-label": label, name: "address" });
+  const copy = h("button", { type: "button", class: "button" }, icon("copy"), t("Copy it"));
   copy.addEventListener("click", async () => {
     address.select();
-    const well = await navigator.clipboard?.writeText(url).then(() => true, () => false);
-    say(well ? t("The address is in the clipboard.") : t("It is selected; copy it with the keyboard."));
+    const well = await navigator.clipboard?.writeText(text).then(() => true, () => false);
+    say(well ? t("It is in the clipboard.") : t("It is selected; copy it with the keyboard."));
   });
   return [address, h("div", { class: "row" }, copy)];
 }

@@ -57,7 +57,7 @@ export async function downloadsOf(map) {
     h("ul", { class: "exports" }, formats.map((format) => exportLine(map, path, format, inputs))),
     formats.some((format) => PLACED.includes(format)) && h("label", { class: "field" },
       h("span", null, t("Where on the Earth")), inputs.get("origin"),
-      h("small", null, t("Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it."))),
+      h("small", null, t("Latitude, longitude and bearing of the map's x axis; GeoJSON and IMDF ask for it where the map has no place on the Earth."))),
     formats.includes("imdf") && h("details", null, h("summary", null, t("About the venue, for IMDF")),
       h("div", { class: "fields two" }, VENUE.map(([name, words]) => h("label", { class: "field" }, h("span", null, words), inputs.get(name))))));
 }

@@ -12,6 +12,7 @@ import { icon } from "../shared/icons.js";
 import { livePart } from "./live_part.js";
 import { deleteMap, factsOf } from "./maps_view.js";
 import { meetingPart } from "./meeting.js";
+import { programsPart } from "./other_programs.js";
 import { keptOf, recordedPart } from "./recorded.js";
 import { mountCanvas } from "./viewer/canvas.js";
 import { renameMap } from "./renaming.js";
@@ -87,7 +88,7 @@ export async function openMap(desk, id, root, isWanted) {
 
   fillPanel("layers", "walks", ...(desk.me ? [/** @type {const} */ ("located")] : []), "points", "plan", ...(desk.me ? [/** @type {const} */ ("recorded")] : []));
   const live = desk.me && livePart(id, state, canvas.redraw);
-  panel.append(...(live ? [live.part] : []), ...meetingPart(map), downloads);
+  panel.append(...(live ? [live.part] : []), ...(desk.me && map.right === "own" ? [programsPart(id)] : []), ...meetingPart(map), downloads);
   let head = headOfMap(desk, map, scene, look);
   root.replaceChildren(h("div", { class: "map-page" }, head, canvas.stage, panel));
   canvas.redraw();
