@@ -46,6 +46,19 @@ def test_a_waiting_job_is_cancelled_and_retried(person: Any, open_desk: Open, as
     assert asked(page, f"/api/jobs/{job}")["state"] == "queued"
 
 
+def test_a_walk_without_a_loop_is_a_map_and_no_failure(
+    person: Any, open_desk: Open, run_folder: Path
+) -> None:
+    recording = person.plant_recording("morning walk", run_folder)
+    map_id = person.plant_map("morning walk", run_folder, sources=[recording])
+    more = {"given": {"recording": recording}, "gave": {"map": map_id}}
+    person.plant_job(JobKind.MAP, JobState.FAILED, problem="no loop closure held", **more)
+    page = open_desk(person, "#/jobs")
+    page.get_by_text("Map by steps alone").wait_for()
+    assert page.get_by_text("Failed", exact=True).count() == 0
+    page.get_by_text("no loop closure held").wait_for()
+
+
 def test_a_failed_job_says_why_in_one_line(person: Any, open_desk: Open) -> None:
     why = "no loop was closed; walk a loop twice"
     given = {"recording": NOBODY}

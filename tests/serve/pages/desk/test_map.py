@@ -296,7 +296,26 @@ def test_an_svg_is_scaled_by_a_known_length(
     kept = asked(page, f"/api/maps/{map_id}")["floor_plan"]
     assert kept["placement"]["width_m"] == pytest.approx(20, rel=0.03)
     assert kept["type"] == "image/png"
-    assert page.locator(".tie-bar").is_hidden()
+    assert page.locator(".tie-bar:visible").count() == 0
+
+
+def test_a_plan_turns_dark_and_light_with_the_page_until_somebody_says(
+    page: Any, map_id: str, floor_plan: Path
+) -> None:
+    page.locator("input[name=plan-file]").set_input_files(floor_plan)
+    page.get_by_role("button", name="Move the plan").wait_for()
+    for name in ("Uncertainty", "Trajectories", "Places passed again"):
+        layer(page, name, on=False)
+    light = pixels(page)[..., :3].mean()
+    page.emulate_media(color_scheme="dark")
+    drawn(page)
+    assert pixels(page)[..., :3].mean() < light - 40
+    page.emulate_media(color_scheme="light")
+    drawn(page)
+    assert pixels(page)[..., :3].mean() == pytest.approx(light, abs=2)
+    page.get_by_label("Light on dark").check()
+    drawn(page)
+    assert pixels(page)[..., :3].mean() < light - 40
 
 
 def test_a_plan_that_is_no_image_is_refused_in_words(page: Any, tmp_path: Path) -> None:

@@ -25,13 +25,19 @@ const STATES = {
   failed: [t("Failed"), "fail"], cancelled: [t("Cancelled"), "wait"],
 };
 
+/** A job that failed and yet left a map: no loop closed, say. @type {[string, string]} */
+const HALF = [t("Map by steps alone"), "doubt"];
+
+/** @param {Job} job */
+const isHalf = ({ state, gave }) => state === "failed" && Boolean(gave?.map);
+
 /** @param {Desk} desk */
 export function jobsView({ known, orders, nowMs }) {
   const order = orders.jobs;
   const open = known.jobs.filter(isOpen).length;
   const words = open > 0 ? counted(open, "{{count}} job to do. The server goes on when this page is closed.", "{{count}} jobs to do. The server goes on when this page is closed.") : t("Nothing to do at the moment.");
   const named = known.jobs.map((job) => ({ job, name: jobTitle(job, known), created_utc: job.created_utc }));
-  const found = matching(named, order.find, ({ job, name }) => [name, KINDS[job.kind], STATES[job.state]?.[0], job.problem]);
+  const found = matching(named, order.find, ({ job, name }) => [name, KINDS[job.kind], isHalf(job) ? HALF[0] : STATES[job.state]?.[0], job.problem]);
   const rows = sorted(found, order.by, () => null).map(({ job }) => rowOf(job, known, nowMs()));
   const all = known.jobs.length;
   return h("div", { class: "page" }, headOf(t("Jobs"), words),
@@ -69,7 +75,7 @@ export function stateOfJob(job) {
     const bar = h("progress", { max: 1, value: known ? job.share : null, "aria-label": t("Progress") });
     return h("div", { class: "doing" }, bar, h("small", null, h("span", { class: "figures" }, formatShare(job.share)), ` ${job.doing ? stageWords(job.doing) : t("starting")}`));
   }
-  const [words, verdict] = STATES[job.state] ?? [job.state, "wait"];
+  const [words, verdict] = isHalf(job) ? HALF : (STATES[job.state] ?? [job.state, "wait"]);
   const lacks = missingWords(job.gave?.missing, 1);
   return [h("span", { class: "badge", "data-verdict": verdict }, words), lacks && h("small", { class: "lacks" }, lacks),
     job.problem && job.state !== "done" && h("small", { class: "problem" }, translated(job.problem))];

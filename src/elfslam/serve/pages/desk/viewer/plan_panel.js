@@ -6,7 +6,7 @@ import { h } from "../../shared/dom.js";
 import { icon } from "../../shared/icons.js";
 import { part } from "./panel.js";
 import { tiePart } from "./tie_part.js";
-import { loadPlanImage } from "../../shared/map/plan_image.js";
+import { isNegative, loadPlanImage } from "../../shared/map/plan_image.js";
 import { firstPlacement, moved, rounded, turned, widened } from "../../shared/map/placement.js";
 import { t } from "../../shared/words.js";
 
@@ -148,7 +148,7 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
   /** Light lines on a dark ground, on this screen alone. */
   function negativeTick() {
     const negative = h("input", { type: "checkbox", name: "plan-inverted" });
-    negative.checked = state.plan?.inverted ?? false;
+    negative.checked = state.plan !== null && isNegative(state.plan);
     negative.addEventListener("change", () => {
       if (state.plan) state.plan.inverted = negative.checked;
       redraw();

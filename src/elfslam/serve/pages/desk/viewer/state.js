@@ -3,7 +3,7 @@
 import { fit } from "../../shared/map/projection.js";
 
 /** @typedef {import("../../shared/map/projection.js").Point} Point */
-/** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("../../shared/map/placement.js").Placement, inverted: boolean}} Plan */
+/** @typedef {{image: HTMLImageElement, negative: HTMLCanvasElement | HTMLImageElement, aspect: number, placement: import("../../shared/map/placement.js").Placement, inverted: boolean | null}} Plan */
 /** @typedef {{id: string, name: string, fixes: import("./fixes.js").Fix[], shown: boolean}} Located */
 /** @typedef {{kind: "step", walk: number, step: number} | {kind: "fix", located: number, fix: number} | {kind: "cell", xy_m: Point}} Focus */
 /** @typedef {"plan" | "coverage" | "uncertainty" | "reckoning" | "closures" | "trajectories" | "fixes" | "points"} Layer */

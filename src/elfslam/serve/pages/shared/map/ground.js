@@ -1,11 +1,12 @@
 // What every map is drawn on: the grid, the floor plan, and lines whose width is in pixels.
 
 import { imageMatrix } from "./placement.js";
+import { isNegative } from "./plan_image.js";
 import { scaleBar, toMap, toScreen } from "./projection.js";
 
 /** @typedef {import("./projection.js").Point} Point */
 /** @typedef {{view: import("./projection.js").View, size: import("./projection.js").Size}} Look */
-/** @typedef {{placement: import("./placement.js").Placement, aspect: number, inverted: boolean,
+/** @typedef {{placement: import("./placement.js").Placement, aspect: number, inverted: boolean | null,
  *   image: CanvasImageSource, negative: CanvasImageSource}} Plan */
 
 const GRID_PX = 90;
@@ -61,7 +62,7 @@ export function drawPlan(context, { plan, view, size }) {
   context.globalAlpha = plan.placement.opacity;
   context.imageSmoothingQuality = "high";
   context.transform(...matrix);
-  context.drawImage(plan.inverted ? plan.negative : plan.image, 0, 0, 1, 1);
+  context.drawImage(isNegative(plan) ? plan.negative : plan.image, 0, 0, 1, 1);
   context.restore();
 }
 

@@ -1,7 +1,7 @@
 // The picture of a floor plan, and its negative for dark pages.
 
 /** @param {string} address @returns {Promise<{image: HTMLImageElement, negative: HTMLCanvasElement,
- *   aspect: number, inverted: boolean}>} aspect: height by width */
+ *   aspect: number, inverted: null}>} aspect: height by width; inverted: nobody said */
 export async function loadPlanImage(address) {
   const image = new Image();
   image.src = address;
@@ -10,8 +10,13 @@ export async function loadPlanImage(address) {
     image,
     negative: negativeOf(image),
     aspect: image.naturalHeight / image.naturalWidth,
-    inverted: matchMedia("(prefers-color-scheme: dark)").matches,
+    inverted: null,
   };
+}
+
+/** Whether the negative is shown: as somebody said, else where the page is dark now. @param {{inverted: boolean | null}} plan */
+export function isNegative({ inverted }) {
+  return inverted ?? matchMedia("(prefers-color-scheme: dark)").matches;
 }
 
 /** @param {HTMLImageElement} image */
