@@ -20,7 +20,7 @@ ROOT = HERE.parents[2]
 PAGES = ROOT / "src" / "elfslam" / "serve" / "pages"
 TOOLS = ROOT / "tests" / "javascript" / "package.json"
 CATALOGUES = sorted((PAGES / "words").glob("*.json"))
-HTML = ("phone.html", "desk.html")
+HTML = ("phone.html", "desk.html", "trust.html", "missing.html")
 FOLDERS = ("phone", "keeping", "shared", "line", "desk")
 READ = ("aria-label", "title", "placeholder", "alt")
 NOT_WORDS = ("script", "style", "noscript")
@@ -87,6 +87,7 @@ def scripts() -> dict[str, dict[str, list]]:
     if node is None or not (TOOLS.parent / "node_modules" / "espree").is_dir():
         pytest.skip("node or espree is missing: make lint-pages brings espree")
     files = [file for folder in FOLDERS for file in sorted((PAGES / folder).rglob("*.js"))]
+    files.append(PAGES / "trust.js")
     command = [node, HERE / "words_of_scripts.mjs", TOOLS, *files]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
     told = json.loads(done.stdout)

@@ -1,12 +1,14 @@
 // The fingerprint of the server's authority, as the terminal shows it.
 
+import { t } from "./shared/words.js";
+
 const CERTIFICATE = /-----BEGIN CERTIFICATE-----([A-Za-z0-9+/=\s]+)-----END CERTIFICATE-----/;
 const SHOWN_PAIRS = 4;
 
 /** SHA-256 of a certificate: pairs of digits with colons. @param {string} pem @returns {Promise<string>} */
 export async function fingerprintOf(pem) {
   const text = CERTIFICATE.exec(pem)?.[1];
-  if (!text) throw new Error("The server sent no certificate.");
+  if (!text) throw new Error(t("The server sent no certificate."));
   const content = Uint8Array.from(atob(text.replace(/\s/g, "")), (letter) => letter.charCodeAt(0));
   const digest = new Uint8Array(await crypto.subtle.digest("SHA-256", content));
   return [...digest].map((byte) => byte.toString(16).padStart(2, "0").toUpperCase()).join(":");
@@ -14,7 +16,7 @@ export async function fingerprintOf(pem) {
 
 async function show() {
   const response = await fetch("authority.pem");
-  if (!response.ok) throw new Error("This server speaks plain HTTP and has no certificate of its own: there is nothing to install.");
+  if (!response.ok) throw new Error(t("This server speaks plain HTTP and has no certificate of its own: there is nothing to install."));
   const whole = await fingerprintOf(await response.text());
   const pairs = whole.split(":");
   /** @param {string} id @param {string} text */

@@ -97,3 +97,16 @@ def test_a_phone_without_a_network_keeps_its_language(phone: Any) -> None:
     phone.page.reload()
     phone.wait_for_text("h1:visible", TITLE["de"])
     choose(phone, "en")
+
+
+@pytest.mark.parametrize(
+    ("address", "title"),
+    [("/trust", "Diesem Server vertrauen"), ("/no/such/page", "Diese Seite gibt es nicht")],
+)
+def test_pages_beside_the_walk_in_german(phone: Any, address: str, title: str) -> None:
+    phone.open()
+    page = phone.page
+    page.set_viewport_size({"width": 320, "height": 640})
+    page.evaluate("address => { location.href = new URL(address, location.origin).href; }", address)
+    phone.wait_for_text("h1:visible", title)
+    check_view(phone)

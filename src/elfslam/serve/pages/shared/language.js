@@ -9,6 +9,8 @@
   /** Whatever goes wrong, the page is shown after so long. */
   const PATIENCE_MS = 8000;
   const root = document.documentElement;
+  /** The page of unknown addresses may be anywhere: what is fetched lies beside this script. */
+  const here = /** @type {HTMLScriptElement} */ (document.currentScript).src;
 
   /** What was chosen here before; a browser that keeps nothing has chosen nothing. */
   function chosenBefore() {
@@ -38,7 +40,7 @@
   /** Null where it cannot be had: the page then speaks English. @returns {Promise<Record<string, string> | null>} */
   async function fetched() {
     try {
-      const answer = await fetch(new URL(`words/${language}.json`, document.baseURI));
+      const answer = await fetch(new URL(`../words/${language}.json`, here));
       return answer.ok ? await answer.json() : null;
     } catch {
       return null;
