@@ -67,7 +67,7 @@ function told(languages, remembered, isClosed = false) {
   const asked = [];
   const kept = new Map(remembered === null ? [] : [["elfslam-language", remembered]]);
   const page = {
-    document: { documentElement: { lang: "en", dataset: {} }, baseURI: "https://here/desk" },
+    document: { documentElement: { lang: "en", dataset: {} }, currentScript: { src: "https://here/shared/language.js" } },
     navigator: { languages },
     localStorage: {
       getItem: (/** @type {string} */ name) => (isClosed ? refuse() : kept.get(name) ?? null),

@@ -34,7 +34,7 @@ def points_of(page: Any, asked: Any, map_id: str) -> list[dict[str, Any]]:
 def name_it(page: Any, name: str, kind: str) -> None:
     page.get_by_label("Name", exact=True).fill(name)
     page.get_by_label("Kind").select_option(label=kind)
-    page.get_by_role("button", name="Save").click()
+    page.get_by_role("dialog").get_by_role("button", name="Save").click()
     page.locator(".points li", has_text=name).wait_for()
 
 
@@ -94,7 +94,7 @@ def test_what_somebody_else_named_meanwhile_is_shown_and_kept(
     page.get_by_role("button", name="Name a place").click()
     page.get_by_role("button", name="Type where it is").click()
     page.get_by_label("Name", exact=True).fill("Mine")
-    page.get_by_role("button", name="Save").click()
+    page.get_by_role("dialog").get_by_role("button", name="Save").click()
     page.get_by_text("somebody else changed these places meanwhile").wait_for()
     page.locator(".points li", has_text="Their door").wait_for()
     assert points_of(page, asked, map_id) == [theirs]

@@ -68,7 +68,7 @@ function earthForm(path) {
 /** @param {string} path of the map */
 function webhooks(path) {
   const list = h("ul", { class: "hooks" });
-  const url = h("input", { type: "url", name: "webhook", required: true, maxlength: 2000, placeholder: "https://example.org/positions", autocomplete: "off" });
+  const url = h("input", { type: "url", name: "webhook", required: true, maxlength: 2000, placeholder: "https://…", autocomplete: "off" });
   const form = h("form", { class: "stack tight" },
     h("label", { class: "field" }, h("span", null, t("Post positions to this address")), url),
     h("div", { class: "row" }, h("button", { type: "submit", class: "button small" }, icon("plus"), t("Add a webhook"))));
