@@ -11,8 +11,8 @@ PATIENCE_S = 120.0
 
 
 def nap() -> None:
-    """Let others work."""
-    time.sleep(0.02)
+    """Let others work; who asks a server so is below the 30 requests a second that it allows."""
+    time.sleep(0.05)
 
 
 def until(
