@@ -13,6 +13,7 @@ from starlette.testclient import TestClient
 from elfslam.base.values import FloorMap
 from elfslam.serve.jobs.results import _common_place
 from elfslam.serve.maps.exports import ExportOptions, placed
+from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.services import Services
 from elfslam.serve.store import derived
 from elfslam.serve.store.database import Map
@@ -147,7 +148,7 @@ def test_phones_are_told_where_a_map_lies(
 
 def test_what_a_map_knows_of_its_venue_need_not_be_told_to_an_export() -> None:
     found = Map(venue="Mall", floor="Basement")
-    told = placed(ExportOptions(category="retail"), found)
+    told = placed(ExportOptions(category="retail"), found, None)
     assert (told.name, told.level, told.ordinal, told.category) == (
         "Mall",
         "Basement",
@@ -155,8 +156,15 @@ def test_what_a_map_knows_of_its_venue_need_not_be_told_to_an_export() -> None:
         "retail",
     )
     asked = ExportOptions(name="Other", level="Top", ordinal=9)
-    assert placed(asked, found) == asked
-    assert placed(ExportOptions(), Map()) == ExportOptions()
+    assert placed(asked, found, None) == asked
+    assert placed(ExportOptions(), Map(), None) == ExportOptions()
+
+
+def test_where_a_map_lies_need_not_be_told_to_an_export() -> None:
+    origin = MapOrigin(latitude_deg=47.3769, longitude_deg=-8.5417, bearing_deg=20)
+    assert placed(ExportOptions(), Map(), origin).origin == "47.3769,-8.5417,20.0"
+    asked = ExportOptions(origin="1,2")
+    assert placed(asked, Map(), origin) == asked
 
 
 def test_maps_of_one_floor_are_merged_on_it() -> None:

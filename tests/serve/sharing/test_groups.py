@@ -10,7 +10,7 @@ from starlette.testclient import TestClient
 
 from elfslam.serve.services import Services
 from elfslam.serve.sharing import groups
-from elfslam.serve.sharing.tables import Group, GroupMember, MapGroupShare
+from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, UserGroup
 from elfslam.serve.store.database import reading
 from elfslam.serve.store.holdings import delete_user
 
@@ -90,7 +90,7 @@ def test_a_deleted_group_shares_nothing_any_more(
     assert ada.delete(f"/api/groups/{group['id']}").status_code == 204
     assert ids(eve) == []
     with reading(services.sessions) as session:
-        for table in (Group, GroupMember, MapGroupShare):
+        for table in (UserGroup, GroupMember, MapGroupShare):
             assert session.query(table).count() == 0
 
 
@@ -104,7 +104,7 @@ def test_who_is_deleted_leaves_groups_and_takes_their_own_along(
     [left] = ada.get("/api/groups").json()
     assert (left["name"], left["members"]) == ("Guards", [])
     with reading(services.sessions) as session:
-        assert session.query(Group).count() == 1
+        assert session.query(UserGroup).count() == 1
 
 
 def test_who_takes_a_map_off_their_list_leaves_its_groups(let_in: LetIn, put_map: PutMap) -> None:

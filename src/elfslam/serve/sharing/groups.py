@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.services import Here
-from elfslam.serve.sharing.tables import Group, GroupMember
+from elfslam.serve.sharing.tables import GroupMember, UserGroup
 from elfslam.serve.store.database import User, reading, transaction
 from elfslam.serve.texts import Line
 
@@ -47,7 +47,11 @@ class GivenGroup(BaseModel):
 def list_groups(user: Me, services: Here) -> list[GroupBody]:
     """Your groups by name; of others' nobody is told."""
     with reading(services.sessions) as session:
-        mine = select(Group).where(Group.user_id == user.id).order_by(Group.name, Group.id)
+        mine = (
+            select(UserGroup)
+            .where(UserGroup.user_id == user.id)
+            .order_by(UserGroup.name, UserGroup.id)
+        )
         return [_body(session, each) for each in session.scalars(mine)]
 
 
@@ -55,10 +59,10 @@ def list_groups(user: Me, services: Here) -> list[GroupBody]:
 def make_group(given: GivenGroup, user: Me, services: Here) -> GroupBody:
     """Make a group of people of this server."""
     with transaction(services.sessions) as session:
-        count = select(func.count()).select_from(Group).where(Group.user_id == user.id)
+        count = select(func.count()).select_from(UserGroup).where(UserGroup.user_id == user.id)
         if (session.scalar(count) or 0) >= MOST_GROUPS:
             raise Problem(409, f"you have {MOST_GROUPS} groups already; delete one first")
-        made = Group(user_id=user.id, name=given.name)
+        made = UserGroup(user_id=user.id, name=given.name)
         session.add(made)
         session.flush()
         return _filled(session, made, given)
@@ -82,14 +86,14 @@ def delete_group(group_id: str, user: Me, services: Here) -> Response:
     return Response(status_code=204)
 
 
-def _mine(session: Session, user: User, group_id: str) -> Group:
-    found = session.get(Group, known_id(group_id, "group"), with_for_update=True)
+def _mine(session: Session, user: User, group_id: str) -> UserGroup:
+    found = session.get(UserGroup, known_id(group_id, "group"), with_for_update=True)
     if found is None or found.user_id != user.id:
         raise not_found("group")
     return found
 
 
-def _filled(session: Session, group: Group, given: GivenGroup) -> GroupBody:
+def _filled(session: Session, group: UserGroup, given: GivenGroup) -> GroupBody:
     """The group with these members. Raises Problem 404 where one is nobody here."""
     wanted = set(given.members)
     here = set(session.scalars(select(User.id).where(User.id.in_(wanted))))
@@ -100,7 +104,7 @@ def _filled(session: Session, group: Group, given: GivenGroup) -> GroupBody:
     return _body(session, group)
 
 
-def _body(session: Session, group: Group) -> GroupBody:
+def _body(session: Session, group: UserGroup) -> GroupBody:
     people = select(User.id, User.name).join(GroupMember, GroupMember.user_id == User.id)
     rows = session.execute(
         people.where(GroupMember.group_id == group.id).order_by(User.name, User.id)

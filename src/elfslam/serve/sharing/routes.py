@@ -25,12 +25,12 @@ from elfslam.serve.sharing.rights import (
     opens,
 )
 from elfslam.serve.sharing.tables import (
-    Group,
     GroupMember,
     MapGroupShare,
     MapLink,
     MapShare,
     Shared,
+    UserGroup,
 )
 from elfslam.serve.store.database import Map, User, reading, transaction
 
@@ -146,7 +146,7 @@ def share_map_with_group(
     """Share one of your maps with one of your groups, or change what those in it may."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN, lock=True)
-        group = session.get(Group, known_id(group_id, "group"), with_for_update=True)
+        group = session.get(UserGroup, known_id(group_id, "group"), with_for_update=True)
         if group is None or group.user_id != found.user_id:
             raise not_found("group")
         session.merge(MapGroupShare(map_id=found.id, group_id=group.id, may=given.may))
@@ -219,9 +219,9 @@ def open_link(given: GivenLink, services: Here, response: Response) -> OpenedLin
 def _shares(services: Services, session: Session, found: Map, request: Request) -> SharesBody:
     people = select(User.id, User.name, MapShare.may).join(MapShare, MapShare.user_id == User.id)
     rows = session.execute(people.where(MapShare.map_id == found.id).order_by(User.name, User.id))
-    shared = select(Group.id, Group.name, MapGroupShare.may).join(MapGroupShare)
+    shared = select(UserGroup.id, UserGroup.name, MapGroupShare.may).join(MapGroupShare)
     grouped = session.execute(
-        shared.where(MapGroupShare.map_id == found.id).order_by(Group.name, Group.id)
+        shared.where(MapGroupShare.map_id == found.id).order_by(UserGroup.name, UserGroup.id)
     )
     link = session.get(MapLink, found.id)
     told = None if link is None else LinkBody(url=_url(services, link, request), may=link.may)

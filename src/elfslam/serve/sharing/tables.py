@@ -26,7 +26,7 @@ class MapShare(Base):
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
 
 
-class Group(Base):
+class UserGroup(Base):
     """Some people with whom somebody shares maps at once; its name is theirs alone."""
 
     __tablename__ = "user_groups"
