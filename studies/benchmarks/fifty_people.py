@@ -2,8 +2,8 @@
 
 Usage, from the root of the project:
 
-    python -m studies.benchmarks.fifty_people [--people 50] [--listeners 10] [--seconds 20]
-        [--pause 5]
+    python -m studies.benchmarks.fifty_people [--people 50] [--listeners 10] [--seconds 30]
+        [--pause 30]
 
 The server is a process of its own, on loopback; all people are in this process. Everybody posts
 two positions a second, each in a request of its own, and every `--pause` seconds shares their map
@@ -230,9 +230,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--people", type=int, default=50)
     parser.add_argument("--listeners", type=int, default=10)
-    parser.add_argument("--seconds", type=float, default=20.0)
+    parser.add_argument("--seconds", type=float, default=30.0)
     parser.add_argument(
-        "--pause", type=float, default=5.0, help="s between shares; 0 shares nothing"
+        "--pause", type=float, default=30.0, help="s between shares; 0 shares nothing"
     )
     parser.add_argument("--json", action="store_true")
     known = parser.parse_args()
