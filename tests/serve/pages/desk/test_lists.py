@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from elfslam.serve.store.database import JobKind, JobState
+from tests.serve.pages.desk.conftest import PATIENCE_MS
 
 Open = Callable[..., Any]
 NOBODY = "0" * 32
@@ -171,6 +172,7 @@ def test_somebody_else_sees_nothing_of_it(
 
 def test_without_a_token_there_is_a_door_and_no_more(person: Any, browser: Any) -> None:
     context = browser.new_context()
+    context.set_default_timeout(PATIENCE_MS)
     page = context.new_page()
     page.goto(f"{person.origin}/desk#token=wrong")
     page.get_by_text("This browser is not paired").wait_for()
