@@ -17,7 +17,7 @@ from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import walk_in
-from elfslam.data.points_of_interest import read_points
+from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import write_run
 from elfslam.line.feature import load_encoder
 from elfslam.slam.merging import MergeParameters

@@ -13,10 +13,12 @@ import pytest
 
 from elfslam.app.superimpose import drawn
 from elfslam.base.geometry import interpolate_poses
+from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import ECHO_SAMPLES, FixStatus
 from elfslam.cli.app import run
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.map_files import read_map
+from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import write_run
 from elfslam.learn.parameters import FloorLevelParameters
@@ -27,6 +29,7 @@ from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
 
+DOOR = (PointOfInterest("Door", PointKind.DOOR, 1.0, 2.0),)
 Command = Callable[..., tuple[int, str]]
 FEW = ("--set", "floor_level.steps=4", "--set", "floor_level.opening_batches=1")
 
@@ -53,10 +56,12 @@ def test_a_map_of_means_locates_without_headings_and_with_its_own_encoder(
     floor: Path, tmp_path: Path, elfslam: Command
 ) -> None:
     out, fixes = tmp_path / "out", tmp_path / "fixes.csv"
+    write_points(DOOR, floor / "map")
     code, said = elfslam("superimpose", floor / "map", out)
     assert (code, "spots for all headings" in said) == (0, True)
     before, made = read_map(floor / "map"), read_map(out)
     assert len(made.xy_m) < 0.8 * len(before.xy_m)
+    assert read_points(out) == DOOR
     assert made.sources == before.sources == ("there", "back")
     assert (out / "encoder.onnx").read_bytes() == (floor / "map" / "encoder.onnx").read_bytes()
     assert 10_000 < (out / "report.html").stat().st_size < 500_000

@@ -203,6 +203,20 @@ def test_places_named_by_hand_close_loops(walk: tuple[Recording, Truth]) -> None
     tied = run.trajectory.world_from_body[[5, again], :2]
     loose = plain.trajectory.world_from_body[[5, again], :2]
     assert np.linalg.norm(np.diff(tied, axis=0)) < np.linalg.norm(np.diff(loose, axis=0))
+    [door] = run.points_of_interest
+    npt.assert_allclose((door.x_m, door.y_m), tied.mean(axis=0))
+    assert door.name == "Door"
+    assert plain.points_of_interest == ()
+
+
+def test_places_named_by_hand_are_on_the_map_of_echoes(
+    recording: Recording, encoder: Encoder, run: Run
+) -> None:
+    told = Checkpoints(run.odometry.t_s[[5]], ("Door",))
+    made = map_by_echoes(dataclasses.replace(recording, checkpoints=told), encoder, PARAMETERS)
+    [door] = made.points_of_interest
+    place = made.trajectory.world_from_body[5, :2]
+    npt.assert_allclose((door.x_m, door.y_m), place)
 
 
 def test_a_walk_is_located_in_its_own_map(recording: Recording, encoder: Encoder, run: Run) -> None:

@@ -23,7 +23,7 @@ from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
 from elfslam.data.imdf import Venue, write_imdf
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.parquet_files import write_parquet
-from elfslam.data.points_of_interest import read_points
+from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.ros_map import write_ros_map
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table

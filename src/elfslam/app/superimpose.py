@@ -19,7 +19,7 @@ from elfslam.base.values import ELF_SIZE, FloorMap
 from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, SUPERIMPOSED, fill_merged, is_superimposed, walk_in
-from elfslam.data.points_of_interest import read_points
+from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.line.feature import Encoder, OnnxEncoder

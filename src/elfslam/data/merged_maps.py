@@ -14,7 +14,7 @@ from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER, read_object
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.points_of_interest import write_points
+from elfslam.data.points_of_interest_files import write_points
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.line.quality import MapQuality
 

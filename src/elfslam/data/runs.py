@@ -28,7 +28,7 @@ from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import AS_PHONE, MAP, read_map, write_map
 from elfslam.data.npz import check_covariances, read_npz, write_npz
-from elfslam.data.points_of_interest import read_points, write_points
+from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES

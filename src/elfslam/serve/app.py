@@ -19,8 +19,7 @@ from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
 from elfslam.serve.maps import changing as map_changing
 from elfslam.serve.maps import floor_plans as floor_plan_routes
-from elfslam.serve.maps import package_routes
-from elfslam.serve.maps import points_of_interest as point_routes
+from elfslam.serve.maps import package_routes, point_routes
 from elfslam.serve.maps import routes as map_routes
 from elfslam.serve.page_routes import install_pages
 from elfslam.serve.people import pairing, users

@@ -22,7 +22,7 @@ from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.tiles import encoder_identity, stretches_of, tiles_of
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
-from elfslam.serve.maps.points_of_interest import points_of
+from elfslam.serve.maps.point_routes import points_of
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings

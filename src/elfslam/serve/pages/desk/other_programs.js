@@ -6,6 +6,7 @@ import { confirmDelete, orSay, showPerson } from "./dialogs.js";
 import { h } from "../shared/dom.js";
 import { formatNumber } from "../shared/format.js";
 import { icon } from "../shared/icons.js";
+import { smallButton } from "./parts.js";
 import { part } from "./viewer/panel.js";
 import { counted, t, translated } from "../shared/words.js";
 
@@ -82,10 +83,9 @@ function webhooks(path) {
 
   /** @param {Webhook} hook */
   function row({ id, url: to, delivered, dropped, last_error: why }) {
-    const words = t("Delete {{name}}", { name: to });
     const told = [counted(delivered, "{{count, number}} delivered", "{{count, number}} delivered"), dropped > 0 && t("{{number}} dropped", { number: formatNumber(dropped, 0) }), why && translated(why)];
     return h("li", null, h("span", null, to, h("small", null, ` ${told.filter(Boolean).join(" · ")}`)),
-      h("button", { type: "button", class: "button icon small danger", "aria-label": words, title: words, click: () => remove(id, to) }, icon("trash")));
+      smallButton("trash", t("Delete {{name}}", { name: to }), () => remove(id, to), "danger"));
   }
 
   /** @param {string} id @param {string} to */

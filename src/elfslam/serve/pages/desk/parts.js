@@ -52,6 +52,12 @@ export function iconButton(picture, action, id, label, kind = "") {
   return h("button", { type: "button", class: `button icon ${kind}`.trim(), "data-action": action, "data-id": id, "aria-label": label, title: label }, icon(picture));
 }
 
+/** A small button of a picture that does something. @param {Parameters<typeof icon>[0]} picture @param {string} label
+ * @param {() => unknown} click @param {string} [kind] */
+export function smallButton(picture, label, click, kind = "") {
+  return h("button", { type: "button", class: `button icon small ${kind}`.trim(), "aria-label": label, title: label, click }, icon(picture));
+}
+
 /** @param {{loaded: boolean}} known @param {Parameters<typeof icon>[0]} picture @param {string} title
  * @param {any} words */
 export function emptyPage(known, picture, title, words) {

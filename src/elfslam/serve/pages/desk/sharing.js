@@ -6,6 +6,7 @@ import { askPerson, orSay, showPerson } from "./dialogs.js";
 import { askGroup, deleteGroup, loadGroups, sizeOf } from "./groups.js";
 import { h } from "../shared/dom.js";
 import { icon } from "../shared/icons.js";
+import { smallButton } from "./parts.js";
 import { byName } from "../shared/places.js";
 import { counted, t } from "../shared/words.js";
 
@@ -101,10 +102,8 @@ function groupPart(path, people, groups, shares, save) {
       if (well) has.set(id, may);
       return well;
     };
-    const button = (/** @type {"edit" | "trash"} */ picture, /** @type {string} */ words, /** @type {() => void} */ click, danger = "") =>
-      h("button", { type: "button", class: `button icon small ${danger}`.trim(), "aria-label": words, title: words, click }, icon(picture));
     return h("li", null, h("span", null, name, h("small", null, ` ${sizeOf(group)}`)),
-      button("edit", t("Change {{name}}", { name }), () => change(group)), button("trash", t("Delete {{name}}", { name }), () => remove(group), "danger"),
+      smallButton("edit", t("Change {{name}}", { name }), () => change(group)), smallButton("trash", t("Delete {{name}}", { name }), () => remove(group), "danger"),
       mayField(t("What {{name}} may do", { name }), has.get(id) ?? "", t("No access"), set));
   }
 

@@ -4,6 +4,7 @@
 import { askJson, Problem } from "../api.js";
 import { field } from "../asking.js";
 import { askPerson, confirmDelete, orSay } from "../dialogs.js";
+import { smallButton } from "../parts.js";
 import { h } from "../../shared/dom.js";
 import { icon } from "../../shared/icons.js";
 import { KIND_WORDS } from "../../shared/map/points_of_interest.js";
@@ -84,10 +85,8 @@ export function pointsOf(mapId, state, { canEdit, redraw, changed }) {
   /** @param {PointOfInterest} point */
   function row(point) {
     const { name, kind } = point;
-    const small = (/** @type {"edit" | "trash"} */ picture, /** @type {string} */ words, /** @type {() => void} */ click, danger = "") =>
-      h("button", { type: "button", class: `button icon small ${danger}`.trim(), "aria-label": words, title: words, click }, icon(picture));
     const line = h("li", null, h("span", null, name, h("small", null, ` ${KIND_WORDS[kind]}`)),
-      canEdit() && [small("edit", t("Change {{name}}", { name }), () => edit(point)), small("trash", t("Delete {{name}}", { name }), () => remove(point), "danger")]);
+      canEdit() && [smallButton("edit", t("Change {{name}}", { name }), () => edit(point)), smallButton("trash", t("Delete {{name}}", { name }), () => remove(point), "danger")]);
     const stand = (/** @type {PointOfInterest | null} */ chosen) => () => {
       state.point = chosen;
       redraw();

@@ -9,7 +9,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy.orm import Session
 
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.data.points_of_interest import (
+from elfslam.data.points_of_interest_files import (
     FARTHEST_M,
     LONGEST_NAME,
     MOST,

@@ -10,7 +10,7 @@ import pytest
 from elfslam.base.geometry import compose
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Trajectory
-from elfslam.line.points_of_interest import carried, gathered
+from elfslam.line.carried_points import carried, gathered
 
 DOOR = PointOfInterest("Door", PointKind.DOOR, 2.0, 1.0)
 COUNT = 5

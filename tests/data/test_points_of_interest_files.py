@@ -8,7 +8,12 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.data.points_of_interest import MOST, POINTS_OF_INTEREST, read_points, write_points
+from elfslam.data.points_of_interest_files import (
+    MOST,
+    POINTS_OF_INTEREST,
+    read_points,
+    write_points,
+)
 
 
 def test_points_come_back_as_they_were(tmp_path: Path) -> None:
