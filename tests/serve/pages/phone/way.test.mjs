@@ -74,15 +74,15 @@ test("which way, as the walker faces", () => {
   assert.match(said(NaN), /east on the map$/);
 });
 
-test("the turn is that of the way, not of the wall between", () => {
+test("the straight line and the way round a wall are both told, each with its turn", () => {
   const goal = [0, 1];
   const way = wayFrom(waysTo(walkedGroundOf(U_TURN), goal), [4, 0]);
-  assert.match(wayWords("Desk", fixAt([4, 0]), way, goal), /straight ahead$/);
+  assert.match(wayWords("Desk", fixAt([4, 0]), way, goal), /^Desk: 4.1\u00a0m, behind you; along walked ground 17\u00a0m, first straight ahead$/);
 });
 
 test("who stands behind the wall is not there yet", () => {
   const way = wayFrom(waysTo(walkedGroundOf(U_TURN), [2, 1]), [2, 0]);
-  assert.match(wayWords("Desk", fixAt([2, 0]), way, [2, 1]), /^Desk: 17\u00a0m/);
+  assert.match(wayWords("Desk", fixAt([2, 0]), way, [2, 1]), /^Desk: 1.0\u00a0m, to the left; along walked ground 17\u00a0m, first straight ahead$/);
 });
 
 test("what is not known is not told", () => {

@@ -18,7 +18,11 @@ const TURNS = [
   t("to the right"), t("half right"),
 ];
 
+/** A way that is hardly longer than the straight line is told as one. */
+const STRAIGHT = 1.15;
+
 /**
+ * The straight line is the least that it can be, the walked way leads there for sure; the shortest is between.
  * @param {string} name @param {Fix | null} fix the latest @param {Way | null} way from there; null where no walk
  * leads @param {Point} goal_m
  */
@@ -26,9 +30,11 @@ export function wayWords(name, fix, way, goal_m) {
   if (!fix?.xyM || fix.status !== "OK") return t("{{name}}: told once your place is known", { name });
   const straight_m = between(fix.xyM, goal_m);
   if ((way?.length_m ?? straight_m) <= THERE_M) return t("{{name}}: you are there", { name });
-  const towards = direction(fix, way ? pointAlong(way.line, AHEAD_M) : goal_m);
-  if (way) return t("{{name}}: {{distance}}, {{towards}}", { name, distance: within(way.length_m), towards });
-  return t("{{name}}: {{distance}} in a straight line, {{towards}}; nobody walked all the way", { name, distance: within(straight_m), towards });
+  const told = { name, distance: within(straight_m), towards: direction(fix, goal_m) };
+  if (!way) return t("{{name}}: {{distance}} in a straight line, {{towards}}; nobody walked all the way", told);
+  const first = direction(fix, pointAlong(way.line, AHEAD_M));
+  if (way.length_m <= STRAIGHT * straight_m && first === told.towards) return t("{{name}}: {{distance}}, {{towards}}", told);
+  return t("{{name}}: {{distance}}, {{towards}}; along walked ground {{along}}, first {{first}}", { ...told, along: within(way.length_m), first });
 }
 
 /** As the walker faces, or on the map where that is not known. @param {Fix} fix @param {Point} to_m */
