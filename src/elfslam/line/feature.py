@@ -25,7 +25,7 @@ BINS = 12
 """Bins 33 to 44 of a 96-point window at 44.1 kHz: 15.2 to 20.2 kHz."""
 QUIET = 1e-7
 """Added to magnitudes before the logarithm, so that silence has one."""
-BATCH = 256
+BATCH = 64
 BATCH_S = 60.0
 """The slowest machine does a batch in a second."""
 BATCH_TICKS = 20
@@ -87,6 +87,8 @@ class OnnxEncoder:
         _bound_memory()
         options = onnxruntime.SessionOptions()
         options.log_severity_level = SILENT
+        # Of two threads the second costs as much as it saves.
+        options.intra_op_num_threads = 1
         for entry in SESSION:
             options.add_session_config_entry(entry, "1")
         self.content, self.name, self._batch_s = content, name, batch_s
