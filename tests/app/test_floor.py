@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -13,11 +14,12 @@ import pytest
 
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import FixStatus
+from elfslam.base.values import Checkpoints, FixStatus
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.importing import Imported, declared_start
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.data.map_files import read_map
+from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.scoring.truth import read_truth
 
@@ -60,6 +62,25 @@ def test_walks_become_a_map_with_its_angle_and_the_declared_starts(
         assert np.linalg.norm(first - declared[:2]) < 3.0
         assert np.isnan(declared[2])
     assert (floor / "report.html").is_file()
+
+
+def test_a_place_that_a_walker_named_is_in_the_map(
+    walks: Path, tmp_path: Path, elfslam: Command
+) -> None:
+    for number in range(2):
+        place = tmp_path / "walks" / f"walk{number}"
+        shutil.copytree(walks / "walks" / f"walk{number}", place)
+    recording = read_recording(tmp_path / "walks" / "walk1")
+    assert recording.imu is not None
+    named = Checkpoints(recording.imu.t_s[-1:], ("Way out",))
+    shutil.rmtree(tmp_path / "walks" / "walk1")
+    write_recording(replace(recording, checkpoints=named), tmp_path / "walks" / "walk1")
+    code, said = elfslam("merge", "--by", "wifi", tmp_path / "walks", tmp_path / "floor")
+    assert code == 0, said
+    (point,) = read_points(tmp_path / "floor")
+    assert point.name == "Way out"
+    walked = np.loadtxt(tmp_path / "floor" / "trajectories" / "walk1.tum")
+    np.testing.assert_allclose((point.x_m, point.y_m), walked[-1, 1:3], atol=1e-3)
 
 
 @pytest.mark.parametrize("mode", list(Mode))

@@ -14,8 +14,9 @@ from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality, Mode
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
-from elfslam.base.values import Fixes, FloorMap, Recording
+from elfslam.base.values import Fixes, FloorMap, Recording, Trajectory
 from elfslam.baselines.floor_places import floor_places, locate_on_floor
 from elfslam.baselines.floor_walks import (
     FloorParameters,
@@ -31,6 +32,8 @@ from elfslam.data.facts import read_object
 from elfslam.data.folders import new_folder, refuse_occupied
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.recordings import read_recording
+from elfslam.line.carried_points import gathered
+from elfslam.line.checkpoints import CheckpointParameters, places_visited
 from elfslam.line.quality import map_quality
 
 NORTH = "magnetic_north_rad"
@@ -88,8 +91,11 @@ def merge_by_field(
         "parameters": as_dict(settings),
     }
     known = dict(zip(made.sources, trajectories, strict=True))
+    named = _named(headed, trajectories, settings.checkpoint)
     with new_folder(out, replaces=MERGED if overwrite else None) as partial:
-        fill_merged(partial, made, quality, known, facts=facts, encoder=None)
+        fill_merged(
+            partial, made, quality, known, facts=facts, encoder=None, points_of_interest=named
+        )
         write_merged_report(partial / "report.html", made, quality, [], refused)
     return FieldFloor(made, turn, joined, refused)
 
@@ -163,6 +169,21 @@ def _walks(
         name, reason = next(iter(refused.items()))
         raise NoAnswerError(f"merge: no walk could be merged; {name}: {reason}")
     return walks, refused
+
+
+def _named(
+    walks: Sequence[FloorWalk],
+    trajectories: Sequence[Trajectory],
+    parameters: CheckpointParameters,
+) -> list[PointOfInterest]:
+    """The places that the walkers named, in the frame of the floor."""
+    return gathered(
+        [
+            point
+            for walk, trajectory in zip(walks, trajectories, strict=True)
+            for point in places_visited(walk.recording.checkpoints, trajectory, parameters)
+        ]
+    )
 
 
 def _refuse_unusable(recording: Recording, by: Collection[Modality], *, alone: bool) -> None:
