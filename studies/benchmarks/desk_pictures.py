@@ -26,6 +26,8 @@ import numpy as np
 from PIL import Image, ImageDraw
 from playwright.sync_api import Browser, Page, sync_playwright
 
+from elfslam.base.arrays import F64
+from elfslam.base.geometry import compose
 from elfslam.base.values import Truth
 from elfslam.data.recordings import write_recording
 from elfslam.world import worlds
@@ -36,6 +38,12 @@ WORLD = "studio"
 WALKS = {"First walk": (100, 3), "Second walk": (101, 3), "Third walk": (102, 3)}
 VISITOR = ("A visitor", (200, 1))
 VENUE, FLOORS = "North Mall", ("Ground floor", "Floor 1")
+PLACES = {
+    "Way in": ("door", 1.2, 1.0),
+    "Stairs": ("stairs", 6.9, 5.6),
+    "Desk": ("room", 5.4, 4.9),
+}
+"""By name their kind, and where they are in the world."""
 ME, OTHERS = "Ada", ("Eve", "The facility team")
 PIXELS_PER_M = 80
 COLOURS = 256
@@ -75,7 +83,7 @@ def fill(client: httpx.Client) -> str:
     recordings = client.get("/api/recordings").json()
     visitor = next(each["id"] for each in recordings if each["name"] == VISITOR[0])
     start(client, {"kind": "locate", "recording": visitor, "map": floor})
-    put_plan(client, floor, truths)
+    name_places(client, floor, put_plan(client, floor, truths))
     share(client, floor)
     wait(client)
     first = next(each["id"] for each in recordings if each["name"] in WALKS)
@@ -140,10 +148,8 @@ def wait(client: httpx.Client) -> None:
     raise SystemExit("the jobs take too long")
 
 
-def put_plan(
-    client: httpx.Client, floor: str, truths: dict[str, Truth], world: str = WORLD
-) -> None:
-    """Draw the world's plan and lay it where the walks say that it lies."""
+def put_plan(client: httpx.Client, floor: str, truths: dict[str, Truth], world: str = WORLD) -> F64:
+    """Draw the world's plan and lay it where the walks say that it lies; gives that pose."""
     plan, width_m = plan_of(world)
     address, kind = f"/api/maps/{floor}/floor-plan", {"Content-Type": "image/png"}
     client.put(address, content=plan, headers=kind).raise_for_status()
@@ -157,6 +163,17 @@ def put_plan(
         "opacity": 0.7,
     }
     client.put(f"{address}/placement", json=placement).raise_for_status()
+    return np.array([x_m, y_m, heading_rad])
+
+
+def name_places(client: httpx.Client, floor: str, map_from_world: F64) -> None:
+    """Give places of the world their names on its map."""
+    named = []
+    for name, (kind, *where_m) in PLACES.items():
+        x_m, y_m, _ = compose(map_from_world, np.array([*where_m, 0.0])).tolist()
+        named.append({"name": name, "kind": kind, "x_m": x_m, "y_m": y_m})
+    change = {"version": "", "points": named}
+    client.put(f"/api/maps/{floor}/points-of-interest", json=change).raise_for_status()
 
 
 def where(walks: list[dict[str, Any]], truths: dict[str, Truth]) -> tuple[float, float, float]:
