@@ -78,10 +78,16 @@ def test_the_probe_says_in_words_what_the_phone_can_do(phone: Any) -> None:
     said = phone.allow()
     checks = phone.page.locator("#checks li")
     verdicts = [checks.nth(k).get_attribute("data-verdict") for k in range(checks.count())]
-    assert (said, verdicts) == ("This phone can do it.", ["pass"] * 7)
+    # How steadily a machine plays and records that has other work is not the page's doing.
+    steadiness = verdicts.pop(4)
+    assert verdicts == ["pass"] * 6
+    if steadiness == "pass":
+        assert said == "This phone can do it."
+        assert "20 of 20" in checks.nth(4).inner_text()
+    else:
+        assert (steadiness, said) == ("doubt", "This phone may do it. In doubt: steady timing.")
     assert "44.1 kHz" in checks.nth(0).inner_text()
     assert "are off" in checks.nth(1).inner_text()
-    assert "20 of 20" in checks.nth(4).inner_text()
     assert "9.8 m/s²" in checks.nth(5).inner_text()
     assert phone.page.locator("#bands strong").count() == 5
 
