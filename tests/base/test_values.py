@@ -25,7 +25,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
     ),
     "Orientation": lambda: values.Orientation(T_S, UNIT),
     "Emr": lambda: values.Emr(T_S, np.zeros((3, 5))),
-    "Checkpoints": lambda: values.Checkpoints(T_S, ("a", "b", "a")),
+    "Checkpoints": lambda: values.Checkpoints(T_S, ("a", "b", "a"), np.zeros((3, 2))),
     "Odometry": lambda: values.Odometry(T_S, np.zeros((3, 3)), np.ones((2, 3))),
     "Truth": lambda: values.Truth(T_S, np.full((3, 3), np.nan)),
     "Echoes": lambda: values.Echoes(T_S, np.zeros((3, ECHO_SAMPLES)), np.zeros((0, 2))),
@@ -59,6 +59,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
     ),
 }
 NAN_ALLOWED = {
+    "Checkpoints.xy_m",
     "WifiScans.rssi_dbm",
     "WifiScans.age_s",
     "FrameFacts.late_s",

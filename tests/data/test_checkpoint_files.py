@@ -21,6 +21,22 @@ def test_names_come_back_as_they_were(tmp_path: Path) -> None:
     np.testing.assert_allclose(read.t_s, told.t_s)
 
 
+def test_places_on_a_plan_come_back_and_others_stay_without(tmp_path: Path) -> None:
+    xy_m = np.array([[3.25, -7.5], [np.nan, np.nan]])
+    write_checkpoints(Checkpoints(np.array([1.0, 2.0]), ("Door", "Stairs"), xy_m), tmp_path)
+    assert (tmp_path / CHECKPOINTS).read_text().splitlines()[2] == "2.000,Stairs,,"
+    read = read_checkpoints(tmp_path)
+    assert read is not None
+    np.testing.assert_array_equal(read.xy_m, xy_m)
+
+
+def test_they_are_on_no_plan_where_nobody_tapped(tmp_path: Path) -> None:
+    (tmp_path / CHECKPOINTS).write_text("t_s,name,x_m,y_m\n1,Door,,\n")
+    read = read_checkpoints(tmp_path)
+    assert read is not None
+    assert read.xy_m is None
+
+
 def test_a_recording_without_them_has_none(tmp_path: Path) -> None:
     assert read_checkpoints(tmp_path) is None
 
@@ -43,6 +59,9 @@ def test_they_are_in_order_of_time_whoever_wrote_them(tmp_path: Path) -> None:
         ("t_s,name\n1e9,Door\n", "1e+09"),
         ("t_s,name\n3,Door\n1,a\n3,b\n", "two checkpoints at 3.000 s"),
         ("t_s,name\n" + "1,Door\n" * (MOST + 1), f"wanted at most {MOST}"),
+        ("t_s,name,x_m,y_m\n1,Door,3,\n", "row 2 has x_m, y_m '3,', wanted metres for both"),
+        ("t_s,name,x_m,y_m\n1,Door,3,nan\n", "wanted metres for both or for none"),
+        ("t_s,name,x_m,y_m\n1,Door,3,1e9\n", "1e+09 m"),
         ("", "is empty"),
     ],
 )

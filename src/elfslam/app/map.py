@@ -26,6 +26,7 @@ from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
+from elfslam.line.checkpoints import lies_on_plan
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
@@ -107,6 +108,9 @@ def refuse_taken(folder: Path, job: MapJob) -> None:
     refuse_occupied(folder, FACTS if job.overwrite else None)
 
 
+BY_TAPS = "by taps on a floor plan"
+
+
 @dataclass(frozen=True, eq=False)
 class Mapped:
     """A run, the encoder that its map needs, who said which way it heads, what was learnt, and
@@ -143,15 +147,17 @@ def map_recording(recording: Recording, job: MapJob, announce: Announce = silent
         return tuned[-1].encoder
 
     run = _map_one(recording, by, encoder, job.parameters, adapt, announce)
-    heading = _heading_by(recording, job.parameters)
+    heading = _heading_by(recording, run, job.parameters)
     missing = missing_of(recording, run.echoes, job.parameters.motion)
     if tuned:
         return Mapped(run, tuned[-1].encoder, heading, tuned[-1].reason, missing)
     return Mapped(run, encoder, heading, None, missing)
 
 
-def _heading_by(recording: Recording, parameters: Parameters) -> str:
+def _heading_by(recording: Recording, run: Run, parameters: Parameters) -> str:
     """Who says which way a walk heads."""
+    if lies_on_plan(recording.checkpoints, run.trajectory, parameters.checkpoint):
+        return BY_TAPS
     compass = compass_of(recording, parameters)
     if compass is not None:
         return f"by compass, to {np.rad2deg(compass.sigma_rad):.0f} degrees"

@@ -21,8 +21,7 @@ from elfslam.base.points_of_interest import PointOfInterest
 ECHO_RATE_HZ = 44_100
 ECHO_SAMPLES = 2352
 """A 12x48 image needs 96 + 47 * 48 samples (53.3 ms at 44.1 kHz)."""
-DISCARDED_SAMPLES = 485
-"""10 ms of direct path, 1 ms of reflection off the holder's body, at 44.1 kHz."""
+DISCARDED_SAMPLES = 485  # 10 ms of direct path, 1 ms of reflection off the holder's body
 ELF_SIZE = 128
 
 
@@ -90,10 +89,11 @@ class Emr(Value):
 
 @dataclass(frozen=True, eq=False)
 class Checkpoints(Value):
-    """When the walker said at which place they were: one name is one place."""
+    """When the walker said where they were: one name is one place, `xy_m` on the plan (or NaN)."""
 
     t_s: F64 = array("k", increasing=True)
     names: tuple[str, ...]
+    xy_m: F64 | None = array("k", 2, finite=False, optional=True)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,12 +1,14 @@
-"""Checkpoints: places that the walker gave a name close loops by hand, and name the map."""
+"""Checkpoints: places that the walker named close loops and name the map, taps lay it on a plan."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.stats import chi2
 
-from elfslam.base.arrays import F64, I64
+from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.geometry import compose
 from elfslam.base.parameters import parameter
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry, Trajectory
@@ -15,6 +17,15 @@ ANY_HEADING_RAD = 6.0
 """Whoever stands at a door may face anywhere."""
 SURE = 1.0
 """The likeness of a place to itself."""
+ANYWHERE = np.array([1e3, 1e3, np.pi])
+"""Sigmas (m, m, rad) of where a plan's origin is, seen from the first footstep: nobody knows."""
+LEAST_APART_M = 2.0
+"""Two taps nearer to each other say no heading."""
+BEYOND_CHANCE = 0.99
+MOST_PAIRED = 40
+"""So many taps are tried two by two."""
+CLEARLY_OFF, LEAST_OFF_M = 3.0, 1.0
+"""A tap is a slip at first where it is off by so many times what taps are, and that is so much."""
 
 
 @dataclass(frozen=True)
@@ -47,15 +58,7 @@ def closures_at(
         ],
         dtype=np.int64,
     ).reshape(-1, 2)
-    covariance = np.diag(np.square([parameters.sigma_m, parameters.sigma_m, ANY_HEADING_RAD]))
-    count = len(pairs)
-    return Closures(
-        pairs[:, 0],
-        pairs[:, 1],
-        np.full(count, SURE),
-        np.zeros((count, 3)),
-        np.tile(covariance, (count, 1, 1)),
-    )
+    return _known_places(pairs[:, 0], pairs[:, 1], np.zeros((len(pairs), 3)), parameters)
 
 
 def places_visited(
@@ -71,18 +74,113 @@ def places_visited(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class OnPlan:
+    """A walk led by one more pose, the plan's origin, and a closure from there to each tap.
+
+    Those `believed` (k) at first are no slips of the finger.
+    """
+
+    nodes: Odometry
+    closures: Closures
+    believed: Bool
+
+
+def on_plan(
+    checkpoints: Checkpoints | None, nodes: Odometry, parameters: CheckpointParameters
+) -> OnPlan | None:
+    """The walk as seen from the plan that its walker tapped on; None with fewer than two places.
+
+    A pose graph of it has the plan's frame, and bends to what was tapped.
+    """
+    at, xy_m = _taps(checkpoints, nodes.t_s, parameters)
+    found = _laid(nodes.world_from_body[at, :2], xy_m)
+    if found is None:
+        return None
+    frame, off_m = found
+    laid = compose(frame, nodes.world_from_body)
+    led = replace(
+        nodes,
+        t_s=np.concatenate([[nodes.t_s[0] - 1.0], nodes.t_s]),
+        world_from_body=np.vstack([np.zeros((1, 3)), laid]),
+        step_sigma=np.vstack([ANYWHERE, nodes.step_sigma]),
+        # The plan knows how long things are.
+        scale_sigma=0.0,
+    )
+    from_plan = np.column_stack([xy_m, laid[at, 2]])
+    taps = _known_places(np.zeros_like(at), at + 1, from_plan, parameters)
+    return OnPlan(led, taps, off_m <= CLEARLY_OFF * max(np.median(off_m), LEAST_OFF_M))
+
+
+def lies_on_plan(
+    checkpoints: Checkpoints | None, trajectory: Trajectory, parameters: CheckpointParameters
+) -> bool:
+    """Whether a map has its walker where they tapped, at two places or more."""
+    at, xy_m = _taps(checkpoints, trajectory.t_s, parameters)
+    off_m = np.linalg.norm(trajectory.world_from_body[at, :2] - xy_m, axis=1)
+    agreeing = off_m <= parameters.sigma_m * np.sqrt(chi2.ppf(BEYOND_CHANCE, 2))
+    return _width_m(xy_m[agreeing]) >= LEAST_APART_M
+
+
+def _known_places(i: I64, j: I64, i_from_j: F64, parameters: CheckpointParameters) -> Closures:
+    """Closures made by hand: positions are known, headings are not."""
+    covariance = np.diag(np.square([parameters.sigma_m, parameters.sigma_m, ANY_HEADING_RAD]))
+    count = len(i)
+    return Closures(i, j, np.full(count, SURE), i_from_j, np.tile(covariance, (count, 1, 1)))
+
+
+def _taps(
+    checkpoints: Checkpoints | None, footstep_t_s: F64, parameters: CheckpointParameters
+) -> tuple[I64, F64]:
+    """The footsteps (k) at which places were tapped on a plan, and where those are (k, 2)."""
+    if checkpoints is None or checkpoints.xy_m is None:
+        return np.zeros(0, dtype=np.int64), np.zeros((0, 2))
+    tapped = np.isfinite(checkpoints.xy_m[:, 0]) & _within(checkpoints, footstep_t_s, parameters)
+    return _nearest(checkpoints, footstep_t_s)[tapped], checkpoints.xy_m[tapped]
+
+
+def _width_m(xy_m: F64) -> float:
+    """How far apart the places (k, 2) lie that are farthest apart; 0 of none."""
+    return float(np.linalg.norm(xy_m[:, None] - xy_m, axis=2).max(initial=0.0))
+
+
+def _laid(walked_m: F64, xy_m: F64) -> tuple[F64, F64] | None:
+    """The walk's frame on the plan, and how far off each tap (k) then is; None where nobody knows.
+
+    Of the frames that two taps give, that of the least absolute deviations: a slip of the finger
+    has no say.
+    """
+    walked, tapped = walked_m @ [1, 1j], xy_m @ [1, 1j]
+    few = np.unique(np.linspace(0, len(tapped) - 1, MOST_PAIRED).astype(int))[: len(tapped)]
+    i, j = (few[side] for side in np.triu_indices(len(few), 1))
+    own, other = walked[j] - walked[i], tapped[j] - tapped[i]
+    apart = np.minimum(np.abs(own), np.abs(other)) >= LEAST_APART_M
+    if not apart.any():
+        return None
+    i, j, turn = i[apart], j[apart], np.exp(1j * np.angle(other[apart] / own[apart]))
+    shift = (tapped[i] + tapped[j] - turn * (walked[i] + walked[j])) / 2
+    off_m = np.abs(turn[:, None] * walked + shift[:, None] - tapped)
+    best = np.argmin(off_m.sum(axis=1))
+    frame = np.array([shift[best].real, shift[best].imag, np.angle(turn[best])])
+    return frame, off_m[best]
+
+
 def _visits(
     checkpoints: Checkpoints, footstep_t_s: F64, parameters: CheckpointParameters
 ) -> dict[str, list[int]]:
     """The footsteps at which each place was visited, in order."""
     visits: dict[str, list[int]] = {}
-    first_s, last_s = footstep_t_s[0] - parameters.slack_s, footstep_t_s[-1] + parameters.slack_s
-    for t_s, node, name in zip(
-        checkpoints.t_s, _nearest(checkpoints, footstep_t_s), checkpoints.names, strict=True
-    ):
-        if first_s <= t_s <= last_s:
-            visits.setdefault(name, []).append(int(node))
+    nearest = _nearest(checkpoints, footstep_t_s)
+    for k in np.flatnonzero(_within(checkpoints, footstep_t_s, parameters)):
+        visits.setdefault(checkpoints.names[k], []).append(int(nearest[k]))
     return visits
+
+
+def _within(checkpoints: Checkpoints, footstep_t_s: F64, parameters: CheckpointParameters) -> Bool:
+    """Which taps (k) were made while somebody walked."""
+    early_s = footstep_t_s[0] - parameters.slack_s
+    late_s = footstep_t_s[-1] + parameters.slack_s
+    return np.asarray((early_s <= checkpoints.t_s) & (checkpoints.t_s <= late_s))
 
 
 def _nearest(checkpoints: Checkpoints, footstep_t_s: F64) -> I64:

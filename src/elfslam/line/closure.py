@@ -11,7 +11,7 @@ ELF hardly knows its own place from the other side. So stretches walked back mus
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -293,3 +293,12 @@ def _most_alike(values: I64) -> int:
 def _block_rows(count: int) -> int:
     """Rows worked on at a time: a block of them has about four million scores."""
     return max(4_000_000 // max(count, 1), 64)
+
+
+def joined(parts: Sequence[Closures]) -> Closures:
+    """The closures of several senses as one."""
+    columns = (
+        np.concatenate([getattr(part, column.name) for part in parts])
+        for column in fields(Closures)
+    )
+    return Closures(*columns)

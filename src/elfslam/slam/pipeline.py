@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -29,11 +29,11 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.line.checkpoints import closures_at, places_visited
-from elfslam.line.closure import ClosureParameters, find_closures, sharing_errors
+from elfslam.line.closure import ClosureParameters, find_closures, joined, sharing_errors
 from elfslam.line.device_adaptation import heard_as_map
 from elfslam.line.feature import Encoder, extract_features
 from elfslam.line.floormap import trajectory_map
-from elfslam.line.graph import agreeing, build_graph, optimise
+from elfslam.line.graph import agreeing, build_graph
 from elfslam.line.locate import (
     LocateParameters,
     elf_payload,
@@ -47,6 +47,7 @@ from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.line.track import Tracker
 from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
+from elfslam.slam.straightening import straighten
 
 AS_MAPPED = np.zeros(3)
 """A map's own frame is that of the world."""
@@ -95,7 +96,7 @@ def map_by_echoes(
     with stage("similarity"):
         similarity = echo_sequence_similarity(features, nodes)
         similarities = [(similarity, parameters.closure), *_sensed(recording, nodes, beside)]
-    closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
+    nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
     with stage("map"):
         floor_map = trajectory_map(
             trajectory,
@@ -126,7 +127,7 @@ def map_by(
         nodes = walk_nodes(recording, parameters)
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
-    closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
+    nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
     named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
     evidence = similarities[0][0], closures, trajectory, None, None, None
     return Run(recording.name, nodes, *evidence, seconds, named)
@@ -144,16 +145,17 @@ def _close_loops(
     similarities: Sequence[tuple[AnySimilarity, ClosureParameters]],
     parameters: Parameters,
     stage: Stage,
-) -> tuple[Closures, Trajectory]:
+) -> tuple[Odometry, Closures, Trajectory]:
     """What resembles, or was marked by hand, closes loops, and the loops straighten the walk."""
     with stage("closures"):
         heard = closures_by(nodes, similarities, parameters)
         marked = closures_at(recording.checkpoints, nodes, parameters.checkpoint)
         closures = joined([heard, marked])
     with stage("graph"):
-        graph, by_hand = build_graph(nodes, closures), np.arange(len(closures.i)) >= len(heard.i)
-        trajectory = optimise(graph, nodes.t_s, parameters.graph, by_hand=by_hand)
-    return closures, trajectory
+        by_hand = np.arange(len(closures.i)) >= len(heard.i)
+        named = recording.checkpoints
+        nodes, trajectory = straighten(nodes, closures, by_hand, named, parameters)
+    return nodes, closures, trajectory
 
 
 def closures_by(
@@ -172,15 +174,6 @@ def closures_by(
         weighed = sharing_errors(found.chosen(fit), known.shared_footsteps)
         closures = joined([closures, weighed])
     return closures
-
-
-def joined(parts: Sequence[Closures]) -> Closures:
-    """The closures of several senses as one."""
-    columns = (
-        np.concatenate([getattr(part, column.name) for part in parts])
-        for column in fields(Closures)
-    )
-    return Closures(*columns)
 
 
 def no_similarity(recording: Recording, nodes: Odometry) -> MeanSimilarity:

@@ -15,6 +15,7 @@ from elfslam.data.facts import MISSING
 from elfslam.serve.jobs.child import Result
 from elfslam.serve.jobs.folder import OUT
 from elfslam.serve.jobs.queue import Claim, finish
+from elfslam.serve.jobs.tapped_plan import lay_on_tapped_plan
 from elfslam.serve.jobs.tasks import maps_to_merge
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
@@ -73,8 +74,12 @@ def _add_map(
 ) -> None:
     kind = RUN if held.kind is JobKind.MAP else FLOOR
     told = _origin(session, held)
-    session.add(Map(id=map_id, user_id=held.user_id, kind=kind, facts=facts, **told))
+    added = Map(id=map_id, user_id=held.user_id, kind=kind, facts=facts, **told)
+    session.add(added)
     session.flush()
+    if held.kind is JobKind.MAP:
+        recording = session.get_one(Recording, held.given["recording"])
+        lay_on_tapped_plan(session, added, recording, facts)
     session.add_all(
         MapFile(map_id=map_id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
         for name, blob in made.items()

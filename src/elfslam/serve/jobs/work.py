@@ -117,7 +117,7 @@ def _map(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None
         announce(name, STAGES.get(name) if share is None else share)
 
     run = map_into(folder / OUT, folder / GIVEN / task["recording"], job, stage)
-    facts = _facts_of_run(run) | _stretches(folder / OUT)
+    facts = _facts_of_run(run) | _said_of_run(folder / OUT)
     return facts, _problem_of(lambda: refuse_unclosed(run))
 
 
@@ -143,10 +143,10 @@ def _facts_of_run(run: Run) -> Json:
     }
 
 
-def _stretches(out: Path) -> Json:
-    """What run.json says of the stretch that was mapped, and of what was missing in it."""
+def _said_of_run(out: Path) -> Json:
+    """What run.json says of the stretch that was mapped: who headed it, and what it lacked."""
     told = read_facts(out)
-    return {name: told[name] for name in ("kept_s", MISSING) if name in told}
+    return {name: told[name] for name in ("kept_s", "heading", MISSING) if name in told}
 
 
 def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:

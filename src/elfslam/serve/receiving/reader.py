@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 import json
+import re
 import resource
 import sys
 from collections.abc import Callable
@@ -17,8 +18,9 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import read_json
 from elfslam.base.values import Recording
-from elfslam.data.recordings import read_recording
+from elfslam.data.recordings import MANIFEST, read_recording
 from elfslam.line.chirp import check_rate
 from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.serve.problems import is_disk_full
@@ -28,6 +30,7 @@ from elfslam.slam.coverage import spans_of
 
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""
+TAPPED_ON, MAP_ID = "tapped_on", re.compile(r"[0-9a-f]{32}")
 TOO_MUCH_MEMORY = "reading needs more memory than is allowed; cut it in parts"
 
 
@@ -37,7 +40,7 @@ def find(folder: Path) -> ReadFolder:
         recording = read_recording(folder)
         if recording.audio is not None:
             check_rate(recording.audio.rate_hz)
-        return ReadFolder(facts_of(recording))
+        return ReadFolder({**facts_of(recording), **_tapped_on(folder)})
     except InputError as error:
         return ReadFolder(refusal=without(str(error), folder))
     except MemoryError:
@@ -74,6 +77,12 @@ def facts_of(recording: Recording) -> dict[str, Any]:
     if (footsteps := _footsteps(recording)) is not None:
         facts["footsteps"] = footsteps
     return facts
+
+
+def _tapped_on(folder: Path) -> dict[str, str]:
+    """The map on whose plan its walker tapped, where recording.json names one."""
+    told = read_json(folder / MANIFEST).get(TAPPED_ON)
+    return {TAPPED_ON: told} if isinstance(told, str) and MAP_ID.fullmatch(told) else {}
 
 
 def _listed(spans: F64) -> list[list[float]]:

@@ -22,11 +22,10 @@ from elfslam.base.values import (
     Run,
     Trajectory,
 )
-from elfslam.line.closure import AGAIN, closures_between, sequence_mean
+from elfslam.line.closure import AGAIN, closures_between, joined, sequence_mean
 from elfslam.line.map_alignment import Meeting, resemblances, usual_resemblance
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.slam.merging.parameters import MergeParameters
-from elfslam.slam.pipeline import joined
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,116 @@
+"""A walk whose walker tapped on the floor plan of another map: its map gets that plan."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from starlette.testclient import TestClient
+
+from elfslam.base.geometry import compose
+from elfslam.base.values import Checkpoints
+from elfslam.data.recordings import MANIFEST, read_recording, write_recording
+from elfslam.scoring.truth import read_truth
+from elfslam.serve.receiving.reader import find
+from elfslam.serve.services import Services
+from elfslam.serve.store.database import Recording, RecordingState
+from tests.serve.jobs.conftest import start
+from tests.serve.planting import plant_files
+
+pytestmark = pytest.mark.real
+
+Json = dict[str, Any]
+Wait = Callable[[TestClient, str], Json]
+PLAN_FROM_WORLD = np.array([40.0, 7.0, -1.2])
+PLACEMENT = {"width_m": 24.0, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "opacity": 0.5}
+
+
+@pytest.fixture
+def tapped(walks: Path, tmp_path: Path) -> Path:
+    """The walk without sound, tapped on a plan near its start and half way."""
+    recording, truth = read_recording(walks / "mute"), read_truth(walks / "mute")
+    t_s = np.array([truth.t_s[0] + 4.0, (truth.t_s[0] + truth.t_s[-1]) / 2])
+    at = np.searchsorted(truth.t_s, t_s)
+    xy_m = compose(PLAN_FROM_WORLD, truth.world_from_body[at])[:, :2]
+    told = Checkpoints(t_s, ("Way in", "Window"), xy_m)
+    write_recording(replace(recording, checkpoints=told), tmp_path / "tapped")
+    return tmp_path / "tapped"
+
+
+def on_plan_of(client: TestClient, map_id: str) -> str:
+    """Lay the map on a venue's floor, above a plan; gives the map again."""
+    image = io.BytesIO()
+    Image.new("RGB", (240, 120), "white").save(image, "PNG")
+    address, kind = f"/api/maps/{map_id}/floor-plan", {"Content-Type": "image/png"}
+    client.put(address, content=image.getvalue(), headers=kind).raise_for_status()
+    client.put(f"{address}/placement", json=PLACEMENT).raise_for_status()
+    place = {"venue": "North Mall", "floor": "Ground floor"}
+    client.patch(f"/api/maps/{map_id}", json=place).raise_for_status()
+    return map_id
+
+
+def mapped(
+    client: TestClient, services: Services, folder: Path, map_id: str, ended: Wait
+) -> tuple[Json, Json]:
+    """The map that a job makes of a walk that names the map that was tapped on, and its view."""
+    user_id = client.get("/api/me").json()["id"]
+    row = Recording(
+        user_id=user_id, name="Tapped", state=RecordingState.READY, facts={"tapped_on": map_id}
+    )
+    recording = plant_files(services, row, folder)
+    job = ended(client, start(client, kind="map", recording=recording, by=["motion"]))
+    address = f"/api/maps/{job['gave']['map']}"
+    return client.get(address).json(), client.get(f"{address}/view").json()
+
+
+def test_its_map_lies_on_that_plan(
+    owner: TestClient,
+    services: Services,
+    put_map: Callable[..., str],
+    walks: Path,
+    tapped: Path,
+    ended: Wait,
+) -> None:
+    planned = on_plan_of(owner, put_map(owner))
+    made, view = mapped(owner, services, tapped, planned, ended)
+    assert made["facts"]["heading"] == "by taps on a floor plan"
+    assert (made["venue"], made["floor"]) == ("North Mall", "Ground floor")
+    assert made["floor_plan"]["placement"] == PLACEMENT
+    images = [owner.get(f"/api/maps/{each}/floor-plan").content for each in (planned, made["id"])]
+    assert images[0] == images[1]
+    truth = read_truth(walks / "mute")
+    walk = view["walks"][0]
+    at = np.searchsorted(truth.t_s, walk["t_s"]).clip(max=len(truth.t_s) - 1)
+    where_m = compose(PLAN_FROM_WORLD, truth.world_from_body[at])[:, :2]
+    assert np.linalg.norm(np.array(walk["xy_m"]) - where_m, axis=1).mean() < 1.0
+
+
+def test_a_plan_that_is_not_shared_stays_where_it_is(
+    owner: TestClient,
+    guest: TestClient,
+    services: Services,
+    put_map: Callable[..., str],
+    tapped: Path,
+    ended: Wait,
+) -> None:
+    planned = on_plan_of(owner, put_map(owner))
+    made, _ = mapped(guest, services, tapped, planned, ended)
+    assert made["facts"]["heading"] == "by taps on a floor plan"
+    assert (made["venue"], made["floor_plan"]) == (None, None)
+
+
+def test_a_recording_says_on_which_map_was_tapped(tapped: Path, tmp_path: Path) -> None:
+    for told, read in (("a" * 32, {"tapped_on": "a" * 32}), ("../x", {}), (7, {})):
+        folder = shutil.copytree(tapped, tmp_path / "said", dirs_exist_ok=True)
+        manifest = json.loads((folder / MANIFEST).read_text())
+        (folder / MANIFEST).write_text(json.dumps({**manifest, "tapped_on": told}))
+        facts = find(folder).facts
+        assert {key: facts[key] for key in facts if key == "tapped_on"} == read
