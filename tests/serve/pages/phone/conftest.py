@@ -133,9 +133,9 @@ class Server:
     def ask(self, path: str, method: str = "GET", **more: Any) -> httpx.Response:
         """What it answers its owner."""
         url, token = self.address.partition("&")[0].split("#token=")
-        header = {"Authorization": f"Bearer {token}"}
+        headers = {**more.pop("headers", {}), "Authorization": f"Bearer {token}"}
         whole = url.rstrip("/") + path
-        answer = httpx.request(method, whole, headers=header, timeout=30, **more)
+        answer = httpx.request(method, whole, headers=headers, timeout=30, **more)
         return answer.raise_for_status()
 
     def recordings(self) -> list[dict[str, Any]]:

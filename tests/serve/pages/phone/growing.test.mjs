@@ -8,6 +8,7 @@ const { confirmedShare, makeSketch, nextStretch, drawBySteps } = await import(`$
 const { adviceOf } = await import(`${PAGES}/growing/growing_view.js`);
 const { makeChirpWatch, louderOn } = await import(`${PAGES}/chirp_watch.js`);
 const { checkpointRows } = await import(`${PAGES}/walking.js`);
+const { placeAt } = await import(`${PAGES}/growing/plan_to_tap.js`);
 
 const CLOSURE = {
   threshold: 0.35, back_margin: 0.4, near_footsteps: 12, half_sequence: 6, half_peak: 2, ridge_footsteps: 3,
@@ -141,6 +142,14 @@ test("what is wrong with chirps is said with what to do on this phone", () => {
 
 test("a checkpoint is a row, whatever its name", () => {
   const timeOf = (pageMs) => pageMs / 1000 - 1;
-  const rows = checkpointRows([{ name: 'Door, "left"', pageMs: 3500 }, { name: "b", pageMs: 100 }], timeOf);
-  assert.equal(rows, '2.500,"Door, ""left"""\n0.000,"b"\n');
+  const marked = [{ name: 'Door, "left"', pageMs: 3500, xyM: null }, { name: "b", pageMs: 100, xyM: [0, -2.5] }];
+  assert.equal(checkpointRows(marked, timeOf), '2.500,"Door, ""left""",,\n0.000,"b",0.000,-2.500\n');
+});
+
+test("a tap near a place that has a name means that place", () => {
+  const points = [{ name: "Way in", kind: "door", x_m: 3, y_m: 4 }, { name: "Stairs", kind: "stairs", x_m: 4, y_m: 4 }];
+  assert.equal(placeAt(points, [3.9, 4.2]).name, "Stairs");
+  assert.equal(placeAt(points, [3.2, 4.2]).name, "Way in");
+  assert.equal(placeAt(points, [3, 6]), null);
+  assert.equal(placeAt([], [3, 4]), null);
 });

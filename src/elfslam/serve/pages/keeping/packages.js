@@ -16,7 +16,7 @@ const MOST_WAITS = 20;
  * @typedef {import("./manifest.js").Signed & {spki: Uint8Array<ArrayBuffer>}} Kept a signed manifest and the key
  *   that signed it
  * @typedef {{map: string, name: string, venue: string | null, floor: string | null, revision: number, madeUtc: string,
- *   spots: number, sizeBytes: number}} Held
+ *   spots: number, sizeBytes: number, isOnPlan: boolean}} Held isOnPlan: a floor plan came with it, and lies in place
  * @typedef {{revision: number, changed: boolean, parts: number, fetchedParts: number, fetchedBytes: number,
  *   sizeBytes: number}} Updated
  * @typedef {{doneBytes: number, totalBytes: number}} Progress of what has to be fetched
@@ -53,6 +53,7 @@ async function list(store) {
     madeUtc: told.made_utc,
     spots: told.tiles.reduce((sum, tile) => sum + tile.spots, 0),
     sizeBytes: sizeOf(partsOf(told)),
+    isOnPlan: Boolean(told.floor_plan?.placement),
   }));
 }
 

@@ -9,7 +9,7 @@ const LEAST_PAUSE_S = 1;
  * @typedef {import("./manifest.js").Walk} Walk
  * @typedef {import("./walking.js").Leg} Leg
  * @typedef {{isGoing: () => boolean, goOn: () => Promise<void>, pause: () => Promise<void>,
- *   flush: () => Promise<void>, mark: (name: string, pageMs: number) => void, end: () => Promise<void>}} Legs
+ *   flush: () => Promise<void>, mark: (marked: import("./walking.js").Marked) => void, end: () => Promise<void>}} Legs
  *   each takes its turn: two events at once do no harm
  */
 
@@ -70,7 +70,7 @@ export function makeLegs(state, { begin, close, nowMs }) {
     goOn: () => inTurn(goOn),
     pause: () => inTurn(pause),
     flush: async () => leg?.flush(),
-    mark: (name, pageMs) => leg?.mark(name, pageMs),
+    mark: (marked) => leg?.mark(marked),
     end: () => inTurn(end),
   };
 }

@@ -8,8 +8,9 @@ import { BASEBAND } from "./baseband.js";
  *   version: 1, name: string, device: string, startPose: number[] | null, startUtc: string,
  *   kind: "baseband" | "whole", rateHz: number, scale?: number, chirp: import("./chirp.js").Chirp,
  *   capture: object, facts: Facts, recording: string | null, uploads: Record<string, string>,
- *   isOver: boolean, marks?: string[],
- * }} Walk marks: names of the places that the walker marked
+ *   isOver: boolean, marks?: string[], taps?: Record<string, [number, number]>, tappedOn?: string,
+ * }} Walk marks: names of the places that the walker marked; taps: where some of them are on the plan of the map
+ *   `tappedOn`
  * @typedef {{seconds: number, steps: number, frames: number, missed: number, latencyS: number | null,
  *   jumps: {t_s: number, by_s: number}[], gaps: {t_s: number, lost_s: number}[], others: number}} Facts
  *   others: chirps of other phones that were heard
@@ -29,6 +30,7 @@ export function manifestOf(walk, software) {
     device: walk.device,
     start_utc: walk.startUtc,
     start_pose: walk.startPose,
+    ...(walk.tappedOn ? { tapped_on: walk.tappedOn } : {}),
     chirp: walk.chirp,
     audio: { rate_hz: walk.rateHz, channels: 1, samples: Math.round(facts.seconds * walk.rateHz) },
     ...(walk.kind === "baseband" ? { baseband: basebandOf(walk) } : {}),

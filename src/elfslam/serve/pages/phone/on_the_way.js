@@ -6,6 +6,7 @@ import { makeChirpWatch } from "./chirp_watch.js";
 import { startSending } from "./finishing.js";
 import { startGrowing } from "./growing/growing.js";
 import { showMarks, showNoSketch } from "./growing/growing_view.js";
+import { openTapping } from "./growing/tapping.js";
 import { makeLegs } from "./legs.js";
 import { closeWalk, startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
@@ -36,6 +37,8 @@ export function makeOnTheWay(given) {
    *   leave: () => void} | null}
    */
   let now = null;
+  /** @type {import("./growing/tapping.js").Tapping | null} */
+  let tapping = null;
 
   /** @param {Sent} sent @param {ReturnType<typeof startGrowing>} growing */
   const legsOf = (sent, growing) => makeLegs(sent.state, {
@@ -57,6 +60,7 @@ export function makeOnTheWay(given) {
     const sending = startSending(sent, keeper);
     now = { sent, legs, sending, growing, leave: watchWalk(sent, sending, legs) };
     showMarks(sent.state.marks ?? [], again);
+    tapping = await openTapping(sent.state, given.act).catch(() => null); // a walk needs no plan
   }
 
   /** @param {string} name */
@@ -68,7 +72,8 @@ export function makeOnTheWay(given) {
     const { sent: { state }, legs, growing } = now;
     const pageMs = performance.now();
     state.marks = [...new Set([...(state.marks ?? []), name])];
-    legs.mark(name, pageMs);
+    tapping?.keep(name);
+    legs.mark({ name, pageMs, xyM: state.taps?.[name] ?? null });
     growing.mark(name, pageMs);
     showMarks(state.marks, again);
   }
@@ -103,6 +108,8 @@ export function makeOnTheWay(given) {
     now = null;
     await legs.end();
     leave();
+    tapping?.leave();
+    tapping = null;
     growing.leave();
     await finish(sent, sending);
   }

@@ -26,7 +26,7 @@ const BEHIND_S = 0.075;
 const RECENT = 5;
 const LEAST_STEP_S = 1e-4;
 const CHIRPS_HEADER = "t_s,gain_db\n";
-const CHECKPOINTS_HEADER = "t_s,name\n";
+const CHECKPOINTS_HEADER = "t_s,name,x_m,y_m\n";
 
 /**
  * @typedef {import("./manifest.js").Facts} Facts
@@ -87,8 +87,9 @@ export function makeMotionLog(onReading, sinceS = 0) {
  *   sent: Sent, heard: (peak: number, isFound: boolean) => void, fromS?: number,
  * }} given
  * @returns {Promise<Leg>}
- * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>, mark: (name: string, pageMs: number) => void}} Leg
- *   flush: keeps what has come by now; mark: the walker is at a place of that name
+ * @typedef {{pause: () => Promise<void>, flush: () => Promise<void>, mark: (marked: Marked) => void}} Leg
+ *   flush: keeps what has come by now; mark: the walker is at a place
+ * @typedef {{name: string, pageMs: number, xyM: [number, number] | null}} Marked xyM: on the plan that was tapped
  */
 export async function startWalking(given) {
   const { microphone, sound, keeper, clocks, play, mediumAccess, latencyS, sent, heard, fromS = 0 } = given;
@@ -130,7 +131,7 @@ export async function startWalking(given) {
     heard(frame.peak, frame.isFound);
   });
 
-  /** @type {{name: string, pageMs: number}[]} */
+  /** @type {Marked[]} */
   let marked = [];
   // Motion is kept as far as the sound is: what comes later waits.
   const soundUntilS = () => Math.max(late.endS() ?? -Infinity, keptUntilS);
@@ -174,7 +175,7 @@ export async function startWalking(given) {
     await untilKept(sent, sizes);
     await sent.save().catch(() => {});
   };
-  return { pause: pauseLeg, flush: () => flush(), mark: (name, pageMs) => marked.push({ name, pageMs }) };
+  return { pause: pauseLeg, flush: () => flush(), mark: (one) => marked.push(one) };
 }
 
 /** @param {string} table */
@@ -184,11 +185,13 @@ function headerOf(table) {
 
 /**
  * A row for each place that the walker has marked; a name may hold commas and quotes.
- * @param {{name: string, pageMs: number}[]} marked @param {(pageMs: number) => number} timeOf
+ * @param {Marked[]} marked @param {(pageMs: number) => number} timeOf
  */
 export function checkpointRows(marked, timeOf) {
-  const row = (/** @type {{name: string, pageMs: number}} */ { name, pageMs }) =>
-    `${Math.max(timeOf(pageMs), 0).toFixed(3)},"${name.replaceAll('"', '""')}"\n`;
+  const row = (/** @type {Marked} */ { name, pageMs, xyM }) => {
+    const tapped = (xyM ?? ["", ""]).map((metres) => (metres === "" ? "" : Number(metres).toFixed(3)));
+    return `${Math.max(timeOf(pageMs), 0).toFixed(3)},"${name.replaceAll('"', '""')}",${tapped.join(",")}\n`;
+  };
   return marked.map(row).join("");
 }
 
