@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo serve test test-real headline coverage lint lint-pages pretrain web-check docs clean
+.PHONY: demo serve test test-real test-hostile headline coverage lint lint-pages pretrain web-check docs clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -19,11 +19,15 @@ serve: $(VENV)/.installed-serve $(VENV)/.kernels
 test: lint $(VENV)/.kernels
 	$(PYTEST) -m "not real"
 
-# Browser, sound server, databases, Ray, kills, small studies; damaged files, requests and databases
-# by the thousand (others with --hypothesis-seed=N); how much of the line the tests reach.
+# Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind; how
+# much of the line the tests reach.
 test-real: $(VENV)/.installed-test $(VENV)/.kernels
-	HOSTILE_CASES=$${HOSTILE_CASES:-2000} $(PYTEST) -m real --once-more
+	HOSTILE_CASES=$${HOSTILE_CASES:-40} $(PYTEST) -m real --once-more
 	$(MAKE) coverage
+
+# Damaged files, requests and databases by the thousand: an hour.
+test-hostile: $(VENV)/.installed-test $(VENV)/.kernels
+	HOSTILE_CASES=$${HOSTILE_CASES:-2000} $(PYTEST) -m hostile
 
 # The README's figures in small, against limits.
 headline: $(VENV)/.installed-test $(VENV)/.kernels
