@@ -21,7 +21,7 @@ from elfslam.base.errors import InputError, NoAnswerError, ParameterError, Store
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
-from elfslam.data.facts import FACTS, MISSING
+from elfslam.data.facts import BY_TAPS, FACTS, MISSING
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
@@ -106,9 +106,6 @@ def write_reported_run(
 def refuse_taken(folder: Path, job: MapJob) -> None:
     """Raise StoreError before the work where the run could not be written after it."""
     refuse_occupied(folder, FACTS if job.overwrite else None)
-
-
-BY_TAPS = "by taps on a floor plan"
 
 
 @dataclass(frozen=True, eq=False)

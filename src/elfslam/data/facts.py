@@ -9,6 +9,8 @@ from elfslam.base.errors import InputError, StoreError
 from elfslam.base.text_files import read_json
 
 FACTS, ENCODER = "run.json", "encoder.onnx"
+BY_TAPS = "by taps on a floor plan"
+"""The `heading` of a walk that lies where its walker tapped."""
 MISSING = "missing"
 """Under this name run.json lists the stretches in which the recording lacked sound or motion."""
 

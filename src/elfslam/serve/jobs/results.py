@@ -14,9 +14,9 @@ from sqlalchemy.orm import Session
 from elfslam.data.facts import MISSING
 from elfslam.serve.jobs.child import Result
 from elfslam.serve.jobs.folder import OUT
+from elfslam.serve.jobs.plan_below import lay_on_plan_of_first, lay_on_tapped_plan
 from elfslam.serve.jobs.queue import Claim, finish
-from elfslam.serve.jobs.tapped_plan import lay_on_tapped_plan
-from elfslam.serve.jobs.tasks import maps_to_merge
+from elfslam.serve.jobs.tasks import FLOOR, RUN, maps_to_merge
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
@@ -31,7 +31,6 @@ from elfslam.serve.store.database import (
 )
 from elfslam.serve.store.holdings import drop_unnamed
 
-RUN, FLOOR = "run", "floor"
 JOINED = " + "
 MOST_NAME = 120
 
@@ -80,6 +79,8 @@ def _add_map(
     if held.kind is JobKind.MAP:
         recording = session.get_one(Recording, held.given["recording"])
         lay_on_tapped_plan(session, added, recording, facts)
+    else:
+        lay_on_plan_of_first(session, added, maps_to_merge(session, held), facts)
     session.add_all(
         MapFile(map_id=map_id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
         for name, blob in made.items()

@@ -13,6 +13,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from elfslam.base.errors import InputError
+from elfslam.data.facts import BY_TAPS
 from elfslam.serve.jobs.folder import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
@@ -27,6 +28,8 @@ from elfslam.serve.store.database import (
     reading,
 )
 
+RUN, FLOOR = "run", "floor"
+"""Kinds of maps: of one walk, or merged."""
 FLOOR_PLAN = "floor-plan"
 """The one file of a map that is not part of its folder."""
 UNSAFE = re.compile(r"[^\w\- ]+")
@@ -91,15 +94,16 @@ def _map(session: Session, held: Claim) -> Task:
 
 def _merge(session: Session, held: Claim) -> Task:
     maps = [_still(session, held, each, Right.EDIT) for each in maps_to_merge(session, held)]
-    folders = {_name_of(each): folder_of_map(session, each.id) for each in maps}
-    return {"maps": list(folders)}, folders
+    folders = {name_of(each): folder_of_map(session, each.id) for each in maps}
+    frames = {_frame_of(session, each) for each in maps}
+    return {"maps": list(folders), "known_starts": len(frames) == 1}, folders
 
 
 def _locate(session: Session, held: Claim) -> Task:
     name, named = _recording(session, held.given["recording"])
     place = _still(session, held, _existing(session, held.given["map"]), Right.READ)
-    folders = {name: named, _name_of(place): folder_of_map(session, place.id)}
-    told = {"recording": name, "map": _name_of(place), "place": place.name}
+    folders = {name: named, name_of(place): folder_of_map(session, place.id)}
+    told = {"recording": name, "map": name_of(place), "place": place.name}
     return {**told, "mode": held.given["mode"]}, folders
 
 
@@ -132,7 +136,15 @@ def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
     return found
 
 
-def _name_of(each: Map) -> str:
+def _frame_of(session: Session, each: Map) -> str:
+    """The id of the map whose frame this one has: that on which its walker tapped, or its own."""
+    if each.facts.get("heading") != BY_TAPS:
+        return each.id
+    recording = session.get(Recording, each.sources[0])
+    return each.id if recording is None else str(recording.facts.get("tapped_on", each.id))
+
+
+def name_of(each: Map) -> str:
     """Two walks of one name are told apart, and one walk is known again wherever it is merged."""
     return f"{file_name(each.name)}-{each.id[:ID_CHARACTERS]}"
 

@@ -152,7 +152,8 @@ def _said_of_run(out: Path) -> Json:
 def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | None]:
     """As `elfslam merge` does."""
     paths = [folder / GIVEN / name for name in task["maps"]]
-    made = merge_into(folder / OUT, paths, MergeParameters(), announce)
+    known = task["known_starts"]
+    made = merge_into(folder / OUT, paths, MergeParameters(), announce, known_starts=known)
     floor_map = made.floor_map
     facts = {
         "walks": len(floor_map.sources),

@@ -1,4 +1,4 @@
-"""A walk whose walker tapped on the floor plan of another map: its map gets that plan."""
+"""Walks whose walkers tapped on the floor plan of another map: their maps lie on that plan."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from elfslam.scoring.truth import read_truth
 from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Recording, RecordingState
+from elfslam.world.simulate import describe_chirp
 from tests.serve.jobs.conftest import start
 from tests.serve.planting import plant_files
 
@@ -35,14 +36,21 @@ PLACEMENT = {"width_m": 24.0, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "opaci
 
 @pytest.fixture
 def tapped(walks: Path, tmp_path: Path) -> Path:
-    """The walk without sound, tapped on a plan near its start and half way."""
-    recording, truth = read_recording(walks / "mute"), read_truth(walks / "mute")
-    t_s = np.array([truth.t_s[0] + 4.0, (truth.t_s[0] + truth.t_s[-1]) / 2])
+    """The walk without sound, tapped on the plan."""
+    return tapped_walk(walks / "mute", tmp_path / "tapped")
+
+
+def tapped_walk(walk: Path, folder: Path) -> Path:
+    """A walk with taps on a plan near its start and some way on."""
+    recording, truth = read_recording(walk), read_truth(walk)
+    t_s = truth.t_s[0] + np.array([1.5, 0.4 * (truth.t_s[-1] - truth.t_s[0])])
     at = np.searchsorted(truth.t_s, t_s)
     xy_m = compose(PLAN_FROM_WORLD, truth.world_from_body[at])[:, :2]
     told = Checkpoints(t_s, ("Way in", "Window"), xy_m)
-    write_recording(replace(recording, checkpoints=told), tmp_path / "tapped")
-    return tmp_path / "tapped"
+    played = None if recording.audio is None else describe_chirp()
+    named = replace(recording, checkpoints=told)
+    write_recording(named, folder, chirp_description=played)
+    return folder
 
 
 def on_plan_of(client: TestClient, map_id: str) -> str:
@@ -58,7 +66,12 @@ def on_plan_of(client: TestClient, map_id: str) -> str:
 
 
 def mapped(
-    client: TestClient, services: Services, folder: Path, map_id: str, ended: Wait
+    client: TestClient,
+    services: Services,
+    folder: Path,
+    map_id: str,
+    ended: Wait,
+    by: str = "motion",
 ) -> tuple[Json, Json]:
     """The map that a job makes of a walk that names the map that was tapped on, and its view."""
     user_id = client.get("/api/me").json()["id"]
@@ -66,7 +79,7 @@ def mapped(
         user_id=user_id, name="Tapped", state=RecordingState.READY, facts={"tapped_on": map_id}
     )
     recording = plant_files(services, row, folder)
-    job = ended(client, start(client, kind="map", recording=recording, by=["motion"]))
+    job = ended(client, start(client, kind="map", recording=recording, by=[by]))
     address = f"/api/maps/{job['gave']['map']}"
     return client.get(address).json(), client.get(f"{address}/view").json()
 
@@ -91,6 +104,33 @@ def test_its_map_lies_on_that_plan(
     at = np.searchsorted(truth.t_s, walk["t_s"]).clip(max=len(truth.t_s) - 1)
     where_m = compose(PLAN_FROM_WORLD, truth.world_from_body[at])[:, :2]
     assert np.linalg.norm(np.array(walk["xy_m"]) - where_m, axis=1).mean() < 1.0
+
+
+def test_maps_on_one_plan_are_merged_there_without_being_compared(
+    owner: TestClient,
+    services: Services,
+    put_map: Callable[..., str],
+    walks: Path,
+    tmp_path: Path,
+    ended: Wait,
+) -> None:
+    planned = on_plan_of(owner, put_map(owner))
+    maps = [
+        mapped(owner, services, tapped_walk(walks / name, tmp_path / name), planned, ended, "elf")
+        for name in ("one", "two")
+    ]
+    merged = ended(owner, start(owner, kind="merge", maps=[made["id"] for made, _ in maps]))
+    made = owner.get(f"/api/maps/{merged['gave']['map']}").json()
+    assert (made["facts"]["walks"], made["facts"]["pairs"]) == (2, [])
+    assert made["floor_plan"]["placement"] == PLACEMENT
+    assert made["venue"] == "North Mall"
+    moved_m = [
+        np.array(after["xy_m"]).mean(axis=0) - np.array(before["walks"][0]["xy_m"]).mean(axis=0)
+        for after, (_, before) in zip(
+            owner.get(f"/api/maps/{made['id']}/view").json()["walks"], maps, strict=True
+        )
+    ]
+    assert np.linalg.norm(moved_m, axis=1).max() < 0.5
 
 
 def test_a_plan_that_is_not_shared_stays_where_it_is(
