@@ -37,6 +37,7 @@ from studies.magnetic_left_out import measure_magnetic_left_out
 from studies.magnetic_walks import measure_magnetic_walks
 from studies.mall_fifths import measure_mall_fifths
 from studies.mall_floor import measure_mall_floor
+from studies.many_mappers import measure_many_mappers
 from studies.mapping_errors import measure_mapping
 from studies.merging import measure_merging
 from studies.nearest_maps import measure_nearest_map
@@ -80,6 +81,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "magnetic-walks": measure_magnetic_walks,
     "mall-fifths": LongStudy(measure_mall_fifths),
     "mall-floor": measure_mall_floor,
+    "many-mappers": LongStudy(measure_many_mappers),
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
     "nearest": LongStudy(measure_nearest),
@@ -108,7 +110,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
-BY_KIND = ("laps", "localization", "mapping", "sensitivity")
+BY_KIND = ("laps", "localization", "many-mappers", "mapping", "sensitivity")
 """Studies whose walks are of a kind, people's where none is given."""
 
 

@@ -48,15 +48,15 @@ def measure_fix_thresholds(
 def _measured(walk: SimulatedWalk) -> Numbers:
     world, kind = load_world(walk.world), kind_named(walk.kind)
     mapped = mapped_walk(world, walk.seed, walk.rounds, shipped(), kind=kind)
-    other = stranger(world, walk.seed, ROUNDS, shipped(), mapped, kind=kind)
+    other = stranger(world, walk.seed, ROUNDS, shipped(), kind=kind)
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
-    lost = stranger(strange, walk.seed, 1, shipped(), mapped, kind=kind)
+    lost = stranger(strange, walk.seed, 1, shipped(), kind=kind)
     numbers: Numbers = {}
     for mode in Mode:
         for least in UNKNOWN_BELOW:
             settings = known_above(least)
             fixes = located(mapped, other, mode, settings)
-            found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+            found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
             wrongly = located(mapped, lost, mode, settings).status == FixStatus.OK
             key = f"{mode.value}|{least:g}"
             numbers[f"{key}|answered"] = found["answered"]

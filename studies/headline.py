@@ -106,10 +106,10 @@ def median_errors(task: Task) -> Numbers:
         MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)["aligned|median"],
     }
     if task.modes:
-        other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, mapped, kind=kind)
+        other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, kind=kind)
         for mode in task.modes:
             fixes = located(mapped, other, mode, Settings())
-            found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+            found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
             numbers[mode.value] = found["median"]
     return numbers
 

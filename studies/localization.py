@@ -92,18 +92,18 @@ def measure_localization(
 def _measured(pair: Pair) -> Numbers:
     world, encoder, kind = load_world(pair.world), shipped(), kind_named(pair.kind)
     mapped = mapped_walk(world, pair.seed, pair.mapping_rounds, encoder, sensors=SENSORS, kind=kind)
-    other = stranger(world, pair.seed, pair.rounds, encoder, mapped, sensors=SENSORS, kind=kind)
+    other = stranger(world, pair.seed, pair.rounds, encoder, sensors=SENSORS, kind=kind)
     strange = load_world(ELSEWHERE.get(pair.world, "studio"))
-    lost = stranger(strange, pair.seed, 1, encoder, mapped, kind=kind)
+    lost = stranger(strange, pair.seed, 1, encoder, kind=kind)
     numbers: Numbers = {}
     for mode in Mode:
         fixes = located(mapped, other, mode, Settings())
-        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
         found["elsewhere"] = float(np.mean(wrongly))
         numbers |= {f"ELF|{mode.value}|{name}": value for name, value in found.items()}
     for name, mode, fixes, run in (*_always(pair, mapped, other), *_rivals(pair, mapped, other)):
-        found = fix_numbers(fixes, other.truth, run, mapped.truth)
+        found = fix_numbers(fixes, other.truth, run.trajectory, mapped.truth)
         numbers |= {f"{name}|{mode.value}|{key}": value for key, value in found.items()}
     return numbers
 

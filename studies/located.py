@@ -11,7 +11,17 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32, F64
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
-from elfslam.base.values import Features, Fixes, FixStatus, Odometry, Recording, Run, Truth
+from elfslam.base.values import (
+    Features,
+    Fixes,
+    FixStatus,
+    FloorMap,
+    Odometry,
+    Recording,
+    Run,
+    Trajectory,
+    Truth,
+)
 from elfslam.line.feature import Encoder, extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.alignment import Alignment, match, placement
@@ -80,7 +90,6 @@ def stranger(
     seed: int,
     rounds: int,
     encoder: Encoder,
-    mapped: Mapped,
     *,
     sensors: Collection[Sensor] = (),
     circumstances: Circumstances | None = None,
@@ -104,15 +113,19 @@ def stranger(
 
 def located(mapped: Mapped, other: Stranger, mode: Mode, settings: Settings) -> Fixes:
     """Where the stranger is in the map, by echoes."""
-    floor_map = mapped.run.floor_map
-    assert floor_map is not None
+    assert mapped.run.floor_map is not None
+    return located_in(mapped.run.floor_map, other, mode, settings)
+
+
+def located_in(floor_map: FloorMap, other: Stranger, mode: Mode, settings: Settings) -> Fixes:
+    """Where the stranger is in any map, by echoes."""
     if mode is Mode.ONE_SHOT:
         return locate_one_shot(other.features, floor_map, settings.locate)
     scores: F32 = footstep_likeness(other.features, other.nodes, floor_map, settings.locate)
     return locate_walk(other.nodes, scores, floor_map, settings, mode=mode)
 
 
-def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
+def fix_numbers(fixes: Fixes, other: Truth, trajectory: Trajectory, mapped: Truth) -> Numbers:
     """Errors of the answered fixes in metres, how many were answered, and whether sigma is honest.
 
     The map lies in the world by the best rigid fit of its own walk; `anchored|` by its start
@@ -120,7 +133,7 @@ def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
     """
     numbers: Numbers = {}
     for name, alignment in (("", Alignment.ALIGNED), ("anchored|", Alignment.ANCHORED)):
-        world_from_map = _map_in_world(run, mapped, alignment)
+        world_from_map = _map_in_world(trajectory, mapped, alignment)
         status, errors = fix_distances(fixes, other, world_from_map)
         summary = summarise(errors[status == FixStatus.OK])
         numbers |= {
@@ -134,17 +147,17 @@ def fix_numbers(fixes: Fixes, other: Truth, run: Run, mapped: Truth) -> Numbers:
                 "ambiguous": float(np.mean(status == FixStatus.AMBIGUOUS)),
                 "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
             }
-    numbers["NEES"] = _nees(fixes, other, _map_in_world(run, mapped, Alignment.ANCHORED))
+    numbers["NEES"] = _nees(fixes, other, _map_in_world(trajectory, mapped, Alignment.ANCHORED))
     return numbers
 
 
 def world_from_map(mapped: Mapped) -> F64:
     """Where the map (3) lies in the world, by the best rigid fit of its own walk."""
-    return _map_in_world(mapped.run, mapped.truth, Alignment.ALIGNED)
+    return _map_in_world(mapped.run.trajectory, mapped.truth, Alignment.ALIGNED)
 
 
-def _map_in_world(run: Run, truth: Truth, alignment: Alignment) -> F64:
-    matched = match(run.trajectory.t_s, run.trajectory.world_from_body, truth)
+def _map_in_world(trajectory: Trajectory, truth: Truth, alignment: Alignment) -> F64:
+    matched = match(trajectory.t_s, trajectory.world_from_body, truth)
     return placement(matched, alignment).world_from_map
 
 

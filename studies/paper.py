@@ -155,15 +155,15 @@ def _asked(walk: SimulatedWalk, mapped: Mapped) -> Numbers:
     numbers: Numbers = {}
     for name, today in wanted.items():
         other = stranger(
-            world, walk.seed, ROUNDS, shipped(), mapped, circumstances=today,
+            world, walk.seed, ROUNDS, shipped(), circumstances=today,
             reverse=name == "opposite heading",
         )  # fmt: skip
         fixes = located(mapped, other, Mode.ONE_SHOT, settings)
-        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
         numbers[name] = found["mean" if name.endswith("mean") else "median"]
         if name == "one-shot":
             fixes = located(mapped, other, Mode.TRAJECTORY, Settings())
-            found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+            found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
             numbers["trajectory"] = found["median"]
     return numbers
 

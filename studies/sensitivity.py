@@ -13,7 +13,6 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
-from elfslam.line.feature import Encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
@@ -82,10 +81,10 @@ def _measured(place: Place) -> Numbers:
     mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), kind=kind)
     usual, numbers = kind.asking(world.room), Numbers()
     for change, amount, today in _circumstances(world, place.changes, usual):
-        other = _stranger(world, place, mapped, today)
+        other = _stranger(world, place, today)
         numbers |= _numbers(change, amount, mapped, other)
     if place.changes == "all":
-        numbers |= _lengths(mapped, _stranger(world, place, mapped, usual))
+        numbers |= _lengths(mapped, _stranger(world, place, usual))
     return numbers
 
 
@@ -127,12 +126,10 @@ def _differs(block: object, other: object) -> bool:
     return not np.allclose(np.append(*places[0]), np.append(*places[1]))
 
 
-def _stranger(
-    world: World, place: Place, mapped: Mapped, today: Circumstances, encoder: Encoder | None = None
-) -> Stranger:
+def _stranger(world: World, place: Place, today: Circumstances) -> Stranger:
+    kind = kind_named(place.kind)
     return stranger(
-        world, place.seed, place.rounds, encoder or shipped(), mapped, circumstances=today,
-        kind=kind_named(place.kind),
+        world, place.seed, place.rounds, shipped(), circumstances=today, kind=kind
     )  # fmt: skip
 
 
@@ -140,7 +137,7 @@ def _numbers(change: str, amount: str, mapped: Mapped, other: Stranger) -> Numbe
     numbers: Numbers = {}
     for mode in Mode:
         fixes = located(mapped, other, mode, Settings())
-        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
         numbers |= {f"{change}|{amount}|{mode.value}|{key}": value for key, value in found.items()}
     return numbers
 
@@ -152,7 +149,7 @@ def _lengths(mapped: Mapped, other: Stranger) -> Numbers:
     for length_s in LENGTHS_S:
         longer = replace(known, window_s=length_s, fewest_echoes=2 if length_s < 0.5 else 3)
         fixes = locate_one_shot(other.features, mapped.run.floor_map, longer)
-        found = fix_numbers(fixes, other.truth, mapped.run, mapped.truth)
+        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
         key = f"seconds|{length_s:g}|{Mode.ONE_SHOT.value}"
         numbers |= {f"{key}|{name}": value for name, value in found.items()}
     return numbers

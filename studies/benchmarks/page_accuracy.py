@@ -121,8 +121,9 @@ def print_agreement(walks: list[ComparedWalk], said: dict[str, Any]) -> None:
         rows = []
         for walk in (walk for walk in walks if walk.kind == kind):
             page = fixes_of_page(said[walk.name])
+            mapped = walk.mapped
             medians = [
-                fix_numbers(fixes, walk.truth, walk.mapped.run, walk.mapped.truth)["median"]
+                fix_numbers(fixes, walk.truth, mapped.run.trajectory, mapped.truth)["median"]
                 for fixes in (walk.by_python, page)
             ]
             rows.append([len(page.t_s), *agreement(page, walk.by_python), *medians])

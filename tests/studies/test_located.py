@@ -37,14 +37,14 @@ def fixes(off_m: float, sigma_m: float, refused: int) -> Fixes:
 
 def test_errors_shares_and_sigmas() -> None:
     run, truth = mapped()
-    found = fix_numbers(fixes(0.3, 0.15, refused=5), truth, run, truth)
+    found = fix_numbers(fixes(0.3, 0.15, refused=5), truth, run.trajectory, truth)
     assert found["median"] == pytest.approx(0.3)
     assert found["anchored|Q3"] == pytest.approx(0.3)
     assert found["NEES"] == pytest.approx(4.0)
     assert found["answered"] == pytest.approx(15 / 20)
     assert found["ambiguous"] == pytest.approx(5 / 20)
     assert found["gross"] == 0.0
-    assert fix_numbers(fixes(1.2, 0.15, refused=0), truth, run, truth)["gross"] == 1.0
+    assert fix_numbers(fixes(1.2, 0.15, refused=0), truth, run.trajectory, truth)["gross"] == 1.0
 
 
 def test_no_answer_has_no_error() -> None:

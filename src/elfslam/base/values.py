@@ -19,8 +19,7 @@ from elfslam.base.notebooks import Plotted, run_summary, summary
 from elfslam.base.points_of_interest import PointOfInterest
 
 ECHO_RATE_HZ = 44_100
-ECHO_SAMPLES = 2352
-"""A 12x48 image needs 96 + 47 * 48 samples (53.3 ms at 44.1 kHz)."""
+ECHO_SAMPLES = 2352  # a 12x48 image needs 96 + 47 * 48 (53.3 ms at 44.1 kHz)
 DISCARDED_SAMPLES = 485  # 10 ms of direct path, 1 ms of reflection off the holder's body
 ELF_SIZE = 128
 
@@ -396,5 +395,6 @@ class Run(Plotted):
     features: Features | None
     seconds: dict[str, float] = field(default_factory=dict)
     points_of_interest: tuple[PointOfInterest, ...] = ()
+    checkpoints: Checkpoints | None = None
 
     __repr__ = run_summary

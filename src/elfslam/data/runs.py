@@ -24,6 +24,7 @@ from elfslam.base.values import (
     Similarity,
     Trajectory,
 )
+from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
 from elfslam.data.map_files import AS_PHONE, MAP, read_map, write_map
@@ -80,6 +81,8 @@ def fill_run(run: Run, folder: Path, *, facts: Mapping[str, object], encoder: by
         write_map(run.floor_map, folder / MAP)
     if run.points_of_interest:
         write_points(run.points_of_interest, folder)
+    if run.checkpoints is not None:
+        write_checkpoints(run.checkpoints, folder)
     if encoder is not None:
         (folder / ENCODER).write_bytes(encoder)
 
@@ -138,6 +141,7 @@ def _read_run(folder: Path) -> Run:
         features=_read_features(folder / "features.npz"),
         seconds={name: float(seconds) for name, seconds in timings.items()},
         points_of_interest=read_points(folder),
+        checkpoints=read_checkpoints(folder),
     )
 
 

@@ -112,14 +112,28 @@ def on_plan(
     return OnPlan(led, taps, off_m <= CLEARLY_OFF * max(np.median(off_m), LEAST_OFF_M))
 
 
+def tapped_closures(
+    checkpoints: Checkpoints | None, trajectory: Trajectory, parameters: CheckpointParameters
+) -> Closures:
+    """Closures from a plan's origin to the taps that a map on that plan agrees with.
+
+    None where those are at fewer than two places: the map does not lie on the plan.
+    """
+    at, xy_m = _taps(checkpoints, trajectory.t_s, parameters)
+    off_m = np.linalg.norm(trajectory.world_from_body[at, :2] - xy_m, axis=1)
+    agreeing = off_m <= parameters.sigma_m * np.sqrt(chi2.ppf(BEYOND_CHANCE, 2))
+    if _width_m(xy_m[agreeing]) < LEAST_APART_M:
+        return NO_CLOSURES
+    at = at[agreeing]
+    from_plan = np.column_stack([xy_m[agreeing], trajectory.world_from_body[at, 2]])
+    return _known_places(np.zeros_like(at), at, from_plan, parameters)
+
+
 def lies_on_plan(
     checkpoints: Checkpoints | None, trajectory: Trajectory, parameters: CheckpointParameters
 ) -> bool:
     """Whether a map has its walker where they tapped, at two places or more."""
-    at, xy_m = _taps(checkpoints, trajectory.t_s, parameters)
-    off_m = np.linalg.norm(trajectory.world_from_body[at, :2] - xy_m, axis=1)
-    agreeing = off_m <= parameters.sigma_m * np.sqrt(chi2.ppf(BEYOND_CHANCE, 2))
-    return _width_m(xy_m[agreeing]) >= LEAST_APART_M
+    return len(tapped_closures(checkpoints, trajectory, parameters).i) > 0
 
 
 def _known_places(i: I64, j: I64, i_from_j: F64, parameters: CheckpointParameters) -> Closures:

@@ -107,7 +107,7 @@ def map_by_echoes(
         )
     named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
     evidence = similarity, closures, trajectory, floor_map, echoes, features
-    return Run(recording.name, nodes, *evidence, seconds, named)
+    return Run(recording.name, nodes, *evidence, seconds, named, recording.checkpoints)
 
 
 def map_by(
@@ -130,7 +130,7 @@ def map_by(
     nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
     named = places_visited(recording.checkpoints, trajectory, parameters.checkpoint)
     evidence = similarities[0][0], closures, trajectory, None, None, None
-    return Run(recording.name, nodes, *evidence, seconds, named)
+    return Run(recording.name, nodes, *evidence, seconds, named, recording.checkpoints)
 
 
 def _sensed(

@@ -10,6 +10,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph, Trajectory
+from elfslam.line.checkpoints import tapped_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.slam.merging.members import MappedWalk, middles
 from elfslam.slam.merging.parameters import MergeParameters
@@ -35,25 +36,28 @@ def joined_walks(
     """All walks bent into one frame, that of the first: the graph over their steps and links.
 
     `frames` (3) place each walk to begin with; with `known_starts` each walk is also tied to where
-    it began. Links that the solution does not bear out are left out, and it is solved again.
+    it began, or to where its walker tapped on a plan, in the frame that all of them share. Links
+    that the solution does not bear out are left out, and it is solved again.
     Raises NoAnswerError where the graph has no solution.
     """
     poses = [
         compose(frame, walk.trajectory.world_from_body)
         for walk, frame in zip(walks, frames, strict=True)
     ]
-    ends = np.cumsum([0, *(len(each) for each in poses)])
+    # Where all share a frame, its origin leads the graph; else the first walk's start holds it.
+    origin = np.zeros((int(known_starts), 3))
+    ends = len(origin) + np.cumsum([0, *(len(each) for each in poses)])
     fixed = [_own_edges(walk, first) for walk, first in zip(walks, ends[:-1], strict=True)]
     if known_starts:
-        fixed += [_start_edges(walks, ends, parameters)]
+        fixed += [_frame_edges(*each, parameters) for each in zip(walks, ends[:-1], strict=True)]
     scale = float(np.mean([walk.odometry.scale_sigma for walk in walks])) / np.sqrt(len(walks))
-    initial, solved = np.vstack(poses), None
+    initial, solved = np.vstack([origin, *poses]), None
     for _ in range(parameters.merging.rounds):
         held = [_link_edges(links[pair], pair, poses, ends, parameters) for pair in sorted(links)]
         solved = _solved(initial, [*fixed, *held], scale)
-        poses = np.split(solved.world_from_body, ends[1:-1])
+        poses = np.split(solved.world_from_body, ends[:-1])[1:]
     assert solved is not None
-    covariances = np.split(solved.covariance, ends[1:-1])
+    covariances = np.split(solved.covariance, ends[:-1])[1:]
     return [
         replace(walk.trajectory, world_from_body=each, covariance=covariance, status="OK")
         for walk, each, covariance in zip(walks, poses, covariances, strict=True)
@@ -103,14 +107,16 @@ def _own_edges(walk: MappedWalk, first: int) -> Edges:
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
 
-def _start_edges(walks: Sequence[MappedWalk], ends: I64, parameters: MergeParameters) -> Edges:
-    """Where each walk said that it began, seen from the first's start."""
-    starts = np.array([walk.odometry.world_from_body[0] for walk in walks])
+def _frame_edges(walk: MappedWalk, first: int, parameters: MergeParameters) -> Edges:
+    """Where a walk lies, seen from the origin of the frame, node 0: by its taps or its start."""
+    taps = tapped_closures(walk.checkpoints, walk.trajectory, parameters.checkpoint)
+    if len(taps.i):
+        nodes = np.column_stack([taps.i, taps.j + first])
+        return Edges(nodes, taps.i_from_j, _inverted(taps.covariance))
     known = parameters.merging
     sigma = np.array([known.start_sigma_m, known.start_sigma_m, known.start_sigma_rad])
-    nodes = np.column_stack([np.zeros(len(walks) - 1, dtype=np.int64), ends[1:-1]])
-    information = np.tile(np.diag(1 / sigma**2), (len(nodes), 1, 1))
-    return Edges(nodes, between(starts[0], starts[1:]), information)
+    information = np.diag(1 / sigma**2)[None]
+    return Edges(np.array([[0, first]]), walk.odometry.world_from_body[:1], information)
 
 
 def _link_edges(

@@ -15,6 +15,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import (
+    Checkpoints,
     Closures,
     Features,
     FloorMap,
@@ -38,6 +39,7 @@ class MappedWalk:
     closures: Closures
     features: Features
     points_of_interest: tuple[PointOfInterest, ...] = ()
+    checkpoints: Checkpoints | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +62,7 @@ def walk_of(run: Run) -> MappedWalk:
             f"{run.name}: was mapped without sound; map it with --by elf, only echoes are merged"
         )
     evidence = run.odometry, run.trajectory, run.closures, run.features
-    return MappedWalk(run.name, *evidence, run.points_of_interest)
+    return MappedWalk(run.name, *evidence, run.points_of_interest, run.checkpoints)
 
 
 def side_of(walk: MappedWalk, parameters: MergeParameters) -> Side:
