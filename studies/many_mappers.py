@@ -10,7 +10,8 @@ import plotly.graph_objects as go
 
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
-from elfslam.base.values import Fixes, FixStatus, FloorMap, Trajectory, Truth
+from elfslam.base.geometry import interpolate_poses
+from elfslam.base.values import Checkpoints, Fixes, FixStatus, FloorMap, Trajectory, Truth
 from elfslam.line.feature import extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.errors import Alignment, position_errors
@@ -33,7 +34,11 @@ from studies.repeats import Numbers, finished
 
 SEEDS = tuple(range(10))
 """Of those who map, and of the strangers."""
-MAPPERS = (1, 2, 5, 10)
+COUNTS = (1, 2, 5, 10)
+"""Of those who map."""
+TAPS = (0, 4)
+"""Places that each of them taps on the plan; without any they declare their start."""
+TAP_SIGMA_M = 0.3
 METHODS = (
     *(mode.value for mode in Mode),
     *(f"{feature}, always answered" for feature in (ELF, PLAIN, ROOT)),
@@ -44,12 +49,16 @@ LAPS = 2
 
 @dataclass(frozen=True)
 class Crowd:
-    """People who map a world, each from a declared start, and strangers who ask."""
+    """People who map a world, so many places tapped by each on its plan, and who asks.
+
+    Who taps nothing declares a start. Maps are of the first few of them, as `counts` has it.
+    """
 
     world: str
     kind: str
-    mappers: tuple[int, ...]
-    strangers: tuple[int, ...]
+    taps: int
+    counts: tuple[int, ...]
+    seeds: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,74 +69,120 @@ class Mapper:
     truth: Truth
 
 
+@dataclass(frozen=True, eq=False)
+class Map:
+    """The map of some walks, those of the walks by feature, and all walks as one with its truth."""
+
+    floor_map: FloorMap
+    by: Mapping[str, Sequence[FloorMap]]
+    walked: Trajectory
+    truth: Truth
+    merged: int
+
+
 def measure_many_mappers(
     given: Given,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
-    mappers: Sequence[int] = MAPPERS,
+    counts: Sequence[int] = COUNTS,
+    taps: Sequence[int] = TAPS,
     kind: Kind = PEOPLE,
 ) -> Finding:
-    """Errors of fixes and shares answered, by how many people mapped."""
+    """Errors of fixes and shares answered, by how many people mapped and what they tapped."""
     tasks = [
-        Crowd(world, kind.name, tuple(seeds[:count]), tuple(seeds))
+        Crowd(world, kind.name, tapped, tuple(counts), tuple(seeds))
         for world in worlds
-        for count in mappers
+        for tapped in taps
     ]
     rows = [
-        row
+        _row(task, count, method, numbers)
         for task, numbers in zip(tasks, finished(_measured, tasks, given), strict=True)
-        for row in _rows(task, numbers)
+        for count in counts
+        for method in METHODS
     ]
     return Finding(rows, _page(rows))
 
 
 def _measured(crowd: Crowd) -> Numbers:
     world, kind = load_world(crowd.world), kind_named(crowd.kind)
-    walks = [_mapped(crowd, k) for k in range(len(crowd.mappers))]
+    elsewhere = load_world(ELSEWHERE.get(crowd.world, "studio"))
+    walks = [_mapped(crowd, number) for number in range(max(crowd.counts))]
+    maps = {count: _map(walks[:count]) for count in crowd.counts}
+    numbers: Numbers = {}
+    for count, made in maps.items():
+        errors_m = position_errors(
+            made.walked.t_s, made.walked.world_from_body, made.truth, Alignment.ALIGNED
+        )
+        found = {"map": float(np.median(errors_m)), "merged": float(made.merged)}
+        numbers |= {f"{count}|{name}": value for name, value in found.items()}
+    for seed in crowd.seeds:
+        other = stranger(world, seed, ROUNDS, shipped(), kind=kind)
+        lost = stranger(elsewhere, seed, 1, shipped(), kind=kind)
+        for count, made in maps.items():
+            found = _asked(made, other, lost)
+            numbers |= {f"{count}|{seed}|{name}": value for name, value in found.items()}
+    return numbers
+
+
+def _asked(made: Map, other: Stranger, lost: Stranger) -> Numbers:
+    """Errors of a stranger by each method, and what is answered to somebody who is not there."""
+    numbers: Numbers = {}
+    for method, fixes in _fixes(made, other):
+        found = fix_numbers(fixes, other.truth, made.walked, made.truth)
+        numbers |= {f"{method}|{name}": value for name, value in found.items()}
+    for mode in Mode:
+        status = located_in(made.floor_map, lost, mode, Settings()).status
+        numbers[f"{mode.value}|elsewhere"] = float(np.mean(status == FixStatus.OK))
+    return numbers
+
+
+def _mapped(crowd: Crowd, number: int) -> Mapper:
+    """What one of those who map brings home."""
+    world, kind, seed = load_world(crowd.world), kind_named(crowd.kind), crowd.seeds[number]
+    recording, truth = simulate(
+        world, seed, rounds=LAPS, reverse=number % 2 == 1, walker=kind.walker,
+        circumstances=kind.mapping(world.room),
+    )  # fmt: skip
+    if crowd.taps:
+        recording = replace(recording, checkpoints=_tapped(truth, crowd.taps, seed))
+    else:
+        recording = at_its_start(recording, truth)
+    run = map_by_echoes(recording, shipped(), walkers(seed, kind)[CALIBRATED])
+    assert run.echoes is not None
+    walk = replace(walk_of(run), name=f"walk {seed}")
+    by = {
+        feature: replace(walk, features=extract_features(run.echoes, encoder))
+        for feature, encoder in compared_encoders().items()
+    }
+    return Mapper(by, truth)
+
+
+def _tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
+    """Places tapped at even times on the way, each a little beside where the walker is."""
+    generator = np.random.default_rng([seed, 77])
+    share = (np.arange(taps) + 0.5) / taps
+    t_s = truth.t_s[0] + share * (truth.t_s[-1] - truth.t_s[0])
+    xy_m = interpolate_poses(truth.t_s, truth.world_from_body, t_s)[:, :2]
+    names = tuple(f"place {k}" for k in range(taps))
+    return Checkpoints(t_s, names, xy_m + generator.normal(0, TAP_SIGMA_M, xy_m.shape))
+
+
+def _map(walks: Sequence[Mapper]) -> Map:
+    """The walks as one map, by echoes as the line has it, and by each feature walk by walk."""
     trajectories, floor_map = _merged([walk.by[ELF] for walk in walks])
     inside = [walk for walk in walks if walk.by[ELF].name in trajectories]
-    known = [walk.truth for walk in inside]
-    walked, true = one_after_another(list(trajectories.values()), known)
-    errors_m = position_errors(walked.t_s, walked.world_from_body, true, Alignment.ALIGNED)
-    numbers: Numbers = {"map": float(np.median(errors_m)), "merged": float(len(trajectories))}
-    maps = {
+    walked, truth = one_after_another(
+        [trajectories[walk.by[ELF].name] for walk in inside], [walk.truth for walk in inside]
+    )
+    single = {
         feature: [
             map_of(walk.by[feature], trajectories[walk.by[ELF].name], MergeParameters())
             for walk in inside
         ]
         for feature in compared_encoders()
     }
-    for seed in crowd.strangers:
-        other = stranger(world, seed, ROUNDS, shipped(), kind=kind)
-        lost = stranger(load_world(ELSEWHERE.get(crowd.world, "studio")), seed, 1, shipped(),
-                        kind=kind)  # fmt: skip
-        for method, fixes in _fixes(floor_map, maps, other):
-            found = fix_numbers(fixes, other.truth, walked, true)
-            numbers |= {f"{seed}|{method}|{name}": value for name, value in found.items()}
-        for mode in Mode:
-            status = located_in(floor_map, lost, mode, Settings()).status
-            numbers[f"{seed}|{mode.value}|elsewhere"] = float(np.mean(status == FixStatus.OK))
-    return numbers
-
-
-def _mapped(crowd: Crowd, number: int) -> Mapper:
-    """What one of those who map brings home."""
-    world, kind, seed = load_world(crowd.world), kind_named(crowd.kind), crowd.mappers[number]
-    recording, truth = simulate(
-        world, seed, rounds=LAPS, reverse=number % 2 == 1, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
-    run = map_by_echoes(at_its_start(recording, truth), shipped(), walkers(seed, kind)[CALIBRATED])
-    assert run.echoes is not None
-    walk = replace(walk_of(run), name=f"walk {seed}")
-    return Mapper(
-        {
-            feature: replace(walk, features=extract_features(run.echoes, encoder))
-            for feature, encoder in compared_encoders().items()
-        },
-        truth,
-    )
+    return Map(floor_map, single, walked, truth, len(inside))
 
 
 def _merged(walks: Sequence[MappedWalk]) -> tuple[dict[str, Trajectory], FloorMap]:
@@ -139,16 +194,14 @@ def _merged(walks: Sequence[MappedWalk]) -> tuple[dict[str, Trajectory], FloorMa
     return dict(zip(made.names, made.trajectories, strict=True)), made.floor_map
 
 
-def _fixes(
-    floor_map: FloorMap, maps: Mapping[str, Sequence[FloorMap]], other: Stranger
-) -> Iterator[tuple[str, Fixes]]:
+def _fixes(made: Map, other: Stranger) -> Iterator[tuple[str, Fixes]]:
     """By the shipped line in each mode; then by each feature, where the most alike spot is."""
     for mode in Mode:
-        yield mode.value, located_in(floor_map, other, mode, Settings())
+        yield mode.value, located_in(made.floor_map, other, mode, Settings())
     echoes = hear(other.recording, Settings())
     for feature, encoder in compared_encoders().items():
         features = extract_features(echoes, encoder)
-        each = [locate_one_shot(features, single, ALWAYS) for single in maps[feature]]
+        each = [locate_one_shot(features, single, ALWAYS) for single in made.by[feature]]
         yield f"{feature}, always answered", _most_alike(each)
 
 
@@ -164,20 +217,18 @@ def _most_alike(fixes: Sequence[Fixes]) -> Fixes:
     return replace(fixes[0], **chosen)
 
 
-def _rows(crowd: Crowd, numbers: Numbers) -> list[Row]:
-    """A row for each way of being located: means over strangers, and the map that they were in."""
-    return [_row(crowd, numbers, method) for method in METHODS]
+def _row(crowd: Crowd, count: int, method: str, numbers: Numbers) -> Row:
+    """Means over strangers, the median's with a 95 % interval, and the map that they were in."""
 
-
-def _row(crowd: Crowd, numbers: Numbers, method: str) -> Row:
     def each(name: str) -> list[float]:
-        found = [numbers.get(f"{seed}|{method}|{name}", np.nan) for seed in crowd.strangers]
+        found = [numbers.get(f"{count}|{seed}|{method}|{name}", np.nan) for seed in crowd.seeds]
         return [value for value in found if np.isfinite(value)]
 
     low, high = mean_interval(each("median"))
     return {
         "world": crowd.world,
-        "laps": LAPS * len(crowd.mappers),
+        "known by": f"{crowd.taps} taps" if crowd.taps else "declared starts",
+        "laps": LAPS * count,
         "method": method,
         "median (m)": mean_of(each("median")),
         "from": low,
@@ -187,27 +238,29 @@ def _row(crowd: Crowd, numbers: Numbers, method: str) -> Row:
         "answered": mean_of(each("answered")),
         "over 1 m off": mean_of(each("gross")),
         "answered elsewhere": mean_of(each("elsewhere")),
-        "map (m)": round(numbers["map"], 3),
-        "merged": int(numbers["merged"]),
+        "map (m)": round(numbers[f"{count}|map"], 3),
+        "merged": int(numbers[f"{count}|merged"]),
     }
 
 
 def _page(rows: Sequence[Row]) -> Page:
     """Errors and shares answered against laps, and the table."""
+    places = dict.fromkeys((str(row["world"]), str(row["known by"])) for row in rows)
     panels = [
-        Panel(f"{world}: {name}", _curves(rows, world, name), wide=False)
-        for world in dict.fromkeys(str(row["world"]) for row in rows)
+        Panel(f"{world}, {known}: {name}", _curves(rows, (world, known), name))
+        for world, known in places
         for name in ("median (m)", "answered")
     ]
     return Page(
         "Maps of many people",
-        "each from a declared start; strangers of another day with another phone",
+        "strangers of another day with another phone",
         [*panels, Panel("All of it", rows_table(rows), wide=True)],
     )
 
 
-def _curves(rows: Sequence[Row], world: str, name: str) -> go.Figure:
-    mine = [row for row in rows if row["world"] == world and row[name] is not None]
+def _curves(rows: Sequence[Row], place: tuple[str, str], name: str) -> go.Figure:
+    here = [row for row in rows if (row["world"], row["known by"]) == place]
+    mine = [row for row in here if row[name] is not None]
     curves = {
         method: Curve(
             *np.array([(row["laps"], row[name]) for row in mine if row["method"] == method], float)
