@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.serve.jobs.work import STAGES
+from tests.serve.pages.refusals import refusals
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[2]
@@ -110,7 +111,7 @@ def keys(language: str) -> set[str]:
     for script in scripts().values():
         found |= set(script["keys"])
         found |= {f"{many}_{form}" for _, many in script["counted"] for form in forms(language)}
-    return found
+    return found | refusals()
 
 
 def catalogue(file: Path) -> dict[str, str]:
@@ -183,6 +184,14 @@ def test_the_looking_finds_what_was_forgotten(tmp_path: Path) -> None:
     assert found["counted"] == [["{{count}} job", "{{count}} jobs"]]
     assert found["bare"] == ["Not translated", "It is … late", "Delete", "Inside it"]
     assert len(found["computed"]) == 1
+
+
+def test_refusals_are_read_from_the_source_of_the_server() -> None:
+    found = refusals()
+    assert "there is no such {{1}} here; it may have been deleted" in found
+    assert "this map is somebody else's, and only they may do that; ask them" in found
+    assert "this pairing token is not known here; ask for a new one" in found
+    assert not [text for text in found if "Upload-Length" in text]
 
 
 def test_html_is_read_as_the_page_reads_it() -> None:

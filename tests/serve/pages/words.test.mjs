@@ -9,6 +9,9 @@ const PAGES = new URL("../../../src/elfslam/serve/pages/", import.meta.url);
 const WORDS = {
   "{{name}} has arrived.": "{{name}} ist angekommen.",
   "Map": "Karte",
+  "map": "Karte",
+  "there is no such {{1}} here; it may (soon) be back": "hier ist keine {{1}}; vielleicht kommt sie wieder",
+  "{{1}}: {{2}} of {{3}} bytes have come": "{{1}}: {{2}} von {{3}} Byte sind da",
   "Map_verb": "Kartieren",
   "{{count, number}} footsteps_one": "{{count, number}} Schritt",
   "{{count, number}} footsteps_other": "{{count, number}} Schritte",
@@ -49,6 +52,13 @@ test("a text from elsewhere is translated where the catalogue has exactly it", (
   assert.equal(translated("map: 3 of 7"), "map: 3 of 7");
   assert.equal(translated("toString"), "toString");
   assert.equal(inSentence("Aufnahmen"), "Aufnahmen");
+});
+
+test("a refusal with values is translated around them, and names stay", () => {
+  assert.equal(translated("there is no such map here; it may (soon) be back"), "hier ist keine Karte; vielleicht kommt sie wieder");
+  assert.equal(translated("Map: 3 of 7 bytes have come"), "Map: 3 von 7 Byte sind da");
+  assert.equal(translated("$t(Map) {{1}}: 3 of 7 bytes have come"), "$t(Map) {{1}}: 3 von 7 Byte sind da");
+  assert.equal(translated("there is no such map here; it may be back"), "there is no such map here; it may be back");
 });
 
 test("numbers and dates are written as the reader writes them", () => {

@@ -63,13 +63,28 @@ export function inSentence(name) {
   return language === "en" ? name.charAt(0).toLowerCase() + name.slice(1) : name;
 }
 
+/** Refusals of the server that hold values, `{{1}}` and so on, with their keys. @type {[RegExp, string][]} */
+const refusals = Object.keys(catalogue)
+  .filter((key) => /\{\{\d\}\}/.test(key))
+  .map((key) => [new RegExp(`^${key.replace(/[$()*+.?[\\\]^|]/g, "\\$&").replace(/\{\{\d\}\}/g, "(.+?)")}$`), key]);
+
 /**
- * A text that comes from elsewhere, a worker or the server: in the reader's language where the catalogue has exactly
- * it, else as it came.
+ * A text that comes from elsewhere, a worker or the server: in the reader's language where the catalogue has it, else
+ * as it came.
  * @param {string} text @returns {string}
  */
 export function translated(text) {
-  return Object.hasOwn(catalogue, text) ? catalogue[text] : text;
+  if (Object.hasOwn(catalogue, text)) return catalogue[text];
+  for (const [pattern, key] of refusals) {
+    const found = pattern.exec(text);
+    if (found) return library.t(key, Object.fromEntries(found.slice(1).map((value, at) => [at + 1, kindOf(value)])));
+  }
+  return text;
+}
+
+/** What the server calls a thing, as "map"; names that people gave stay. @param {string} value */
+function kindOf(value) {
+  return /^[a-z ]+$/.test(value) ? translated(value) : value;
 }
 
 if (globalThis.document) {
