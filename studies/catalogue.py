@@ -57,6 +57,7 @@ from studies.speech import measure_speech
 from studies.speed import measure_speed
 from studies.spots import measure_spots
 from studies.superimposition import measure_superimposition
+from studies.taps import measure_taps
 from studies.thresholds import measure_thresholds
 from studies.trace import measure_trace
 from studies.unknown_phone import measure_unknown_phone
@@ -101,6 +102,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "speed": measure_speed,
     "spots": LongStudy(measure_spots),
     "superimposition": LongStudy(measure_superimposition),
+    "taps": LongStudy(measure_taps),
     "thresholds": LongStudy(measure_thresholds),
     "trace": measure_trace,
     "contention": LongStudy(measure_contention),
@@ -110,7 +112,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
-BY_KIND = ("laps", "localization", "many-mappers", "mapping", "sensitivity")
+BY_KIND = ("laps", "localization", "many-mappers", "mapping", "sensitivity", "taps")
 """Studies whose walks are of a kind, people's where none is given."""
 
 

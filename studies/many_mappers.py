@@ -10,8 +10,7 @@ import plotly.graph_objects as go
 
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
-from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Checkpoints, Fixes, FixStatus, FloorMap, Trajectory, Truth
+from elfslam.base.values import Fixes, FixStatus, FloorMap, Trajectory, Truth
 from elfslam.line.feature import extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.errors import Alignment, position_errors
@@ -31,6 +30,7 @@ from studies.mapping_errors import CALIBRATED, walkers
 from studies.merged_walks import one_after_another
 from studies.plain_features import ELF, PLAIN, ROOT, compared_encoders
 from studies.repeats import Numbers, finished
+from studies.taps import tapped
 
 SEEDS = tuple(range(10))
 """Of those who map, and of the strangers."""
@@ -38,7 +38,6 @@ COUNTS = (1, 2, 5, 10)
 """Of those who map."""
 TAPS = (0, 4)
 """Places that each of them taps on the plan; without any they declare their start."""
-TAP_SIGMA_M = 0.3
 METHODS = (
     *(mode.value for mode in Mode),
     *(f"{feature}, always answered" for feature in (ELF, PLAIN, ROOT)),
@@ -145,7 +144,7 @@ def _mapped(crowd: Crowd, number: int) -> Mapper:
         circumstances=kind.mapping(world.room),
     )  # fmt: skip
     if crowd.taps:
-        recording = replace(recording, checkpoints=_tapped(truth, crowd.taps, seed))
+        recording = replace(recording, checkpoints=tapped(truth, crowd.taps, seed))
     else:
         recording = at_its_start(recording, truth)
     run = map_by_echoes(recording, shipped(), walkers(seed, kind)[CALIBRATED])
@@ -156,16 +155,6 @@ def _mapped(crowd: Crowd, number: int) -> Mapper:
         for feature, encoder in compared_encoders().items()
     }
     return Mapper(by, truth)
-
-
-def _tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
-    """Places tapped at even times on the way, each a little beside where the walker is."""
-    generator = np.random.default_rng([seed, 77])
-    share = (np.arange(taps) + 0.5) / taps
-    t_s = truth.t_s[0] + share * (truth.t_s[-1] - truth.t_s[0])
-    xy_m = interpolate_poses(truth.t_s, truth.world_from_body, t_s)[:, :2]
-    names = tuple(f"place {k}" for k in range(taps))
-    return Checkpoints(t_s, names, xy_m + generator.normal(0, TAP_SIGMA_M, xy_m.shape))
 
 
 def _map(walks: Sequence[Mapper]) -> Map:

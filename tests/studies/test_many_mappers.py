@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.values import Fixes, Truth
+from elfslam.base.values import Fixes
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import QUIET
 from studies.finding import Finding, Given
-from studies.many_mappers import METHODS, TAP_SIGMA_M, _most_alike, _tapped, measure_many_mappers
+from studies.many_mappers import METHODS, _most_alike, measure_many_mappers
 
 
 @pytest.fixture(scope="module")
@@ -39,16 +39,6 @@ def test_its_page_is_written(finding: Finding, tmp_path: Path) -> None:
     assert finding.page is not None
     save_page(tmp_path / "page.html", finding.page)
     assert (tmp_path / "page.html").stat().st_size > 1000
-
-
-def test_taps_lie_around_the_walker() -> None:
-    t_s = np.linspace(0, 100, 1001)
-    truth = Truth(t_s, np.column_stack([t_s, np.zeros_like(t_s), np.zeros_like(t_s)]))
-    told = [_tapped(truth, 4, seed) for seed in range(200)]
-    np.testing.assert_allclose(told[0].t_s, [12.5, 37.5, 62.5, 87.5])
-    off_m = np.array([each.xy_m for each in told]) - [[12.5, 0], [37.5, 0], [62.5, 0], [87.5, 0]]
-    assert np.std(off_m) == pytest.approx(TAP_SIGMA_M, rel=0.1)
-    assert np.abs(off_m.mean(axis=0)).max() < 0.1
 
 
 def test_of_several_maps_the_most_alike_answers() -> None:
