@@ -25,8 +25,8 @@ from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 TAPS = (0, 2, 4, 8)
 """Without any the walker declares where the walk begins."""
-FIRST_TWO = 8
-"""Two taps are the first two of so many: at even times both would be at one place of a round."""
+GOLDEN = 0.5 * (5**0.5 - 1)
+"""Times at multiples of this share of a walk are at different places of its rounds."""
 TAP_SIGMA_M = 0.3
 IN_FRAME, ALIGNED, ON_PLAN = "in its frame (m)", "aligned (m)", "on the plan"
 
@@ -54,8 +54,7 @@ def measure_taps(
 def tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
     """Places tapped on the way, each a little beside where the walker is."""
     generator = np.random.default_rng([seed, 77])
-    spread = FIRST_TWO if taps == 2 else taps
-    share = (np.arange(taps) + 0.5) / spread
+    share = np.sort((0.5 + GOLDEN * np.arange(taps)) % 1.0)
     t_s = truth.t_s[0] + share * (truth.t_s[-1] - truth.t_s[0])
     xy_m = interpolate_poses(truth.t_s, truth.world_from_body, t_s)[:, :2]
     names = tuple(f"place {k}" for k in range(taps))

@@ -35,17 +35,22 @@ def test_its_page_is_written(finding: Finding, tmp_path: Path) -> None:
     assert (tmp_path / "page.html").stat().st_size > 1000
 
 
+def walk_m(length_m: float) -> Truth:
+    """A walk along x at 1 m/s."""
+    t_s = np.arange(0.0, length_m + 0.05, 0.1)
+    return Truth(t_s, np.column_stack([t_s, np.zeros_like(t_s), np.zeros_like(t_s)]))
+
+
 def test_taps_lie_around_the_walker() -> None:
-    t_s = np.linspace(0, 100, 1001)
-    truth = Truth(t_s, np.column_stack([t_s, np.zeros_like(t_s), np.zeros_like(t_s)]))
-    told = [tapped(truth, 4, seed) for seed in range(200)]
-    np.testing.assert_allclose(told[0].t_s, [12.5, 37.5, 62.5, 87.5])
-    off_m = np.array([each.xy_m for each in told]) - [[12.5, 0], [37.5, 0], [62.5, 0], [87.5, 0]]
+    told = [tapped(walk_m(100.0), 4, seed) for seed in range(200)]
+    off_m = np.array([each.xy_m - np.column_stack([each.t_s, np.zeros(4)]) for each in told])
     assert np.std(off_m) == pytest.approx(TAP_SIGMA_M, rel=0.1)
     assert np.abs(off_m.mean(axis=0)).max() < 0.1
 
 
-def test_two_taps_are_at_two_places_of_a_round() -> None:
-    t_s = np.linspace(0, 80, 801)
-    truth = Truth(t_s, np.column_stack([t_s, np.zeros_like(t_s), np.zeros_like(t_s)]))
-    np.testing.assert_allclose(tapped(truth, 2, 0).t_s, [5.0, 15.0])
+@pytest.mark.parametrize("rounds", [2, 3, 4, 5])
+@pytest.mark.parametrize("taps", TAPS[1:])
+def test_taps_are_at_different_places_of_the_rounds(rounds: int, taps: int) -> None:
+    place = np.sort(tapped(walk_m(100.0), taps, 0).t_s * rounds / 100.0 % 1.0)
+    apart = np.diff([*place, place[0] + 1.0])
+    assert apart.max() < 0.75
