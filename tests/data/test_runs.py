@@ -12,7 +12,7 @@ import pytest
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.base.values import Closures, Recording, Run, Truth
+from elfslam.base.values import Checkpoints, Closures, Recording, Run, Truth
 from elfslam.data.facts import read_facts
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_run, write_run
@@ -41,6 +41,15 @@ def test_round_trip(folder: Path, run: Run) -> None:
     np.testing.assert_allclose(read.similarity.scores, run.similarity.scores, atol=5e-4)
     assert read.similarity.kind == "elf"
     np.testing.assert_array_equal(read.floor_map.xy_m, run.floor_map.xy_m)
+
+
+def test_checkpoints_lie_beside_the_run(tmp_path: Path, run: Run) -> None:
+    told = Checkpoints(np.array([0.5, 1.0]), ("Door", "Desk"), np.array([[1.0, 2.0], [3.5, 4.0]]))
+    write_run(replace(run, checkpoints=told), tmp_path / "run", facts=FACTS, encoder=None)
+    read = read_run(tmp_path / "run").checkpoints
+    assert read is not None
+    assert read.names == told.names
+    np.testing.assert_array_equal(read.xy_m, told.xy_m)
 
 
 def test_points_of_interest_lie_beside_the_run(tmp_path: Path, run: Run) -> None:

@@ -10,6 +10,7 @@ import numpy.testing as npt
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, chain, compose
+from elfslam.base.values import Checkpoints
 from elfslam.slam.merging import MappedWalk, MergeParameters
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
 from elfslam.slam.merging.members import links_between, middles, side_of
@@ -66,6 +67,41 @@ def test_known_starts_hold_walks_that_share_no_ground(walker: Callable, here: Ca
     wanted = walks[1].trajectory.world_from_body
     npt.assert_allclose(between(wanted, second.world_from_body), 0, atol=0.05)
     assert second.covariance[0, 0, 0] > 0.5 * KNOWN.merging.start_sigma_m**2
+
+
+def tapped(walk: MappedWalk, footsteps: list[int]) -> MappedWalk:
+    """The walk, whose walker tapped on a plan at some of its footsteps."""
+    named = tuple(map(str, footsteps))
+    xy_m = walk.trajectory.world_from_body[footsteps, :2]
+    return replace(walk, checkpoints=Checkpoints(walk.odometry.t_s[footsteps], named, xy_m))
+
+
+def test_taps_hold_a_walk_better_than_a_declared_start(walker: Callable, here: Callable) -> None:
+    """Bent walks that share no ground: no link between them says anything."""
+    true = [walker(here, str(k), start=[20.0 * k, 0.0, 0.0]) for k in range(2)]
+    told = [tapped(walk, [2, 15, 30, 45]) for walk in true]
+    wrong = [
+        replace(bent(walk, 0.01), checkpoints=walk.checkpoints, trajectory=walk.trajectory)
+        for walk in told
+    ]
+    far = {(0, 1): links_between(*(side_of(walk, KNOWN) for walk in true), KNOWN)}
+    missed_m = []
+    for walks in (wrong, [replace(walk, checkpoints=None) for walk in wrong]):
+        made = joined_walks(walks, [np.zeros(3)] * 2, far, KNOWN, known_starts=True)
+        pairs = zip(made, true, strict=True)
+        missed_m.append(
+            [off_m(one.world_from_body, other.trajectory.world_from_body) for one, other in pairs]
+        )
+    assert max(missed_m[0]) < 0.5 * min(missed_m[1])
+    assert max(missed_m[0]) < KNOWN.checkpoint.sigma_m
+
+
+def test_no_start_in_a_known_frame_is_surer_than_another(walker: Callable, here: Callable) -> None:
+    walks = [walker(here, str(k), start=[20.0 * k, 0.0, 0.0]) for k in range(2)]
+    far = {(0, 1): links_between(*(side_of(walk, KNOWN) for walk in walks), KNOWN)}
+    made = joined_walks(walks, [np.zeros(3)] * 2, far, KNOWN, known_starts=True)
+    sigmas_m = [np.sqrt(walk.covariance[0, 0, 0]) for walk in made]
+    npt.assert_allclose(sigmas_m, KNOWN.merging.start_sigma_m, rtol=0.05)
 
 
 def test_a_map_stays_where_it_is_and_bends_the_walk(walker: Callable, here: Callable) -> None:
