@@ -29,6 +29,14 @@ def importing(name, *more, **named):
         except KeyboardInterrupt:
             raise ImportError("as a compiled module does that is interrupted in its beginnings")
     return real(name, *more, **named)
+def printing(name, *more, **named):
+    if name == "{module}":
+        builtins.__import__ = real
+        try:
+            os.kill(os.getpid(), signal.SIGINT)
+        except KeyboardInterrupt:
+            sys.excepthook(*sys.exc_info())  # as PyErr_Print does
+    return real(name, *more, **named)
 def syncing(descriptor, sync=os.fsync):
     os.fsync = sync
     os.kill(os.getpid(), signal.SIGINT)
@@ -40,6 +48,7 @@ WITHIN = {
         "onnxruntime",
         "builtins.__import__ = importing",
     ),
+    "a library that prints it and goes on": ("numpy", "builtins.__import__ = printing"),
     "the writing": ("", "os.fsync = syncing"),
 }
 MOMENTS = max(4, int(os.environ.get("HOSTILE_CASES", "200")) // 150)

@@ -54,7 +54,8 @@ def _end(number: int, frame: FrameType | None) -> None:
 def _unwind(number: int, frame: FrameType | None) -> None:
     """Tidy up on the way out; what breaks on that way is of no interest."""
     signal.signal(signal.SIGINT, _overhear)
-    sys.unraisablehook = _unheard
+    sys.unraisablehook = lambda hidden: _again(hidden.exc_type)
+    sys.excepthook = lambda kind, error, trace: _again(kind)
     warnings.simplefilter("ignore")
     threading.excepthook = lambda _: None
     raise KeyboardInterrupt
@@ -65,8 +66,11 @@ def _overhear(number: int, frame: FrameType | None) -> None:
     signal.signal(signal.SIGINT, _end)
 
 
-def _unheard(hidden: sys.UnraisableHookArgs) -> None:
-    """Interrupt again where that came to a callback, which cannot pass it on."""
-    if issubclass(hidden.exc_type, KeyboardInterrupt):
+def _again(kind: type[BaseException]) -> None:
+    """Interrupt again where that came to a callback or a library that did not pass it on.
+
+    Libraries in C print what they do not pass on, by `sys.excepthook`.
+    """
+    if issubclass(kind, KeyboardInterrupt):
         signal.signal(signal.SIGINT, _unwind)
         threading.Timer(AGAIN_S, os.kill, (os.getpid(), signal.SIGINT)).start()

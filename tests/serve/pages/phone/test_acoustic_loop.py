@@ -20,6 +20,8 @@ STUCK = "does not go on"
 """What the browser's walk says of a page that waits for chirps; one that waits each time fails."""
 LOST_S = 0.1
 """Where the microphone's stream has gaps of more than that the machine was too busy to record."""
+STALLED_S = 0.25
+"""Chirps further apart than that were held up: nobody keeps silent in two slots on end."""
 
 pytestmark = pytest.mark.real
 
@@ -70,9 +72,11 @@ def lost_s(folder: Path) -> float:
 def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     course, recorded, _ = compared
     told = capture_of(recorded)
-    played = len((recorded / "chirps.csv").read_text().splitlines()) - 1
-    slots = 10 * course.duration_s
-    assert 0.85 * slots < told["frames"] < slots + 8  # silent in a few, to hear others
+    played_t_s = np.loadtxt(recorded / "chirps.csv", delimiter=",", skiprows=1)[:, 0]
+    played, slots = len(played_t_s), 10 * course.duration_s
+    # Silent in a few, to hear others; a machine with other work may let the page's timers wait.
+    stalled = 10 * sum(each for each in np.diff(played_t_s) if each > STALLED_S)
+    assert 0.85 * (slots - stalled) < told["frames"] < slots + 8
     in_gaps = sum(2 + 10 * gap["lost_s"] for gap in told["gaps"])
     assert told["frames"] >= 0.98 * played - 2
     assert told["missed"] < 0.02 * told["frames"] + in_gaps
