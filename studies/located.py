@@ -95,13 +95,15 @@ def stranger(
     circumstances: Circumstances | None = None,
     kind: Kind = QUIET,
     reverse: bool = False,
+    on_mapped_way: bool = False,
 ) -> Stranger:
     """Another person's walk, of which neither start nor length of step is known.
 
-    `circumstances` are those of the kind unless others are given.
+    `circumstances` are those of the kind unless others are given; so is the way, unless it is to be
+    the mapped one.
     """
     today = circumstances or kind.asking(world.room)
-    there = kind.asking_place(world, seed + STRANGER)
+    there = world if on_mapped_way else kind.asking_place(world, seed + STRANGER)
     recording, truth = simulate(
         there, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
         circumstances=today, reverse=reverse,

@@ -42,6 +42,10 @@ METHODS = (
     *(mode.value for mode in Mode),
     *(f"{feature}, always answered" for feature in (ELF, PLAIN, ROOT)),
 )
+MAPPED_WAY, ACROSS = "the mapped way", "across it"
+WAYS = (MAPPED_WAY, ACROSS)
+"""Where strangers walk, in lanes as those who map do."""
+PLACE = ("world", "known by", "strangers walk")
 LAPS = 2
 """Of each mapper, every other one the opposite way round."""
 
@@ -95,9 +99,10 @@ def measure_many_mappers(
         for tapped in taps
     ]
     rows = [
-        _row(task, count, method, numbers)
+        _row(task, count, way, method, numbers)
         for task, numbers in zip(tasks, finished(_measured, tasks, given), strict=True)
         for count in counts
+        for way in WAYS
         for method in METHODS
     ]
     return Finding(rows, _page(rows))
@@ -116,11 +121,14 @@ def _measured(crowd: Crowd) -> Numbers:
         found = {"map": float(np.median(errors_m)), "merged": float(made.merged)}
         numbers |= {f"{count}|{name}": value for name, value in found.items()}
     for seed in crowd.seeds:
-        other = stranger(world, seed, ROUNDS, shipped(), kind=kind)
         lost = stranger(elsewhere, seed, 1, shipped(), kind=kind)
-        for count, made in maps.items():
-            found = _asked(made, other, lost)
-            numbers |= {f"{count}|{seed}|{name}": value for name, value in found.items()}
+        for way in WAYS:
+            other = stranger(
+                world, seed, ROUNDS, shipped(), kind=kind, on_mapped_way=way == MAPPED_WAY
+            )
+            for count, made in maps.items():
+                found = _asked(made, other, lost)
+                numbers |= {f"{count}|{seed}|{way}|{name}": each for name, each in found.items()}
     return numbers
 
 
@@ -206,11 +214,12 @@ def _most_alike(fixes: Sequence[Fixes]) -> Fixes:
     return replace(fixes[0], **chosen)
 
 
-def _row(crowd: Crowd, count: int, method: str, numbers: Numbers) -> Row:
+def _row(crowd: Crowd, count: int, way: str, method: str, numbers: Numbers) -> Row:
     """Means over strangers, the median's with a 95 % interval, and the map that they were in."""
 
     def each(name: str) -> list[float]:
-        found = [numbers.get(f"{count}|{seed}|{method}|{name}", np.nan) for seed in crowd.seeds]
+        asked = [f"{count}|{seed}|{way}|{method}|{name}" for seed in crowd.seeds]
+        found = [numbers.get(key, np.nan) for key in asked]
         return [value for value in found if np.isfinite(value)]
 
     low, high = mean_interval(each("median"))
@@ -218,6 +227,7 @@ def _row(crowd: Crowd, count: int, method: str, numbers: Numbers) -> Row:
         "world": crowd.world,
         "known by": f"{crowd.taps} taps" if crowd.taps else "declared starts",
         "laps": LAPS * count,
+        "strangers walk": way,
         "method": method,
         "median (m)": mean_of(each("median")),
         "from": low,
@@ -234,10 +244,10 @@ def _row(crowd: Crowd, count: int, method: str, numbers: Numbers) -> Row:
 
 def _page(rows: Sequence[Row]) -> Page:
     """Errors and shares answered against laps, and the table."""
-    places = dict.fromkeys((str(row["world"]), str(row["known by"])) for row in rows)
+    places = dict.fromkeys(tuple(str(row[name]) for name in PLACE) for row in rows)
     panels = [
-        Panel(f"{world}, {known}: {name}", _curves(rows, (world, known), name))
-        for world, known in places
+        Panel(f"{', '.join(place)}: {name}", _curves(rows, place, name))
+        for place in places
         for name in ("median (m)", "answered")
     ]
     return Page(
@@ -247,8 +257,8 @@ def _page(rows: Sequence[Row]) -> Page:
     )
 
 
-def _curves(rows: Sequence[Row], place: tuple[str, str], name: str) -> go.Figure:
-    here = [row for row in rows if (row["world"], row["known by"]) == place]
+def _curves(rows: Sequence[Row], place: tuple[str, ...], name: str) -> go.Figure:
+    here = [row for row in rows if tuple(str(row[key]) for key in PLACE) == place]
     mine = [row for row in here if row[name] is not None]
     curves = {
         method: Curve(

@@ -11,7 +11,13 @@ from elfslam.base.values import Fixes
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import QUIET
 from studies.finding import Finding, Given
-from studies.many_mappers import METHODS, _most_alike, measure_many_mappers
+from studies.many_mappers import (
+    MAPPED_WAY,
+    METHODS,
+    WAYS,
+    _most_alike,
+    measure_many_mappers,
+)
 
 
 @pytest.fixture(scope="module")
@@ -21,13 +27,14 @@ def finding() -> Finding:
 
 
 def test_every_way_has_a_row_for_each_map(finding: Finding) -> None:
-    assert [(row["laps"], row["method"]) for row in finding.rows] == [
-        (laps, method) for laps in (2, 4) for method in METHODS
+    assert [(row["laps"], row["strangers walk"], row["method"]) for row in finding.rows] == [
+        (laps, way, method) for laps in (2, 4) for way in WAYS for method in METHODS
     ]
 
 
 def test_both_walks_are_one_map_and_strangers_are_found_in_it(finding: Finding) -> None:
-    both = {row["method"]: row for row in finding.rows if row["laps"] == 4}
+    rows = [row for row in finding.rows if row["strangers walk"] == MAPPED_WAY]
+    both = {row["method"]: row for row in rows if row["laps"] == 4}
     assert both["track"]["merged"] == 2
     assert float(str(both["track"]["map (m)"])) < 0.4
     assert float(str(both["track"]["median (m)"])) < 0.5
