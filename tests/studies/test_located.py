@@ -49,6 +49,6 @@ def test_errors_shares_and_sigmas() -> None:
 
 def test_no_answer_has_no_error() -> None:
     run, truth = mapped()
-    found = fix_numbers(fixes(0.3, 0.15, refused=len(T_S)), truth, run, truth)
+    found = fix_numbers(fixes(0.3, 0.15, refused=len(T_S)), truth, run.trajectory, truth)
     assert found["answered"] == 0.0
     assert np.isnan([found["median"], found["gross"], found["NEES"]]).all()
