@@ -17,11 +17,13 @@ from starlette.testclient import TestClient
 
 from elfslam.base.geometry import compose
 from elfslam.base.values import Checkpoints
+from elfslam.data.facts import BY_TAPS
 from elfslam.data.recordings import MANIFEST, read_recording, write_recording
 from elfslam.scoring.truth import read_truth
+from elfslam.serve.jobs.tasks import _frame_of
 from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Recording, RecordingState
+from elfslam.serve.store.database import Map, Recording, RecordingState, reading, transaction
 from elfslam.world.simulate import describe_chirp
 from tests.serve.jobs.conftest import start
 from tests.serve.planting import plant_files
@@ -131,6 +133,30 @@ def test_maps_on_one_plan_are_merged_there_without_being_compared(
         )
     ]
     assert np.linalg.norm(moved_m, axis=1).max() < 0.5
+
+
+def test_each_plan_is_a_frame_of_its_own(
+    owner: TestClient, services: Services, put_map: Callable[..., str]
+) -> None:
+    """Walks tapped on one map share its frame; others, and those that were not laid, do not."""
+    user_id = owner.get("/api/me").json()["id"]
+    plans = [put_map(owner), put_map(owner)]
+    rows = [
+        Recording(user_id=user_id, name="Tapped", facts={"tapped_on": plan})
+        for plan in (plans[0], plans[0], plans[1], plans[0])
+    ]
+    with transaction(services.sessions) as session:
+        session.add_all(rows)
+        session.flush()
+        sources = [row.id for row in rows]
+    headings = [BY_TAPS, BY_TAPS, BY_TAPS, "declared"]
+    maps = [
+        put_map(owner, sources=[source], facts={"heading": heading})
+        for source, heading in zip(sources, headings, strict=True)
+    ]
+    with reading(services.sessions) as session:
+        frames = [_frame_of(session, session.get_one(Map, each)) for each in (*maps, plans[0])]
+    assert frames == [plans[0], plans[0], plans[1], maps[3], plans[0]]
 
 
 def test_a_plan_that_is_not_shared_stays_where_it_is(
