@@ -206,10 +206,12 @@ async function finish(sent, sending) {
 
 /** A place gets a name, and may be tapped when the walker comes by again. */
 async function markPlace() {
-  const name = /** @type {HTMLInputElement} */ (at("mark-name"));
-  (await walking()).mark(name.value.trim());
-  name.value = "";
-  name.blur();
+  const field = /** @type {HTMLInputElement} */ (at("mark-name"));
+  const name = field.value.trim(); // before anything is waited for: the next name may be written meanwhile
+  (await walking()).mark(name);
+  if (field.value.trim() !== name) return;
+  field.value = "";
+  field.blur();
 }
 
 async function stop() {
