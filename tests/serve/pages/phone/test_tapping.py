@@ -68,7 +68,7 @@ def take_map(phone: Any) -> None:
 
 
 def write_the_next_at_once(page: Any, name: str) -> None:
-    """Mark the place whose name is in the field, and write the next before anything else happens."""
+    """Mark the place whose name is in the field; the next name is there before anything else."""
     page.evaluate(
         """(name) => {
             document.getElementById("mark").requestSubmit();
