@@ -159,6 +159,22 @@ def test_each_plan_is_a_frame_of_its_own(
     assert frames == [plans[0], plans[0], plans[1], maps[3], plans[0]]
 
 
+def test_a_map_tapped_on_a_tapped_map_has_the_frame_of_the_first(
+    owner: TestClient, services: Services, put_map: Callable[..., str]
+) -> None:
+    user_id = owner.get("/api/me").json()["id"]
+    first = made = put_map(owner)
+    for _ in range(2):
+        with transaction(services.sessions) as session:
+            row = Recording(user_id=user_id, name="Tapped", facts={"tapped_on": made})
+            session.add(row)
+            session.flush()
+            source = row.id
+        made = put_map(owner, sources=[source], facts={"heading": BY_TAPS})
+    with reading(services.sessions) as session:
+        assert _frame_of(session, session.get_one(Map, made)) == first
+
+
 def test_a_plan_that_is_not_shared_stays_where_it_is(
     owner: TestClient,
     guest: TestClient,

@@ -137,11 +137,13 @@ def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
 
 
 def _frame_of(session: Session, each: Map) -> str:
-    """The id of the map whose frame this one has: that on which its walker tapped, or its own."""
+    """The id of the map whose frame this one has: its own, or that of the map tapped on."""
     if each.facts.get("heading") != BY_TAPS:
         return each.id
     recording = session.get(Recording, each.sources[0])
-    return each.id if recording is None else str(recording.facts.get("tapped_on", each.id))
+    frame = each.id if recording is None else str(recording.facts.get("tapped_on", each.id))
+    tapped = session.get(Map, frame) if frame != each.id else None
+    return frame if tapped is None else _frame_of(session, tapped)
 
 
 def name_of(each: Map) -> str:
