@@ -274,6 +274,7 @@ def test_maps_stand_by_venue_and_floor_which_are_renamed(
     ):  # fmt: skip
         person.plant_map(name, run_folder, venue=venue, floor=floor)
     page = open_desk(person, "#/maps")
+    page.get_by_role("heading", name="Annex").wait_for()
     headings = page.locator("main :is(h2, h3)")
     assert headings.all_inner_texts() == [
         "Annex", "North Mall", "Basement", "Floor 2", "Not on a floor yet",
