@@ -19,11 +19,10 @@ serve: $(VENV)/.installed-serve $(VENV)/.kernels
 test: lint $(VENV)/.kernels
 	$(PYTEST) -m "not real"
 
-# Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind; how
-# much of the line the tests reach.
+# Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind. Much
+# of it waits for something, so three at a time keep two cores at work.
 test-real: $(VENV)/.installed-test $(VENV)/.kernels
-	HOSTILE_CASES=$${HOSTILE_CASES:-40} $(PYTEST) -m real --once-more
-	$(MAKE) coverage
+	HOSTILE_CASES=$${HOSTILE_CASES:-40} $(PYTEST) -n 3 -m real --once-more
 
 # Damaged files, requests and databases by the thousand: an hour.
 test-hostile: $(VENV)/.installed-test $(VENV)/.kernels
@@ -33,6 +32,7 @@ test-hostile: $(VENV)/.installed-test $(VENV)/.kernels
 headline: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/python -m studies.headline
 
+# How much of the line its own tests reach.
 coverage: $(VENV)/.installed-test $(VENV)/.kernels
 	$(PYTEST) -m "not hostile" tests/base tests/line tests/slam \
 		--cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json

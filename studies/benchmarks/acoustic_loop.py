@@ -10,15 +10,17 @@ place where the walker is then, convolves, and plays the result into the microph
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -32,6 +34,8 @@ HEARD = 720
 LAG = 1920
 """Samples by which the room answers late: 40 ms, as phones do between playing and recording."""
 SILENCE = 1e-6
+TICK_S, JITTER_S = 0.01, 0.02
+"""Between two beats of the metronome, and what one may be late on a machine that is in time."""
 PROGRAMS = ("pulseaudio", "parec", "pacat")
 STARTUP_S = 10.0
 DAEMON = """
@@ -63,6 +67,34 @@ def in_time() -> Iterator[None]:
         yield
     finally:
         os.sched_setscheduler(0, *before)
+
+
+@contextmanager
+def metronome() -> Iterator[Callable[[], float]]:
+    """How long a process that only sleeps was held up so far (s): the machine's own lateness.
+
+    It knows nothing of page, sound server and room, so that what they lose while it is in time
+    is theirs.
+    """
+    spawn = multiprocessing.get_context("spawn")
+    held_up_s = spawn.Value("d", 0.0)
+    process = spawn.Process(target=_tick, args=(held_up_s,), daemon=True)
+    process.start()
+    try:
+        yield lambda: held_up_s.value
+    finally:
+        process.terminate()
+        process.join()
+
+
+def _tick(held_up_s: Any) -> None:
+    """Sleep again and again, and add up by how much too long where that is more than jitter."""
+    while True:
+        begun_s = time.monotonic()
+        time.sleep(TICK_S)
+        late_s = time.monotonic() - begun_s - TICK_S
+        if late_s > JITTER_S:
+            held_up_s.value += late_s
 
 
 @contextmanager

@@ -55,6 +55,7 @@ from studies.benchmarks.acoustic_loop import (
     FRAME,
     RATE_HZ,
     in_time,
+    metronome,
     missing_programs,
     pulse_audio,
     room_between,
@@ -74,8 +75,12 @@ PERMISSIONS = ("microphone", "accelerometer", "gyroscope", "screen-wake-lock")
 SENSORS = ("accelerometer", "gyroscope", "linear-acceleration")
 INJECTED_HZ = 100.0
 TOO_LATE = "came too late"
+REST_S = 0.5 / INJECTED_HZ
+"""Between two readings: whoever goes before other work must leave some time to the rest."""
 LATE_S = 0.1
 """What the motion sensors read may come so late; a walk without a turn of which is another walk."""
+HELD_UP_S = 0.3
+"""What a process that only sleeps may be held up in a walk; beyond, sound and motion suffer too."""
 PAUSE_S = 0.6
 """Silence by which the room knows the chirps of the walk from those of the probe."""
 
@@ -143,10 +148,11 @@ class MotionSensors:
         self._send("linear-acceleration", np.zeros(3))
 
     def read(self, imu: Imu, t_s: float) -> None:
-        """What the sensors read at a time of the walk, from now on."""
+        """What the sensors read at a time of the walk, from now on; rests before it returns."""
         k = min(max(int(np.searchsorted(imu.t_s, t_s)), 0), len(imu.t_s) - 1)
         self._send("accelerometer", imu.accel_mps2[k])
         self._send("gyroscope", imu.gyro_radps[k])
+        time.sleep(REST_S)
 
     def _send(self, kind: str, values: np.ndarray) -> None:
         xyz = dict(zip("xyz", map(float, values), strict=True))
@@ -165,18 +171,27 @@ def walk_in_browser(page: Page, address: str, course: Course, room: Any, name: s
     print("probe:", said, flush=True)
     page.click("#go-on")
     page.fill("#walk-name", name)
-    time.sleep(PAUSE_S)
-    room.go()
-    page.click("text=Start walking")
-    begun_s, late_s = room.begun_s(), 0.0
-    until, now = begun_s + course.duration_s, time.monotonic()
-    while (read := now) < until:
-        sensors.read(course.imu, read - begun_s)
-        now = time.monotonic()
-        late_s = max(late_s, now - read)
-    if late_s > LATE_S:
-        raise RuntimeError(f"the motion {TOO_LATE}: {late_s:.2f} s")
+    with metronome() as held_up_s:
+        time.sleep(PAUSE_S)
+        room.go()
+        page.click("text=Start walking")
+        late_s = _move(sensors, course, room.begun_s())
+        print(f"late: motion {late_s:.2f} s, an idle process {held_up_s():.2f} s", flush=True)
+        if late_s > LATE_S:
+            raise RuntimeError(f"the motion {TOO_LATE}: {late_s:.2f} s")
+        if held_up_s() > HELD_UP_S:
+            raise RuntimeError(f"an idle process {TOO_LATE}: {held_up_s():.2f} s in all")
     page.click("#stop")
+
+
+def _move(sensors: MotionSensors, course: Course, begun_s: float) -> float:
+    """The motion of the walk from its begin on; gives the longest time that a reading stood (s)."""
+    longest_s, last = 0.0, time.monotonic()
+    while (now := time.monotonic()) < begun_s + course.duration_s:
+        longest_s = max(longest_s, now - last)
+        sensors.read(course.imu, now - begun_s)
+        last = now
+    return longest_s
 
 
 def _move_until(

@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import json
+import multiprocessing
+import os
+import signal
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,6 +15,7 @@ import numpy as np
 import pytest
 
 from elfslam.world.world_file import load_world
+from studies.benchmarks.acoustic_loop import metronome
 
 SEED, ROUNDS = 107, 3
 ATTEMPTS = 3
@@ -90,3 +95,17 @@ def test_its_map_is_as_good_as_that_of_the_walk_without_a_browser(compared: Any)
     errors = compared[2]
     assert errors["browser"]["aligned"] < 0.6 * errors["browser"]["dead reckoning, aligned"]
     assert errors["browser"]["aligned"] < errors["simulated"]["aligned"] + 0.15
+
+
+def test_the_metronome_tells_that_it_was_held_up() -> None:
+    with metronome() as held_up_s:
+        (beating,) = multiprocessing.active_children()
+        assert held_up_s() == 0.0
+        for _ in range(100):  # it takes a while to start
+            os.kill(int(beating.pid or 0), signal.SIGSTOP)
+            time.sleep(0.2)
+            os.kill(int(beating.pid or 0), signal.SIGCONT)
+            time.sleep(0.1)
+            if held_up_s():
+                break
+    assert held_up_s() > 0.1

@@ -19,6 +19,7 @@ from tests.accessibility import violations
 
 RATE_HZ = 44_100
 HEIGHTS_PX = 48
+ATTEMPTS = 3
 Heard = tuple[Path, np.ndarray]
 
 pytestmark = pytest.mark.real
@@ -77,9 +78,15 @@ def test_the_probe_says_in_words_what_the_phone_can_do(phone: Any) -> None:
     phone.move()
     said = phone.allow()
     checks = phone.page.locator("#checks li")
-    verdicts = [checks.nth(k).get_attribute("data-verdict") for k in range(checks.count())]
-    # How steadily a machine plays and records that has other work is not the page's doing.
-    steadiness = verdicts.pop(4)
+    # How steadily a machine plays and records that has other work, and so the loudness of each
+    # band, is not the page's doing; what is, stays when it checks again.
+    for attempt in range(ATTEMPTS):
+        if attempt:
+            said = phone.check_again()
+        verdicts = [checks.nth(k).get_attribute("data-verdict") for k in range(checks.count())]
+        steadiness = verdicts.pop(4)
+        if verdicts == ["pass"] * 6:
+            break
     assert verdicts == ["pass"] * 6
     if steadiness == "pass":
         assert said == "This phone can do it."
