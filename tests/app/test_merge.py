@@ -18,7 +18,7 @@ from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import walk_in
 from elfslam.data.points_of_interest_files import read_points
-from elfslam.data.runs import write_run
+from elfslam.data.runs import read_run, write_run
 from elfslam.line.feature import load_encoder
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
@@ -138,3 +138,14 @@ def test_known_starts_put_all_walks_in_one_frame(runs: Path, tmp_path: Path) -> 
     assert made.floor_map.sources == ("one", "away")
     starts = [walk.world_from_body[0] for walk in made.trajectories.values()]
     assert np.linalg.norm(starts[1] - starts[0]) < 3 * KNOWN.merging.start_sigma_m
+
+
+def test_known_starts_lay_a_walk_in_the_frame_of_a_map(runs: Path, tmp_path: Path) -> None:
+    base = tmp_path / "map"
+    merge_into(base, [runs / "one", runs / "two"], KNOWN, ignore)
+    made = merge_into(tmp_path / "more", [base, runs / "away"], KNOWN, ignore, known_starts=True)
+    assert (made.pairs, made.refused) == ([], {})
+    assert made.floor_map.sources == ("one", "two", "away")
+    began = read_run(runs / "away").odometry.world_from_body[0]
+    off_m = np.linalg.norm((made.trajectories["away"].world_from_body[0] - began)[:2])
+    assert off_m < 3 * KNOWN.merging.start_sigma_m

@@ -23,7 +23,7 @@ from elfslam.line.carried_points import carried, gathered
 from elfslam.line.map_alignment import Registration
 from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
-from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge, walk_of
+from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,8 @@ def merge_into(
         raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
-        made = _grown(read_map(bases[0]), walks, parameters, announce)
+        grown = _laid if known_starts else _grown
+        made = grown(read_map(bases[0]), walks, parameters, announce)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
     quality = map_quality(made.floor_map, parameters.quality)
@@ -106,12 +107,22 @@ def _merged(
     return Outcome(first.floor_map, trajectories, pairs, {**apart, **found.refused})
 
 
-def _grown(
+def _laid(
     floor_map: FloorMap,
     walks: Sequence[MappedWalk],
     parameters: MergeParameters,
     announce: Announce,
 ) -> Outcome:
+    """The map with walks that lie in its frame already."""
+    _check_new(floor_map, walks)
+    trajectories: dict[str, Trajectory] = {}
+    for count, walk in enumerate(walks):
+        announce(f"adding {walk.name}", count / len(walks))
+        floor_map, trajectories[walk.name] = lay_walk(floor_map, walk, parameters)
+    return Outcome(floor_map, trajectories, [], {})
+
+
+def _check_new(floor_map: FloorMap, walks: Sequence[MappedWalk]) -> None:
     twice = [walk.name for walk in walks if walk.name in floor_map.sources]
     if twice or not walks:
         raise InputError(
@@ -119,6 +130,15 @@ def _grown(
             if twice
             else "merge: wanted walks to add to the map, got none; name some runs"
         )
+
+
+def _grown(
+    floor_map: FloorMap,
+    walks: Sequence[MappedWalk],
+    parameters: MergeParameters,
+    announce: Announce,
+) -> Outcome:
+    _check_new(floor_map, walks)
     trajectories: dict[str, Trajectory] = {}
     refused: dict[str, str] = {}
     pairs = []

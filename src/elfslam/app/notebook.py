@@ -31,7 +31,7 @@ from elfslam.base.values import Fixes, FloorMap, Recording, Run, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam import pipeline
 from elfslam.slam.front_end import hear
-from elfslam.slam.merging import MappedWalk, add_walk, walk_of
+from elfslam.slam.merging import MappedWalk, add_walk, lay_walk, walk_of
 from elfslam.slam.merging import merge as merge_walks
 from elfslam.slam.pipeline import Sense
 from elfslam.slam.trimming import trimmed
@@ -155,7 +155,7 @@ def merge(
             f"{len(walks)} runs; name others"
         )
     if maps:
-        return _grown(maps[0], walks, known)
+        return _grown(maps[0], walks, known, known_starts=known_starts)
     found = merge_walks(walks, known, known_starts=known_starts, announce=announce)
     if not found.maps:
         name, why = next(iter(found.refused.items()))
@@ -257,10 +257,15 @@ def _named_walks(runs: Sequence[Run]) -> list[MappedWalk]:
     return walks
 
 
-def _grown(floor_map: FloorMap, walks: Sequence[MappedWalk], settings: Settings) -> FloorMap:
+def _grown(
+    floor_map: FloorMap, walks: Sequence[MappedWalk], settings: Settings, *, known_starts: bool
+) -> FloorMap:
     for walk in walks:
         if walk.name in floor_map.sources:
             raise InputError(f"merge: {walk.name} is in the map already; leave it out")
+        if known_starts:
+            floor_map, _ = lay_walk(floor_map, walk, settings)
+            continue
         floor_map, found, _ = add_walk(floor_map, walk, settings)
         if found.refusal:
             raise NoAnswerError(f"merge: {walk.name} could not be added; {found.refusal}")

@@ -34,7 +34,7 @@ def merge_command(
         str | None, typer.Option(help="wifi,magnetic: recordings, each from its declared start.")
     ] = None,
     known_starts: Annotated[
-        bool, typer.Option("--known-starts", help="All were mapped with --start in one frame.")
+        bool, typer.Option("--known-starts", help="All lie in one frame, by --start or taps.")
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Replace an older map.")] = False,
     parameter_file: ParameterFile = None,

@@ -20,7 +20,7 @@ from elfslam.base.values import Checkpoints
 from elfslam.data.facts import BY_TAPS
 from elfslam.data.recordings import MANIFEST, read_recording, write_recording
 from elfslam.scoring.truth import read_truth
-from elfslam.serve.jobs.tasks import _frame_of
+from elfslam.serve.jobs.tasks import frame_of
 from elfslam.serve.receiving.reader import find
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import Map, Recording, RecordingState, reading, transaction
@@ -133,9 +133,16 @@ def test_maps_on_one_plan_are_merged_there_without_being_compared(
         )
     ]
     assert np.linalg.norm(moved_m, axis=1).max() < 0.5
+    again = tapped_walk(walks / "one", tmp_path / "again")
+    third, _ = mapped(owner, services, again, planned, ended, "elf")
+    grown = ended(owner, start(owner, kind="merge", maps=[made["id"], third["id"]]))
+    more = owner.get(f"/api/maps/{grown['gave']['map']}").json()
+    assert (more["facts"]["walks"], more["facts"]["pairs"]) == (3, [])
+    assert more["facts"]["frame"] == made["facts"]["frame"] == planned
+    assert more["floor_plan"]["placement"] == PLACEMENT
 
 
-def test_each_plan_is_a_frame_of_its_own(
+def test_each_plan_is_aframe_of_its_own(
     owner: TestClient, services: Services, put_map: Callable[..., str]
 ) -> None:
     """Walks tapped on one map share its frame; others, and those that were not laid, do not."""
@@ -155,11 +162,11 @@ def test_each_plan_is_a_frame_of_its_own(
         for source, heading in zip(sources, headings, strict=True)
     ]
     with reading(services.sessions) as session:
-        frames = [_frame_of(session, session.get_one(Map, each)) for each in (*maps, plans[0])]
+        frames = [frame_of(session, session.get_one(Map, each)) for each in (*maps, plans[0])]
     assert frames == [plans[0], plans[0], plans[1], maps[3], plans[0]]
 
 
-def test_a_map_tapped_on_a_tapped_map_has_the_frame_of_the_first(
+def test_a_map_tapped_on_a_tapped_map_has_theframe_of_the_first(
     owner: TestClient, services: Services, put_map: Callable[..., str]
 ) -> None:
     user_id = owner.get("/api/me").json()["id"]
@@ -172,7 +179,7 @@ def test_a_map_tapped_on_a_tapped_map_has_the_frame_of_the_first(
             source = row.id
         made = put_map(owner, sources=[source], facts={"heading": BY_TAPS})
     with reading(services.sessions) as session:
-        assert _frame_of(session, session.get_one(Map, made)) == first
+        assert frame_of(session, session.get_one(Map, made)) == first
 
 
 def test_a_plan_that_is_not_shared_stays_where_it_is(

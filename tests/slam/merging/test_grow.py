@@ -12,7 +12,7 @@ import pytest
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import compose, inverse
 from elfslam.base.values import Features
-from elfslam.slam.merging import MergeParameters, add_walk, grow, merge
+from elfslam.slam.merging import MergeParameters, add_walk, grow, lay_walk, merge
 from elfslam.slam.merging.members import Side, likeness_to, side_of
 
 KNOWN = MergeParameters()
@@ -70,6 +70,34 @@ def test_known_starts_need_no_evidence(walker: Callable, here: Callable) -> None
     assert joined.floor_map.xy_m[:, 0].max() > 25
 
 
+def test_a_walk_is_laid_where_it_says_in_a_map_that_it_shares_no_ground_with(
+    walker: Callable, here: Callable
+) -> None:
+    floor_map = merge([walker(here, "a"), walker(here, "b", seed=1)], KNOWN).maps[0].floor_map
+    away = walker(here, "c", start=[20.0, 0.0, 0.0])
+    laid, trajectory = lay_walk(floor_map, away, KNOWN)
+    assert laid.sources == ("a", "b", "c")
+    npt.assert_array_equal(laid.xy_m[laid.walk < 2], floor_map.xy_m)
+    npt.assert_allclose(
+        trajectory.world_from_body[:, :2], away.trajectory.world_from_body[:, :2], atol=0.05
+    )
+    assert trajectory.covariance[0, 0, 0] > 0.5 * KNOWN.merging.start_sigma_m**2
+
+
+def test_a_walk_that_is_laid_is_drawn_to_what_sounds_alike(
+    walker: Callable, here: Callable
+) -> None:
+    floor_map = merge([walker(here, "a"), walker(here, "b", seed=1)], KNOWN).maps[0].floor_map
+    true = walker(here, "c", seed=2).trajectory.world_from_body
+    beside = walker(here, "c", start=[0.6, 0.0, 0.0], seed=2)
+    _, trajectory = lay_walk(floor_map, beside, KNOWN)
+    before, after = (
+        np.median(np.linalg.norm((poses - true)[:, :2], axis=1))
+        for poses in (beside.trajectory.world_from_body, trajectory.world_from_body)
+    )
+    assert after < 0.5 * before
+
+
 def test_other_encoders_are_refused_by_name(walker: Callable, here: Callable) -> None:
     one, other = walker(here, "a"), walker(here, "b")
     features = Features(other.features.t_s, other.features.vectors, "another")
@@ -79,6 +107,8 @@ def test_other_encoders_are_refused_by_name(walker: Callable, here: Callable) ->
     floor_map = merge([one, other], KNOWN).maps[0].floor_map
     with pytest.raises(InputError, match="the map was made with encoder planted, b with another"):
         add_walk(floor_map, changed, KNOWN)
+    with pytest.raises(InputError, match="encoder"):
+        lay_walk(floor_map, changed, KNOWN)
 
 
 def test_a_walk_that_the_graph_does_not_bear_out_leaves(

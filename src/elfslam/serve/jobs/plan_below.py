@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from elfslam.data.facts import BY_TAPS
-from elfslam.serve.jobs.tasks import FLOOR, FLOOR_PLAN, name_of
+from elfslam.serve.jobs.tasks import FLOOR, FLOOR_PLAN, FRAME, frame_of, name_of
 from elfslam.serve.sharing.rights import Asker, Right, right_in
 from elfslam.serve.store.database import Map, MapFile, Recording
 
@@ -33,13 +33,14 @@ def lay_on_tapped_plan(
 def lay_on_plan_of_first(
     session: Session, made: Map, maps: Sequence[Map], facts: dict[str, Any]
 ) -> None:
-    """Give a merged map the plan of the map whose frame it has.
+    """Give a merged map the plan of the map whose frame it has, and note that frame.
 
     That is the merged one among them, else the oldest walk that was not refused.
     """
     inside = [each for each in maps if name_of(each) not in facts.get("refused", {})]
     inside.sort(key=lambda each: each.kind != FLOOR)
     if inside:
+        made.facts = {**made.facts, FRAME: frame_of(session, inside[0])}
         _lay(session, made, inside[0])
 
 

@@ -29,6 +29,8 @@ from elfslam.serve.store.database import (
 )
 
 RUN, FLOOR = "run", "floor"
+FRAME = "frame"
+"""Fact of a merged map: the id of the map whose frame it has."""
 """Kinds of maps: of one walk, or merged."""
 FLOOR_PLAN = "floor-plan"
 """The one file of a map that is not part of its folder."""
@@ -95,7 +97,7 @@ def _map(session: Session, held: Claim) -> Task:
 def _merge(session: Session, held: Claim) -> Task:
     maps = [_still(session, held, each, Right.EDIT) for each in maps_to_merge(session, held)]
     folders = {name_of(each): folder_of_map(session, each.id) for each in maps}
-    frames = {_frame_of(session, each) for each in maps}
+    frames = {frame_of(session, each) for each in maps}
     return {"maps": list(folders), "known_starts": len(frames) == 1}, folders
 
 
@@ -136,14 +138,17 @@ def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
     return found
 
 
-def _frame_of(session: Session, each: Map) -> str:
-    """The id of the map whose frame this one has: its own, or that of the map tapped on."""
+def frame_of(session: Session, each: Map) -> str:
+    """The id of the map whose frame this one has: its own, that of the map tapped on, or that of
+    the first of the maps that it was merged from."""
+    if each.kind == FLOOR:
+        return str(each.facts.get(FRAME, each.id))
     if each.facts.get("heading") != BY_TAPS:
         return each.id
     recording = session.get(Recording, each.sources[0])
     frame = each.id if recording is None else str(recording.facts.get("tapped_on", each.id))
     tapped = session.get(Map, frame) if frame != each.id else None
-    return frame if tapped is None else _frame_of(session, tapped)
+    return frame if tapped is None else frame_of(session, tapped)
 
 
 def name_of(each: Map) -> str:

@@ -13,7 +13,7 @@ from elfslam.base.parameters import digest
 from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.line.floormap import trajectory_map
-from elfslam.line.map_alignment import Registration, align
+from elfslam.line.map_alignment import Meeting, Registration, align
 from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.groups import Group, Grouped, grouped
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
@@ -99,10 +99,7 @@ def add_walk(
 
     Else the map as it was: the alignment says why. Raises InputError where the encoders differ.
     """
-    check_encoders([*(("the map", item) for item in _encoders(floor_map)), _encoder_of(walk)])
-    ones, other = sides_of(floor_map, parameters), side_of(walk, parameters)
-    links = [links_between(one, other, parameters) for one in ones]
-    meeting = meeting_of(ones, other, links, parameters)
+    ones, other, meeting = _met(floor_map, walk, parameters)
     found = align(meeting, usual_of([*ones, other]), parameters.alignment)
     if found.refusal:
         return floor_map, found, walk.trajectory
@@ -111,10 +108,48 @@ def add_walk(
     if alike < parameters.alignment.least_resemblance:
         refusal = f"bent onto it it {_too_little(alike)}"
         return floor_map, replace(found, refusal=refusal), walk.trajectory
+    grown, trajectory = _taken_in(floor_map, walk, trajectory, ones, parameters)
+    return grown, found, trajectory
+
+
+def lay_walk(
+    floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
+) -> tuple[FloorMap, Trajectory]:
+    """The map with one more walk of its own frame, which needs no evidence; its spots stay.
+
+    The walk is tied to where it began, or to where its walker tapped on a plan, and to spots that
+    sound alike. Raises InputError where the encoders differ, NoAnswerError where the graph has no
+    solution.
+    """
+    ones, _, meeting = _met(floor_map, walk, parameters)
+    trajectory = against_map(
+        walk, np.zeros(3), meeting.one, meeting.links, parameters, known_start=True
+    )
+    return _taken_in(floor_map, walk, trajectory, ones, parameters)
+
+
+def _met(
+    floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
+) -> tuple[list[Side], Side, Meeting]:
+    """The walks of a map, one more, and what it has in common with them."""
+    check_encoders([*(("the map", item) for item in _encoders(floor_map)), _encoder_of(walk)])
+    ones, other = sides_of(floor_map, parameters), side_of(walk, parameters)
+    links = [links_between(one, other, parameters) for one in ones]
+    return ones, other, meeting_of(ones, other, links, parameters)
+
+
+def _taken_in(
+    floor_map: FloorMap,
+    walk: MappedWalk,
+    trajectory: Trajectory,
+    ones: Sequence[Side],
+    parameters: MergeParameters,
+) -> tuple[FloorMap, Trajectory]:
+    """The map with a walk that is bent onto its spots, which are uncertain themselves."""
     covariance = trajectory.covariance.copy()
     covariance[:, :2, :2] += np.mean([one.sigma_m for one in ones]) ** 2 * np.eye(2)
     trajectory = replace(trajectory, covariance=covariance)
-    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), found, trajectory
+    return renewed(floor_map, map_of(walk, trajectory, parameters), parameters), trajectory
 
 
 def check_encoders(named: Sequence[tuple[str, str]]) -> None:

@@ -65,20 +65,29 @@ def joined_walks(
 
 
 def against_map(
-    walk: MappedWalk, frame: F64, spots: F64, links: Closures, parameters: MergeParameters
+    walk: MappedWalk,
+    frame: F64,
+    spots: F64,
+    links: Closures,
+    parameters: MergeParameters,
+    *,
+    known_start: bool = False,
 ) -> Trajectory:
     """A walk bent onto a map that stays as it is, from the frame (3) that it begins in.
 
-    Links tie spots i of the map (n, 3) to stretches j of the walk. The covariance is relative to
+    Links tie spots i of the map (n, 3) to stretches j of the walk; with `known_start` it is also
+    tied to where it began, or to where its walker tapped on a plan. The covariance is relative to
     the spots.
     """
     poses = compose(frame, walk.trajectory.world_from_body)
-    own = _own_edges(walk, 1)
+    own = [_own_edges(walk, 1)]
+    if known_start:
+        own.append(_frame_edges(walk, 1, parameters))
     solved = walk.trajectory
     for _ in range(parameters.merging.rounds):
         known = _chosen(links, _fitting(links, spots, middles(poses), parameters))
         held = _map_edges(known, spots, poses)
-        solved = _solved(np.vstack([np.zeros((1, 3)), poses]), [own, held], 0.0)
+        solved = _solved(np.vstack([np.zeros((1, 3)), poses]), [*own, held], 0.0)
         poses = solved.world_from_body[1:]
     return replace(
         walk.trajectory, world_from_body=poses, covariance=solved.covariance[1:], status="OK"
