@@ -319,7 +319,7 @@ def walk_and_map(course: Course, folder: Path, name: str, seed: int = 0) -> tupl
         ):
             context = browser.new_context(permissions=list(PERMISSIONS), reduced_motion="reduce")
             page = context.new_page()
-            page.on("pageerror", lambda error: print("page:", error, flush=True))
+            page.on("pageerror", lambda error: print("page:", error.stack or error, flush=True))
             walk_in_browser(page, address, course, room, name)
             page.get_by_text("map is being made").wait_for(timeout=120_000)
         return download(address, folder), finished_map(address, folder)

@@ -178,6 +178,28 @@ test("how late a moment is heard is said once its chirp is settled, and by the j
   assert.equal(fresh.late(4000), 77);
 });
 
+/** What is heard in all slots of a plan, and how often, where the microphone's stream begins so late. */
+function heardSlots(plan, envelope, count, beginS = 0) {
+  const begin = samples(beginS);
+  const starts = plan.map(({ start }) => start - begin);
+  const stream = makeStream(10 * RATE_HZ);
+  const search = makeScheduleSearch(starts[0], PERIOD, PARAMETERS, { guess: samples(0.07) });
+  starts.slice(1).forEach((start) => search.played(start));
+  const hearing = makeHearing(RATE_HZ, PERIOD, MEDIUM_ACCESS);
+  for (let k = 0; k < count; k += 1) {
+    const played = plan.findIndex((each) => each.k === k);
+    hearing.add({ slot: k, start: samples(0.4 + 0.1 * k) - begin, played: starts[played] ?? null });
+  }
+  const late = (sample) => (sample < 0 ? samples(0.2) : search.late(sample)); // as far as is known before
+  const heard = [];
+  for (let at = begin; at < envelope.length; at += BLOCK) {
+    stream.append(at - begin, envelope.subarray(at, at + BLOCK));
+    for (let more = []; more; more = search.next(stream, false));
+    heard.push(...hearing.take({ envelope: stream.slice, end: stream.end, late }));
+  }
+  return heard;
+}
+
 test("own chirps are not heard as another's, whatever jumps", () => {
   for (const byS of [0.0213, 0.04, 0.2]) {
     const lateS = (k) => (k < 30 ? 0.265 : 0.265 + byS);
@@ -185,21 +207,21 @@ test("own chirps are not heard as another's, whatever jumps", () => {
     plan[0] = { k: 10, start: samples(1.4), heard: samples(1.4) + samples(0.265) }; // close behind silence
     const skirts = plan.map(({ heard }) => ({ at: heard - samples(0.008), level: 1e-3 }));
     const envelope = envelopeOf(9, [...heardPeaks(plan), ...skirts]);
-    const stream = makeStream(10 * RATE_HZ);
-    const search = makeScheduleSearch(plan[0].start, PERIOD, PARAMETERS, { guess: samples(0.07) });
-    plan.slice(1).forEach(({ start }) => search.played(start));
-    const hearing = makeHearing(RATE_HZ, PERIOD, MEDIUM_ACCESS);
-    for (let k = 0; k < 70; k += 1) {
-      const played = plan.find((each) => each.k === k)?.start ?? null;
-      hearing.add({ slot: k, start: samples(0.4 + 0.1 * k), played });
-    }
-    const heard = [];
-    for (let at = 0; at < envelope.length; at += BLOCK) {
-      stream.append(at, envelope.subarray(at, at + BLOCK));
-      for (let more = []; more; more = search.next(stream, false));
-      heard.push(...hearing.take({ envelope: stream.slice, end: stream.end, late: search.late }));
-    }
+    const heard = heardSlots(plan, envelope, 70);
     assert.ok(heard.length >= 68, `${heard.length} slots`);
     assert.deepEqual(heard.filter(({ othersS }) => othersS.length > 0), []);
+  }
+});
+
+test("of slots before the stream began nothing is said, and of those behind it the truth", () => {
+  for (const beginS of [0.9, 1.37]) {
+    const plan = planOf({ count: 70, jitterS: 0.025, lateS: () => 0.2, isOurs: (k) => k % 3 > 0 });
+    const others = [30, 45].map((k) => ({ at: samples(0.4 + 0.1 * k + 0.212), level: 0.1 }));
+    const envelope = envelopeOf(8, [...heardPeaks(plan), ...others]);
+    const heard = heardSlots(plan, envelope, 70, beginS);
+    const first = Math.ceil((beginS - 0.4 - 0.2) / 0.1);
+    assert.ok(heard.every(({ slot }) => slot >= first), `slot ${heard[0].slot} of ${first}`);
+    assert.ok(heard.length >= 67 - first, `${heard.length} slots`);
+    assert.deepEqual(heard.filter(({ othersS }) => othersS.length > 0).map(({ slot }) => slot), [30, 45]);
   }
 });

@@ -25,6 +25,8 @@ STUCK = "does not go on"
 """What the browser's walk says of a page that waits for chirps; one that waits each time fails."""
 LOST_S = 0.1
 """Where the microphone's stream has gaps of more than that the machine was too busy to record."""
+IN_DOUBT = 8
+"""Chirps after a gap or a jump of the sound by which the page learns how late they are heard now."""
 STALLED_S = 0.25
 """Chirps further apart than that were held up: nobody keeps silent in two slots on end."""
 
@@ -85,7 +87,8 @@ def test_the_page_hears_the_room_and_the_steps(compared: Any) -> None:
     in_gaps = sum(2 + 10 * gap["lost_s"] for gap in told["gaps"])
     assert told["frames"] >= 0.98 * played - 2
     assert told["missed"] < 0.02 * told["frames"] + in_gaps
-    assert told["others"] <= 3
+    # Own chirps are taken for others' only while it is not settled how late they are heard.
+    assert told["others"] <= 3 + IN_DOUBT * (len(told["jumps"]) + len(told["gaps"]))
     assert told["steps"] == pytest.approx(course.motion.steps[-1], rel=0.1)
     turns = np.loadtxt(recorded / "gyroscope.csv", delimiter=",", skiprows=1)
     assert len(turns) / course.duration_s == pytest.approx(60, rel=0.1)

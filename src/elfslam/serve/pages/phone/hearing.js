@@ -27,7 +27,8 @@ const NEAR = 88;
  * @param {number} rateHz @param {number} period samples
  * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
- *   slots that are over; of those where own chirps cannot be told from others' nothing is said
+ *   slots that are over; of those where own chirps cannot be told from others', or that began before the
+ *   stream, nothing is said
  */
 export function makeHearing(rateHz, period, parameters) {
   /** @type {Told[]} */
@@ -79,7 +80,9 @@ export function makeHearing(rateHz, period, parameters) {
       const both = lateBoth(sound);
       if (both === undefined) break;
       const told = /** @type {Told} */ (waiting.shift());
-      if (both.includes(null)) listening = { ...listening, until: null };
+      // What was heard before the stream began is not known either.
+      const isBefore = (told.played ?? told.start) + /** @type {number} */ (both[0]) < 0;
+      if (isBefore || both.includes(null)) listening = { ...listening, until: null };
       else heard.push(hear(sound, told, waiting[0]));
     }
     return heard;
