@@ -26,7 +26,7 @@ STUCK = "does not go on"
 LOST_S = 0.1
 """Where the microphone's stream has gaps of more than that the machine was too busy to record."""
 IN_DOUBT = 8
-"""Chirps after a gap or a jump of the sound by which the page learns how late they are heard now."""
+"""Chirps after a gap or a jump of the sound until the page knows how late they are heard now."""
 STALLED_S = 0.25
 """Chirps further apart than that were held up: nobody keeps silent in two slots on end."""
 
