@@ -19,10 +19,9 @@ serve: $(VENV)/.installed-serve $(VENV)/.kernels
 test: lint $(VENV)/.kernels
 	$(PYTEST) -m "not real"
 
-# Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind. Much
-# of it waits for something, so three at a time keep two cores at work.
+# Browser, sound server, databases, Ray, kills, small studies, some damaged input of each kind.
 test-real: $(VENV)/.installed-test $(VENV)/.kernels
-	HOSTILE_CASES=$${HOSTILE_CASES:-40} $(PYTEST) -n 3 -m real --once-more
+	HOSTILE_CASES=$${HOSTILE_CASES:-40} $(PYTEST) -m real --once-more
 
 # Damaged files, requests and databases by the thousand: an hour.
 test-hostile: $(VENV)/.installed-test $(VENV)/.kernels
