@@ -28,7 +28,7 @@ class TrackParameters:
         0.06, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
     )
     reach_m: float = parameter(
-        0.3, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
+        0.2, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
     )
     heading_reach_rad: float = parameter(
         0.4, "rad", "how far the phone may be turned against the spot (sigma)", low=0.01, high=100.0
@@ -44,10 +44,7 @@ class TrackParameters:
         0.08, "", "how much longer or shorter steps may be than reckoned", low=0.0, high=1.0
     )
     turn_sigma_rad: float = parameter(
-        0.03, "rad", "heading error of a footstep, on top of the reckoned", low=0.0, high=3.14
-    )
-    length_noise: float = parameter(
-        0.5, "", "share of the reckoned sigma that a single step really errs by", low=0.0, high=10.0
+        0.06, "rad", "heading error of a footstep, on top of the reckoned", low=0.0, high=3.14
     )
     memory: float = parameter(
         0.7,
@@ -181,9 +178,8 @@ class Tracker:
 
     def _moved(self, cloud: Cloud, move: F64, sigma: F64) -> Cloud:
         known, count = self._parameters, len(cloud.weight)
-        noise = self._generator.normal(size=(count, 3)) * sigma * known.length_noise
-        noise[:, 2] = self._generator.normal(size=count) * np.hypot(sigma[2], known.turn_sigma_rad)
-        moves = move + noise
+        wider = np.array([sigma[0], sigma[1], np.hypot(sigma[2], known.turn_sigma_rad)])
+        moves = move + wider * self._generator.normal(size=(count, 3))
         moves[:, :2] += move[:2] * (cloud.scale[:, None] - 1)
         return Cloud(compose(cloud.poses, moves), cloud.scale, cloud.weight)
 

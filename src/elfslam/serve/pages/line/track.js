@@ -17,7 +17,7 @@ import { halfwayBetween, movedBy } from "./tracking/poses.js";
  * @typedef {import("./locate.js").Status} Status
  * @typedef {{cloud: Cloud, middle: Float64Array}} Guessed middle: poses in the middle of the step
  * @typedef {{
- *   ambiguous_below: number, heading_reach_rad: number, jump: number, length_noise: number, memory: number,
+ *   ambiguous_below: number, heading_reach_rad: number, jump: number, memory: number,
  *   near_m: number, neighbours: number, particles: number, reach_m: number, regained: number,
  *   renewed: number, scale_sigma: number, settled: number, sigma_floor_m: number, temperature: number,
  *   turn_sigma_rad: number, unexplained: number, unknown_below: number,

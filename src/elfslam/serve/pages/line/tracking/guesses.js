@@ -35,9 +35,9 @@ export function moved({ poses, scale, weight }, move, sigma, known, random) {
   const turn = Math.hypot(sigma[2], known.turn_sigma_rad);
   const out = new Float64Array(poses.length);
   for (let k = 0; k < weight.length; k += 1) {
-    const forward = move[0] * scale[k] + noise[3 * k] * sigma[0] * known.length_noise;
-    const left = move[1] * scale[k] + noise[3 * k + 1] * sigma[1] * known.length_noise;
-    const turnRad = move[2] + random.normal() * turn;
+    const forward = move[0] * scale[k] + noise[3 * k] * sigma[0];
+    const left = move[1] * scale[k] + noise[3 * k + 1] * sigma[1];
+    const turnRad = move[2] + noise[3 * k + 2] * turn;
     composeInto(out, k, poses[3 * k], poses[3 * k + 1], poses[3 * k + 2], forward, left, turnRad);
   }
   return { poses: out, scale, weight };
