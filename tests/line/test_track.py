@@ -188,6 +188,20 @@ def test_silence_goes_on_by_dead_reckoning_and_is_less_sure() -> None:
     assert np.isnan(silent.xy_m).all()
 
 
+def test_in_silence_each_step_adds_the_error_that_it_was_reckoned_with() -> None:
+    """Ten steps in place say nothing but noise: variances add up along each axis."""
+    known = replace(PARAMETERS, scale_sigma=0.0, turn_sigma_rad=0.0, near_m=50.0)
+    follower = Tracker(FLOOR, known, np.random.default_rng(0))
+    here, scores = POSES[:8], heard(POSES[:8], FLOOR)
+    before_m2 = follower.follow(walked(here), scores).covariance_m2[-1]
+    still = Odometry(
+        10.0 + np.arange(11), np.tile(OFF, (11, 1)), np.tile([0.3, 0.1, 1e-9], (10, 1))
+    )
+    silence = np.full((10, scores.shape[1]), np.nan, np.float32)
+    after_m2 = follower.follow(still, silence).covariance_m2[-1]
+    npt.assert_allclose(np.trace(after_m2 - before_m2), 10 * (0.3**2 + 0.1**2), rtol=0.15)
+
+
 def test_the_densest_place_is_that_of_most_weight_not_of_most_guesses() -> None:
     generator = np.random.default_rng(0)
     xy_m = np.vstack([generator.normal(0, 0.1, (90, 2)), generator.normal(5.5, 0.1, (10, 2))])
