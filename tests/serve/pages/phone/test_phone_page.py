@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -90,7 +91,9 @@ def test_the_probe_says_in_words_what_the_phone_can_do(phone: Any) -> None:
     assert verdicts == ["pass"] * 6
     if steadiness == "pass":
         assert said == "This phone can do it."
-        assert "20 of 20" in checks.nth(4).inner_text()
+        heard = re.search(r"(\d+) of 20 chirps came straight", checks.nth(4).inner_text())
+        assert heard
+        assert 18 <= int(heard[1]) <= 20
     else:
         assert (steadiness, said) == ("doubt", "This phone may do it. In doubt: steady timing.")
     assert "44.1 kHz" in checks.nth(0).inner_text()
