@@ -28,7 +28,6 @@ from studies.fidelity import compare_engines
 from studies.finding import Finding, Given, LongStudy, Row, Study
 from studies.finetuning import measure_finetuning
 from studies.fix_thresholds import measure_fix_thresholds
-from studies.fleet import measure_fleet
 from studies.floor_plan import measure_floor_plan
 from studies.laps import measure_laps
 from studies.localization import measure_localization
@@ -73,7 +72,6 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "fidelity": compare_engines,
     "finetuning": measure_finetuning,
     "fix-thresholds": LongStudy(measure_fix_thresholds),
-    "fleet": measure_fleet,
     "floor-plan": LongStudy(measure_floor_plan),
     "laps": LongStudy(measure_laps),
     "localization": LongStudy(measure_localization),
