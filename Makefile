@@ -38,8 +38,8 @@ coverage: $(VENV)/.installed-test $(VENV)/.kernels
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 
 lint: $(VENV)/.installed-test lint-pages
-	$(BIN)/ruff check src studies tests
-	$(BIN)/ruff format --check src studies tests
+	$(BIN)/ruff check src studies tests examples
+	$(BIN)/ruff format --check src studies tests examples
 	$(BIN)/mypy
 
 # The pages' JavaScript, with tools from npm; a machine without them does without.
