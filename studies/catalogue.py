@@ -110,8 +110,8 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
-BY_KIND = ("laps", "localization", "many-mappers", "mapping", "sensitivity", "taps")
-"""Studies whose walks are of a kind, people's where none is given."""
+BY_KIND = ("elf", "laps", "localization", "many-mappers", "mapping", "sensitivity", "taps")
+"""Studies whose walks are of a kind: people's where none is given, in `elf` a surveyor's."""
 
 
 def run_study(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,14 +19,14 @@ from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
-from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import echo_pairs
+from elfslam.world.kinds import QUIET, SURVEYOR, Kind
 from elfslam.world.simulate import load_world, simulate
 from studies.figures.separation import histograms, separation_row
 from studies.finding import Given, Row
 
 SECOND_ENGINE = " by pyroomacoustics"
-"""Behind the name of a world: its closed solids, rendered by the second engine."""
+"""Behind the name of a world: its closed solids on a quiet day, rendered by the second engine."""
 WORLDS = ("living_room", "office", "mall", "living_room" + SECOND_ENGINE)
 SEEDS = (0, 1, 2)
 ROUNDS = 4
@@ -50,6 +51,7 @@ def measure_elf(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
+    kind: Kind = SURVEYOR,
     encoders: Mapping[str, Encoder] | None = None,
     adapted: Mapping[str, Adapt] | None = None,
 ) -> list[Row]:
@@ -70,7 +72,7 @@ def measure_elf(
         for k, seed in enumerate(seeds):
             share = (place + k / len(seeds)) / len(worlds)
             given.announce(f"{world}, walk {seed}", share)
-            measure_walk(world, seed, rounds, compared, counts)
+            measure_walk(world, seed, rounds, kind, compared, counts)
         given.announce(f"{world}, intervals", (place + 1) / len(worlds))
         rows += _rows(world, counts)
     return rows
@@ -106,13 +108,14 @@ def _as_it_is(encoder: Encoder, echoes: Echoes) -> Encoder:
 
 
 def measure_walk(
-    world: str, seed: int, rounds: int, compared: Mapping[str, Adapt], counts: Counts
+    world: str, seed: int, rounds: int, kind: Kind, compared: Mapping[str, Adapt], counts: Counts
 ) -> None:
     """Simulate a walk and append its histograms (2, 4000) to `counts`."""
-    name = world.removesuffix(SECOND_ENGINE)
-    engine = "images" if name == world else "pyroomacoustics"
-    today = Circumstances(engine=engine)
-    recording, truth = simulate(load_world(name), seed, rounds=rounds, circumstances=today)
+    place = load_world(world.removesuffix(SECOND_ENGINE))
+    today = kind.mapping(place.room)
+    if world.endswith(SECOND_ENGINE):
+        today = replace(QUIET.mapping(place.room), engine="pyroomacoustics")
+    recording, truth = simulate(place, seed, rounds=rounds, walker=kind.walker, circumstances=today)
     parameters = Parameters()
     nodes, echoes = walk_nodes(recording, parameters), hear(recording, parameters)
     same, elsewhere = labelled_pairs(nodes, truth, rounds)
