@@ -3,7 +3,7 @@
 Echoes are compared by the compact network, loops are closed by the paper's curation from its
 threshold of 0.4, step lengths are those of dead reckoning, and a window of 0.6 s is where the most
 alike spot is, whatever else is alike: nothing of what this project adds. Laps are a surveyor's, the
-sound is that of the diffuse engine, phones are ordinary ones. No constant was fitted to these rows.
+sound is that of the diffuse engine, phones are ordinary ones, rooms are lived in. No constant was fitted to these rows.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ PAPER_M: Mapping[str, Mapping[str, float]] = {
     "opposite heading": {"living_room": 3.8},
 }
 """Medians in metres (the furniture's is a mean) in three real places."""
-USUAL = Circumstances(engine="diffuse", device=MAPPING_PHONE)
+USUAL = Circumstances(engine="diffuse", device=MAPPING_PHONE, lived_in=True)
 CHANGES: Mapping[str, Circumstances] = {
     "volume 20 %": replace(USUAL, volume=0.2),
     "cheap phone": replace(USUAL, device="cheap"),
