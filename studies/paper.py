@@ -3,7 +3,8 @@
 Echoes are compared by the compact network, loops are closed by the paper's curation from its
 threshold of 0.4, step lengths are those of dead reckoning, and a window of 0.6 s is where the most
 alike spot is, whatever else is alike: nothing of what this project adds. Laps are a surveyor's, the
-sound is that of the diffuse engine, phones are ordinary ones, rooms are lived in. No constant was fitted to these rows.
+sound is that of the diffuse engine, phones are ordinary ones, rooms are lived in. No
+constant was fitted to these rows.
 """
 
 from __future__ import annotations
