@@ -49,7 +49,6 @@ from studies.pose_graphs import measure_pose_graphs
 from studies.queue import measure_queue
 from studies.real_rooms import measure_real_rooms
 from studies.realism import measure_realism
-from studies.scaling import measure_scaling
 from studies.sensitivity import measure_sensitivity
 from studies.sensors import compare_sensors
 from studies.speech import measure_speech
@@ -93,7 +92,6 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
     "realism": measure_realism,
-    "scaling": measure_scaling,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,
     "speech": measure_speech,
