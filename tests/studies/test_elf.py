@@ -103,6 +103,11 @@ def test_the_figures_of_a_card_are_those_of_the_table() -> None:
     assert len(metrics_of([ROW, {**ROW, "world": "lab"}])) == 2 * len(ON_THE_CARD)
 
 
+def test_what_the_study_gives_fits_on_a_card(rows: list[Row]) -> None:
+    of_one = [row for row in rows if row["feature"] == "ELF"]
+    assert len(metrics_of(of_one)) == len(of_one) * len(ON_THE_CARD)
+
+
 @pytest.mark.parametrize(
     "table",
     [

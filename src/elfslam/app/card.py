@@ -8,9 +8,11 @@ from typing import Any
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.data.folders import new_file
+from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 
-ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", "kept at 0.4", "false at 0.4")
+CLOSING = f"at {ClosureParameters().threshold:g}"
+ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", f"kept {CLOSING}", f"false {CLOSING}")
 
 
 def write_measured(encoder: str, measured: Path, out: Path) -> None:
