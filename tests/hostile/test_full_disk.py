@@ -22,6 +22,7 @@ from elfslam.app import follow as following
 from elfslam.app import locate as locating
 from elfslam.app import map as mapping
 from elfslam.app import merge as joining
+from elfslam.app.card import ON_THE_CARD
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli import simulate as simulating
@@ -113,8 +114,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     Image.fromarray(pixels).save(folder / "plan.png")
     write_map(lap(), folder / "lap.npz")
     row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
-    shares = ("recall at 1 %", "recall at 0.1 %", "kept at 0.4", "false at 0.4")
-    (folder / "elf.json").write_text(json.dumps([row | dict.fromkeys(shares, 0.5)]))
+    (folder / "elf.json").write_text(json.dumps([dict.fromkeys(ON_THE_CARD, 0.5) | row]))
     return folder
 
 
