@@ -11,6 +11,7 @@ from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import load_encoder
+from elfslam.world.kinds import QUIET, SURVEYOR
 from studies.elf import labelled_pairs, measure_elf, sequence_similarity
 from studies.finding import Given, Row
 
@@ -80,6 +81,17 @@ def test_an_elf_knows_a_place_better_than_its_spectrum(rows: list[Row]) -> None:
     assert elf["AUC"] > 0.97 > psd["AUC"]  # type: ignore[operator]
     assert elf["same place (pairs)"] == psd["same place (pairs)"]
     assert by_kind["ELF", "8 footsteps"]["AUC"] >= elf["AUC"]  # type: ignore[operator]
+
+
+def test_who_walks_in_what_life_is_chosen() -> None:
+    encoders = {"PSD": generic_encoders()["PSD"]}
+    made = [
+        measure_elf(
+            Given(), worlds=("studio",), seeds=(100,), rounds=2, kind=kind, encoders=encoders
+        )[0]
+        for kind in (QUIET, SURVEYOR)
+    ]
+    assert made[0]["AUC"] != made[1]["AUC"]
 
 
 CLOSING = ClosureParameters().threshold
