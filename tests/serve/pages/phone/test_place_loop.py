@@ -15,6 +15,8 @@ WORLD, MAP_SEED, SEED, ROUNDS = "studio", 107, 108, 2
 ATTEMPTS = 3
 HEARD = 0.9
 """Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
+UNHEARD = 0.1
+"""Where more footsteps have no echo sound was lost: by the machine, or each time by the page."""
 
 pytestmark = pytest.mark.real
 
@@ -28,10 +30,13 @@ def located(benchmark: Callable[[str], Any], tmp_path_factory: pytest.TempPathFa
     address, world_in_map = page_place.prepared(WORLD, MAP_SEED, folder)
     for _ in range(ATTEMPTS):
         placed = page_place.walk_once(course, address, "track", folder, SEED)
-        if placed.heard_share >= HEARD:
-            errors = page_place.errors_of(placed.fixes, course.truth, world_in_map)
-            return placed, errors, course.motion.steps[-1]
-    pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times")
+        unheard = np.mean(placed.fixes.status == FixStatus.NO_ECHO)
+        if placed.heard_share >= HEARD and unheard <= UNHEARD:
+            break
+    if placed.heard_share < HEARD:
+        pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times")
+    errors = page_place.errors_of(placed.fixes, course.truth, world_in_map)
+    return placed, errors, course.motion.steps[-1]
 
 
 def test_the_page_knows_where_it_is_at_every_step(located: Any) -> None:
