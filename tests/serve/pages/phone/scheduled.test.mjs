@@ -208,8 +208,23 @@ test("own chirps are not heard as another's, whatever jumps", () => {
     const skirts = plan.map(({ heard }) => ({ at: heard - samples(0.008), level: 1e-3 }));
     const envelope = envelopeOf(9, [...heardPeaks(plan), ...skirts]);
     const heard = heardSlots(plan, envelope, 70);
-    assert.ok(heard.length >= 68, `${heard.length} slots`);
+    assert.ok(heard.length >= 66, `${heard.length} slots`);
     assert.deepEqual(heard.filter(({ othersS }) => othersS.length > 0), []);
+  }
+});
+
+test("a chirp that a stall of the sound tears in two is not half another's", () => {
+  for (const byS of [0.0213, 0.04]) {
+    for (const torn of [20, 21]) {
+      const lateS = (k) => (k < 30 ? 0.265 : 0.265 + byS);
+      const plan = planOf({ count: 70, jitterS: 0.025, lateS, isOurs: (k) => k >= 10 });
+      const { start } = plan[torn];
+      const halves = [0.265, 0.265 + byS].map((late) => ({ at: start + samples(late), level: 0.5 }));
+      const rest = heardPeaks(plan.filter((_, k) => k !== torn));
+      const heard = heardSlots(plan, envelopeOf(9, [...rest, ...halves]), 70);
+      assert.ok(heard.length >= 65, `${heard.length} slots`);
+      assert.deepEqual(heard.filter(({ othersS }) => othersS.length > 0), []);
+    }
   }
 });
 

@@ -15,8 +15,9 @@ WORLD, MAP_SEED, SEED, ROUNDS = "studio", 107, 108, 2
 ATTEMPTS = 3
 HEARD = 0.9
 """Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
-UNHEARD = 0.1
-"""Where more footsteps have no echo sound was lost: by the machine, or each time by the page."""
+LOST = 0.1
+"""Where more footsteps have no echo, or one not to be trusted, sound stalled: by chance, or each time
+by the page."""
 
 pytestmark = pytest.mark.real
 
@@ -30,8 +31,8 @@ def located(benchmark: Callable[[str], Any], tmp_path_factory: pytest.TempPathFa
     address, world_in_map = page_place.prepared(WORLD, MAP_SEED, folder)
     for _ in range(ATTEMPTS):
         placed = page_place.walk_once(course, address, "track", folder, SEED)
-        unheard = np.mean(placed.fixes.status == FixStatus.NO_ECHO)
-        if placed.heard_share >= HEARD and unheard <= UNHEARD:
+        lost = np.mean(np.isin(placed.fixes.status, (FixStatus.NO_ECHO, FixStatus.SUSPECT)))
+        if placed.heard_share >= HEARD and lost <= LOST:
             break
     if placed.heard_share < HEARD:
         pytest.skip(f"no sound in real time on this machine, {ATTEMPTS} times")

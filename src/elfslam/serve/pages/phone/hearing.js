@@ -8,6 +8,8 @@ const BEFORE_S = 0.15;
 const BEHIND_S = 0.05;
 /** Samples about an own arrival, at 44.1 kHz. */
 const NEAR = 88;
+/** Within this the time from playing to hearing counts as the same. */
+const ALIKE_S = 0.002;
 
 /**
  * @typedef {{slot: number, start: number, played: number | null}} Told samples of the stream as they were
@@ -28,12 +30,15 @@ const NEAR = 88;
  * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
  *   slots that are over; of those where own chirps cannot be told from others', or that began before the
- *   stream, nothing is said
+ *   stream, nothing is said. Nor of those about a stall of the sound: it may tear an own chirp in two, of
+ *   which one half is heard where no own one is due
  */
 export function makeHearing(rateHz, period, parameters) {
   /** @type {Told[]} */
   const waiting = [];
   let listening = NOTHING_HEARD;
+  /** How late the last slot was heard. @type {number | null} */
+  let before = null;
   const scale = ECHO_RATE_HZ / rateHz;
   /** @param {number} sample */
   const onLine = (sample) => Math.round(sample * scale);
@@ -72,6 +77,12 @@ export function makeHearing(rateHz, period, parameters) {
     return both.includes(undefined) || !isOver() ? undefined : both;
   };
 
+  /** @param {(number | null)[]} late */
+  const jumps = (late) => {
+    const known = late.filter((each) => each !== null);
+    return Math.max(...known) - Math.min(...known) > ALIKE_S * rateHz;
+  };
+
   /** @param {HeardSound} sound */
   const take = (sound) => {
     /** @type {Heard[]} */
@@ -82,7 +93,9 @@ export function makeHearing(rateHz, period, parameters) {
       const told = /** @type {Told} */ (waiting.shift());
       // What was heard before the stream began is not known either.
       const isBefore = (told.played ?? told.start) + /** @type {number} */ (both[0]) < 0;
-      if (isBefore || both.includes(null)) listening = { ...listening, until: null };
+      const isUnknown = isBefore || both.includes(null) || jumps([before ?? both[0], ...both]);
+      before = both[0];
+      if (isUnknown) listening = { ...listening, until: null };
       else heard.push(hear(sound, told, waiting[0]));
     }
     return heard;
