@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -164,6 +165,19 @@ def test_others_are_heard_in_silence_and_their_echoes_are_none() -> None:
     assert np.abs(np.array(first) - other).tolist() <= [16]
     assert second == ()
     assert np.abs(np.array(third) - 16_000).tolist() <= [16]
+
+
+def test_noise_behind_lost_sound_is_nobody() -> None:
+    own = [9_000 + 4_410 * k for k in range(8)]
+    noisy = sound(dict.fromkeys(own, 0.05), 1.0)
+    noisy += 3e-3 * np.random.default_rng(3).standard_normal(len(noisy)).astype(np.float32)
+    noisy[own[1] - 2_600 : own[1] - 100] = 0
+    envelope = matched_envelope(noisy, CHIRP)
+    listening = CarrierSense()
+    for due, following in pairwise(own):
+        slot = Slot(due - 1_000, due + 3_410, due, following)
+        others, listening = hear_slot(listening, envelope, 0, slot, PARAMETERS)
+        assert others == ()
 
 
 def test_frames_that_others_chirped_into_are_told() -> None:

@@ -20,6 +20,8 @@ LATE = round(0.0625 * ECHO_RATE_HZ)
 NOISE = 6.0
 """Another's chirp over the noise, which is the typical level of the quietest of some stretches."""
 STRETCHES = 16
+LOST = 1e-6
+"""A stretch more silent than that beside the own direct sound was lost, and tells of no noise."""
 REMEMBERED = 8
 
 
@@ -86,8 +88,9 @@ def _in_silence(
     bins = pooled(envelope, begin - first, (end - begin) // BIN)
     if not len(bins):
         return now
-    noises = (*now.noises, float(np.median(bins)))[-STRETCHES:]
-    least = max(parameters.share * now.direct, NOISE * min(noises))
+    level = float(np.median(bins))
+    noises = (*now.noises, level)[-STRETCHES:] if level > LOST * now.direct else now.noises
+    least = max(parameters.share * now.direct, NOISE * min(noises, default=0.0))
     before = [((sample - begin) // BIN, level) for sample, level in now.others]
     found = beginnings(bins, least, before)
     others = (*now.others, *((begin + k * BIN, level) for k, level in found))[-REMEMBERED:]

@@ -21,6 +21,8 @@ const SLACK = 88;
 const LATE = Math.round(0.0625 * ECHO_RATE_HZ);
 const NOISE = 6;
 const STRETCHES = 16;
+/** A stretch more silent than that beside the own direct sound was lost, and tells of no noise. */
+const LOST = 1e-6;
 const REMEMBERED = 8;
 
 /**
@@ -66,8 +68,9 @@ function inSilence(now, envelope, first, end, parameters) {
   const begin = now.until;
   const bins = pooled(envelope, begin - first, Math.floor((end - begin) / BIN));
   if (bins.length === 0) return now;
-  const noises = [...now.noises, middle(bins)].slice(-STRETCHES);
-  const least = Math.max(parameters.share * now.direct, NOISE * Math.min(...noises));
+  const level = middle(bins);
+  const noises = level > LOST * now.direct ? [...now.noises, level].slice(-STRETCHES) : now.noises;
+  const least = Math.max(parameters.share * now.direct, noises.length > 0 ? NOISE * Math.min(...noises) : 0);
   /** @type {Beginning[]} */
   const before = now.others.map(([sample, level]) => [Math.floor((sample - begin) / BIN), level]);
   /** @type {Beginning[]} */

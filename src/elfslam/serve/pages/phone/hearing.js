@@ -8,8 +8,8 @@ const BEFORE_S = 0.15;
 const BEHIND_S = 0.05;
 /** Samples about an own arrival, at 44.1 kHz. */
 const NEAR = 88;
-/** Within this the time from playing to hearing counts as the same. */
-const ALIKE_S = 0.002;
+/** Within this the time from playing to hearing counts as the same: browsers that correct a clock cut out 0.3 ms. */
+const ALIKE_S = 0.00015;
 
 /**
  * @typedef {{slot: number, start: number, played: number | null}} Told samples of the stream as they were
@@ -30,8 +30,8 @@ const ALIKE_S = 0.002;
  * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
  *   slots that are over; of those where own chirps cannot be told from others', or that began before the
- *   stream, nothing is said. Nor of those about a stall of the sound: it may tear an own chirp in two, of
- *   which one half is heard where no own one is due
+ *   stream, nothing is said. Nor of those about a stall of the sound: it may tear an own chirp in two, and
+ *   what the matched filter makes of the halves is heard where no own one is due
  */
 export function makeHearing(rateHz, period, parameters) {
   /** @type {Told[]} */
@@ -77,9 +77,9 @@ export function makeHearing(rateHz, period, parameters) {
     return both.includes(undefined) || !isOver() ? undefined : both;
   };
 
-  /** @param {(number | null)[]} late */
+  /** @param {(number | null | undefined)[]} late */
   const jumps = (late) => {
-    const known = late.filter((each) => each !== null);
+    const known = late.flatMap((each) => each ?? []);
     return Math.max(...known) - Math.min(...known) > ALIKE_S * rateHz;
   };
 
@@ -94,7 +94,7 @@ export function makeHearing(rateHz, period, parameters) {
       // What was heard before the stream began is not known either.
       const isBefore = (told.played ?? told.start) + /** @type {number} */ (both[0]) < 0;
       const isUnknown = isBefore || both.includes(null) || jumps([before ?? both[0], ...both]);
-      before = both[0];
+      before = both[0] ?? null;
       if (isUnknown) listening = { ...listening, until: null };
       else heard.push(hear(sound, told, waiting[0]));
     }
