@@ -57,7 +57,7 @@ FEW = 4
 ASKED_LAPS = 10
 """Laps mapped where phone and day change one by one."""
 LAPS = (2, 5, 10, 20, 40)
-LANE_SEEDS, LAP_SEEDS = (0, 1, 2, 3, 4), (0, 1, 2)
+LANE_SEEDS, LAP_SEEDS = tuple(range(5)), tuple(range(10))
 THRESHOLD_LAPS = 10
 THRESHOLD_SEEDS = (100, 101, 102)
 
