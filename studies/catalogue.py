@@ -39,14 +39,10 @@ from studies.mall_floor import measure_mall_floor
 from studies.many_mappers import measure_many_mappers
 from studies.mapping_errors import measure_mapping
 from studies.merging import measure_merging
-from studies.nearest_maps import measure_nearest_map
-from studies.nearest_spots import measure_nearest
-from studies.nearest_times import measure_nearest_times
 from studies.paper import measure_paper
 from studies.passages import measure_passages
 from studies.physics import check_laws
 from studies.pose_graphs import measure_pose_graphs
-from studies.queue import measure_queue
 from studies.real_rooms import measure_real_rooms
 from studies.realism import measure_realism
 from studies.sensitivity import measure_sensitivity
@@ -82,14 +78,10 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "many-mappers": LongStudy(measure_many_mappers),
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
-    "nearest": LongStudy(measure_nearest),
-    "nearest-map": LongStudy(measure_nearest_map),
-    "nearest-times": LongStudy(measure_nearest_times),
     "paper": LongStudy(measure_paper),
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
-    "queue": LongStudy(measure_queue),
     "real-rooms": measure_real_rooms,
     "realism": measure_realism,
     "sensitivity": LongStudy(measure_sensitivity),

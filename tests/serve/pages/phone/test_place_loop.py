@@ -16,8 +16,8 @@ ATTEMPTS = 3
 HEARD = 0.9
 """Where fewer chirps are heard this machine loses sound, which says nothing of the page."""
 LOST = 0.1
-"""Where more footsteps have no echo, or one not to be trusted, sound stalled: by chance, or each time
-by the page."""
+"""Where more footsteps have no echo, or one not to be trusted, sound stalled: by chance, or each
+time by the page."""
 
 pytestmark = pytest.mark.real
 
