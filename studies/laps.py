@@ -58,6 +58,8 @@ ASKED_LAPS = 10
 """Laps mapped where phone and day change one by one."""
 LAPS = (2, 5, 10, 20, 40)
 LANE_SEEDS, LAP_SEEDS = tuple(range(5)), tuple(range(10))
+FEWER: Mapping[str, int] = {"mall": 3}
+"""Where a lap takes ten times as long, so many of the seeds by laps."""
 THRESHOLD_LAPS = 10
 THRESHOLD_SEEDS = (100, 101, 102)
 
@@ -145,7 +147,7 @@ def crowds(
         for lane_m in sorted({*lanes_m, own_m}):
             for seed in lane_seeds:
                 found.setdefault((world, lane_m, seed), set()).add(FEW)
-        for seed in lap_seeds:
+        for seed in _seeds_in(world, lap_seeds):
             found.setdefault((world, own_m, seed), set()).update(laps)
     return [
         Crowd(world, kind, lane_m, seed, tuple(sorted(counts)))
@@ -161,8 +163,12 @@ def one_change(worlds: Sequence[str], kind: str, seeds: Sequence[int], laps: int
         for world in worlds
         for asked_by in CHANGES
         if asked_by != PHONE_AND_DAY
-        for seed in seeds
+        for seed in _seeds_in(world, seeds)
     ]
+
+
+def _seeds_in(world: str, seeds: Sequence[int]) -> Sequence[int]:
+    return seeds[: FEWER.get(world, len(seeds))]
 
 
 def measure_crowd(crowd: Crowd, *, features: Sequence[Feature], thresholds: Thresholds) -> Numbers:
