@@ -24,11 +24,10 @@ from elfslam.baselines.rival_maps import (
     wifi_map,
     wifi_spot_scores,
 )
-from elfslam.line.feature import Encoder, extract_features, load_encoder
-from elfslam.line.locate import LocateParameters, fixes_of, locate_one_shot
+from elfslam.line.feature import Encoder, load_encoder
+from elfslam.line.locate import fixes_of
 from elfslam.line.segments import locate_by_segments
-from elfslam.slam.front_end import hear
-from elfslam.slam.pipeline import map_by, map_by_echoes
+from elfslam.slam.pipeline import map_by
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
@@ -44,7 +43,7 @@ from studies.located import (
     stranger,
 )
 from studies.mapping_errors import CALIBRATED, walkers
-from studies.plain_features import closing_by, compared_encoders
+from studies.plain_features import feature_maps
 from studies.repeats import Numbers, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")
@@ -55,8 +54,7 @@ ELSEWHERE = {"studio": "lounge"}
 """Where someone walks who is not in the map at all: in the studio, unless that is the map's."""
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC)
 RIVALS = (Modality.WIFI, Modality.MAGNETIC)
-ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
-"""No threshold: features are compared that need other ones."""
+ALWAYS_ANSWERED = "always answered"
 VARIANTS = {"tuned": "", "paper": ", paper's"}
 
 
@@ -111,13 +109,8 @@ def _measured(pair: Pair) -> Numbers:
 def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, Mode, Fixes, Run]]:
     """Each feature in a map of its own making; every window is where the most alike spot is."""
     settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
-    echoes = hear(other.recording, Settings())
-    for feature, encoder in compared_encoders().items():
-        own = replace(settings, closure=closing_by(feature, settings))
-        run = map_by_echoes(mapped.recording, encoder, own)
-        assert run.floor_map is not None
-        fixes = locate_one_shot(extract_features(echoes, encoder), run.floor_map, ALWAYS)
-        yield f"{feature}, always answered", Mode.ONE_SHOT, fixes, run
+    for feature, own in feature_maps(mapped.recording, settings).items():
+        yield f"{feature}, {ALWAYS_ANSWERED}", Mode.ONE_SHOT, own.asked(other.echoes), own.run
 
 
 @cache

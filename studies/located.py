@@ -12,6 +12,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import (
+    Echoes,
     Features,
     Fixes,
     FixStatus,
@@ -56,6 +57,7 @@ class Stranger:
 
     recording: Recording
     nodes: Odometry
+    echoes: Echoes
     features: Features
     truth: Truth
 
@@ -110,7 +112,7 @@ def stranger(
     )  # fmt: skip
     echoes = hear(recording, Settings())
     features = extract_features(echoes, encoder)
-    return Stranger(recording, walk_nodes(recording, Settings()), features, truth)
+    return Stranger(recording, walk_nodes(recording, Settings()), echoes, features, truth)
 
 
 def located(mapped: Mapped, other: Stranger, mode: Mode, settings: Settings) -> Fixes:

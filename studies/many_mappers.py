@@ -15,7 +15,6 @@ from elfslam.line.feature import extract_features
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.front_end import hear
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge, walk_of
 from elfslam.slam.merging.grow import map_of
 from elfslam.slam.pipeline import map_by_echoes
@@ -24,11 +23,11 @@ from elfslam.world.simulate import load_world, simulate
 from studies.figures.curves import Curve, curves_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval, mean_of
-from studies.localization import ALWAYS, ELSEWHERE, ROUNDS, WORLDS, shipped
+from studies.localization import ELSEWHERE, ROUNDS, WORLDS, shipped
 from studies.located import Stranger, at_its_start, fix_numbers, located_in, stranger
 from studies.mapping_errors import CALIBRATED, walkers
 from studies.merged_walks import one_after_another
-from studies.plain_features import ELF, PLAIN, ROOT, compared_encoders
+from studies.plain_features import ALWAYS, ELF, PLAIN, ROOT, compared_encoders
 from studies.repeats import Numbers, finished
 from studies.taps import tapped
 
@@ -195,9 +194,8 @@ def _fixes(made: Map, other: Stranger) -> Iterator[tuple[str, Fixes]]:
     """By the shipped line in each mode; then by each feature, where the most alike spot is."""
     for mode in Mode:
         yield mode.value, located_in(made.floor_map, other, mode, Settings())
-    echoes = hear(other.recording, Settings())
     for feature, encoder in compared_encoders().items():
-        features = extract_features(echoes, encoder)
+        features = extract_features(other.echoes, encoder)
         each = [locate_one_shot(features, single, ALWAYS) for single in made.by[feature]]
         yield f"{feature}, always answered", _most_alike(each)
 

@@ -33,10 +33,10 @@ from studies.curation import CurationParameters, curated_closures
 from studies.figures.dots import dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval
-from studies.localization import ALWAYS, shipped
+from studies.localization import shipped
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
 from studies.mapping_errors import ALONE_THRESHOLD, CALIBRATED, trajectory_errors, walkers
-from studies.plain_features import PLAIN, compared_encoders
+from studies.plain_features import ALWAYS, PLAIN, compared_encoders
 from studies.repeats import Numbers, SimulatedWalk, by_world, finished
 
 WORLDS = ("living_room", "office", "mall")

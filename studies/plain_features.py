@@ -7,20 +7,38 @@ from __future__ import annotations
 
 import zlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
-from elfslam.base.values import ELF_SIZE
+from elfslam.base.values import ELF_SIZE, Echoes, Fixes, Recording, Run
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, load_encoder
+from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.locate import LocateParameters, locate_one_shot
+from elfslam.slam.pipeline import map_by_echoes
 
 ELF, PLAIN, ROOT = "ELF", "plain spectrogram", "root spectrogram"
 CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.35, PLAIN: 0.5, ROOT: 0.5}
+ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
+"""No threshold: features are compared that need other ones."""
+
+
+@dataclass(frozen=True, eq=False)
+class FeatureMap:
+    """A walk mapped by one feature, to be asked by the same."""
+
+    encoder: Encoder
+    run: Run
+
+    def asked(self, echoes: Echoes) -> Fixes:
+        """Where the most alike spot of each window is, however little alike."""
+        assert self.run.floor_map is not None
+        features = extract_features(echoes, self.encoder)
+        return locate_one_shot(features, self.run.floor_map, ALWAYS)
 
 
 class ChanceEncoder:
@@ -52,3 +70,14 @@ def compared_encoders() -> Mapping[str, Encoder]:
 def closing_by(feature: str, settings: Settings) -> ClosureParameters:
     """What counts as a loop closure by this feature."""
     return replace(settings.closure, threshold=CLOSURE_THRESHOLDS[feature])
+
+
+def feature_maps(recording: Recording, settings: Settings) -> dict[str, FeatureMap]:
+    """The walk mapped by each of the compared features, by name."""
+    own = {
+        name: replace(settings, closure=closing_by(name, settings)) for name in CLOSURE_THRESHOLDS
+    }
+    return {
+        name: FeatureMap(encoder, map_by_echoes(recording, encoder, own[name]))
+        for name, encoder in compared_encoders().items()
+    }

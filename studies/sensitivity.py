@@ -28,6 +28,8 @@ from studies.located import (
     mapped_walk,
     stranger,
 )
+from studies.mapping_errors import CALIBRATED, walkers
+from studies.plain_features import FeatureMap, feature_maps
 from studies.repeats import Numbers, by_world, finished
 from studies.sensitivity_table import sensitivity_page, sensitivity_rows
 
@@ -79,10 +81,12 @@ def measure_sensitivity(
 def _measured(place: Place) -> Numbers:
     world, kind = with_some_moved(load_world(place.world)), kind_named(place.kind)
     mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), kind=kind)
+    own = feature_maps(mapped.recording, walkers(place.seed, kind)[CALIBRATED])
     usual, numbers = kind.asking(world.room), Numbers()
     for change, amount, today in _circumstances(world, place.changes, usual):
         other = _stranger(world, place, today)
         numbers |= _numbers(change, amount, mapped, other)
+        numbers |= _always(change, amount, mapped, other, own)
     if place.changes == "all":
         numbers |= _lengths(mapped, _stranger(world, place, usual))
     return numbers
@@ -139,6 +143,18 @@ def _numbers(change: str, amount: str, mapped: Mapped, other: Stranger) -> Numbe
         fixes = located(mapped, other, mode, Settings())
         found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
         numbers |= {f"{change}|{amount}|{mode.value}|{key}": value for key, value in found.items()}
+    return numbers
+
+
+def _always(
+    change: str, amount: str, mapped: Mapped, other: Stranger, own: Mapping[str, FeatureMap]
+) -> Numbers:
+    """One shot by each feature in a map of its own making, however little alike."""
+    numbers: Numbers = {}
+    for feature, by_it in own.items():
+        fixes = by_it.asked(other.echoes)
+        found = fix_numbers(fixes, other.truth, by_it.run.trajectory, mapped.truth)
+        numbers |= {f"{change}|{amount}|{feature}|{key}": value for key, value in found.items()}
     return numbers
 
 

@@ -12,8 +12,9 @@ from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.simulate import load_world
 from studies import sensitivity
 from studies.finding import Finding, Given
+from studies.plain_features import ELF, PLAIN
 from studies.sensitivity import measure_sensitivity, with_some_moved
-from studies.sensitivity_table import sensitivity_page
+from studies.sensitivity_table import MODES, sensitivity_page
 
 
 @pytest.fixture(scope="module")
@@ -26,10 +27,12 @@ def finding() -> Finding:
 
 def test_a_soft_phone_is_located_nearly_as_well(finding: Finding) -> None:
     medians = {(row["amount"], row["mode"]): row["median (m)"] for row in finding.rows}
-    assert set(medians) == {
-        (amount, mode) for amount in ("1", "0.2") for mode in ("one-shot", "trajectory", "track")
-    }
+    assert set(medians) == {(amount, mode) for amount in ("1", "0.2") for mode in MODES}
     assert max(float(str(value)) for value in medians.values()) < 0.4
+    answered = {(row["amount"], row["mode"]): row["answered"] for row in finding.rows}
+    assert {answered[amount, feature] for amount in ("1", "0.2") for feature in (PLAIN, ELF)} == {
+        1.0
+    }
 
 
 def test_every_change_is_asked_for_where_all_are() -> None:
