@@ -100,7 +100,10 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
-BY_KIND = ("elf", "laps", "localization", "many-mappers", "mapping", "sensitivity", "taps")
+BY_KIND = (
+    "acoustic-odometry", "elf", "laps", "localization", "many-mappers", "mapping", "sensitivity",
+    "taps",
+)  # fmt: skip
 """Studies whose walks are of a kind: people's where none is given, in `elf` a surveyor's."""
 
 

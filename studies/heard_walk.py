@@ -10,6 +10,7 @@ from elfslam.scoring.alignment import match
 from elfslam.scoring.errors import path_length_m
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
+from elfslam.world.kinds import QUIET, kind_named
 from elfslam.world.simulate import load_world, simulate
 
 ROUNDS = 5
@@ -23,6 +24,7 @@ class HeardWalk:
     seed: int
     rounds: int = ROUNDS
     mapped: bool = True
+    kind: str = QUIET.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,11 @@ class Heard:
 
 def hear_walk(walk: HeardWalk) -> Heard:
     """A walk as the line hears it."""
-    recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
+    world, kind = load_world(walk.world), kind_named(walk.kind)
+    recording, truth = simulate(
+        world, walk.seed, rounds=walk.rounds, walker=kind.walker,
+        circumstances=kind.mapping(world.room),
+    )  # fmt: skip
     assert recording.audio is not None
     parameters = Parameters()
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)

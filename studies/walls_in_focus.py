@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -78,14 +79,10 @@ def walks_panels(walks: Sequence[HeardWalk]) -> tuple[Panel, Panel]:
 
 
 def _first_of_each(walks: Sequence[HeardWalk]) -> list[HeardWalk]:
-    seeds: dict[str, list[int]] = {}
+    by_world: dict[str, list[HeardWalk]] = {}
     for walk in walks:
-        seeds.setdefault(walk.world, []).append(walk.seed)
-    return [
-        HeardWalk(world, seed, SHOWN_ROUNDS)
-        for world, some in seeds.items()
-        for seed in some[:SHOWN_SEEDS]
-    ]
+        by_world.setdefault(walk.world, []).append(replace(walk, rounds=SHOWN_ROUNDS))
+    return [walk for some in by_world.values() for walk in some[:SHOWN_SEEDS]]
 
 
 def _sharpness(heard: Heard, true: float) -> tuple[F64, F64]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from elfslam.world.kinds import QUIET
 from studies import walls_in_focus
 from studies.acoustic_odometry import (
     MAP_COLUMNS,
@@ -25,7 +26,7 @@ def found(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     walks = [HeardWalk("studio", 100, 2), HeardWalk("lounge", 105, 2, mapped=False)]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(walls_in_focus, "SHOWN_ROUNDS", 2)
-        finding = measure_acoustic_odometry(Given(kept=kept), walks=walks)
+        finding = measure_acoustic_odometry(Given(kept=kept), walks=walks, kind=QUIET)
     assert kept.exists()
     return finding
 
@@ -82,4 +83,3 @@ def test_evaluation_has_ten_walks_in_every_world() -> None:
              ("studio", "lounge", "concourse", "living_room", "office", "mall")}  # fmt: skip
     assert all(len(some) == 10 for some in seeds.values())
     assert min(seeds["studio"] + seeds["lounge"] + seeds["concourse"]) >= 110
-    assert sum(each.mapped for each in WALKS) == 35

@@ -15,7 +15,6 @@ import numpy.typing as npt
 from elfslam.base.arrays import F32, I64
 from elfslam.base.errors import InputError, StoreError
 
-F16 = npt.NDArray[np.float16]
 Rows = npt.NDArray[Any]
 BLOCK_ROWS = 65_536
 LENGTH_TOLERANCE = 5e-3
