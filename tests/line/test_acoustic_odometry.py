@@ -120,6 +120,20 @@ def test_sound_that_tells_nothing_is_refused(kind: str) -> None:
     assert measure_scale(mute, claimed(1.0), CHIRP, PARAMETERS) == UNKNOWN
 
 
+def test_the_error_is_half_as_much_again_as_windows_drawn_anew_scatter(echoes: Echoes) -> None:
+    known = replace(PARAMETERS, model_sigma=0.0)
+    scales, sharpness = scale_evidence(echoes, claimed(1.1), CHIRP, known)
+    generator, count = np.random.default_rng(3), len(sharpness)
+    drawn = [sharpness[generator.integers(count, size=count)].mean(axis=0) for _ in range(400)]
+    at = [np.polyfit(scales[k - 1 : k + 2], row[k - 1 : k + 2], 2) for row in drawn
+          for k in [int(row.argmax())]]  # fmt: skip
+    scatter = np.std([-b / (2 * a) for a, b, _ in at])
+    found = measure_scale(echoes, claimed(1.1), CHIRP, known)
+    assert found.sigma == pytest.approx(1.5 * scatter, rel=0.25)
+    whole = measure_scale(echoes, claimed(1.1), CHIRP, replace(known, model_sigma=0.3))
+    assert whole.sigma == pytest.approx(np.hypot(found.sigma, 0.3 * found.scale))
+
+
 def test_standing_still_and_short_walks_are_refused(echoes: Echoes) -> None:
     still = rescaled(claimed(1.0), ScaleEstimate(0.05, 0.01))
     assert measure_scale(echoes, still, CHIRP, PARAMETERS) == UNKNOWN

@@ -34,6 +34,9 @@ AROUND_BINS = 21
 TINY = float(np.finfo(np.float64).tiny)
 RESAMPLES = 200
 """Bootstrap over the windows: the scatter is known to 5 %."""
+ALIKE_WINDOWS = 1.5
+"""What windows share, such as how a phone swings, no drawing of windows shows: errors of walks are
+so many times their scatter."""
 
 
 @dataclass(frozen=True)
@@ -53,10 +56,10 @@ class AcousticOdometryParameters:
     )
     least_windows: int = parameter(4, "", "fewer windows are refused", low=2, high=1000)
     least_contrast: float = parameter(
-        0.2, "", "logarithm of the best sharpness over the usual that is wanted", low=0.0, high=10.0
+        0.12, "", "logarithm of the best sharpness over the usual that is wanted", low=0.0, high=10.0
     )
     most_scatter: float = parameter(
-        0.04, "", "windows that disagree more on the scale are refused", low=0.001, high=1.0
+        0.08, "", "windows that disagree more on the scale are refused", low=0.001, high=1.0
     )
     model_sigma: float = parameter(
         0.01, "", "error of the speed of sound and of the model, relative", low=0.0, high=0.2
@@ -94,7 +97,7 @@ def measure_scale(
 
     Refused are walks of too few windows, pictures that are no sharper at any scale or sharpest at
     the end of the range, and windows that contradict each other. The standard error is that of a
-    bootstrap over windows, on top of `model_sigma`.
+    bootstrap over windows, widened by what they share, on top of `model_sigma`.
     """
     scales, sharpness = scale_evidence(echoes, odometry, chirp, parameters)
     if len(sharpness) < parameters.least_windows:
@@ -105,7 +108,9 @@ def measure_scale(
     contrast = overall.max() - np.median(overall)
     if not inside or contrast < parameters.least_contrast or scatter > parameters.most_scatter:
         return UNKNOWN
-    return ScaleEstimate(scale, float(np.hypot(scatter, parameters.model_sigma * scale)))
+    return ScaleEstimate(
+        scale, float(np.hypot(ALIKE_WINDOWS * scatter, parameters.model_sigma * scale))
+    )
 
 
 def with_prior(estimate: ScaleEstimate, prior_sigma: float) -> ScaleEstimate:
