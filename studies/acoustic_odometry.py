@@ -28,8 +28,9 @@ from elfslam.slam.parameters import Parameters
 from elfslam.world.kinds import PEOPLE, Kind
 from studies.figures.scale_figures import Estimates, estimates_figure
 from studies.finding import Finding, Given, Row
-from studies.heard_walk import Heard, HeardWalk, hear_walk, true_scale
-from studies.repeats import Numbers, finished
+from studies.heard_walk import Heard, hear_walk, true_scale
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk
 from studies.walls_in_focus import focus_panel, walks_panels
 
 SEEDS = {
@@ -41,6 +42,7 @@ SEEDS = {
     "mall": range(10),
 }
 """The first three worlds are those of development, but these walks in them were not looked at."""
+ROUNDS = 4
 PEOPLE_SIGMA = 0.06
 """How far true and claimed steps of people are apart without sound."""
 ESTIMATES_NOTE = (
@@ -70,35 +72,31 @@ MAP_COLUMNS = (
     "ratio, to",
 )
 
-WALKS = tuple(HeardWalk(world, seed) for world, seeds in SEEDS.items() for seed in seeds)
+WALKS = tuple(
+    SimulatedWalk(world, seed, ROUNDS) for world, seeds in SEEDS.items() for seed in seeds
+)
 
 
 def measure_acoustic_odometry(
-    given: Given, *, walks: Sequence[HeardWalk] = WALKS, kind: Kind = PEOPLE
+    given: Given, *, walks: Sequence[SimulatedWalk] = WALKS, kind: Kind = PEOPLE
 ) -> Finding:
     """A row per world: error of scale and of the map, with steps as claimed and as measured."""
     walks = [replace(walk, kind=kind.name) for walk in walks]
     numbers = finished(measure_walk, walks, given)
-    worlds = list(dict.fromkeys(walk.world for walk in walks))
-    by_world = {
-        world: [found for walk, found in zip(walks, numbers, strict=True) if walk.world == world]
-        for world in worlds
-    }
-    rows = [_row(world, found) for world, found in by_world.items()]
+    worlds = by_world(walks, numbers)
+    rows = [_row(world, found) for world, found in worlds.items()]
     rows.append(_row("all", numbers))
     given.announce("pictures", None)
-    return Finding(rows, _page(rows, by_world, walks))
+    return Finding(rows, _page(rows, worlds, walks))
 
 
-def measure_walk(walk: HeardWalk) -> Numbers:
+def measure_walk(walk: SimulatedWalk) -> Numbers:
     """True and measured scale, and the map error with steps as claimed, as measured and as true."""
     heard = hear_walk(walk)
     true = true_scale(heard.nodes, heard.truth)
     found = measure_scale(heard.echoes, heard.nodes, heard.chirp, AcousticOdometryParameters())
     used = with_prior(found, PEOPLE_SIGMA)
     numbers = {"true": true, "scale": found.scale, "sigma": found.sigma, "used": used.scale}
-    if not walk.mapped:
-        return numbers
     features = extract_features(heard.echoes, load_encoder("compact"))
     tried = {"claimed": 1.0, "measured": used.scale, "true": true}
     errors_m = {
@@ -118,9 +116,8 @@ def _map_error_m(heard: Heard, features: Features, estimate: ScaleEstimate) -> f
 
 
 def _row(world: str, found: Sequence[Numbers]) -> Row:
-    mapped = [numbers for numbers in found if "map error, claimed" in numbers]
     scales = dict(zip(SCALE_COLUMNS, _of_scales(found), strict=True))
-    maps = dict(zip(MAP_COLUMNS, _of_maps(mapped), strict=True))
+    maps = dict(zip(MAP_COLUMNS, _of_maps(found), strict=True))
     return {"world": world, **scales, **maps}
 
 
@@ -139,8 +136,6 @@ def _of_scales(found: Sequence[Numbers]) -> list[object]:
 
 def _of_maps(found: Sequence[Numbers]) -> list[object]:
     errors_m = [_column(found, f"map error, {name}") for name in ("claimed", "measured", "true")]
-    if not found:
-        return [None] * len(MAP_COLUMNS)
     ratio = errors_m[1] / errors_m[0]
     medians = [float(np.median(values)) for values in (*errors_m, ratio)]
     return [len(found), *medians, *_interval(ratio, np.median)]
@@ -159,9 +154,11 @@ def _interval(values: F64, statistic: Callable[[F64], Any]) -> tuple[float, floa
     return interval(each, lambda some: float(statistic(some)), np.random.default_rng(0))
 
 
-def _page(rows: list[Row], by_world: dict[str, list[Numbers]], walks: Sequence[HeardWalk]) -> Page:
+def _page(
+    rows: list[Row], worlds: dict[str, list[Numbers]], walks: Sequence[SimulatedWalk]
+) -> Page:
     sharpness, changes = walks_panels(walks)
-    estimates = estimates_figure(_estimates(by_world))
+    estimates = estimates_figure(_estimates(worlds))
     panels = [
         focus_panel(walks[0]),
         sharpness,
@@ -178,11 +175,11 @@ def _part(rows: Sequence[Row], columns: Sequence[str]) -> list[Row]:
     return [{name: row[name] for name in ("world", *columns)} for row in rows]
 
 
-def _estimates(by_world: dict[str, list[Numbers]]) -> dict[str, Estimates]:
+def _estimates(worlds: dict[str, list[Numbers]]) -> dict[str, Estimates]:
     """Those that were not refused."""
     known = {
         world: [numbers for numbers in found if np.isfinite(numbers["sigma"])]
-        for world, found in by_world.items()
+        for world, found in worlds.items()
     }
     return {
         world: Estimates(*(_column(found, name) for name in ("true", "scale", "sigma")))

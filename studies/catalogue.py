@@ -101,8 +101,8 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 COMPARES = ("elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
 BY_KIND = (
-    "acoustic-odometry", "elf", "laps", "localization", "many-mappers", "mapping", "sensitivity",
-    "taps",
+    "acoustic-odometry", "closures", "elf", "floor-plan", "laps", "localization", "many-mappers",
+    "mapping", "passages", "sensitivity", "taps",
 )  # fmt: skip
 """Studies whose walks are of a kind: people's where none is given, in `elf` a surveyor's."""
 

@@ -19,12 +19,13 @@ from elfslam.scoring.errors import Alignment, position_errors, summarise
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.parameters import Parameters
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.kinds import PEOPLE, Kind
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
 from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval, mean_of
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
@@ -41,13 +42,14 @@ def measure_closure_steps(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
 ) -> Finding:
     """Precision and recall after each step of both strategies.
 
     Maps are made of what a strategy ends with, and of single pairs without any; once by the graph
     that may doubt closures and once by plain least squares, which believes all.
     """
-    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     numbers = finished(_measured, tasks, given)
     rows = [
         {"world": world, "strategy": strategy, "step": step, **_row(found, strategy, step)}
@@ -58,7 +60,7 @@ def measure_closure_steps(
 
 
 def _measured(walk: SimulatedWalk) -> Numbers:
-    recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
+    recording, truth = simulated(walk)
     parameters = Parameters()
     echoes = hear(recording, parameters)
     nodes = with_heard_steps(walk_nodes(recording, parameters), echoes, parameters)

@@ -20,7 +20,8 @@ from elfslam.world.simulate import load_world
 from studies.finding import Finding, Given, Row
 from studies.localization import ELSEWHERE, shipped
 from studies.located import MAPPING_ROUNDS, fix_numbers, located, mapped_walk, stranger
-from studies.repeats import Numbers, SimulatedWalk, finished
+from studies.repeats import Numbers, finished
+from studies.simulated_walk import SimulatedWalk
 from studies.thresholds import SEEDS, WORLDS
 
 ROUNDS = 2

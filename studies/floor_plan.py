@@ -27,12 +27,14 @@ from elfslam.line.feature import load_encoder
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
 from elfslam.world.walkable import HEAD_M
 from studies.figures.plan_figures import placed_figure
 from studies.finding import Finding, Given, Row
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
 """Walks in each, for development: the worlds of evaluation stay unseen."""
@@ -66,19 +68,21 @@ def measure_floor_plan(
     *,
     worlds: Mapping[str, int] = WORLDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
     known: AnchoringParameters | None = None,
 ) -> Finding:
     """A row per world and plan: shares of walks placed right, wrong, and not."""
     parameters = known or AnchoringParameters()
     tasks = [
-        SimulatedWalk(world, FIRST_SEED + k, rounds)
+        SimulatedWalk(world, FIRST_SEED + k, rounds, kind.name)
         for world, count in worlds.items()
         for k in range(count)
     ]
     measure = partial(_measured, parameters=parameters)
     numbers = finished(measure, tasks, given)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    panels = [_panel(SimulatedWalk(world, FIRST_SEED, rounds), parameters) for world in worlds]
+    first = [SimulatedWalk(world, FIRST_SEED, rounds, kind.name) for world in worlds]
+    panels = [_panel(walk, parameters) for walk in first]
     table = Panel("All walks", rows_table(rows), wide=True)
     subtitle = "Shares of walks, and median errors of those that were placed."
     return Finding(rows, Page("Maps placed on floor plans", subtitle, [*panels, table]))
@@ -92,7 +96,7 @@ def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
 
 def mapped(walk: SimulatedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
-    recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
+    recording, truth = simulated(walk)
     trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
     return Mapped(trajectory.world_from_body[:, :2], _truth_of(trajectory, truth))
 

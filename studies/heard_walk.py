@@ -10,21 +10,7 @@ from elfslam.scoring.alignment import match
 from elfslam.scoring.errors import path_length_m
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
-from elfslam.world.kinds import QUIET, kind_named
-from elfslam.world.simulate import load_world, simulate
-
-ROUNDS = 5
-
-
-@dataclass(frozen=True)
-class HeardWalk:
-    """A simulated walk, and whether it is mapped too."""
-
-    world: str
-    seed: int
-    rounds: int = ROUNDS
-    mapped: bool = True
-    kind: str = QUIET.name
+from studies.simulated_walk import SimulatedWalk, simulated
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,13 +23,9 @@ class Heard:
     truth: Truth
 
 
-def hear_walk(walk: HeardWalk) -> Heard:
+def hear_walk(walk: SimulatedWalk) -> Heard:
     """A walk as the line hears it."""
-    world, kind = load_world(walk.world), kind_named(walk.kind)
-    recording, truth = simulate(
-        world, walk.seed, rounds=walk.rounds, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    recording, truth = simulated(walk)
     assert recording.audio is not None
     parameters = Parameters()
     chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)

@@ -35,6 +35,7 @@ from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World, simulate
 from studies.mapping_errors import CALIBRATED, walkers
 from studies.repeats import Numbers
+from studies.simulated_walk import simulated_in
 
 MAPPING_ROUNDS = 4
 STRANGER = 1000
@@ -72,10 +73,7 @@ def mapped_walk(
     kind: Kind = QUIET,
 ) -> Mapped:
     """A walk by someone whose steps are known, from a known start, mapped by echoes."""
-    recording, truth = simulate(
-        world, seed, rounds=rounds, sensors=sensors, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    recording, truth = simulated_in(world, seed, rounds, kind, sensors=sensors)
     recording = at_its_start(recording, truth)
     run = map_by_echoes(recording, encoder, walkers(seed, kind)[CALIBRATED])
     return Mapped(recording, run, truth)

@@ -19,7 +19,7 @@ from elfslam.slam.merging import MappedWalk, MergeParameters, merge, walk_of
 from elfslam.slam.merging.grow import map_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
 from studies.figures.curves import Curve, curves_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval, mean_of
@@ -29,6 +29,7 @@ from studies.mapping_errors import CALIBRATED, walkers
 from studies.merged_walks import one_after_another
 from studies.plain_features import ALWAYS, ELF, PLAIN, ROOT, compared_encoders
 from studies.repeats import Numbers, finished
+from studies.simulated_walk import simulated_in
 from studies.taps import tapped
 
 SEEDS = tuple(range(10))
@@ -146,10 +147,7 @@ def _asked(made: Map, other: Stranger, lost: Stranger) -> Numbers:
 def _mapped(crowd: Crowd, number: int) -> Mapper:
     """What one of those who map brings home."""
     world, kind, seed = load_world(crowd.world), kind_named(crowd.kind), crowd.seeds[number]
-    recording, truth = simulate(
-        world, seed, rounds=LAPS, reverse=number % 2 == 1, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    recording, truth = simulated_in(world, seed, LAPS, kind, reverse=number % 2 == 1)
     if crowd.taps:
         recording = replace(recording, checkpoints=tapped(truth, crowd.taps, seed))
     else:

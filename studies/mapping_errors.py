@@ -44,7 +44,8 @@ from studies.figures.coverage import trajectory_coverage
 from studies.finding import Finding, Given
 from studies.mapping_table import mapping_page, mapping_rows
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -81,11 +82,8 @@ def measure_mapping(
 
 
 def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> Numbers:
-    world, kind = load_world(walk.world), kind_named(walk.kind)
-    recording, truth = simulate(
-        world, walk.seed, rounds=walk.rounds, sensors=SENSORS, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    kind = kind_named(walk.kind)
+    recording, truth = simulated(walk, sensors=SENSORS)
     x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
     recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
     echoes = hear(recording, Settings())

@@ -37,7 +37,8 @@ from studies.localization import shipped
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
 from studies.mapping_errors import ALONE_THRESHOLD, CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))

@@ -21,13 +21,15 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.kinds import PEOPLE, Kind
+from elfslam.world.simulate import load_world
 from studies.figures.coverage import trajectory_coverage
 from studies.figures.plan_figures import followed_figure
 from studies.finding import Finding, Given, Row
 from studies.floor_plan import plan_of
 from studies.intervals import mean_range
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = (0, 1, 2, 3, 4)
@@ -57,15 +59,17 @@ def measure_passages(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
+    kind: Kind = PEOPLE,
     known: MapMatchingParameters | None = None,
 ) -> Finding:
     """Errors from the told start before and after, by echoes and by steps."""
     matching = known or MapMatchingParameters()
-    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, parameters=matching)
     numbers = finished(measure, tasks, given)
     rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    panels = [_panel(SimulatedWalk(world, seeds[0], rounds), matching) for world in worlds]
+    first = [SimulatedWalk(world, seeds[0], rounds, kind.name) for world in worlds]
+    panels = [_panel(walk, matching) for walk in first]
     table = Panel("All walks", rows_table(rows), NOTE, wide=True)
     subtitle = "The start is known to half a metre and eleven degrees, the plan has its furniture."
     return Finding(rows, Page("Walks followed through floor plans", subtitle, [*panels, table]))
@@ -81,7 +85,7 @@ def _measured(walk: SimulatedWalk, parameters: MapMatchingParameters) -> Numbers
 
 def pairs_of(walk: SimulatedWalk, parameters: MapMatchingParameters) -> Iterator[tuple[str, Pair]]:
     """The walk by its echoes and by its steps alone, before and after."""
-    recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
+    recording, truth = simulated(walk)
     ground = plan_of(load_world(walk.world).room, furnished=True)
     generator = np.random.default_rng([walk.seed, 11])
     off = generator.normal(0, TOLD_SIGMA)

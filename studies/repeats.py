@@ -4,30 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from elfslam.app.workers import Here, unit_key
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import new_file
-from elfslam.world.kinds import QUIET
 from studies.finding import Given
 
 Task = TypeVar("Task")
 Numbers = dict[str, float]
 Units = dict[str, dict[str, Any]]
 """By key: the `task` as it is shown, and its `numbers`."""
-
-
-@dataclass(frozen=True)
-class SimulatedWalk:
-    """A walk of a kind, for so many rounds."""
-
-    world: str
-    seed: int
-    rounds: int
-    kind: str = QUIET.name
 
 
 class Placed(Protocol):

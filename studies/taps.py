@@ -14,14 +14,14 @@ from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
-from elfslam.world.simulate import load_world, simulate
 from studies.figures.curves import curves_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import curve_of, mean_row
 from studies.localization import SEEDS, WORLDS, shipped
 from studies.located import MAPPING_ROUNDS, at_its_start
 from studies.mapping_errors import CALIBRATED, walkers
-from studies.repeats import Numbers, SimulatedWalk, by_world, finished
+from studies.repeats import Numbers, by_world, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 TAPS = (0, 2, 4, 8)
 """Without any the walker declares where the walk begins."""
@@ -62,11 +62,8 @@ def tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
 
 
 def _measured(walk: SimulatedWalk) -> Numbers:
-    world, kind = load_world(walk.world), kind_named(walk.kind)
-    recording, truth = simulate(
-        world, walk.seed, rounds=walk.rounds, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    kind = kind_named(walk.kind)
+    recording, truth = simulated(walk)
     settings, numbers = walkers(walk.seed, kind)[CALIBRATED], Numbers()
     for taps in TAPS:
         told = tapped(truth, taps, walk.seed) if taps else None

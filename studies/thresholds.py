@@ -20,12 +20,12 @@ from elfslam.scoring.closure_score import score_closures
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
-from elfslam.world.simulate import load_world, simulate
 from studies.finding import Finding, Given, Row
 from studies.located import at_its_start
 from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
-from studies.repeats import Numbers, SimulatedWalk, finished
+from studies.repeats import Numbers, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
@@ -53,11 +53,8 @@ def measure_thresholds(
 
 
 def _measured(walk: SimulatedWalk) -> Numbers:
-    world, kind = load_world(walk.world), kind_named(walk.kind)
-    recording, truth = simulate(
-        world, walk.seed, rounds=walk.rounds, walker=kind.walker,
-        circumstances=kind.mapping(world.room),
-    )  # fmt: skip
+    kind = kind_named(walk.kind)
+    recording, truth = simulated(walk)
     known = walkers(walk.seed, kind)[CALIBRATED]
     echoes = hear(recording, Settings())
     nodes = with_heard_steps(walk_nodes(at_its_start(recording, truth), known), echoes, known)

@@ -19,7 +19,8 @@ from elfslam.line.acoustic_odometry import (
 )
 from elfslam.scoring.page import Panel
 from studies.figures.scale_figures import Picture, bundles_figure, pictures_figure
-from studies.heard_walk import Heard, HeardWalk, hear_walk, true_scale
+from studies.heard_walk import Heard, hear_walk, true_scale
+from studies.simulated_walk import SimulatedWalk
 
 DIRECTIONS = 120
 FIRST_S = DISCARDED_SAMPLES / ECHO_RATE_HZ
@@ -47,7 +48,7 @@ CHANGES_NOTE = (
 )
 
 
-def focus_panel(walk: HeardWalk) -> Panel:
+def focus_panel(walk: SimulatedWalk) -> Panel:
     """Walls in the sharpest window of a walk, with steps too short, true and too long."""
     heard = hear_walk(walk)
     true = true_scale(heard.nodes, heard.truth)
@@ -60,7 +61,7 @@ def focus_panel(walk: HeardWalk) -> Panel:
     return Panel("Walls in and out of focus", pictures_figure(pictures), FOCUS_NOTE, wide=True)
 
 
-def walks_panels(walks: Sequence[HeardWalk]) -> tuple[Panel, Panel]:
+def walks_panels(walks: Sequence[SimulatedWalk]) -> tuple[Panel, Panel]:
     """Sharpness against scale, and what pairs of frames tell: a line for each of a few walks."""
     sharpness: dict[str, list[tuple[F64, F64]]] = {}
     changes: dict[str, list[tuple[F64, F64]]] = {}
@@ -78,8 +79,8 @@ def walks_panels(walks: Sequence[HeardWalk]) -> tuple[Panel, Panel]:
     )
 
 
-def _first_of_each(walks: Sequence[HeardWalk]) -> list[HeardWalk]:
-    by_world: dict[str, list[HeardWalk]] = {}
+def _first_of_each(walks: Sequence[SimulatedWalk]) -> list[SimulatedWalk]:
+    by_world: dict[str, list[SimulatedWalk]] = {}
     for walk in walks:
         by_world.setdefault(walk.world, []).append(replace(walk, rounds=SHOWN_ROUNDS))
     return [walk for some in by_world.values() for walk in some[:SHOWN_SEEDS]]

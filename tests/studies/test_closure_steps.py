@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.scoring.page import save_page
+from elfslam.world.kinds import QUIET
 from studies.closure_steps import PAPER, SEQUENCE, SINGLE, measure_closure_steps
 from studies.finding import Finding, Given
 
@@ -15,7 +16,7 @@ from studies.finding import Finding, Given
 def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     kept = tmp_path_factory.mktemp("kept") / "closures.partial"
     small = {"worlds": ("studio",), "seeds": (100,), "rounds": 2}
-    return measure_closure_steps(Given(kept=kept), **small)
+    return measure_closure_steps(Given(kept=kept), kind=QUIET, **small)
 
 
 def value(finding: Finding, strategy: str, step: str, name: str) -> float:

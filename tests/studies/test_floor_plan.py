@@ -11,7 +11,7 @@ from elfslam.world.walkable import standing_room
 from studies import floor_plan
 from studies.finding import Finding, Given
 from studies.floor_plan import Mapped, measure_floor_plan, plan_of
-from studies.repeats import SimulatedWalk
+from studies.simulated_walk import SimulatedWalk
 
 
 @pytest.fixture

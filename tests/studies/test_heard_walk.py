@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Odometry, Truth
-from studies.heard_walk import HeardWalk, hear_walk, true_scale
+from studies.heard_walk import hear_walk, true_scale
+from studies.simulated_walk import SimulatedWalk
 
 
 def test_the_true_scale_is_true_over_claimed_length() -> None:
@@ -17,7 +18,7 @@ def test_the_true_scale_is_true_over_claimed_length() -> None:
 
 
 def test_nodes_echoes_and_truth_are_of_one_walk() -> None:
-    heard = hear_walk(HeardWalk("studio", 100, 1))
+    heard = hear_walk(SimulatedWalk("studio", 100, 1))
     assert heard.chirp.rate_hz == 44_100
     assert heard.truth.t_s[0] <= heard.nodes.t_s[0] < heard.nodes.t_s[-1] <= heard.truth.t_s[-1]
     assert heard.echoes.t_s[-1] == pytest.approx(heard.truth.t_s[-1], abs=0.5)

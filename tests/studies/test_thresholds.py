@@ -9,7 +9,7 @@ from studies import fix_thresholds, thresholds
 from studies.finding import Given
 from studies.fix_thresholds import measure_fix_thresholds
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
-from studies.repeats import SimulatedWalk
+from studies.simulated_walk import SimulatedWalk
 from studies.thresholds import measure_thresholds
 
 WALK = SimulatedWalk("studio", 0, 4, "people")

@@ -8,7 +8,7 @@ import pytest
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Echoes, Odometry
 from elfslam.line.acoustic_odometry import AcousticOdometryParameters
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from studies.heard_walk import HeardWalk
+from studies.simulated_walk import SimulatedWalk
 from studies.walls_in_focus import RATIOS, SHOWN_SEEDS, _first_of_each, picture, range_changes
 
 CHIRP = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
@@ -54,7 +54,7 @@ def test_a_wall_ahead_comes_nearer_by_the_whole_move() -> None:
 
 
 def test_a_few_walks_of_each_world_are_shown() -> None:
-    walks = [HeardWalk(world, seed) for world in ("studio", "mall") for seed in range(9)]
+    walks = [SimulatedWalk(world, seed, 5) for world in ("studio", "mall") for seed in range(9)]
     shown = _first_of_each(walks)
     assert [walk.world for walk in shown] == ["studio"] * SHOWN_SEEDS + ["mall"] * SHOWN_SEEDS
     assert [walk.seed for walk in shown[:SHOWN_SEEDS]] == list(range(SHOWN_SEEDS))
