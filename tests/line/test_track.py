@@ -162,22 +162,6 @@ def test_two_equal_corridors_are_ambiguous_until_something_differs() -> None:
     assert errors_m(fixes, POSES + apart)[27:].max() < 0.5
 
 
-def test_a_fix_is_ambiguous_while_the_most_alike_spots_lie_elsewhere() -> None:
-    """A little more alike than the true place is another one, each time a different one."""
-    scores, generator = heard(POSES, FLOOR), np.random.default_rng(0)
-    for k in range(8, 24):
-        away_m = np.linalg.norm(FLOOR.xy_m - POSES[k, :2], axis=1)
-        scores[k, generator.choice(np.flatnonzero(away_m > 4))] = scores[k].max() + 0.02
-    known = replace(PARAMETERS, support_memory=0.8)
-    fixes = Tracker(FLOOR, known, np.random.default_rng(0)).follow(walked(POSES), scores)
-    lost, found = 0.8 ** np.arange(1, 17), 1 - (1 - 0.8**16) * 0.8 ** np.arange(1, 11)
-    support = np.concatenate([np.ones(8), lost, found])
-    npt.assert_array_equal(fixes.status == FixStatus.AMBIGUOUS, support < known.unsupported_below)
-    assert errors_m(fixes, POSES).max() < 0.7
-    credulous = Tracker(FLOOR, replace(known, unsupported_below=0.0), np.random.default_rng(0))
-    npt.assert_array_equal(credulous.follow(walked(POSES), scores).status, FixStatus.OK)
-
-
 def test_another_place_is_unknown_and_the_way_back_is_found() -> None:
     scores = heard(POSES, FLOOR)
     scores[10:22] = 0.4 + 0.1 * np.random.default_rng(0).uniform(size=scores[10:22].shape)

@@ -79,15 +79,6 @@ class TrackParameters:
     ambiguous_below: float = parameter(
         0.7, "", "less belief near the best place is AMBIGUOUS", low=0.0, high=1.0
     )
-    supported_m: float = parameter(
-        1.5, "m", "a fix with the most alike spot this close is supported", low=0.05, high=100.0
-    )
-    support_memory: float = parameter(
-        0.97, "", "weight of the past in the share of fixes supported", low=0.0, high=0.999
-    )
-    unsupported_below: float = parameter(
-        0.4, "", "a lower share of fixes supported is AMBIGUOUS", low=0.0, high=1.0
-    )
     sigma_floor_m: float = parameter(
         0.10, "m", "least error of a fix per axis", low=0.0, high=100.0
     )
@@ -116,7 +107,6 @@ class Tracker:
         self._tree = cKDTree(self._coordinates(floor_map.xy_m, floor_map.heading_rad))
         self._cloud: Cloud | None = None
         self._likeness = np.nan
-        self._support = np.nan
         self._settled = 0
         self._doubts = False
 
@@ -239,43 +229,30 @@ class Tracker:
         best_m = densest(cloud, known.near_m)
         reach_m = _reach_m(cloud.poses[:, :2], best_m, known.near_m) if suspect else known.near_m
         near = np.linalg.norm(cloud.poses[:, :2] - best_m, axis=1) <= reach_m
+        status = FixStatus.OK
+        if cloud.weight[near].sum() < known.ambiguous_below:
+            status = FixStatus.AMBIGUOUS
         share = cloud.weight[near] / cloud.weight[near].sum()
         xy = share @ cloud.poses[near, :2]
         heading = float(np.angle(share @ np.exp(1j * cloud.poses[near, 2])))
         around = np.linalg.norm(self._map.xy_m - xy, axis=1)
         if heard:
-            self._remember(scores, around)
+            self._remember(float(scores[around <= known.near_m].max(initial=-1.0)))
         if suspect and self._settled < known.settled:
             return *NOWHERE, self._likeness, int(FixStatus.SUSPECT)
         if self._likeness < known.unknown_below and not suspect:
             return *NOWHERE, self._likeness, int(FixStatus.UNKNOWN_PLACE)
-        status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
-        if heard:
-            status = self._certain(float(cloud.weight[near].sum()))
+        if not heard:
+            status = FixStatus.SUSPECT if suspect else FixStatus.NO_ECHO
         offset = cloud.poses[near, :2] - xy
         covariance = np.einsum("k,ki,kj->ij", share, offset, offset)
         covariance += self._map.covariance_m2[int(np.argmin(around))]
         covariance += known.sigma_floor_m**2 * np.eye(2)
         return xy, heading, covariance, self._likeness, int(status)
 
-    def _remember(self, scores: F32, around_m: F64) -> None:
-        """How alike the place is, and whether the most alike spot of all lies at it."""
-        known = self._parameters
-        here = float(scores[around_m <= known.near_m].max(initial=-1.0))
-        supported = float(around_m[int(np.argmax(scores))] <= known.supported_m)
-        self._likeness = _remembered(self._likeness, here, known.memory)
-        self._support = _remembered(self._support, supported, known.support_memory)
-
-    def _certain(self, belief: float) -> FixStatus:
-        """Whether one place is believed in and, for the last footsteps, most alike too."""
-        known = self._parameters
-        told = belief >= known.ambiguous_below and self._support >= known.unsupported_below
-        return FixStatus.OK if told else FixStatus.AMBIGUOUS
-
-
-def _remembered(past: float, now: float, memory: float) -> float:
-    """Mean in which the past counts by `memory`; the first value where there is none."""
-    return now if np.isnan(past) else memory * past + (1 - memory) * now
+    def _remember(self, likeness: float) -> None:
+        past = likeness if np.isnan(self._likeness) else self._likeness
+        self._likeness = self._parameters.memory * past + (1 - self._parameters.memory) * likeness
 
 
 def densest(cloud: Cloud, near_m: float) -> F64:

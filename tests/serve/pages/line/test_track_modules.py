@@ -21,8 +21,6 @@ DOUBTED = (0, 9, 10, 11)
 """Steps of which others say that they are suspect."""
 LURED = (22, 23, 24)
 """Steps at which another place is heard."""
-DISTRACTED = (13, 14, 15, 16)
-"""Steps at which another place is a little more alike."""
 
 
 class RecordedDraws:
@@ -84,8 +82,6 @@ def walk_vectors(seed: int, known: TrackParameters) -> dict[str, Any]:
         if k in LURED:
             scores = np.full_like(scores, 0.1)
             scores[len(scores) // 2 + k] = 0.95
-        if k in DISTRACTED:
-            scores[37 * k % len(scores)] = scores.max() + 0.02
         suspect = k in DOUBTED
         told_fix = tracker.step(move, sigma, scores, suspect=suspect)
         xy_m, heading_rad, covariance_m2, likeness, status = told_fix
@@ -135,7 +131,7 @@ def nearest_vectors() -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def track_vectors(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
-    known = replace(TrackParameters(), particles=225, support_memory=0.5, unsupported_below=0.6)
+    known = replace(TrackParameters(), particles=225)
     walks = [walk_vectors(seed, known) for seed in range(2)]
     return {"walks": [*walks, walk_vectors(2, TrackParameters())], "nearest": nearest_vectors()}
 

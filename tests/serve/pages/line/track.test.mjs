@@ -67,16 +67,6 @@ test("a tracker with a seed of its own gives the same fixes again, and finds the
   assert.ok(away.sort((a, b) => a - b)[away.length >> 1] < 0.7, `median ${away[away.length >> 1]}`);
 });
 
-test("a map that knows nothing of support has none that is too low", () => {
-  const { support_memory, supported_m, unsupported_below, ...kept } = walks[0].parameters;
-  const heard = (fixes) => fixes.filter(({ status }) => status === "OK" || status === "AMBIGUOUS").length;
-  const certain = (fixes) => fixes.filter(({ status }) => status === "OK").length;
-  const [now, before] = [walks[0].parameters, kept].map((parameters) =>
-    follow({ ...walks[0], parameters }, replayed(walks[0].draws)));
-  assert.equal(heard(now), heard(before));
-  assert.ok(certain(now) < certain(before), `${certain(now)} and ${certain(before)} of ${heard(now)}`);
-});
-
 test("the nearest points are scipy's", () => {
   const ask = nearestIn(treeOf(Float64Array.from(nearest.points)), 5);
   nearest.asked.forEach((point, k) => {

@@ -19,9 +19,8 @@ import { halfwayBetween, movedBy } from "./tracking/poses.js";
  * @typedef {{
  *   ambiguous_below: number, heading_reach_rad: number, jump: number, memory: number,
  *   near_m: number, neighbours: number, particles: number, reach_m: number, regained: number,
- *   renewed: number, scale_sigma: number, settled: number, sigma_floor_m: number, support_memory: number,
- *   supported_m: number, temperature: number, turn_sigma_rad: number, unexplained: number,
- *   unknown_below: number, unsupported_below: number,
+ *   renewed: number, scale_sigma: number, settled: number, sigma_floor_m: number, temperature: number,
+ *   turn_sigma_rad: number, unexplained: number, unknown_below: number,
  * }} TrackParameters the group "track", as far as pages need it
  */
 
@@ -40,7 +39,7 @@ export function makeTracker(floorMap, parameters, random) {
   const nearest = nearestIn(treeOf(placesOf(floorMap, parameters)), count);
   /** @type {Cloud | null} */
   let cloud = null;
-  let [likeness, support] = [NaN, NaN];
+  let likeness = NaN;
   let settled = 0;
   let isDoubting = false;
 
@@ -89,18 +88,13 @@ export function makeTracker(floorMap, parameters, random) {
   const fixed = (guesses, scores, unheard) => {
     const place = placeOf(guesses, parameters, unheard === "SUSPECT" ? reachOf : undefined);
     const around = aroundOf(floorMap, place.xyM, scores, parameters.near_m);
-    if (scores) {
-      likeness = remembered(likeness, around.likeness, parameters.memory);
-      support = remembered(support, around.mostAlikeM <= parameters.supported_m ? 1 : 0, parameters.support_memory);
-    }
+    if (scores) likeness = remembered(likeness, around.likeness, parameters.memory);
     const isSuspect = unheard === "SUSPECT" && !scores;
     if (isSuspect && settled < parameters.settled) return nowhere(likeness, "SUSPECT");
     if (!isSuspect && likeness < parameters.unknown_below) return nowhere(likeness, "UNKNOWN_PLACE");
     const own = floorMap.covarianceM2.slice(3 * around.closest, 3 * around.closest + 3);
     const covarianceM2 = covarianceOf(guesses, place, own, parameters);
-    // Maps that a phone kept from before know nothing of support: there no fix is below it.
-    const isUncertain = place.belief < parameters.ambiguous_below || support < parameters.unsupported_below;
-    const certain = isUncertain ? "AMBIGUOUS" : "OK";
+    const certain = place.belief < parameters.ambiguous_below ? "AMBIGUOUS" : "OK";
     const status = scores ? certain : unheard;
     return { xyM: place.xyM, headingRad: place.headingRad, covarianceM2, score: likeness, status };
   };

@@ -47,22 +47,18 @@ export function placeOf(cloud, known, reachOf = (poses, best, nearM) => nearM) {
 }
 
 /**
- * The spot closest to a place, how alike the most alike of those near it is (-1 where none is), and how far from
- * the place the most alike of all is.
+ * The spot closest to a place, and how alike the most alike of those near it is: -1 where none is.
  * @param {Spots} floorMap @param {number[]} xyM @param {Float32Array | null} scores @param {number} nearM
- * @returns {{closest: number, likeness: number, mostAlikeM: number}}
+ * @returns {{closest: number, likeness: number}}
  */
 export function aroundOf({ xyM, headingRad }, [x, y], scores, nearM) {
   let [closest, least, likeness] = [0, Infinity, -1];
-  let [mostAlikeM, most] = [Infinity, -Infinity];
   for (let k = 0; k < headingRad.length; k += 1) {
     const away = Math.sqrt((xyM[2 * k] - x) ** 2 + (xyM[2 * k + 1] - y) ** 2);
     if (away < least) [closest, least] = [k, away];
-    if (!scores) continue;
-    if (away <= nearM && scores[k] > likeness) likeness = scores[k];
-    if (scores[k] > most) [mostAlikeM, most] = [away, scores[k]];
+    if (scores && away <= nearM && scores[k] > likeness) likeness = scores[k];
   }
-  return { closest, likeness, mostAlikeM };
+  return { closest, likeness };
 }
 
 /**
