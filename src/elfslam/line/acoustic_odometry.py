@@ -56,7 +56,11 @@ class AcousticOdometryParameters:
     )
     least_windows: int = parameter(4, "", "fewer windows are refused", low=2, high=1000)
     least_contrast: float = parameter(
-        0.12, "", "logarithm of the best sharpness over the usual that is wanted", low=0.0, high=10.0
+        0.12,
+        "",
+        "logarithm of the best sharpness over the usual that is wanted",
+        low=0.0,
+        high=10.0,
     )
     most_scatter: float = parameter(
         0.08, "", "windows that disagree more on the scale are refused", low=0.001, high=1.0
