@@ -165,7 +165,8 @@ def _chosen(name: str, encoders: Mapping[str, Encoder], kind: str | None) -> dic
 
 
 def _write_csv(file: Path, rows: list[Row]) -> None:
+    names = list(dict.fromkeys(name for row in rows for name in row))
     with file.open("w", newline="", encoding="utf-8") as stream:
-        writer = csv.DictWriter(stream, fieldnames=list(rows[0]), lineterminator="\n")
+        writer = csv.DictWriter(stream, fieldnames=names, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)

@@ -136,3 +136,9 @@ def test_only_some_studies_are_of_a_kind(tmp_path: Path, monkeypatch: pytest.Mon
         run_study("gait", tmp_path, None, silent, kind="quiet")
     with pytest.raises(ParameterError, match="kind 'lazy'"):
         run_study("mapping", tmp_path, None, silent, kind="lazy")
+
+
+def test_a_column_that_only_some_rows_have_is_empty_in_the_others(tmp_path: Path) -> None:
+    file = tmp_path / "table.csv"
+    catalogue._write_csv(file, [{"step": "a", "pairs": 3}, {"step": "b", "map (m)": 0.2}])
+    assert file.read_text().splitlines() == ["step,pairs,map (m)", "a,3,", "b,,0.2"]
