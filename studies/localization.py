@@ -109,7 +109,7 @@ def _measured(pair: Pair) -> Numbers:
 def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, Mode, Fixes, Run]]:
     """Each feature in a map of its own making; every window is where the most alike spot is."""
     settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
-    for feature, own in feature_maps(mapped.recording, settings).items():
+    for feature, own in feature_maps(mapped.recording, mapped.run, settings).items():
         yield f"{feature}, {ALWAYS_ANSWERED}", Mode.ONE_SHOT, own.asked(other.echoes), own.run
 
 

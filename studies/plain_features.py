@@ -72,12 +72,11 @@ def closing_by(feature: str, settings: Settings) -> ClosureParameters:
     return replace(settings.closure, threshold=CLOSURE_THRESHOLDS[feature])
 
 
-def feature_maps(recording: Recording, settings: Settings) -> dict[str, FeatureMap]:
-    """The walk mapped by each of the compared features, by name."""
-    own = {
-        name: replace(settings, closure=closing_by(name, settings)) for name in CLOSURE_THRESHOLDS
-    }
-    return {
-        name: FeatureMap(encoder, map_by_echoes(recording, encoder, own[name]))
-        for name, encoder in compared_encoders().items()
-    }
+def feature_maps(recording: Recording, by_elf: Run, settings: Settings) -> dict[str, FeatureMap]:
+    """The walk, which is mapped `by_elf` already, mapped by each of the compared features."""
+    encoders = compared_encoders()
+    maps = {ELF: FeatureMap(encoders[ELF], by_elf)}
+    for name in (PLAIN, ROOT):
+        own = replace(settings, closure=closing_by(name, settings))
+        maps[name] = FeatureMap(encoders[name], map_by_echoes(recording, encoders[name], own))
+    return maps

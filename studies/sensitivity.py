@@ -81,7 +81,8 @@ def measure_sensitivity(
 def _measured(place: Place) -> Numbers:
     world, kind = with_some_moved(load_world(place.world)), kind_named(place.kind)
     mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), kind=kind)
-    own = feature_maps(mapped.recording, walkers(place.seed, kind)[CALIBRATED])
+    settings = walkers(place.seed, kind)[CALIBRATED]
+    own = feature_maps(mapped.recording, mapped.run, settings)
     usual, numbers = kind.asking(world.room), Numbers()
     for change, amount, today in _circumstances(world, place.changes, usual):
         other = _stranger(world, place, today)
