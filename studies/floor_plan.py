@@ -10,6 +10,7 @@ import numpy as np
 
 from elfslam.app.anchor import floor_plan
 from elfslam.base.arrays import F64
+from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
 from elfslam.base.values import Trajectory, Truth
@@ -49,6 +50,11 @@ TAG_ERROR_M = 0.5
 """How far off, per axis, people say that a walk began."""
 WALLS, FURNISHED, ELSEWHERE = "walls", "walls and furniture", "another floor"
 KNOWN_START = ", start known"
+REFUSED: Numbers = {
+    "right": 0.0, "wrong": 0.0, "ambiguous": 0.0, "nowhere": 1.0,
+    "offered": 0.0, "error_m": np.nan, "sigma_m": np.nan,
+}  # fmt: skip
+"""What becomes of a walk that is far larger than the plan."""
 NOTE = (
     "Solid: the likeliest placement. Orange: the others, with their probabilities. Dotted: where "
     "the walk was."
@@ -109,8 +115,10 @@ def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> Numbers:
     numbers: Numbers = {}
     made = mapped(walk)
     for name, plan, tag in _plans(walk, made):
-        found = anchor([made.xy_m], plan, parameters, tag)
-        told = _judged(made, found, lost=name == ELSEWHERE)
+        try:
+            told = _judged(made, anchor([made.xy_m], plan, parameters, tag), lost=name == ELSEWHERE)
+        except NoAnswerError:
+            told = REFUSED
         numbers |= {f"{name}|{key}": value for key, value in told.items()}
     return numbers
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.line.anchoring import AnchoringParameters
+from elfslam.scoring.page import Panel
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
 from studies import floor_plan
@@ -42,6 +43,14 @@ def test_each_walk_ends_in_one_way(finding: Finding) -> None:
     assert [panel.title for panel in finding.page.panels] == [
         "studio: OK", "lounge: AMBIGUOUS", "All walks"
     ]  # fmt: skip
+
+
+def test_a_walk_far_larger_than_the_plan_is_nowhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    far = np.linspace([0.0, 0.0], [300.0, 0.0], 50)
+    monkeypatch.setattr(floor_plan, "mapped", lambda walk: Mapped(far, far))
+    monkeypatch.setattr(floor_plan, "_panel", lambda walk, parameters: Panel(walk.world, ""))
+    rows = measure_floor_plan(Given(), worlds={"studio": 1}).rows
+    assert {(row["nowhere"], row["right"], row["error_median_m"]) for row in rows} == {(1, 0, None)}
 
 
 def test_the_plan_of_a_room_is_free_where_people_can_stand() -> None:
