@@ -80,8 +80,9 @@ def _steps(
     similarity: AnySimilarity, nodes: Odometry, parameters: Parameters
 ) -> Mapping[tuple[str, str], Closures]:
     """What is left after each step, by strategy and step."""
-    on_lines = pairs_on_lines(similarity.scores, CurationParameters())
-    curated = curated_closures(similarity, nodes, CurationParameters())
+    curation = _curation(parameters)
+    on_lines = pairs_on_lines(similarity.scores, curation)
+    curated = curated_closures(similarity, nodes, curation)
     ridges = candidates(similarity, parameters.closure)
     allowed = ridges.chosen(possible(ridges, Drift(nodes), parameters.closure))
     best = _best_pairs(similarity, parameters)
@@ -100,9 +101,14 @@ def _ends(
 ) -> Mapping[str, Closures]:
     return {
         SINGLE: _best_pairs(similarity, parameters),
-        PAPER: curated_closures(similarity, nodes, CurationParameters()),
+        PAPER: curated_closures(similarity, nodes, _curation(parameters)),
         SEQUENCE: find_closures(similarity, nodes, parameters.closure),
     }
+
+
+def _curation(parameters: Parameters) -> CurationParameters:
+    """The paper's, from the likeness at which our features may be of one place."""
+    return replace(CurationParameters(), threshold=parameters.closure.threshold)
 
 
 def _maps(

@@ -16,7 +16,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.values import ECHO_RATE_HZ, ECHO_SAMPLES, Features
 from elfslam.line.chirp import ChirpParameters
-from elfslam.line.feature import Encoder
+from elfslam.line.feature import Encoder, centred
 from elfslam.line.floormap import FloorMapParameters, window_means
 from elfslam.line.locate import means_between
 from elfslam.world.circumstances import Circumstances
@@ -155,7 +155,7 @@ def joined(parts: Sequence[Places]) -> Places:
 
 
 def _features(lap: Lap, encoder: Encoder) -> Features:
-    return Features(lap.t_s, encoder.embed(lap.samples), encoder.identity)
+    return Features(lap.t_s, centred(encoder.embed(lap.samples)), encoder.identity)
 
 
 def _lap(

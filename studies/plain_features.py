@@ -21,8 +21,8 @@ from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.slam.pipeline import map_by_echoes
 
-ELF, PLAIN, ROOT = "ELF", "plain spectrogram", "root spectrogram"
-CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.35, PLAIN: 0.5, ROOT: 0.5}
+ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"
+CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.22, PLAIN: 0.1, ROOT: 0.1, LOG: 0.07}
 ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
 """No threshold: features are compared that need other ones."""
 
@@ -64,6 +64,7 @@ def compared_encoders() -> Mapping[str, Encoder]:
         ELF: load_encoder("compact"),
         PLAIN: plain["spectrogram without mean"],
         ROOT: plain["root spectrogram"],
+        LOG: plain["log spectrogram"],
     }
 
 
@@ -76,7 +77,7 @@ def feature_maps(recording: Recording, by_elf: Run, settings: Settings) -> dict[
     """The walk, which is mapped `by_elf` already, mapped by each of the compared features."""
     encoders = compared_encoders()
     maps = {ELF: FeatureMap(encoders[ELF], by_elf)}
-    for name in (PLAIN, ROOT):
+    for name in (PLAIN, ROOT, LOG):
         own = replace(settings, closure=closing_by(name, settings))
         maps[name] = FeatureMap(encoders[name], map_by_echoes(recording, encoders[name], own))
     return maps

@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 import torch
 
-from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import ECHO_SAMPLES
 from elfslam.learn.floor_level import (
@@ -29,8 +28,8 @@ from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
-from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.line.superimposition import SpotEchoes
+from elfslam.line.feature import OnnxEncoder, centred, load_encoder
+from elfslam.line.superimposition import SpotEchoes, spot_means
 
 SPOTS_M = np.column_stack([np.arange(12.0), np.zeros(12)])
 TOY = FloorLevelParameters(
@@ -167,29 +166,9 @@ def test_contrast_wants_the_near_spots_and_nothing_else() -> None:
     assert spot_contrast(logits, square_m2, 0.1) < right, "its own shares cost least"
 
 
-class Plain:
-    """An encoder whose vectors are the first numbers of the samples."""
-
-    identity = "plain"
-
-    def embed(self, samples: F32) -> F32:
-        return samples[:, :128]
-
-
-def batch_of(values: list[float], xy_m: F64, heading_rad: list[float]) -> SpotEchoes:
-    samples = np.zeros((len(values), ECHO_SAMPLES), dtype=np.float32)
-    samples[:, 0] = values
-    return SpotEchoes(samples, xy_m, np.array(heading_rad))
-
-
-def test_directions_count_alike_however_often_they_were_walked() -> None:
-    spots_m = np.array([[0.0, 0.0], [5.0, 0.0], [9.0, 0.0]])
-    at = np.array([[0.1, 0.0]] * 4 + [[4.9, 0.1]])
-    batch = batch_of([1.0, 1.0, 1.0, 3.0, 7.0], at, [0.0, 0.05, -0.05, np.pi, 1.0])
-    found = floor_elfs(Plain(), spots_m, [batch])
-    assert found[:, 0].tolist() == [2.0, 7.0, 0.0], "mean of 1 and 3; the last was never heard"
-    halves = [
-        batch_of([1.0, 3.0], at[2:4], [0.0, -np.pi]),
-        batch_of([1.0, 1.0, 7.0], at[[0, 1, 4]], [0.05, -0.05, 1.0]),
-    ]
-    np.testing.assert_allclose(floor_elfs(Plain(), spots_m, halves), found)
+def test_the_spots_lose_what_the_echoes_of_a_walk_have_in_common() -> None:
+    encoder = load_encoder("compact")
+    walks = [toy_echoes(step) for step in (100, 101)]
+    heard = [(w.xy_m, w.heading_rad, centred(encoder.embed(w.samples))) for w in walks]
+    found = floor_elfs(encoder, SPOTS_M, walks)
+    np.testing.assert_allclose(found, spot_means(SPOTS_M, heard), atol=1e-6)

@@ -17,9 +17,11 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, Echoes
 from elfslam.line.feature import (
+    UNHEARD_ECHOES,
     Encoder,
     OnnxEncoder,
     SpectralEncoder,
+    centred,
     extract_features,
     load_encoder,
     read_card,
@@ -206,8 +208,40 @@ def test_every_echo_gets_its_feature() -> None:
     rows, t_s = traces(3), np.array([0.1, 0.2, 0.4])
     features = extract_features(Echoes(t_s, rows, np.zeros((0, 2))), SpectralEncoder())
     npt.assert_array_equal(features.t_s, t_s)
-    npt.assert_array_equal(features.vectors, SpectralEncoder().embed(rows))
+    npt.assert_array_equal(features.vectors, centred(SpectralEncoder().embed(rows)))
     assert features.encoder == "spectral-1"
+
+
+def unit(vectors: F64) -> F32:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / length, dtype=np.float32)
+
+
+def test_what_a_phone_adds_to_every_echo_is_taken_away() -> None:
+    """Two phones, of which each adds a vector of its own to the features of the same places."""
+    generator = np.random.default_rng(5)
+    places = generator.standard_normal((400, ELF_SIZE))
+    added = 15 * unit(generator.standard_normal((2, ELF_SIZE)))
+    first, second = (unit(places + own) for own in added)
+    other = np.roll(np.arange(400), 1)
+
+    def likeness(a: F32, b: F32) -> float:
+        return float(np.mean(np.sum(a * b, axis=1)[100:]))
+
+    assert likeness(first, first[other]) > 0.5 > likeness(first, second), "the phone is louder"
+    own, theirs = centred(first), centred(second)
+    assert likeness(own, theirs) > 0.95
+    assert abs(likeness(own, theirs[other])) < 0.05
+
+
+def test_only_what_was_heard_so_far_is_taken_away() -> None:
+    vectors = unit(np.random.default_rng(6).standard_normal((80, ELF_SIZE)) + 0.5)
+    whole = centred(vectors)
+    npt.assert_array_equal(whole[:50], centred(vectors[:50]))
+    own = vectors[40] - vectors[:41].sum(axis=0, dtype=np.float64) / (UNHEARD_ECHOES + 41)
+    npt.assert_allclose(whole[40], unit(own), atol=1e-6)
+    npt.assert_allclose(np.linalg.norm(whole, axis=1), 1.0, atol=1e-6)
+    assert centred(vectors[:0]).shape == (0, ELF_SIZE)
 
 
 def test_the_shipped_encoder_is_small_and_works_row_by_row(compact: OnnxEncoder) -> None:

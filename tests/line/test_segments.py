@@ -77,7 +77,7 @@ def test_the_shape_rules_out_what_sounds_the_same() -> None:
 
 def test_what_sounds_like_nowhere_is_an_unknown_place() -> None:
     floor_map, poses = made_map(loop(0.14)), loop(STEP_M)
-    quiet = 0.5 * heard(poses, floor_map)
+    quiet = 0.4 * heard(poses, floor_map)
     fixes = locate_by_segments(walked(poses), quiet, floor_map, PARAMETERS)
     assert set(fixes.status) == {FixStatus.UNKNOWN_PLACE}
     assert np.isnan(fixes.xy_m).all()

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.testing as npt
 
 from elfslam.base.values import ELF_SIZE, FloorMap, Payload
-from elfslam.line.superimposition import floor_spots, superimposed, superimposed_map
+from elfslam.line.superimposition import floor_spots, spot_means, superimposed, superimposed_map
 
 SPACING_M = 0.3
 
@@ -55,3 +56,14 @@ def test_the_map_holds_one_elf_for_each_spot() -> None:
     np.testing.assert_array_equal(payload.vectors, vectors)
     np.testing.assert_allclose(made.covariance_m2[0], np.eye(2) * 0.0075)
     assert made.sources == ("a", "b")
+
+
+def test_directions_count_alike_however_often_they_were_walked() -> None:
+    spots_m = np.array([[0.0, 0.0], [5.0, 0.0], [9.0, 0.0]])
+    at = np.array([[0.1, 0.0]] * 4 + [[4.9, 0.1]])
+    heading_rad = np.array([0.0, 0.05, -0.05, np.pi, 1.0])
+    vectors = np.array([[1.0], [1.0], [1.0], [3.0], [7.0]], dtype=np.float32)
+    found = spot_means(spots_m, [(at, heading_rad, vectors)])
+    assert found[:, 0].tolist() == [2.0, 7.0, 0.0], "mean of 1 and 3; the last was never heard"
+    parts = [(at[k], heading_rad[k], vectors[k]) for k in ([2, 3], [0, 1, 4])]
+    npt.assert_allclose(spot_means(spots_m, parts), found)

@@ -24,6 +24,8 @@ PSD_WINDOW_SAMPLES = 588
 """75 Hz from bin to bin; windows overlap by half (Welch 1967)."""
 PSD_BAND_HZ = (15_000.0, 20_250.0)
 COMPONENTS = 32
+LOG_FLOOR = 0.02
+"""Of the mean magnitude, added before the logarithm: as the learned encoder has it."""
 
 Description = Callable[[F32], F32]
 """Rows (n, d) of any length that describe traces (n, 2352), each by itself."""
@@ -49,6 +51,7 @@ def generic_encoders() -> Mapping[str, Encoder]:
         "spectrogram": flat_spectrogram,
         "spectrogram without mean": centred_spectrogram,
         "root spectrogram": root_spectrogram,
+        "log spectrogram": log_spectrogram,
     }
     return {
         name: GenericEncoder(f"{name.replace(' ', '-')}-1", describe)
@@ -112,3 +115,11 @@ def root_spectrogram(samples: F32) -> F32:
     """Square roots of the magnitudes, without their mean: late and early sound count more alike."""
     root = np.sqrt(flat_spectrogram(samples))
     return np.asarray(root - root.mean(axis=1, keepdims=True))
+
+
+def log_spectrogram(samples: F32) -> F32:
+    """Logarithms of the magnitudes, without their mean: loudness counts as the ear has it."""
+    flat = flat_spectrogram(samples)
+    floor = LOG_FLOOR * flat.mean(axis=1, keepdims=True)
+    level = np.log1p(flat / np.maximum(floor, 1e-20))
+    return np.asarray(level - level.mean(axis=1, keepdims=True))

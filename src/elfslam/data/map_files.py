@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.folders import new_file
@@ -20,9 +21,9 @@ AGEING = ("weight", "changed")
 """What maps of one walk may lack."""
 FARTHEST_M = 1e8
 """Maps may lie in the frame of a country."""
-OF_PHONE, AS_PHONE = "phone", "+as-"
-"""Earlier versions wrote as whom other phones were to be heard: a payload, and a name behind that
-of the encoder. The features of such maps are those of the encoder."""
+OWN = "-own"
+"""Behind an encoder's name: its features have lost what the echoes of a walk have in common. Those
+of earlier versions have not and cannot be compared with them."""
 LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
 
 
@@ -32,7 +33,8 @@ def write_map(floor_map: FloorMap, file: Path) -> None:
     arrays["parameters_digest"] = floor_map.parameters_digest
     arrays["sources"] = np.array(floor_map.sources, dtype=str)
     arrays["payload_kinds"] = np.array([each.kind for each in floor_map.payloads], dtype=str)
-    arrays["payload_encoders"] = np.array([each.encoder for each in floor_map.payloads], dtype=str)
+    encoders = [label_of(each.kind, each.encoder) for each in floor_map.payloads]
+    arrays["payload_encoders"] = np.array(encoders, dtype=str)
     for k, payload in enumerate(floor_map.payloads):
         arrays[f"payload_{k}"] = payload.vectors
     with new_file(file) as partial:
@@ -46,19 +48,30 @@ def read_map(path: Path) -> FloorMap:
     try:
         _check_places(arrays["xy_m"])
         check_covariances("covariance_m2", arrays["covariance_m2"])
-        kinds, encoders = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
+        kinds, labels = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
             payloads=tuple(
-                Payload(kind, encoder.partition(AS_PHONE)[0], arrays[f"payload_{k}"])
-                for k, (kind, encoder) in enumerate(zip(kinds, encoders, strict=True))
-                if kind != OF_PHONE
+                Payload(kind, encoder_of(kind, label), arrays[f"payload_{k}"])
+                for k, (kind, label) in enumerate(zip(kinds, labels, strict=True))
             ),
             parameters_digest=str(arrays["parameters_digest"]),
             sources=_texts(arrays, "sources"),
         )
     except (InputError, KeyError, TypeError, ValueError) as cause:
         raise StoreError(f"{file}: is no floor map ({cause}); make it again") from cause
+
+
+def label_of(kind: str, encoder: str) -> str:
+    """What a file calls the encoder of such features."""
+    return encoder + OWN if kind == Modality.ELF else encoder
+
+
+def encoder_of(kind: str, label: str) -> str:
+    """The encoder that a file means. Raises ValueError where an earlier version wrote it."""
+    if kind == Modality.ELF and not label.endswith(OWN):
+        raise ValueError("its features are those of an earlier version")
+    return label.removesuffix(OWN)
 
 
 def _check_places(xy_m: npt.NDArray[Any]) -> None:

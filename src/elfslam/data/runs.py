@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from elfslam.base.arrays import F32
+from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import (
     AnySimilarity,
@@ -27,7 +28,7 @@ from elfslam.base.values import (
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder
-from elfslam.data.map_files import AS_PHONE, MAP, read_map, write_map
+from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
 from elfslam.data.npz import check_covariances, read_npz, write_npz
 from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import recording_folder
@@ -182,8 +183,9 @@ def _write_evidence(run: Run, folder: Path) -> None:
     if run.echoes is not None:
         _write_echoes(run.echoes, folder / "echoes.npz")
     if run.features is not None:
-        kept = {name: getattr(run.features, name) for name in ("t_s", "vectors", "encoder")}
-        write_npz(folder / "features.npz", kept)
+        kept = {name: getattr(run.features, name) for name in ("t_s", "vectors")}
+        encoder = label_of(Modality.ELF, run.features.encoder)
+        write_npz(folder / "features.npz", {**kept, "encoder": encoder})
 
 
 def _similarity_arrays(similarity: AnySimilarity) -> dict[str, npt.ArrayLike]:
@@ -220,4 +222,5 @@ def _read_features(file: Path) -> Features | None:
     if not file.is_file():
         return None
     arrays = read_npz(file, ["t_s", "vectors", "encoder"])
-    return Features(arrays["t_s"], arrays["vectors"], str(arrays["encoder"]).partition(AS_PHONE)[0])
+    encoder = encoder_of(Modality.ELF, str(arrays["encoder"]))
+    return Features(arrays["t_s"], arrays["vectors"], encoder)

@@ -28,7 +28,7 @@ from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.line.feature import BINS, Encoder, OnnxEncoder
+from elfslam.line.feature import BINS, Encoder, OnnxEncoder, centred
 from elfslam.line.superimposition import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
@@ -119,12 +119,15 @@ def batch_loss(
 
 
 def floor_elfs(encoder: Encoder, spots_m: F64, echoes: Iterable[SpotEchoes]) -> F32:
-    """The floor-level ELF (m, 128) of each spot (m, 2), from echoes in batches; see `spot_means`.
+    """The floor-level ELF (m, 128) of each spot (m, 2), from walks; see `spot_means`.
 
-    A batch is dropped once it was heard.
+    As from any walk, what a walk's echoes have in common is taken away. A walk is dropped once it
+    was heard.
     """
-    heard = ((each.xy_m, each.heading_rad, encoder.embed(each.samples)) for each in echoes)
-    return spot_means(spots_m, heard)
+    return spot_means(
+        spots_m,
+        ((walk.xy_m, walk.heading_rad, centred(encoder.embed(walk.samples))) for walk in echoes),
+    )
 
 
 def _first_spots(
@@ -141,7 +144,10 @@ def _first_spots(
     Of a training that goes on, all is `known` and nothing is heard.
     """
     batches = range(0 if known else min(parameters.opening_batches, parameters.steps))
-    spots = floor_elfs(encoder, spots_m, (echoes_of(step) for step in batches))
+    heard = (echoes_of(step) for step in batches)
+    spots = spot_means(
+        spots_m, ((each.xy_m, each.heading_rad, encoder.embed(each.samples)) for each in heard)
+    )
     guess = np.random.default_rng(seed).normal(0, ELF_SIZE**-0.5, spots.shape)
     unheard = ~spots.any(axis=1)
     spots[unheard] = guess[unheard]

@@ -36,7 +36,7 @@ class ClosureParameters:
     """What counts as a loop closure."""
 
     threshold: float = parameter(
-        0.35, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
+        0.22, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
     )
     back_margin: float = parameter(
         0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0

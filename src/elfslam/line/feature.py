@@ -35,6 +35,8 @@ MOST_RUN_BYTES = 512 * MEBIBYTE
 SESSION = ("session.use_env_allocators", "session.use_device_allocator_for_initializers")
 SILENT = 4
 UNIT_SLACK = 1e-3
+UNHEARD_ECHOES = 30
+"""With so many echoes of nothing a walk begins to tell what its echoes have in common: 3 s."""
 
 
 class Encoder(Protocol):
@@ -205,5 +207,18 @@ def read_card(name: str) -> Card | None:
 
 
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:
-    """The feature of every echo."""
-    return Features(echoes.t_s, encoder.embed(echoes.samples), encoder.identity)
+    """The feature of every echo, less what those so far have in common."""
+    return Features(echoes.t_s, centred(encoder.embed(echoes.samples)), encoder.identity)
+
+
+def centred(vectors: F32) -> F32:
+    """Unit vectors (n, d) of a walk less the mean of those so far, made unit again.
+
+    Loudspeaker and microphone colour every echo alike, and a mean over places has no place in it:
+    this is the cepstral mean normalisation of speech recognition (Atal 1974), with a running mean.
+    It goes by what was heard up to each echo alone, so that a phone that walks has the same.
+    """
+    counted = UNHEARD_ECHOES + np.arange(1, len(vectors) + 1)[:, None]
+    own = vectors - np.cumsum(vectors, axis=0, dtype=np.float64) / counted
+    length = np.linalg.norm(own, axis=1, keepdims=True)
+    return np.asarray(own / np.maximum(length, 1e-12), dtype=np.float32)

@@ -36,11 +36,11 @@ class SegmentParameters:
         0.15, "", "steps may be this much longer or shorter than reckoned", low=0.0, high=0.9
     )
     unknown_below: float = parameter(
-        0.58, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
+        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
         high=1.0,
     )  # fmt: skip
     temperature: float = parameter(
-        0.015, "", "softmax temperature of the mean likeness", low=1e-4, high=10.0
+        0.025, "", "softmax temperature of the mean likeness", low=1e-4, high=10.0
     )
     near_m: float = parameter(
         1.0, "m", "stretches that end this close to the best one are one place", low=0.05, high=100

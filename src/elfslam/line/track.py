@@ -25,7 +25,7 @@ class TrackParameters:
 
     particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
     temperature: float = parameter(
-        0.06, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
+        0.15, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
     )
     reach_m: float = parameter(
         0.2, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0
@@ -35,7 +35,7 @@ class TrackParameters:
     )
     neighbours: int = parameter(4, "", "nearest spots that explain a guess", low=1, high=100)
     unexplained: float = parameter(
-        0.5, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
+        0.3, "", "likeness that is granted to guesses where no spot is near", low=-1.0, high=1.0
     )
     renewed: float = parameter(
         0.02, "", "share of guesses drawn from the echoes alone at each footstep", low=0.0, high=1.0
@@ -54,17 +54,17 @@ class TrackParameters:
         high=0.99,
     )
     unknown_below: float = parameter(
-        0.62, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.45, "", "remembered likeness at the fix below this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     jump: float = parameter(
-        0.35,
+        0.55,
         "",
         "a place out of reach of the steps that is more alike by this is SUSPECT",
         low=0.0,
         high=3.0,
     )
     regained: float = parameter(
-        0.1,
+        0.16,
         "",
         "once SUSPECT, what is within reach is believed again when less alike by no more than this",
         low=0.0,

@@ -41,7 +41,7 @@ from elfslam.serve.store.database import (
 from elfslam.serve.store.holdings import drop_unnamed
 from elfslam.serve.store.sending import unfolded
 
-FORMAT = 2
+FORMAT = 3
 GROUPS = ("chirp", "echo", "motion", "locate", "track", "spoofing", "medium_access")
 """The parameters that locating on a phone takes, as far as this version knows them."""
 GROUPS_OF_WALK = ("chirp", "echo", "motion", "locate", "closure", "medium_access")

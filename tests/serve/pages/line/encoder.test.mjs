@@ -6,6 +6,7 @@ import { readdirSync, readFileSync } from "node:fs";
 import { join } from "node:path";
 import { test } from "node:test";
 
+import { makeCentring } from "../../../../src/elfslam/serve/pages/line/centring.js";
 import { ECHO_SAMPLES, encoderFor, openEncoder } from "../../../../src/elfslam/serve/pages/line/encoder.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
@@ -33,6 +34,16 @@ for (const folder of SCENES) {
     }
   });
 
+  test(`what the echoes at ${rateHz} Hz have in common is taken away as in Python, whatever they come with`, () => {
+    const [elf, heard] = [floats(folder, "elf"), floats(folder, "heard")];
+    for (const together of [1, 7, count]) {
+      const centred = makeCentring();
+      for (let k = 0; k < count; k += together) {
+        const some = elf.subarray(128 * k, 128 * Math.min(k + together, count));
+        assertNear(centred(some), heard.subarray(128 * k, 128 * k + some.length), 1e-5, `echoes from ${k}`);
+      }
+    }
+  });
 }
 
 test("a map of another encoder is refused", () => {

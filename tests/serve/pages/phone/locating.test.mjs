@@ -233,7 +233,7 @@ test("a fix for every window of sound, whatever the blocks that it comes in", as
 test("at each footstep the tracker gets what was heard since the one before", async () => {
   const steps = [[0.2, 0.9], [0.9, 1.55], [1.55, 1.7], [1.7, 2.4]].map(([fromS, tS]) => ({ fromS, tS, moveM: [tS - fromS, 0, 0], sigma: [1, 1, 1] }));
   const asked = [];
-  const tracker = { step: (move, sigma, scores) => asked.push([move[0], scores && [...scores].map(Math.round)]) && { status: "OK", xyM: null } };
+  const tracker = { step: (move, sigma, scores) => asked.push([move[0], scores && [...scores].map((score) => Number(score > 0.3))]) && { status: "OK", xyM: null } };
   let left = steps;
   const footsteps = {
     take: (nowS) => {

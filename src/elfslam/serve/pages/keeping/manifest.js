@@ -4,7 +4,7 @@ import { Problem } from "../shared/api.js";
 import { fromBase64, sha256, toBase64Url } from "./bytes.js";
 import { OTHER_MAP, UNKNOWN_FORMAT, WRONG_KEY, WRONG_SIGNATURE } from "./refusals.js";
 
-const FORMAT = 2;
+const FORMAT = 3;
 const CURVE = { name: "ECDSA", namedCurve: "P-256" };
 const SIGNING = { name: "ECDSA", hash: "SHA-256" };
 

@@ -42,9 +42,6 @@ export async function opened(store, name, prefix, mapId) {
   }
 }
 
-/** What earlier versions of the server wrote behind an encoder's name. */
-const AS_PHONE = "+as-";
-
 /** @param {Store} store @param {string} prefix @param {Manifest} manifest @returns {Promise<Opened>} */
 async function readAll(store, prefix, manifest) {
   /** @param {Part} part */
@@ -56,7 +53,7 @@ async function readAll(store, prefix, manifest) {
   const spots = spotsOf(tiles, stretches);
   const floorMap = {
     ...spots,
-    encoder: manifest.encoder.identity.split(AS_PHONE)[0],
+    encoder: manifest.encoder.identity,
     parameters: manifest.parameters,
   };
   const facts = {
