@@ -52,10 +52,10 @@ class AlignmentParameters:
         12, "m2", "ground that both must cover in the same direction", low=3, high=10_000
     )
     least_resemblance: float = parameter(
-        0.78, "", "resemblance there, relative to that of a walk to itself", low=0.0, high=2.0
+        0.7, "", "resemblance there, relative to that of a walk to itself", low=0.0, high=2.0
     )
     usual_resemblance: float = parameter(
-        0.6, "", "that of a walk to itself, where it never comes back", low=0.01, high=1.0
+        0.5, "", "that of a walk to itself, where it never comes back", low=0.01, high=1.0
     )
     rival_m: float = parameter(
         1.5, "m", "a placement this far off is another one", low=0.1, high=100.0
