@@ -25,7 +25,7 @@ from studies.simulated_walk import SimulatedWalk
 from studies.thresholds import SEEDS, WORLDS
 
 ROUNDS = 2
-UNKNOWN_BELOW = (0.4, 0.5, 0.55, 0.58, 0.6, 0.62, 0.65, 0.68, 0.7, 0.75, 0.78)
+UNKNOWN_BELOW = (0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.5, 0.55, 0.6, 0.65, 0.7)
 
 
 def measure_fix_thresholds(

@@ -27,7 +27,7 @@ from studies.localization import ELSEWHERE, ROUNDS, WORLDS, shipped
 from studies.located import Stranger, at_its_start, fix_numbers, located_in, stranger
 from studies.mapping_errors import CALIBRATED, walkers
 from studies.merged_walks import one_after_another
-from studies.plain_features import ALWAYS, ELF, PLAIN, ROOT, compared_encoders
+from studies.plain_features import ALWAYS, ELF, FEATURES, compared_encoders
 from studies.repeats import Numbers, finished
 from studies.simulated_walk import simulated_in
 from studies.taps import tapped
@@ -40,7 +40,7 @@ TAPS = (0, 4)
 """Places that each of them taps on the plan; without any they declare their start."""
 METHODS = (
     *(mode.value for mode in Mode),
-    *(f"{feature}, always answered" for feature in (ELF, PLAIN, ROOT)),
+    *(f"{feature}, always answered" for feature in FEATURES),
 )
 MAPPED_WAY, ACROSS = "the mapped way", "across it"
 WAYS = (MAPPED_WAY, ACROSS)

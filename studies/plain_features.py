@@ -22,6 +22,7 @@ from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.slam.pipeline import map_by_echoes
 
 ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"
+FEATURES = (ELF, PLAIN, ROOT, LOG)
 CLOSURE_THRESHOLDS: Mapping[str, float] = {ELF: 0.22, PLAIN: 0.1, ROOT: 0.1, LOG: 0.07}
 ALWAYS = replace(LocateParameters(), unknown_below=-1.0, ambiguous_below=0.0)
 """No threshold: features are compared that need other ones."""

@@ -12,7 +12,7 @@ from studies.figures.dots import dots_by, dots_figure
 from studies.finding import Row
 from studies.intervals import mean_interval, mean_of
 from studies.localization_table import STATISTICS
-from studies.plain_features import ELF, PLAIN, ROOT
+from studies.plain_features import FEATURES
 from studies.repeats import Numbers
 
 TITLES = {
@@ -33,7 +33,7 @@ PAPER_M: Mapping[str, Mapping[str, float]] = {
 NAMED = ("sound", "phone")
 MODES = {
     "one-shot": "one-shot", "trajectory": "from 8 footsteps", "track": "tracker",
-    **{feature: f"{feature}, always answered" for feature in (ELF, PLAIN, ROOT)},
+    **{feature: f"{feature}, always answered" for feature in FEATURES},
 }  # fmt: skip
 NOTE = "Mean over walks of the median error of the answered queries, with its 95 % interval."
 

@@ -31,7 +31,7 @@ WORLDS = ("studio", "lounge", "concourse")
 """For development; nothing is reported in them."""
 SEEDS = (100, 101, 102)
 ROUNDS = 4
-THRESHOLDS = (0.1, 0.15, 0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.5, 0.6)
+THRESHOLDS = (0.05, 0.07, 0.1, 0.12, 0.15, 0.18, 0.2, 0.22, 0.25, 0.3, 0.35, 0.4)
 
 
 def measure_thresholds(
