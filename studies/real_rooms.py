@@ -31,7 +31,8 @@ PERIOD_S = 0.25
 PEAK = 0.5
 REFERENCE = 0
 """State of the walls and microphone that make the gallery: 000, at the centre."""
-PLAIN = "plain cosine of the spectrogram"
+PLAIN, AS_HEARD = "plain spectrogram", ", as heard"
+"""Features lose what all places of a state have in common, as those of a walk do, or do not."""
 
 
 def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None = None) -> list[Row]:
@@ -43,13 +44,12 @@ def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None =
     responses, rate_hz, microphones = read_responses(given.data)
     given.announce("echoes", 0.0)
     echoes = np.stack([_heard(state, rate_hz) for state in responses])
-    compared = {
-        PLAIN: generic_encoders()["spectrogram without mean"],
-        **(encoders or {"ELF, shipped": load_encoder("compact")}),
-    }
+    compared = {**hand_made(), **(encoders or {"ELF, shipped": load_encoder("compact")})}
+    vectors = {name: _vectors(echoes, encoder) for name, encoder in compared.items()}
     rows: list[Row] = []
     for k, microphone in enumerate(microphones):
-        right = {name: recognised(echoes, encoder, k) for name, encoder in compared.items()}
+        right = {name: recognised(own(each), k) for name, each in vectors.items()}
+        right |= {name + AS_HEARD: recognised(each, k) for name, each in vectors.items()}
         rows += [_row(microphone, name, right) for name in right]
     given.announce("done", 1.0)
     return rows
@@ -67,16 +67,35 @@ def read_responses(data: Path | None) -> tuple[F32, int, list[str]]:
         return responses, int(archive["rate_hz"]), [str(name) for name in archive["microphone"]]
 
 
-def recognised(echoes: F32, encoder: Encoder, microphone: int) -> Bool:
+def hand_made() -> dict[str, Encoder]:
+    """The spectrograms that were not learned, by name."""
+    known = generic_encoders()
+    return {
+        PLAIN: known["spectrogram without mean"],
+        **{name: known[name] for name in ("root spectrogram", "log spectrogram")},
+    }
+
+
+def own(vectors: F32) -> F32:
+    """Unit vectors (states, places, microphones, d) less what the places have in common."""
+    rest = vectors - vectors.mean(axis=1, keepdims=True)
+    return np.asarray(rest / np.maximum(np.linalg.norm(rest, axis=3, keepdims=True), 1e-12))
+
+
+def recognised(vectors: F32, microphone: int) -> Bool:
     """Whether the nearest of the reference places is the right one: (changed states, places).
 
-    `echoes` are (states, places, microphones, 2352); the gallery is always the centre microphone.
+    `vectors` are (states, places, microphones, d); the gallery is always the centre microphone.
     """
-    gallery = encoder.embed(echoes[REFERENCE, :, REFERENCE])
-    changed = np.delete(echoes[:, :, microphone], REFERENCE, axis=0)
-    asked = encoder.embed(changed.reshape(-1, changed.shape[-1]))
-    nearest = (asked @ gallery.T).argmax(axis=1).reshape(changed.shape[:2])
-    return np.asarray(nearest == np.arange(len(gallery)))
+    gallery = vectors[REFERENCE, :, REFERENCE]
+    asked = np.delete(vectors[:, :, microphone], REFERENCE, axis=0)
+    return np.asarray((asked @ gallery.T).argmax(axis=2) == np.arange(len(gallery)))
+
+
+def _vectors(echoes: F32, encoder: Encoder) -> F32:
+    """Unit vectors (states, places, microphones, d) of echoes (states, places, microphones, n)."""
+    rows = encoder.embed(echoes.reshape(-1, echoes.shape[-1]))
+    return rows.reshape(*echoes.shape[:3], -1)
 
 
 def echo_of(response: F64, chirp: Chirp) -> F32:
@@ -96,7 +115,7 @@ def _heard(state: F32, rate_hz: int) -> F32:
 
 
 def _row(microphone: str, name: str, right: Mapping[str, Bool]) -> Row:
-    """Top-1 of one feature, and how much more than the plain cosine's."""
+    """Top-1 of one feature, and how much more than the plain spectrogram's."""
     better = right[name].astype(np.float64) - right[PLAIN]
     low, high = mean_range(right[name].astype(np.float64).T)
     lower, higher = mean_range(better.T)

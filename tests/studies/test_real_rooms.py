@@ -9,10 +9,9 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
-from elfslam.baselines.generic import GenericEncoder, generic_encoders
+from elfslam.baselines.generic import GenericEncoder
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from studies.finding import Given
 from studies.real_rooms import (
@@ -21,6 +20,7 @@ from studies.real_rooms import (
     PLAIN,
     echo_of,
     measure_real_rooms,
+    own,
     read_responses,
     recognised,
 )
@@ -78,13 +78,20 @@ def test_known_places_are_recognised_and_unheard_ones_are_not(planted: Path) -> 
 
 
 def test_the_gallery_is_the_first_state_at_the_first_microphone() -> None:
-    encoder = generic_encoders()["raw samples"]
-    noise = np.random.default_rng(0).standard_normal((2, 3, 2, ECHO_SAMPLES)).astype(np.float32)
-    noise[1, :, 0] = noise[0, :, 0]
-    noise[1, :, 1] = np.roll(noise[0, :, 0], 1, axis=0)
-    same: F32 = recognised(noise, encoder, 0)
-    assert same.tolist() == [[True, True, True]]
-    assert recognised(noise, encoder, 1).tolist() == [[False, False, False]]
+    vectors = np.random.default_rng(0).standard_normal((2, 3, 2, 40)).astype(np.float32)
+    vectors[1, :, 0] = vectors[0, :, 0]
+    vectors[1, :, 1] = np.roll(vectors[0, :, 0], 1, axis=0)
+    assert recognised(vectors, 0).tolist() == [[True, True, True]]
+    assert recognised(vectors, 1).tolist() == [[False, False, False]]
+
+
+def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
+    generator = np.random.default_rng(0)
+    vectors = np.repeat(generator.standard_normal((1, 5, 2, 40)), 3, axis=0).astype(np.float32)
+    vectors[:, :, 1] = vectors[:, :, 0] - vectors[0, 0, 0] + vectors[0, 1, 0]
+    assert not recognised(vectors, 1).all()
+    assert recognised(own(vectors), 1).all()
+    np.testing.assert_allclose(np.linalg.norm(own(vectors), axis=3), 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("given", [True, False])
