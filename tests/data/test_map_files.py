@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import StoreError
-from elfslam.base.values import Payload, Run
-from elfslam.data.map_files import read_map, write_map
+from elfslam.base.values import Run
+from elfslam.data.map_files import OWN, read_map, write_map
+from elfslam.data.runs import read_run, write_run
 
 
 def test_round_trip(tmp_path: Path, run: Run) -> None:
@@ -37,15 +38,20 @@ def test_the_age_of_spots_is_kept_and_older_files_have_none(tmp_path: Path, run:
     assert (read_map(tmp_path).weight == 1).all()
 
 
-def test_a_map_that_says_as_whom_to_hear_phones_is_read_without(tmp_path: Path, run: Run) -> None:
-    """As earlier versions wrote it: a payload more, and a name behind that of the encoder."""
-    elfs, *others = run.floor_map.payloads
-    named = replace(elfs, encoder=f"{elfs.encoder}+as-0123abcd")
-    phone = Payload("phone", "mean-log-spectrum-1", np.ones((len(elfs.vectors), 12)))
-    write_map(replace(run.floor_map, payloads=(named, phone, *others)), tmp_path / "map.npz")
-    read = read_map(tmp_path).payloads
-    wanted = [(each.kind, each.encoder) for each in (elfs, *others)]
-    assert [(each.kind, each.encoder) for each in read] == wanted
+def test_features_of_an_earlier_version_are_refused(tmp_path: Path, run: Run) -> None:
+    """They kept what the echoes of a walk have in common; their names lack what says otherwise."""
+    for name, labels, read in (
+        ("map.npz", "payload_encoders", read_map),
+        ("features.npz", "encoder", read_run),
+    ):
+        folder = tmp_path / name
+        write_run(run, folder, facts={}, encoder=None)
+        with np.load(folder / name) as archive:
+            arrays = dict(archive)
+        arrays[labels] = np.char.replace(arrays[labels], OWN, "")
+        np.savez(folder / name, **arrays)
+        with pytest.raises(StoreError, match=r"features are those of an earlier version.*again"):
+            read(folder)
 
 
 @pytest.mark.parametrize("kept", [0, 10, 300, -30])
