@@ -60,7 +60,7 @@ class FloorNetwork(nn.Module):
         else:
             with torch.no_grad():
                 inner = self.encoder.inner(samples, torch.zeros(BINS))
-            rows = nn.functional.normalize(self.encoder.head(inner), dim=1)
+            rows = self.encoder.outer(*inner)
         cosines: Tensor = rows @ nn.functional.normalize(self.spots, dim=1).T
         return cosines
 
