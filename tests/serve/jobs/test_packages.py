@@ -40,7 +40,7 @@ def manifest(client: TestClient, map_id: str) -> Json:
     assert base64.urlsafe_b64decode(key["key"] + "=") == hashlib.sha256(spki).digest()
     check(spki, told["manifest"], told["signature"])
     with pytest.raises(InvalidSignature):
-        check(spki, told["manifest"].replace('"format":2', '"format":3'), told["signature"])
+        check(spki, told["manifest"].replace('"format":3', '"format":4'), told["signature"])
     read: Json = json.loads(told["manifest"])
     return read
 
@@ -64,7 +64,7 @@ def part(client: TestClient, map_id: str, told: Json) -> bytes:
 def test_a_package_is_the_map(owner: TestClient, keep_map: Keep, runs: Path, name: str) -> None:
     map_id, floor_map = keep_map(owner, name), read_map(runs / name)
     told = manifest(owner, map_id)
-    assert (told["format"], told["map"], told["name"]) == (2, map_id, name)
+    assert (told["format"], told["map"], told["name"]) == (3, map_id, name)
     tiles = [part(owner, map_id, tile) for tile in told["tiles"]]
     assert tiles == [tile.content for tile in tiles_of(floor_map)]
     stretches = [(each["walk"], part(owner, map_id, each)) for each in told["features"]]
