@@ -16,7 +16,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.values import ECHO_RATE_HZ, ECHO_SAMPLES, Features
 from elfslam.line.chirp import ChirpParameters
-from elfslam.line.feature import Encoder, centred
+from elfslam.line.feature import Encoder, walk_vectors
 from elfslam.line.floormap import FloorMapParameters, window_means
 from elfslam.line.locate import means_between
 from elfslam.world.circumstances import Circumstances
@@ -154,10 +154,6 @@ def joined(parts: Sequence[Places]) -> Places:
     return Places(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
-def _features(lap: Lap, encoder: Encoder) -> Features:
-    return Features(lap.t_s, centred(encoder.embed(lap.samples)), encoder.identity)
-
-
 def _lap(
     venue: Venue, stage: Stage, person: Walker, way: Way, seed: int, generator: np.random.Generator
 ) -> Lap:
@@ -182,3 +178,7 @@ def _while_moving(motion: Motion) -> F64:
         for side_s in (-half_s, half_s)
     )
     return np.asarray(t_s[np.linalg.norm(after - before, axis=1) >= MOVED_M])
+
+
+def _features(lap: Lap, encoder: Encoder) -> Features:
+    return Features(lap.t_s, walk_vectors(lap.samples, encoder), encoder.identity)

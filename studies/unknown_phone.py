@@ -14,7 +14,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
-from elfslam.line.feature import OnnxEncoder, centred, load_encoder
+from elfslam.line.feature import OnnxEncoder, load_encoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, floor_spots, superimposed_map
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
@@ -150,7 +150,7 @@ def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = Fal
 
 
 def _features(encoder: OnnxEncoder, walk: PhoneWalk) -> Features:
-    return Features(walk.t_s, centred(encoder.embed(walk.samples)), encoder.identity)
+    return Features(walk.t_s, walk_vectors(walk.samples, encoder), encoder.identity)
 
 
 def _fixes(features: Features, floor_map: FloorMap) -> F64:

@@ -221,7 +221,7 @@ def test_what_a_phone_adds_to_every_echo_is_taken_away() -> None:
     """Two phones, of which each adds a vector of its own to the features of the same places."""
     generator = np.random.default_rng(5)
     places = generator.standard_normal((400, ELF_SIZE))
-    added = 15 * unit(generator.standard_normal((2, ELF_SIZE)))
+    added = 13 * unit(generator.standard_normal((2, ELF_SIZE)))
     first, second = (unit(places + own) for own in added)
     other = np.roll(np.arange(400), 1)
 
@@ -242,6 +242,27 @@ def test_only_what_was_heard_so_far_is_taken_away() -> None:
     npt.assert_allclose(whole[40], unit(own), atol=1e-6)
     npt.assert_allclose(np.linalg.norm(whole, axis=1), 1.0, atol=1e-6)
     assert centred(vectors[:0]).shape == (0, ELF_SIZE)
+
+
+def test_what_is_heard_while_one_stands_hardly_counts() -> None:
+    """A lap of places, then a minute at one of them: it is known as on the way."""
+    generator = np.random.default_rng(7)
+    phone = 0.5 * unit(generator.standard_normal(ELF_SIZE))
+    places = unit(generator.standard_normal((60, ELF_SIZE)))
+    at = np.r_[np.arange(60), np.full(600, 30)]
+    heard = unit(places[at] + phone + 0.04 * generator.standard_normal((660, ELF_SIZE)))
+    walked, stood = centred(heard)[58:60], centred(heard)[-100:]
+    assert np.mean(walked @ places[58:60].T * np.eye(2)) * 2 > 0.8
+    assert np.mean(stood @ places[30]) > 0.8
+    assert np.mean(centred(heard, still=1.0)[-100:] @ places[30]) < 0.6, "every echo counts"
+
+
+def test_a_phone_to_which_all_places_sound_alike_is_heard_in_the_end() -> None:
+    generator = np.random.default_rng(8)
+    places = unit(generator.standard_normal((3000, ELF_SIZE)))
+    heard = unit(places + 3 * unit(generator.standard_normal(ELF_SIZE)))
+    assert heard[0] @ heard[9] > 0.8
+    assert np.mean(np.sum(centred(heard)[-300:] * places[-300:], axis=1)) > 0.8
 
 
 def test_the_shipped_encoder_is_small_and_works_row_by_row(compact: OnnxEncoder) -> None:

@@ -18,6 +18,7 @@ class Deaf:
     """Random unit vectors, whatever is heard."""
 
     identity = "deaf"
+    still = 1.0
 
     def __init__(self) -> None:
         self._generator = np.random.default_rng(0)

@@ -12,6 +12,7 @@ import pytest
 
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders
+from elfslam.line.feature import walk_vectors
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
@@ -52,6 +53,7 @@ class Deaf:
     """An encoder to which all places sound the same."""
 
     identity: str = "deaf"
+    still: float = 1.0
 
     def embed(self, samples: F32) -> F32:
         return np.tile(np.eye(1, 4, dtype=np.float32), (len(samples), 1))
@@ -197,7 +199,7 @@ def test_spots_stand_at_echoes_and_footsteps_at_every_sixth() -> None:
     spots, steps = spots_of(lap, SPECTROGRAM), footsteps_of(lap, SPECTROGRAM)
     np.testing.assert_array_equal(spots.xy_m, lap.xy_m)
     assert len(lap.t_s) / 6 - 6 < len(steps.xy_m) <= len(lap.t_s) / 6
-    first = SPECTROGRAM.embed(lap.samples[:6]).mean(axis=0)
+    first = walk_vectors(lap.samples[:6], SPECTROGRAM).mean(axis=0)
     np.testing.assert_allclose(steps.vectors[0], first, atol=1e-6)
     np.testing.assert_allclose(steps.xy_m[0], lap.xy_m[2:4].mean(axis=0), atol=0.02)
 
@@ -265,7 +267,7 @@ def row_of(
 def test_a_row_for_each_feature_lane_and_count_of_laps(finding: Finding) -> None:
     ways = dict.fromkeys((row["lane (m)"], row["laps"]) for row in finding.rows)
     assert list(ways) == [(0.1, FEW), (0.3, 1), (0.3, 2), (0.3, FEW)]
-    assert len(finding.rows) == (4 + len(CHANGES) - 1) * 5
+    assert len(finding.rows) == (4 + len(CHANGES) - 1) * 6
     assert row_of(finding, "deaf", 0.1, FEW)["laps per m"] == 10.0
 
 

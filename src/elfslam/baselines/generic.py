@@ -26,6 +26,8 @@ PSD_BAND_HZ = (15_000.0, 20_250.0)
 COMPONENTS = 32
 LOG_FLOOR = 0.02
 """Of the mean magnitude, added before the logarithm: as the learned encoder has it."""
+STILL = 0.75
+"""Of spectrograms (plain, root, log) 0.7 to 1.0 are below walking, in rooms 0.1 to 0.5 standing."""
 
 Description = Callable[[F32], F32]
 """Rows (n, d) of any length that describe traces (n, 2352), each by itself."""
@@ -37,6 +39,7 @@ class GenericEncoder:
 
     identity: str
     describe: Description
+    still: float = STILL
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, d) from aligned traces (n, 2352); silence gives zeros."""

@@ -28,7 +28,7 @@ from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.line.feature import BINS, Encoder, OnnxEncoder, centred
+from elfslam.line.feature import BINS, Encoder, OnnxEncoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
@@ -126,7 +126,7 @@ def floor_elfs(encoder: Encoder, spots_m: F64, echoes: Iterable[SpotEchoes]) -> 
     """
     return spot_means(
         spots_m,
-        ((walk.xy_m, walk.heading_rad, centred(encoder.embed(walk.samples))) for walk in echoes),
+        ((walk.xy_m, walk.heading_rad, walk_vectors(walk.samples, encoder)) for walk in echoes),
     )
 
 

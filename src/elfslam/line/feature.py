@@ -37,6 +37,13 @@ SILENT = 4
 UNIT_SLACK = 1e-3
 UNHEARD_ECHOES = 30
 """With so many echoes of nothing a walk begins to tell what its echoes have in common: 3 s."""
+STILL_ECHOES = 5
+"""An echo is compared with the one so many before it, half a second, to tell whether one stands."""
+STILL = 0.6
+"""The cosine of such two ELFs above which the phone stands: walking 0.9 are below, standing 0.1."""
+STILL_WEIGHT = 0.05
+"""What an echo counts where the phone stands. Not nothing: a phone may add so much of its own that
+all its echoes are alike."""
 
 
 class Encoder(Protocol):
@@ -45,6 +52,11 @@ class Encoder(Protocol):
     @property
     def identity(self) -> str:
         """What must be equal for two features to be comparable."""
+        ...
+
+    @property
+    def still(self) -> float:
+        """The cosine of echoes half a second apart above which the phone stands; 1 if never."""
         ...
 
     def embed(self, samples: F32) -> F32:
@@ -65,6 +77,7 @@ class SpectralEncoder:
     """No learning: the log spectrogram without its mean per row and its decay over time."""
 
     identity = "spectral-1"
+    still = 1.0
 
     def embed(self, samples: F32) -> F32:
         """Unit vectors (n, 576)."""
@@ -82,6 +95,8 @@ class OnnxEncoder:
     Raises InputError where the file is missing or is not such a graph. One from others may do
     anything: it has so much memory, `batch_s` for each batch, and its vectors are checked.
     """
+
+    still = STILL
 
     def __init__(self, content: bytes, name: str, batch_s: float = BATCH_S) -> None:
         import onnxruntime
@@ -208,17 +223,27 @@ def read_card(name: str) -> Card | None:
 
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:
     """The feature of every echo, less what those so far have in common."""
-    return Features(echoes.t_s, centred(encoder.embed(echoes.samples)), encoder.identity)
+    return Features(echoes.t_s, walk_vectors(echoes.samples, encoder), encoder.identity)
 
 
-def centred(vectors: F32) -> F32:
+def walk_vectors(samples: F32, encoder: Encoder) -> F32:
+    """Unit vectors (n, d) of the traces (n, 2352) of a walk, in their order; see `centred`."""
+    return centred(encoder.embed(samples), encoder.still)
+
+
+def centred(vectors: F32, still: float = STILL) -> F32:
     """Unit vectors (n, d) of a walk less the mean of those so far, made unit again.
 
     Loudspeaker and microphone colour every echo alike, and a mean over places has no place in it:
     this is the cepstral mean normalisation of speech recognition (Atal 1974), with a running mean.
-    It goes by what was heard up to each echo alone, so that a phone that walks has the same.
+    It goes by what was heard up to each echo alone, so that a phone that walks has the same. What
+    is heard while the phone stands, cosine `still` or more to STILL_ECHOES before, hardly counts:
+    the mean would fill with that place.
     """
-    counted = UNHEARD_ECHOES + np.arange(1, len(vectors) + 1)[:, None]
-    own = vectors - np.cumsum(vectors, axis=0, dtype=np.float64) / counted
+    counted = np.ones((len(vectors), 1))
+    cosine = np.sum(vectors[STILL_ECHOES:] * vectors[:-STILL_ECHOES], axis=1)
+    counted[STILL_ECHOES:, 0] = np.where(cosine < still, 1.0, STILL_WEIGHT)
+    common = np.cumsum(counted * vectors, axis=0) / (UNHEARD_ECHOES + np.cumsum(counted, axis=0))
+    own = vectors - common
     length = np.linalg.norm(own, axis=1, keepdims=True)
     return np.asarray(own / np.maximum(length, 1e-12), dtype=np.float32)
