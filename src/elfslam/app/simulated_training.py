@@ -18,16 +18,13 @@ from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.folders import new_file
-from elfslam.learn.discriminants import with_discriminants
 from elfslam.learn.distributed import Ranks, check_shares, joined
-from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
 from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
-from elfslam.world.circumstances import DIFFUSE
 from elfslam.world.echo_pairs import echo_pairs
 
 ABOUT = """\
@@ -39,8 +36,6 @@ Output: elf (n, 128), unit rows, each from its own trace alone
 Limits: made for the 10 ms chirp from 15 to 20 kHz; one trace says little, so compare means over a \
 footstep; places that look alike after half a turn of the room sound alike
 """
-DISCRIMINANTS = 7
-"""Their stream of random numbers."""
 BLOCK_STEPS = 20
 """Steps that make one row of the table of losses."""
 LOSS_NOTE = f"Each step, and the mean of every {BLOCK_STEPS}. Batches differ, so steps do too."
@@ -117,29 +112,10 @@ def _trained(
     on: str | None,
 ) -> Pretrained:
     with open_stream(on) as stream:
-        made = pretrain(
+        return pretrain(
             pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
             report=report, stream=stream, ranks=ranks,
         )  # fmt: skip
-        if ranks.number == 0 and isinstance(made.network, CompactEncoder):
-            _discriminate(made.network, stream, parameters, seed)
-        return made
-
-
-def _discriminate(
-    network: CompactEncoder, stream: Stream, parameters: PretrainParameters, seed: int
-) -> None:
-    """Give the network the discriminants of pairs in diffuse rooms, if any are wanted."""
-    count = parameters.discriminant_batches
-    if count > 0:
-        of = partial(lived_in_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms)
-        with_discriminants(network, (batch for _, batch in stream(of, 0, count)))
-
-
-def lived_in_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
-    """Echo pairs of ordinary phones in diffuse rooms, for the discriminants."""
-    generator = np.random.default_rng([seed, DISCRIMINANTS, step])
-    return echo_pairs(generator, pairs, rooms, engine=DIFFUSE)
 
 
 @contextmanager

@@ -60,7 +60,7 @@ class FloorNetwork(nn.Module):
         else:
             with torch.no_grad():
                 inner = self.encoder.inner(samples, torch.zeros(BINS))
-            rows = self.encoder.outer(*inner)
+            rows = nn.functional.normalize(self.encoder.head(inner), dim=1)
         cosines: Tensor = rows @ nn.functional.normalize(self.spots, dim=1).T
         return cosines
 

@@ -13,8 +13,6 @@ from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 FRAMES = 48
 LOG_FLOOR = 0.02
 """Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
-ELF_WEIGHT = 20.0
-"""A log plane has a length of 24, an ELF of 1."""
 
 
 class Spectrogram(nn.Module):
@@ -50,28 +48,12 @@ class Residual(nn.Module):
         return functional.relu(x + self.second_norm(self.second(inner)))
 
 
-class Discriminants(nn.Linear):
-    """Of an ELF beside the log plane that it was made of (n, 704) what tells places apart (n, 128).
-
-    Fitted behind the training: `elfslam.learn.discriminants`.
-    """
-
-    def __init__(self) -> None:
-        super().__init__(ELF_SIZE + BINS * FRAMES, ELF_SIZE)
-
-    def forward(self, beside: Tensor) -> Tensor:
-        return functional.normalize(super().forward(beside), dim=1)
-
-
 class CompactEncoder(nn.Module):
     """Raw aligned samples (n, 2352) to ELFs (n, 128), unit rows.
 
     The time axis is pooled late and never averaged away: the delay of an echo is its place.
     `device_log_spectrum` (12) is subtracted from the log spectrogram; zeros mean no calibration.
-    `discriminants` come last, where there are any.
     """
-
-    discriminants: Discriminants | None
 
     def __init__(self, width: int = 32) -> None:
         super().__init__()
@@ -96,26 +78,15 @@ class CompactEncoder(nn.Module):
             nn.ReLU(),
             nn.Linear(ELF_SIZE, ELF_SIZE),
         )
-        self.register_module("discriminants", None)
 
     def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
-        return self.outer(*self.inner(samples, device_log_spectrum))
+        return functional.normalize(self.head(self.inner(samples, device_log_spectrum)), dim=1)
 
-    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> tuple[Tensor, Tensor]:
-        """What the head is given, flat (n, 6 * width * 12), and the log plane, flat (n, 576)."""
+    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
+        """What the head is given, flat: (n, 6 * width * 12)."""
         image = normalised_log(self.spectrogram(samples), device_log_spectrum)
         features: Tensor = self.body(image[:, None])
-        return features.flatten(1), image.flatten(1)
-
-    def outer(self, features: Tensor, plane: Tensor) -> Tensor:
-        """Unit rows (n, 128) of what `inner` gives."""
-        elf = functional.normalize(self.head(features), dim=1)
-        return elf if self.discriminants is None else self.discriminants(beside(elf, plane))
-
-
-def beside(elf: Tensor, plane: Tensor) -> Tensor:
-    """ELFs (n, 128) and log planes (n, 576) side by side, as loud as each other."""
-    return torch.cat([ELF_WEIGHT * elf, plane], dim=1)
+        return features.flatten(1)
 
 
 def normalised_log(magnitude: Tensor, device_log_spectrum: Tensor) -> Tensor:

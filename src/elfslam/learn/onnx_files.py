@@ -18,10 +18,8 @@ from elfslam.base.arrays import F32
 from elfslam.base.card import Card, card_in, metadata_of
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.network import CompactEncoder, Discriminants
+from elfslam.learn.network import CompactEncoder
 from elfslam.line.feature import BINS
-
-DISCRIMINANTS = "discriminants."
 
 
 def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) -> None:
@@ -83,27 +81,19 @@ def _rebuilt(graph: onnx.GraphProto) -> CompactEncoder:
     known = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
     folded = [node for node in graph.node if node.op_type == "Conv" and len(node.input) == 3]
     network = CompactEncoder(len(known[folded[0].input[1]])).eval()
-    _load(network.head, "head.", known)
-    if any(name.startswith(DISCRIMINANTS) for name in known):
-        network.discriminants = Discriminants()
-        _load(network.discriminants, DISCRIMINANTS, known)
+    network.head.load_state_dict(
+        {
+            name.removeprefix("head."): torch.tensor(value)
+            for name, value in known.items()
+            if name.startswith("head.")
+        }
+    )
     modules = list(network.body.modules())
     convolutions = [module for module in modules if isinstance(module, nn.Conv2d)]
     norms = [module for module in modules if isinstance(module, nn.BatchNorm2d)]
     for node, convolution, norm in zip(folded, convolutions, norms, strict=True):
         _unfold(known[node.input[1]], known[node.input[2]], convolution, norm)
     return network
-
-
-def _load(module: nn.Module, prefix: str, known: Mapping[str, F32]) -> None:
-    """The weights of a part of the network, by their names in the file."""
-    module.load_state_dict(
-        {
-            name.removeprefix(prefix): torch.tensor(value)
-            for name, value in known.items()
-            if name.startswith(prefix)
-        }
-    )
 
 
 def _unfold(weight: F32, bias: F32, convolution: nn.Conv2d, norm: nn.BatchNorm2d) -> None:

@@ -35,9 +35,6 @@ class PretrainParameters:
         0.5, "m", "places of one room this close are no negatives", low=0.0
     )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
-    discriminant_batches: int = parameter(
-        0, "", "more batches, of diffuse rooms, for linear discriminants at the end", low=0
-    )
     threads: int = parameter(
         1, "", "threads of the network beside the simulator's; rounding depends on them", low=1
     )
