@@ -18,7 +18,7 @@ from elfslam.base.values import Payload
 from elfslam.line.locate import likeness
 from studies.elf import ELSEWHERE_M, SAME_RAD
 from studies.figures.separation import histograms, shares_above
-from studies.lap_echoes import Places
+from studies.lap_echoes import ECHOES, Places
 from studies.located import GROSS_M
 from studies.repeats import Numbers
 
@@ -27,6 +27,9 @@ LIKENESSES = np.round(np.arange(-1.0, 1.0015, 0.001), 3)
 """Thresholds that are tried; at the last one nothing is answered."""
 OFFSETS_M = (0.0, 0.15, 0.4, 0.8)
 FALSE_POSITIVES = 0.01
+TOGETHER = 8
+TOGETHER_FALSE_POSITIVES = 0.001
+"""Eight footsteps one after the other, as closures compare them, are wrong more seldom than one."""
 EVERY = 8
 """Of so many spots one is compared with places elsewhere: neighbours hold the same echoes."""
 
@@ -108,7 +111,31 @@ def beside(asked: Places, spots: Places) -> Beside:
 
     Infinitely far and not alike where there is none.
     """
-    scores = _alike(asked, spots)
+    return _beside(asked, spots, _alike(asked, spots))
+
+
+def walks_beside(walks: Sequence[Places], spots: Places) -> Beside:
+    """The same of TOGETHER footsteps (n of all walks) and as many spots, each an echo's, in step.
+
+    They count as being where the middle one is.
+    """
+    found = []
+    for walk in walks:
+        alike, middle = _alike(walk, spots), TOGETHER // 2
+        rows, columns = len(alike) - TOGETHER + 1, alike.shape[1] - ECHOES * (TOGETHER - 1)
+        means = np.mean([alike[k:, ECHOES * k :][:rows, :columns] for k in range(TOGETHER)], axis=0)
+        asked, among = _cut(walk, middle, rows), _cut(spots, ECHOES * middle, columns)
+        found.append(_beside(asked, among, means))
+    offset_m, likeness, elsewhere = zip(*found, strict=True)
+    return Beside(np.concatenate(offset_m), np.concatenate(likeness), np.sum(elsewhere, axis=0))
+
+
+def _cut(places: Places, first: int, count: int) -> Places:
+    some = slice(first, first + count)
+    return Places(places.vectors[some], places.xy_m[some], places.heading_rad[some])
+
+
+def _beside(asked: Places, spots: Places, scores: F32) -> Beside:
     far_m = np.linalg.norm(asked.xy_m[:, None] - spots.xy_m[None], axis=2)
     turn_rad = np.abs(wrap_angle(asked.heading_rad[:, None] - spots.heading_rad[None]))
     same_way_m = np.where(turn_rad < SAME_RAD, far_m, np.inf)
@@ -121,16 +148,17 @@ def beside(asked: Places, spots: Places) -> Beside:
     )
 
 
-def recalls(laps: Sequence[Beside]) -> Numbers:
+def recalls(laps: Sequence[Beside], false_positives: float = FALSE_POSITIVES) -> Numbers:
     """How many places were near a spot of these laps, by offset, and how many were found there.
 
-    Found is one that is more alike to that spot than all but 1 % of what is elsewhere.
+    Found is one that is more alike to that spot than all but so many of what is elsewhere.
     """
     offsets_m = np.stack([lap.offset_m for lap in laps])
     nearest, columns = offsets_m.argmin(axis=0), np.arange(offsets_m.shape[1])
     offset_m = offsets_m[nearest, columns]
     alike = np.stack([lap.likeness for lap in laps])[nearest, columns]
-    least, numbers = _least_cell(np.sum([lap.elsewhere for lap in laps], axis=0)), Numbers()
+    least = _least_cell(np.sum([lap.elsewhere for lap in laps], axis=0), false_positives)
+    numbers: Numbers = {}
     for low_m, high_m in pairwise(OFFSETS_M):
         near = (offset_m >= low_m) & (offset_m < high_m)
         numbers[f"near|{high_m:g}"] = float(near.sum())
@@ -138,10 +166,10 @@ def recalls(laps: Sequence[Beside]) -> Numbers:
     return numbers
 
 
-def _least_cell(elsewhere: F64) -> int:
-    """The first cell of likeness at or above which at most 1 % of those elsewhere are."""
+def _least_cell(elsewhere: F64, false_positives: float) -> int:
+    """The first cell of likeness at or above which at most so many of those elsewhere are."""
     false = shares_above(np.stack([elsewhere, elsewhere]))[1]
-    return int(np.argmax(false <= FALSE_POSITIVES))
+    return int(np.argmax(false <= false_positives))
 
 
 def _counts(likeness: F32) -> F64:

@@ -20,6 +20,7 @@ from elfslam.line.feature import Encoder
 from elfslam.world.kinds import PEOPLE, QUIET, Kind
 from studies.finding import Finding, Given
 from studies.lap_answers import (
+    TOGETHER_FALSE_POSITIVES,
     Answers,
     Beside,
     answers_by,
@@ -28,6 +29,7 @@ from studies.lap_answers import (
     least_likeness,
     numbers_of,
     recalls,
+    walks_beside,
 )
 from studies.lap_echoes import (
     CHANGES,
@@ -74,10 +76,14 @@ class Feature:
 
 
 class Found(NamedTuple):
-    """What each mapped lap answers, and what the first few have beside the places asked for."""
+    """What each mapped lap answers, and what the first few have beside the places asked for.
+
+    `walks_beside` are of several footsteps together.
+    """
 
     answers: list[Answers]
     beside: list[Beside]
+    walks_beside: list[Beside]
 
 
 Thresholds = Mapping[str, Mapping[str, float]]
@@ -178,19 +184,23 @@ def measure_crowd(crowd: Crowd, *, features: Sequence[Feature], thresholds: Thre
         for count in crowd.laps:
             best = best_answers(found.answers[:count])
             made = numbers_of(best, thresholds[crowd.kind][name])
-            made |= recalls(found.beside) if count == FEW else {}
+            made |= _recalls(found) if count == FEW else {}
             numbers |= {f"{count}|{name}|{key}": value for key, value in made.items()}
     return numbers
+
+
+def _recalls(found: Found) -> Numbers:
+    eight = recalls(found.walks_beside, TOGETHER_FALSE_POSITIVES)
+    return recalls(found.beside) | {f"eight|{key}": value for key, value in eight.items()}
 
 
 def hear_crowd(crowd: Crowd, *, features: Sequence[Feature]) -> dict[str, Found]:
     """What every feature answers by each lap of the map; a lap is heard once and let go."""
     venue = venue_of(crowd.world, crowd.kind, crowd.asked_by)
     strange = strange_laps(venue, crowd.lane_m, crowd.seed)
-    asked = {
-        each.name: joined([footsteps_of(lap, each.encoder) for lap in strange]) for each in features
-    }
-    found = {each.name: Found([], []) for each in features}
+    walks = {each.name: [footsteps_of(lap, each.encoder) for lap in strange] for each in features}
+    asked = {name: joined(each) for name, each in walks.items()}
+    found = {each.name: Found([], [], []) for each in features}
     for number in range(max(crowd.laps)):
         lap = mapped_lap(venue, crowd.lane_m, crowd.seed, number)
         for each in features:
@@ -198,6 +208,7 @@ def hear_crowd(crowd: Crowd, *, features: Sequence[Feature]) -> dict[str, Found]
             found[each.name].answers.append(answers_by(asked[each.name], spots))
             if number < FEW and FEW in crowd.laps:
                 found[each.name].beside.append(beside(asked[each.name], spots))
+                found[each.name].walks_beside.append(walks_beside(walks[each.name], spots))
     return found
 
 

@@ -21,6 +21,7 @@ WIDTH = 4.0
 MEDIAN, GROSS = "median (m)", "over 1 m off"
 METRES = {"type": "log", "tickvals": (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50)}
 """Errors of decimetres and of ten metres side by side."""
+RECALLS = {"recall at 1 %": "", "recall of eight at 0.1 %": "eight|"}
 NOTE = "Band: 95 %, by resampling walks."
 SHORT = (
     "world", "kind", "asked by", "lane (m)", "laps", "feature", MEDIAN, GROSS, "threshold",
@@ -84,9 +85,10 @@ def _row(asked: Asked, name: str, threshold: float, seeds: Sequence[Numbers]) ->
         "answered, median (m)": mean_of(each("answered|median")),
         "answered, over 1 m off": mean_of(each("answered|gross")),
         **{
-            f"recall at 1 %, {low_m:g} to {high_m:g} m": _recall(
-                seeds, f"{laps}|{name}|", f"{high_m:g}"
+            f"{recall}, {low_m:g} to {high_m:g} m": _recall(
+                seeds, f"{laps}|{name}|{of}", f"{high_m:g}"
             )
+            for recall, of in RECALLS.items()
             for low_m, high_m in pairwise(OFFSETS_M)
         },
         "seeds": len(seeds),
