@@ -22,6 +22,7 @@ from studies.attacks import measure_attacks
 from studies.closure_steps import measure_closure_steps
 from studies.contention import measure_contention
 from studies.dead_reckoning import measure_dead_reckoning
+from studies.displacement import measure_displacement
 from studies.distinctness import measure_distinctness
 from studies.elf import measure_elf
 from studies.fidelity import compare_engines
@@ -83,6 +84,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "physics": check_laws,
     "pose-graphs": LongStudy(measure_pose_graphs),
     "real-rooms": measure_real_rooms,
+    "displacement": measure_displacement,
     "realism": measure_realism,
     "sensitivity": LongStudy(measure_sensitivity),
     "sensors": compare_sensors,

@@ -7,7 +7,7 @@ mirror images with clutter and by mirror images with a diffuse field.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -49,12 +49,16 @@ NOTE = (
 
 
 class Place(NamedTuple):
-    """Responses (n, samples) from their direct sound on, and the same moved, by how far (m)."""
+    """Responses (n, samples) from their direct sound on, and the same moved, by how far (m).
+
+    `xy_m` (n, 2) is where they were heard, None where no two are near each other.
+    """
 
     name: str
     kind: str
     responses: F64
     moved: Mapping[float, F64]
+    xy_m: F64 | None = None
 
 
 def measure_realism(
@@ -73,7 +77,7 @@ def measure_realism(
     for k, (kind, name) in enumerate(tasks):
         given.announce(name or "training rooms", k / len(tasks))
         if name:
-            found.append(_along_route(name, kind, places))
+            found.append(places_along(name, kind, places))
         else:
             found.append(_in_training_rooms(kind, rooms, places // rooms))
     given.announce("statistics", 0.9)
@@ -95,8 +99,8 @@ def measured_places(folder: Path) -> list[Place]:
     return found
 
 
-def _along_route(name: str, kind: str, count: int) -> Place:
-    """Phones that look along a world's route."""
+def places_along(name: str, kind: str, count: int, moved_m: Sequence[float] = MOVED_M) -> Place:
+    """Phones that look along a world's route, and each moved so far."""
     world, generator = load_world(name), np.random.default_rng(0)
     corners = np.vstack([world.route_m, world.route_m[:1]])
     legs = np.diff(corners, axis=0)
@@ -105,7 +109,7 @@ def _along_route(name: str, kind: str, count: int) -> Place:
     leg = np.searchsorted(at_m, way, side="right") - 1
     xy = np.column_stack([np.interp(way, at_m, corners[:, axis]) for axis in range(2)])
     yaw = np.arctan2(legs[leg, 1], legs[leg, 0])
-    return _heard(name.replace("_", " "), kind, world.room, xy, yaw, generator)
+    return _heard(name.replace("_", " "), kind, world.room, xy, yaw, generator, moved_m)
 
 
 def _in_training_rooms(kind: str, rooms: int, places: int) -> Place:
@@ -117,14 +121,20 @@ def _in_training_rooms(kind: str, rooms: int, places: int) -> Place:
         tried = room.corner_m + generator.uniform(0, 1, (400, 2)) * room.size_m[:2]
         xy = tried[room.is_free(tried, 1.2, 0.3)][:places]
         yaw = generator.uniform(-np.pi, np.pi, len(xy))
-        parts.append(_heard("", kind, room, xy, yaw, generator))
+        parts.append(_heard("", kind, room, xy, yaw, generator, MOVED_M))
     moved = {far: np.concatenate([part.moved[far] for part in parts]) for far in MOVED_M}
     name = f"{rooms} training rooms"
     return Place(name, KINDS[kind], np.concatenate([part.responses for part in parts]), moved)
 
 
 def _heard(
-    name: str, kind: str, room: Room, xy_m: F64, yaw_rad: F64, generator: np.random.Generator
+    name: str,
+    kind: str,
+    room: Room,
+    xy_m: F64,
+    yaw_rad: F64,
+    generator: np.random.Generator,
+    moved_m: Sequence[float],
 ) -> Place:
     """What flat phones hear there, and each moved by so much in some direction."""
     today = Circumstances(engine=kind)
@@ -140,8 +150,8 @@ def _heard(
 
     angle = generator.uniform(-np.pi, np.pi, len(xy_m))
     step = np.column_stack([np.cos(angle), np.sin(angle)])
-    moved = {far: responses(xy_m + far * step) for far in MOVED_M}
-    return Place(name, KINDS[kind], responses(xy_m), moved)
+    moved = {far: responses(xy_m + far * step) for far in moved_m}
+    return Place(name, KINDS[kind], responses(xy_m), moved, xy_m)
 
 
 def response_of(envelopes: C64) -> F64:
@@ -153,11 +163,14 @@ def response_of(envelopes: C64) -> F64:
     return np.asarray(np.fft.irfft(spectrum, size, axis=1))
 
 
-def _features(responses: F64) -> F32:
-    """Spectrograms without their mean of the echoes of a chirp through the responses."""
+def echoes_of(responses: F64) -> F32:
+    """The echo (n, 2352) of a chirp through each response (n, samples)."""
     chirp = make_chirp(replace(ChirpParameters(), period_s=PERIOD_S), RATE_HZ)
-    echoes = np.stack([echo_of(response, chirp) for response in responses])
-    return generic_encoders()["spectrogram without mean"].embed(echoes)
+    return np.stack([echo_of(response, chirp) for response in responses])
+
+
+def _features(responses: F64) -> F32:
+    return generic_encoders()["spectrogram without mean"].embed(echoes_of(responses))
 
 
 def _row(place: Place) -> Row:
