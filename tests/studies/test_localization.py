@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.scoring.page import save_page
-from elfslam.world.kinds import QUIET
+from elfslam.world.kinds import SURVEYOR
 from studies.finding import Finding, Given
 from studies.localization import measure_localization
 from studies.localization_table import localization_rows
@@ -17,7 +17,7 @@ from studies.localization_table import localization_rows
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     small = {"worlds": ("studio",), "seeds": (100,), "mapping_rounds": 2, "rounds": 1}
-    return measure_localization(Given(), kind=QUIET, **small)
+    return measure_localization(Given(), kind=SURVEYOR, **small)
 
 
 def median_m(finding: Finding, method: str, mode: str) -> float:
@@ -41,8 +41,8 @@ def test_echoes_find_the_place_to_decimetres_and_wifi_does_not(finding: Finding)
 def test_answers_are_counted_here_and_in_another_room(finding: Finding) -> None:
     for row in finding.rows:
         if row["method"] == "ELF":
-            assert float(str(row["answered"])) > 0.9
-            assert float(str(row["answered elsewhere"])) < 0.3
+            assert float(str(row["answered"])) > 0.7
+            assert float(str(row["answered elsewhere"])) < 0.15
         else:
             assert row["answered"] == 1.0
             assert row["answered elsewhere"] is None
