@@ -113,9 +113,25 @@ def test_a_mapped_walk_is_cut_where_it_jumps() -> None:
 def test_shapes_do_not_change_by_moving_them() -> None:
     curve = np.random.default_rng(0).normal(size=(8, 2)).cumsum(axis=0)
     moved = compose(OFF, np.column_stack([curve, np.zeros(8)]))[:, :2]
-    npt.assert_allclose(shape_errors(np.stack([curve, moved]), curve), 0.0, atol=1e-6)
+    path, places = np.concatenate([curve, moved]), np.arange(8)
+    npt.assert_allclose(shape_errors(path, places, curve)[[0, 8]], 0.0, atol=1e-6)
     mirrored = curve * np.array([1.0, -1.0])
-    assert shape_errors(mirrored[None], curve)[0] > 0.1
+    assert shape_errors(mirrored, places, curve)[0] > 0.1
+
+
+def test_the_error_of_a_stretch_is_that_of_the_best_rigid_fit() -> None:
+    generator = np.random.default_rng(1)
+    path = generator.normal(size=(60, 2)).cumsum(axis=0) + 100.0
+    curve, places = generator.normal(size=(5, 2)).cumsum(axis=0), np.array([0, 2, 3, 7, 9])
+    errors = shape_errors(path, places, curve)
+    assert len(errors) == 51
+    ours = (curve - curve.mean(axis=0)) @ [1, 1j]
+    turns = np.exp(1j * np.linspace(-np.pi, np.pi, 20_000))[:, None]
+    for k in (0, 17, 50):
+        theirs = (path[k + places] - path[k + places].mean(axis=0)) @ [1, 1j]
+        tried = np.sqrt(np.mean(np.abs(theirs - turns * ours) ** 2, axis=1))
+        assert errors[k] == pytest.approx(tried.min(), abs=1e-4)
+    assert len(shape_errors(path[:9], places, curve)) == 0
 
 
 def test_more_footsteps_can_be_asked_for() -> None:

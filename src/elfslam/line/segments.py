@@ -11,12 +11,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from elfslam.base.arrays import F32, F64, I64, Bool, Value, array
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Odometry
 
+C128 = npt.NDArray[np.complex128]
 JUMP_M = 1.5
 """Consecutive spots of a mapped walk never lie further apart."""
 SPACING_M = 0.1
@@ -107,27 +109,26 @@ def paths_of(floor_map: FloorMap) -> Paths:
     return Paths(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def stretches_of(paths: Paths, walked_m: F64) -> I64:
-    """Places (s, n) at distances walked (n, from 0) of every stretch of the paths."""
-    ahead = np.round(walked_m / SPACING_M).astype(np.int64)
-    end = np.arange(len(paths.first))
-    end = end[end - ahead[-1] >= paths.first]
-    return np.asarray(end[:, None] - ahead[-1] + ahead)
+def shape_errors(path_m: F64, places: I64, curve_m: F64) -> F64:
+    """Root mean square distance (s) of stretches of a path from a curve (n, 2), rigidly laid on.
+
+    Stretch s is the path (g, 2) at s + `places` (n, from 0), for all that fit on it.
+    """
+    path, curve = _complex(path_m - path_m.mean(axis=0)), _complex(curve_m - curve_m.mean(axis=0))
+    count = max(len(path) - int(places[-1]), 0)
+    power = np.abs(path) ** 2
+    total, overlap, square = np.zeros(count, complex), np.zeros(count, complex), np.zeros(count)
+    for place, point in zip(places, curve, strict=True):
+        some = slice(place, place + count)
+        total += path[some]
+        overlap += path[some] * point.conj()
+        square += power[some]
+    square += float(np.sum(np.abs(curve) ** 2)) - np.abs(total) ** 2 / len(curve)
+    return np.asarray(np.sqrt(np.maximum(square - 2 * np.abs(overlap), 0.0) / len(curve)))
 
 
-def shape_errors(stretches_m: F64, curve_m: F64) -> F64:
-    """Root mean square distance (s) of stretches (s, n, 2) from a curve (n, 2), rigidly laid on."""
-    theirs = _centred(stretches_m)
-    ours = _centred(curve_m[None])[0]
-    overlap = np.abs(theirs @ ours.conj())
-    square = (np.abs(theirs) ** 2).sum(axis=1) + (np.abs(ours) ** 2).sum() - 2 * overlap
-    return np.asarray(np.sqrt(np.maximum(square, 0.0) / len(ours)))
-
-
-def _centred(xy_m: F64) -> F64:
-    """Curves (s, n, 2) as complex numbers (s, n) about their middle."""
-    curves = xy_m[..., 0] + 1j * xy_m[..., 1]
-    return np.asarray(curves - curves.mean(axis=1, keepdims=True))
+def _complex(xy_m: F64) -> C128:
+    return np.asarray(xy_m[:, 0] + 1j * xy_m[:, 1])
 
 
 def _chains(floor_map: FloorMap) -> list[I64]:
@@ -160,15 +161,13 @@ def _fix(
     heard = ~np.isnan(scores[:, 0])
     if heard.sum() < max(1, parameters.fewest_heard * len(heard)):
         return *NOWHERE, np.nan, int(FixStatus.NO_ECHO)
-    found = _candidates(curve_m, paths, parameters)
-    if not len(found):
+    end, alike = _candidates(curve_m, scores, heard, paths, parameters)
+    if not len(end):
         return *NOWHERE, np.nan, int(FixStatus.UNKNOWN_PLACE)
-    alike = scores[np.flatnonzero(heard), paths.spot[found[:, heard]]].mean(axis=1)
     best = int(np.argmax(alike))
     if alike[best] < parameters.unknown_below:
         return *NOWHERE, float(alike[best]), int(FixStatus.UNKNOWN_PLACE)
     belief = np.exp((alike - alike[best]).astype(np.float64) / parameters.temperature)
-    end = found[:, -1]
     end_m = paths.xy_m[end]
     near: Bool = np.linalg.norm(end_m - end_m[best], axis=1) <= parameters.near_m
     clear = belief[near].sum() >= parameters.ambiguous_below * belief.sum()
@@ -184,14 +183,24 @@ def _fix(
     return xy, heading, covariance, float(alike[best]), int(status)
 
 
-def _candidates(curve_m: F64, paths: Paths, parameters: SegmentParameters) -> I64:
-    """Stretches (s, n) that have the shape of the curve, for each length of step tried."""
+def _candidates(
+    curve_m: F64, scores: F32, heard: Bool, paths: Paths, parameters: SegmentParameters
+) -> tuple[I64, F32]:
+    """Where stretches (s) of the shape of the curve end, and how alike what was heard is to each.
+
+    Every length of step that is tried gives its own.
+    """
     steps_m = np.linalg.norm(np.diff(curve_m, axis=0), axis=1)
     walked_m = np.concatenate([[0.0], np.cumsum(steps_m)])
     reach = parameters.scale_reach if parameters.scales > 1 else 0.0
-    parts = []
+    along = np.take(scores[heard], paths.spot, axis=1)
+    ends, likenesses = [], []
     for scale in np.linspace(1 - reach, 1 + reach, parameters.scales):
-        found = stretches_of(paths, scale * walked_m)
-        off_m = shape_errors(paths.xy_m[found], scale * curve_m)
-        parts.append(found[off_m <= parameters.most_off_m])
-    return np.concatenate(parts)
+        places = np.round(scale * walked_m / SPACING_M).astype(np.int64)
+        off_m = shape_errors(paths.xy_m, places, scale * curve_m)
+        begin = np.flatnonzero(off_m <= parameters.most_off_m)
+        begin = begin[paths.first[begin] == paths.first[begin + places[-1]]]
+        alike = [row[begin + place] for row, place in zip(along, places[heard], strict=True)]
+        ends.append(begin + places[-1])
+        likenesses.append(np.mean(alike, axis=0))
+    return np.concatenate(ends), np.concatenate(likenesses)

@@ -257,7 +257,8 @@ def _free_beside(lap_xy: F64, curvature_pm: F64, room: Room) -> F64:
     for column, sign in enumerate((-1.0, 1.0)):
         open_so_far = np.ones(len(lap_xy), dtype=bool)
         for far in np.arange(PROBE_M, WIDEST_M, PROBE_M):
-            open_so_far &= standing_room(room, lap_xy + sign * far * left)
+            beside = lap_xy[open_so_far] + sign * far * left[open_so_far]
+            open_so_far[open_so_far] = standing_room(room, beside)
             free[open_so_far, column] = far
         inward = np.maximum(sign * curvature_pm, 1e-3)
         free[:, column] = np.minimum(free[:, column], INSIDE / inward)

@@ -20,7 +20,7 @@ def standing_room(room: Room, xy_m: F64) -> Bool:
     walls_m = [point_gap_m(xy_m, a, b) for a, b in zip(room.outline_m, ends, strict=True)]
     free = room.holds(xy_m) & (np.min(walls_m, axis=0) >= HALF_WIDTH_M - TOUCH_M)
     for block in _low_blocks(room):
-        free &= ~meets_block(block, xy_m, xy_m)
+        free &= (np.abs(_in_frame_of(block, xy_m)) >= _half_m(block)).any(axis=1)
     return np.asarray(free)
 
 
@@ -62,7 +62,7 @@ def fault_of_route(room: Room, route_m: F64, *, closed: bool) -> str | None:
 def meets_block(block: Block, a: F64, b: F64) -> Bool:
     """Whether a person who walks from each a to each b (n, 2) touches the block."""
     p, q = _in_frame_of(block, a), _in_frame_of(block, b)
-    half = block.size_m[:2] / 2 + HALF_WIDTH_M - TOUCH_M
+    half = _half_m(block)
     way = q - p
     still = way == 0
     step = np.where(still, 1.0, way)
@@ -91,6 +91,11 @@ def point_gap_m(xy_m: F64, a: F64, b: F64) -> F64:
 
 def _low_blocks(room: Room) -> list[Block]:
     return [block for block in room.blocks if block.base_m < HEAD_M]
+
+
+def _half_m(block: Block) -> F64:
+    """Half the sides (2) of the ground that nobody's middle can be over."""
+    return block.size_m[:2] / 2 + HALF_WIDTH_M - TOUCH_M
 
 
 def _in_frame_of(block: Block, xy_m: F64) -> F64:
