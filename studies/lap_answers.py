@@ -12,13 +12,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Payload
 from elfslam.line.locate import likeness
 from studies.elf import ELSEWHERE_M, SAME_RAD
 from studies.figures.separation import histograms, shares_above
-from studies.lap_echoes import ECHOES, Places
+from studies.lap_echoes import Places
 from studies.located import GROSS_M
 from studies.repeats import Numbers
 
@@ -28,6 +28,7 @@ LIKENESSES = np.round(np.arange(-1.0, 1.0015, 0.001), 3)
 OFFSETS_M = (0.0, 0.15, 0.4, 0.8)
 FALSE_POSITIVES = 0.01
 TOGETHER = 8
+EVENLY_M = 0.1
 TOGETHER_FALSE_POSITIVES = 0.001
 """Eight footsteps one after the other, as closures compare them, are wrong more seldom than one."""
 EVERY = 8
@@ -115,19 +116,44 @@ def beside(asked: Places, spots: Places) -> Beside:
 
 
 def walks_beside(walks: Sequence[Places], spots: Places) -> Beside:
-    """The same of TOGETHER footsteps (n of all walks) and as many spots, each an echo's, in step.
+    """The same of TOGETHER footsteps (n of all walks) and spots as far apart along their lap.
 
     They count as being where the middle one is.
     """
-    found = []
+    found, even, middle = [], _evenly(spots), TOGETHER // 2
     for walk in walks:
-        alike, middle = _alike(walk, spots), TOGETHER // 2
-        rows, columns = len(alike) - TOGETHER + 1, alike.shape[1] - ECHOES * (TOGETHER - 1)
-        means = np.mean([alike[k:, ECHOES * k :][:rows, :columns] for k in range(TOGETHER)], axis=0)
-        asked, among = _cut(walk, middle, rows), _cut(spots, ECHOES * middle, columns)
-        found.append(_beside(asked, among, means))
+        alike, ahead = _alike(walk, even), np.round(_along_m(walk) / EVENLY_M).astype(np.int64)
+        begins = range(len(alike) - TOGETHER + 1)
+        steps = [ahead[k : k + TOGETHER] - ahead[k] for k in begins]
+        means = np.stack([_in_step(alike[k : k + TOGETHER], steps[k], middle) for k in begins])
+        found.append(_beside(_cut(walk, middle, len(means)), even, means))
     offset_m, likeness, elsewhere = zip(*found, strict=True)
     return Beside(np.concatenate(offset_m), np.concatenate(likeness), np.sum(elsewhere, axis=0))
+
+
+def _in_step(alike: F32, steps: I64, middle: int) -> F32:
+    """The mean likeness (m) of footsteps, of which the middle one is at each spot.
+
+    Lowest where they would begin before the lap or end after it.
+    """
+    means = np.full(alike.shape[1], -1.0, dtype=np.float32)
+    count = max(len(means) - int(steps[-1]), 0)
+    parts = [row[step : step + count] for row, step in zip(alike, steps, strict=True)]
+    means[steps[middle] : steps[middle] + count] = np.mean(parts, axis=0)
+    return means
+
+
+def _evenly(places: Places) -> Places:
+    """The nearest of the places at each EVENLY_M of the way."""
+    along_m = _along_m(places)
+    at_m = np.arange(0.0, along_m[-1], EVENLY_M)
+    nearest = np.round(np.interp(at_m, along_m, np.arange(len(along_m)))).astype(np.int64)
+    return Places(places.vectors[nearest], places.xy_m[nearest], places.heading_rad[nearest])
+
+
+def _along_m(places: Places) -> F64:
+    steps_m = np.linalg.norm(np.diff(places.xy_m, axis=0), axis=1)
+    return np.concatenate([[0.0], np.cumsum(steps_m)])
 
 
 def _cut(places: Places, first: int, count: int) -> Places:
