@@ -134,9 +134,9 @@ def walks_beside(walks: Sequence[Places], spots: Places) -> Beside:
 def _in_step(alike: F32, steps: I64, middle: int) -> F32:
     """The mean likeness (m) of footsteps, of which the middle one is at each spot.
 
-    Lowest where they would begin before the lap or end after it.
+    Minus infinity where they would begin before the lap or end after it.
     """
-    means = np.full(alike.shape[1], -1.0, dtype=np.float32)
+    means = np.full(alike.shape[1], -np.inf, dtype=np.float32)
     count = max(len(means) - int(steps[-1]), 0)
     parts = [row[step : step + count] for row, step in zip(alike, steps, strict=True)]
     means[steps[middle] : steps[middle] + count] = np.mean(parts, axis=0)
@@ -164,9 +164,10 @@ def _cut(places: Places, first: int, count: int) -> Places:
 def _beside(asked: Places, spots: Places, scores: F32) -> Beside:
     far_m = np.linalg.norm(asked.xy_m[:, None] - spots.xy_m[None], axis=2)
     turn_rad = np.abs(wrap_angle(asked.heading_rad[:, None] - spots.heading_rad[None]))
-    same_way_m = np.where(turn_rad < SAME_RAD, far_m, np.inf)
+    fits = np.isfinite(scores)
+    same_way_m = np.where(fits & (turn_rad < SAME_RAD), far_m, np.inf)
     nearest = same_way_m.argmin(axis=1)[:, None]
-    elsewhere = scores[:, ::EVERY][far_m[:, ::EVERY] > ELSEWHERE_M]
+    elsewhere = scores[:, ::EVERY][(fits & (far_m > ELSEWHERE_M))[:, ::EVERY]]
     return Beside(
         np.take_along_axis(same_way_m, nearest, axis=1)[:, 0],
         np.take_along_axis(scores, nearest, axis=1)[:, 0],

@@ -212,6 +212,21 @@ def test_every_echo_gets_its_feature() -> None:
     assert features.encoder == "spectral-1"
 
 
+def test_an_encoder_says_itself_what_standing_is() -> None:
+    """Ten places, then standing in noise at one: one encoder tells it, the other never does."""
+
+    class Telling(SpectralEncoder):
+        still = 0.3
+
+    rows = np.concatenate([traces(10), traces(1) + 0.3 * traces(30, seed=2)])
+    echoes = Echoes(np.arange(40.0), rows, np.zeros((0, 2)))
+    vectors = SpectralEncoder().embed(rows)
+    told, untold = (extract_features(echoes, each()).vectors for each in (Telling, SpectralEncoder))
+    npt.assert_array_equal(told, centred(vectors, 0.3))
+    npt.assert_array_equal(untold, centred(vectors, 1.0))
+    assert np.abs(told - untold).max() > 0.005
+
+
 def unit(vectors: F64) -> F32:
     length = np.linalg.norm(vectors, axis=-1, keepdims=True)
     return np.asarray(vectors / length, dtype=np.float32)

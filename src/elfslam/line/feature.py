@@ -237,12 +237,12 @@ def centred(vectors: F32, still: float = STILL) -> F32:
     Loudspeaker and microphone colour every echo alike, and a mean over places has no place in it:
     this is the cepstral mean normalisation of speech recognition (Atal 1974), with a running mean.
     It goes by what was heard up to each echo alone, so that a phone that walks has the same. What
-    is heard while the phone stands, cosine `still` or more to STILL_ECHOES before, hardly counts:
+    is heard while the phone stands, cosine over `still` to STILL_ECHOES before, hardly counts:
     the mean would fill with that place.
     """
     counted = np.ones((len(vectors), 1))
     cosine = np.sum(vectors[STILL_ECHOES:] * vectors[:-STILL_ECHOES], axis=1)
-    counted[STILL_ECHOES:, 0] = np.where(cosine < still, 1.0, STILL_WEIGHT)
+    counted[STILL_ECHOES:, 0] = np.where(np.minimum(cosine, 1.0) <= still, 1.0, STILL_WEIGHT)
     common = np.cumsum(counted * vectors, axis=0) / (UNHEARD_ECHOES + np.cumsum(counted, axis=0))
     own = vectors - common
     length = np.linalg.norm(own, axis=1, keepdims=True)

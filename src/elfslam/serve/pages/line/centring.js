@@ -23,7 +23,7 @@ export function makeCentring() {
 
   /** @param {Float32Array} vector */
   const count = (vector) => {
-    const isStill = lately.length === STILL_ECHOES && cosine(vector, lately[0]) >= STILL;
+    const isStill = lately.length === STILL_ECHOES && cosine(vector, lately[0]) > STILL;
     lately = [...lately, vector.slice()].slice(-STILL_ECHOES);
     const weight = isStill ? STILL_WEIGHT : 1;
     counted += weight;
