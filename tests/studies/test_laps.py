@@ -172,6 +172,7 @@ def test_footsteps_together_are_found_where_one_alone_is_lost() -> None:
     walks = [Places(near.vectors[k], near.xy_m[k], near.heading_rad[k]) for k in halves]
     together = walks_beside(walks, lap)
     assert together.offset_m == pytest.approx(np.full(2 * 93, 0.1), abs=0.02)
+    assert together.elsewhere[0] == 0, "a stretch that does not fit on the lap is nowhere"
     alone, eight = recalls([beside(near, lap)], 0.001), recalls([together], 0.001)
     assert eight["near|0.15"] == 2 * 93
     assert eight["found|0.15"] / (2 * 93) > 0.8 > 2 * alone["found|0.15"] / 200
