@@ -139,7 +139,7 @@ def _rows(tasks: Sequence[TrainedWalk], numbers: Sequence[Numbers]) -> list[Row]
 
 def _losses(world: str, seed: int) -> dict[str, Curve]:
     """The loss of the paper's fine-tuning, step by step, from random and from trained weights."""
-    from studies.from_scratch import learn_from_scratch
+    from studies.paper_training import learnt_from_walk
 
     recording, _ = simulate(load_world(world), seed, rounds=ROUNDS)
     echoes, curves = hear(recording, Parameters()), {}
@@ -147,7 +147,7 @@ def _losses(world: str, seed: int) -> dict[str, Curve]:
     assert isinstance(shipped, OnnxEncoder)
     for name, start in {"random weights": None, "pre-trained": shipped}.items():
         losses: list[float] = []
-        learn_from_scratch(echoes, ScratchParameters(), seed=0, start=start, report=losses.append)
+        learnt_from_walk(echoes, ScratchParameters(), seed=0, start=start, report=losses.append)
         curves[name] = Curve(np.arange(1.0, len(losses) + 1), np.array(losses))
     return curves
 

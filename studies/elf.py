@@ -90,11 +90,11 @@ def shipped_and_generic() -> dict[str, Encoder]:
 
 def learnt_from_the_walk() -> dict[str, Adapt]:
     """The encoders that learn each walk by itself, by name."""
-    from studies.from_scratch import learn_from_scratch
+    from studies.paper_training import learnt_from_walk
 
     shipped = load_encoder("compact")
     return {
-        "ELF, without pre-training": lambda echoes: learn_from_scratch(
+        "ELF, without pre-training": lambda echoes: learnt_from_walk(
             echoes, ScratchParameters(), seed=0
         ),
         "ELF, fine-tuned": lambda echoes: (

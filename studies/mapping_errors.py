@@ -116,9 +116,9 @@ def walkers(seed: int, kind: Kind = QUIET) -> Mapping[str, Settings]:
 
 def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str, Features]:
     """By the shipped encoder, by plain features, and by an encoder that heard this walk alone."""
-    from studies.from_scratch import learn_from_scratch
+    from studies.paper_training import learnt_from_walk
 
-    alone = learn_from_scratch(echoes, scratch, seed=seed)
+    alone = learnt_from_walk(echoes, scratch, seed=seed)
     encoders = {**compared_encoders(), ALONE: alone}
     return {name: extract_features(echoes, encoder) for name, encoder in encoders.items()}
 

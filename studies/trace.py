@@ -115,9 +115,9 @@ def embedded(samples: F32, iterations: int = 1000) -> F32:
 
 def learnt_on(echoes: Echoes, parameters: ScratchParameters) -> Encoder:
     """The compact encoder learnt on the echoes of one walk alone; without a step it is random."""
-    from studies.from_scratch import learn_from_scratch
+    from studies.paper_training import learnt_from_walk
 
-    return learn_from_scratch(echoes, parameters, seed=0)
+    return learnt_from_walk(echoes, parameters, seed=0)
 
 
 def _row(name: str, scores: F64) -> Row:

@@ -38,6 +38,7 @@ from elfslam.world.echo_pairs import (
     _random_visit,
     _sounding,
     _within,
+    at_one_time,
     cut_frames,
     echo_pairs,
 )
@@ -88,6 +89,20 @@ def test_positives_fill_the_disc_evenly() -> None:
     share = (np.linalg.norm(shift, axis=1) / POSITIVE_DISTANCE_M) ** 2  # uniform in [0, 1]
     assert share.mean() == pytest.approx(0.5, abs=0.01)
     assert np.abs(shift.mean(axis=0)).max() < 0.003
+
+
+def test_at_one_time_nothing_changes_between_the_two_echoes() -> None:
+    first, second = at_one_time(generator_of(1), "images")
+    assert first is second
+    assert (first.people, first.device.name) == (0, "simulated phone")
+    still = echo_pairs(generator_of(7), 240, 6, visits=at_one_time)
+    changing = echo_pairs(generator_of(7), 240, 6)
+    shipped = load_encoder("compact")
+    alike = [
+        np.einsum("ij,ij->i", shipped.embed(each.first), shipped.embed(each.second)).mean()
+        for each in (still, changing)
+    ]
+    assert alike[0] > alike[1] + 0.05
 
 
 @pytest.mark.parametrize("rooms", [1, 3, 12])

@@ -1,11 +1,12 @@
 """A stream of simulated echo pairs for contrastive training: close poses in random rooms.
 
 The two members of a pair are of two visits to the room: walls and furniture, phone, holder,
-people and air may all have changed in between.
+people and air may all have changed in between, or none of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -23,7 +24,7 @@ from elfslam.base.values import (
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
-from elfslam.world.device import Device, random_device
+from elfslam.world.device import Device, named_device, random_device
 from elfslam.world.phone import Engine, Poses, air_at, phone_axes, render_frames, room_responses
 from elfslam.world.pulses import Air
 from elfslam.world.random_world import changed_room, random_room
@@ -64,6 +65,10 @@ class Visit(NamedTuple):
     people: int
 
 
+Visits = Callable[[np.random.Generator, str], tuple[Visit, Visit]]
+"""Draws two visits to a room, heard by an engine."""
+
+
 class Sounding(NamedTuple):
     """A room as an engine renders it; to trace its chains of scatterings takes longest."""
 
@@ -71,34 +76,52 @@ class Sounding(NamedTuple):
     engine: Engine
 
 
+def on_two_days(generator: np.random.Generator, engine: str) -> tuple[Visit, Visit]:
+    """Two visits to a random room, between which anything may have changed."""
+    first = _random_visit(generator, random_room(generator), engine)
+    return first, _another_visit(generator, first)
+
+
+def at_one_time(generator: np.random.Generator, engine: str) -> tuple[Visit, Visit]:
+    """A random room by one phone of one holder, alone and at once (paper, section 5.3)."""
+    room, device = random_room(generator), named_device(Circumstances().device)
+    visit = Visit(room, engine, device, _random_holder(generator), air_at(), 0)
+    return visit, visit
+
+
 def echo_pairs(
-    generator: np.random.Generator, pairs: int, rooms: int, engine: str = ENGINES[0]
+    generator: np.random.Generator,
+    pairs: int,
+    rooms: int,
+    engine: str = ENGINES[0],
+    visits: Visits = on_two_days,
 ) -> EchoPairs:
     """`pairs` places with two echoes each, an equal number from each of `rooms` random rooms.
 
-    `engine` is one of ours, and changes neither rooms nor places. Raises ParameterError where
-    `pairs` is no multiple of `rooms`.
+    `engine` is one of ours, and changes neither rooms nor places; `visits` draws who hears a room.
+    Raises ParameterError where `pairs` is no multiple of `rooms`.
     """
     if pairs % rooms:
         raise ParameterError(
             f"pairs: wanted a multiple of rooms ({rooms}), got {pairs}; change one"
         )
     chirp = make_chirp(ChirpParameters(), ECHO_RATE_HZ)
-    batch = [_pairs_in_room(generator, pairs // rooms, chirp, engine) for _ in range(rooms)]
+    batch = [
+        _pairs_in_room(generator, pairs // rooms, chirp, *visits(generator, engine))
+        for _ in range(rooms)
+    ]
     first, second, xy_m = (np.concatenate(column) for column in zip(*batch, strict=True))
     return EchoPairs(first, second, np.repeat(np.arange(rooms), pairs // rooms), xy_m)
 
 
 def _pairs_in_room(
-    generator: np.random.Generator, count: int, chirp: Chirp, engine: str
+    generator: np.random.Generator, count: int, chirp: Chirp, first: Visit, second: Visit
 ) -> tuple[F32, F32, F64]:
-    first = _random_visit(generator, random_room(generator), engine)
-    second = _another_visit(generator, first)
     twins = generator.uniform() < TWIN_SHARE
     xy, yaw = _places(generator, first.room, count, twins=twins)
     near = xy + _within(generator, count, POSITIVE_DISTANCE_M)
-    before = _sounding(first.room, engine)
-    after = before if second.room is first.room else _sounding(second.room, engine)
+    before = _sounding(first.room, first.engine)
+    after = before if second.room is first.room else _sounding(second.room, second.engine)
     return (
         _heard(generator, first, before, xy, yaw, chirp),
         _heard(generator, second, after, near, yaw, chirp),

@@ -1,17 +1,19 @@
-"""A network that has heard one walk alone: it tells its stretches apart, and repeats itself."""
+"""The paper's training: an encoder of simulated rooms is kept, one of a walk knows its places."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
+from elfslam.base.progress import silent
 from elfslam.base.values import ECHO_SAMPLES, Echoes
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import OnnxEncoder
-from studies.from_scratch import learn_from_scratch
+from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrained_as_in_paper
 
 FEW = replace(ScratchParameters(), steps=40, pairs=32, near_s=1.0, threads=1)
 
@@ -33,7 +35,7 @@ def walk() -> Echoes:
 
 @pytest.fixture(scope="module")
 def learnt(walk: Echoes) -> OnnxEncoder:
-    return learn_from_scratch(walk, FEW, seed=1, width=8)
+    return learnt_from_walk(walk, FEW, seed=1, width=8)
 
 
 def test_it_tells_the_stretches_apart(walk: Echoes, learnt: OnnxEncoder) -> None:
@@ -46,24 +48,36 @@ def test_it_tells_the_stretches_apart(walk: Echoes, learnt: OnnxEncoder) -> None
 
 
 def test_a_seed_gives_one_encoder(walk: Echoes, learnt: OnnxEncoder) -> None:
-    assert learn_from_scratch(walk, FEW, seed=1, width=8).content == learnt.content
-    assert learn_from_scratch(walk, FEW, seed=2, width=8).content != learnt.content
+    assert learnt_from_walk(walk, FEW, seed=1, width=8).content == learnt.content
+    assert learnt_from_walk(walk, FEW, seed=2, width=8).content != learnt.content
 
 
 def test_too_few_echoes_are_refused() -> None:
     with pytest.raises(InputError, match="wanted 32 consecutive echoes, got 19; walk longer"):
-        learn_from_scratch(passing(2, 10), FEW, seed=0, width=8)
+        learnt_from_walk(passing(2, 10), FEW, seed=0, width=8)
 
 
 def test_a_start_is_where_it_begins(walk: Echoes, learnt: OnnxEncoder) -> None:
     """Without steps the start comes out; with them, its first loss is that of what was learnt."""
     none = replace(FEW, steps=0)
-    same = learn_from_scratch(walk, none, seed=5, start=learnt)
+    same = learnt_from_walk(walk, none, seed=5, start=learnt)
     np.testing.assert_allclose(same.embed(walk.samples), learnt.embed(walk.samples), atol=1e-5)
     fresh: list[float] = []
     going_on: list[float] = []
-    learn_from_scratch(walk, FEW, seed=1, width=8, report=fresh.append)
-    learn_from_scratch(walk, FEW, seed=1, start=learnt, report=going_on.append)
+    learnt_from_walk(walk, FEW, seed=1, width=8, report=fresh.append)
+    learnt_from_walk(walk, FEW, seed=1, start=learnt, report=going_on.append)
     assert len(fresh) == len(going_on) == FEW.steps
     assert going_on[0] < 0.8 * fresh[0]
     assert fresh[-1] < fresh[0]
+
+
+def test_what_is_pretrained_is_made_once(tmp_path: Path) -> None:
+    file, few = tmp_path / "encoders" / "first.onnx", replace(AS_IN_PAPER, steps=2, pairs=16)
+    made = pretrained_as_in_paper(file, parameters=few, announce=silent)
+    again = pretrained_as_in_paper(file, parameters=few, announce=silent)
+    assert [path.name for path in file.parent.iterdir()] == ["first.onnx"]
+    assert again.content == made.content == file.read_bytes()
+    other = pretrained_as_in_paper(
+        tmp_path / "other.onnx", parameters=replace(few, steps=3), announce=silent
+    )
+    assert other.content != made.content
