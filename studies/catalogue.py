@@ -100,7 +100,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 }
 
 
-COMPARES = ("elf", "laps", "real-rooms", "trace")
+COMPARES = ("displacement", "elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
 BY_KIND = (
     "acoustic-odometry", "closures", "elf", "floor-plan", "laps", "localization", "many-mappers",

@@ -14,13 +14,13 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from elfslam.base.arrays import F32, Bool
-from elfslam.baselines.generic import unit_rows
 from elfslam.line.feature import Encoder
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.figures.clouds import COLORS
 from studies.figures.curves import Curve, curves_figure
 from studies.finding import Finding, Given, Row
 from studies.plain_features import compared_encoders
+from studies.real_rooms import own
 from studies.realism import Place, echoes_of, measured_places, places_along
 from studies.room_statistics import contrast
 
@@ -38,30 +38,36 @@ NOTES = {
 
 
 def measure_displacement(
-    given: Given, *, worlds: Sequence[str] = WORLDS, places: int = PLACES
+    given: Given,
+    *,
+    worlds: Sequence[str] = WORLDS,
+    places: int = PLACES,
+    encoders: Mapping[str, Encoder] | None = None,
 ) -> Finding:
     """A row per room, measure and displacement: likeness and recall by feature; curves by room.
 
     Likeness is the mean cosine, less that of other places, over what is then left. Without `data`
-    there is no measured room. Places along the routes by seed 0.
+    there is no measured room. Places along the routes by seed 0. `encoders` are measured by name
+    beside the shipped one and the spectrograms.
     """
+    compared = {**compared_encoders(), **(encoders or {})}
     found = [] if given.data is None else list(measured_places(given.data / "rirs"))
     for k, world in enumerate(worlds):
         given.announce(world.replace("_", " "), k / len(worlds))
         found.append(places_along(world, "diffuse", places, MOVED_M))
     given.announce("features", 0.8)
-    rows = [row for place in found for row in _rows(place, compared_encoders())]
+    rows = [row for place in found for row in _rows(place, compared)]
     given.announce("done", 1.0)
-    return Finding(rows, _page(rows))
+    return Finding(rows, _page(rows, list(compared)))
 
 
 def _rows(place: Place, encoders: Mapping[str, Encoder]) -> list[Row]:
     here, other = echoes_of(place.responses), _other(place)
-    known = {name: _own(encoder.embed(here)) for name, encoder in encoders.items()}
+    known = {name: own(encoder.embed(here)) for name, encoder in encoders.items()}
     rows: list[Row] = []
     for far_m, responses in place.moved.items():
         moved = echoes_of(responses)
-        again = {name: _own(encoder.embed(moved)) for name, encoder in encoders.items()}
+        again = {name: own(encoder.embed(moved)) for name, encoder in encoders.items()}
         for measure, by in ((LIKENESS, contrast), (RECALL, partial(recall, other=other))):
             rows.append(
                 {
@@ -87,13 +93,9 @@ def _other(place: Place) -> Bool:
     return np.asarray(cdist(place.xy_m, place.xy_m) > ELSEWHERE_M)
 
 
-def _own(vectors: F32) -> F32:
-    return unit_rows(vectors - vectors.mean(axis=0))
-
-
-def _page(rows: Sequence[Row]) -> Page:
+def _page(rows: Sequence[Row], features: Sequence[str]) -> Page:
     simulated = dict.fromkeys(str(row["room"]) for row in rows if row["sound"] != MEASURED)
-    panels = [_panel(rows, room, measure) for measure in NOTES for room in simulated]
+    panels = [_panel(rows, room, measure, features) for measure in NOTES for room in simulated]
     return Page(
         "Likeness against displacement",
         "single echoes of one phone on one day, moved in some direction",
@@ -101,13 +103,13 @@ def _page(rows: Sequence[Row]) -> Page:
     )
 
 
-def _panel(rows: Sequence[Row], room: str, measure: str) -> Panel:
+def _panel(rows: Sequence[Row], room: str, measure: str, features: Sequence[str]) -> Panel:
     """A curve for each feature, and what they have in the measured room."""
     of_measure = [row for row in rows if row["measure"] == measure]
     here = [row for row in of_measure if row["room"] == room]
     curves = {
         name: Curve(*np.array([[row[MOVED], row[name]] for row in here], dtype=np.float64).T)
-        for name in compared_encoders()
+        for name in features
     }
     ticks = [100 * far for far in MOVED_M]
     figure = curves_figure(curves, MOVED, measure, ticks=ticks)

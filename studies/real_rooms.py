@@ -48,7 +48,7 @@ def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None =
     vectors = {name: _vectors(echoes, encoder) for name, encoder in compared.items()}
     rows: list[Row] = []
     for k, microphone in enumerate(microphones):
-        right = {name: recognised(own(each), k) for name, each in vectors.items()}
+        right = {name: recognised(own(each, places=1), k) for name, each in vectors.items()}
         right |= {name + AS_HEARD: recognised(each, k) for name, each in vectors.items()}
         rows += [_row(microphone, name, right) for name in right]
     given.announce("done", 1.0)
@@ -76,10 +76,10 @@ def hand_made() -> dict[str, Encoder]:
     }
 
 
-def own(vectors: F32) -> F32:
-    """Unit vectors (states, places, microphones, d) less what the places have in common."""
-    rest = vectors - vectors.mean(axis=1, keepdims=True)
-    return np.asarray(rest / np.maximum(np.linalg.norm(rest, axis=3, keepdims=True), 1e-12))
+def own(vectors: F32, *, places: int = 0) -> F32:
+    """Unit vectors (..., d) less what the places, an axis of theirs, have in common."""
+    rest = vectors - vectors.mean(axis=places, keepdims=True)
+    return np.asarray(rest / np.maximum(np.linalg.norm(rest, axis=-1, keepdims=True), 1e-12))
 
 
 def recognised(vectors: F32, microphone: int) -> Bool:

@@ -111,7 +111,9 @@ def test_encoders_reach_the_studies_that_compare_them(
     assert run_study("elf", tmp_path, None, silent) == ROWS
     assert run_study("elf", tmp_path, None, silent, encoders=mine) == ROWS
     assert told == ["usual", mine]
-    with pytest.raises(InputError, match="study gait: compares no encoders, only elf"):
+    with pytest.raises(
+        InputError, match="study gait: compares no encoders, only displacement, elf"
+    ):
         run_study("gait", tmp_path, None, silent, encoders=mine)
 
 

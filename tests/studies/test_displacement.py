@@ -5,18 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import plotly.graph_objects as go
 import pytest
 
 from elfslam.baselines.generic import unit_rows
 from studies.displacement import MOVED_M, measure_displacement, recall
 from studies.finding import Finding, Given
+from studies.plain_features import PLAIN, compared_encoders
 
 pytestmark = pytest.mark.real
 
 
 @pytest.fixture(scope="module")
 def finding() -> Finding:
-    return measure_displacement(Given(), worlds=("studio",), places=24)
+    mine = {"mine": compared_encoders()[PLAIN]}
+    return measure_displacement(Given(), worlds=("studio",), places=24, encoders=mine)
 
 
 def curve(finding: Finding, measure: str, feature: str) -> list[float]:
@@ -36,6 +39,14 @@ def test_the_elf_knows_a_place_from_a_decimetre_away(finding: Finding) -> None:
     elf, plain = (curve(finding, "recall", name) for name in ("ELF", "plain spectrogram"))
     assert elf[4] > 0.8 > plain[4]
     assert elf[8] < 0.5
+
+
+def test_an_encoder_given_by_name_stands_beside(finding: Finding) -> None:
+    assert curve(finding, "recall", "mine") == curve(finding, "recall", PLAIN)
+    assert finding.page is not None
+    figure = finding.page.panels[0].body
+    assert isinstance(figure, go.Figure)
+    assert "mine" in [trace.name for trace in figure.data]
 
 
 def test_measured_places_stand_beside(shared_data: Path) -> None:

@@ -90,8 +90,8 @@ def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
     vectors = np.repeat(generator.standard_normal((1, 5, 2, 40)), 3, axis=0).astype(np.float32)
     vectors[:, :, 1] = vectors[:, :, 0] - vectors[0, 0, 0] + vectors[0, 1, 0]
     assert not recognised(vectors, 1).all()
-    assert recognised(own(vectors), 1).all()
-    np.testing.assert_allclose(np.linalg.norm(own(vectors), axis=3), 1.0, atol=1e-6)
+    assert recognised(own(vectors, places=1), 1).all()
+    np.testing.assert_allclose(np.linalg.norm(own(vectors, places=1), axis=3), 1.0, atol=1e-6)
 
 
 @pytest.mark.parametrize("given", [True, False])
