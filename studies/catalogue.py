@@ -40,6 +40,7 @@ from studies.mall_floor import measure_mall_floor
 from studies.many_mappers import measure_many_mappers
 from studies.mapping_errors import measure_mapping
 from studies.merging import measure_merging
+from studies.offsets import measure_offsets
 from studies.paper import measure_paper
 from studies.passages import measure_passages
 from studies.physics import check_laws
@@ -79,6 +80,7 @@ STUDIES: Mapping[str, Study | LongStudy] = {
     "many-mappers": LongStudy(measure_many_mappers),
     "mapping": LongStudy(measure_mapping),
     "merging": LongStudy(measure_merging),
+    "offsets": measure_offsets,
     "paper": LongStudy(measure_paper),
     "passages": LongStudy(measure_passages),
     "physics": check_laws,
