@@ -38,7 +38,7 @@ from studies.figures.dots import dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
-from studies.mapping_errors import ALONE_THRESHOLD, CALIBRATED, trajectory_errors, walkers
+from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
 from studies.repeats import Numbers, by_world, finished
 from studies.simulated_walk import SimulatedWalk
@@ -143,13 +143,11 @@ def _mapped(
     nodes: Odometry,
     encoder: Encoder,
     settings: Settings,
-    threshold: float = CurationParameters().threshold,
 ) -> Run:
     """A run by the paper's curation."""
     features = as_heard(echoes, encoder)
     alike = echo_sequence_similarity(features, nodes)
-    curation = replace(CurationParameters(), threshold=threshold)
-    closures = curated_closures(alike, nodes, curation)
+    closures = curated_closures(alike, nodes, CurationParameters())
     trajectory = optimise(build_graph(nodes, closures), nodes.t_s, settings.graph)
     floor_map = trajectory_map(
         trajectory, features, settings.floormap, parameters_digest=digest(settings),
@@ -173,15 +171,16 @@ def _rivals(
     seed: int,
     scratch: ScratchParameters,
 ) -> Numbers:
-    """The same walk by an encoder that heard it alone, and by plain spectrograms at 0.4."""
+    """The same walk by an encoder that heard it alone, and by plain spectrograms."""
     from studies.paper_training import learnt_from_walk
 
-    alone = learnt_from_walk(echoes, scratch, seed=seed)
-    by_itself = _mapped(recording, echoes, nodes, alone, settings, ALONE_THRESHOLD)
-    plain = _mapped(recording, echoes, nodes, compared_encoders()[PLAIN], settings)
+    rivals: Mapping[str, Encoder] = {
+        "no pre-training": learnt_from_walk(echoes, scratch, seed=seed),
+        "plain spectrogram": compared_encoders()[PLAIN],
+    }
     return {
-        "mapping, no pre-training": _median_m(by_itself, truth),
-        "mapping, plain spectrogram": _median_m(plain, truth),
+        f"mapping, {name}": _median_m(_mapped(recording, echoes, nodes, rival, settings), truth)
+        for name, rival in rivals.items()
     }
 
 
