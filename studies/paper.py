@@ -17,6 +17,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+import plotly.graph_objects as go
 
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
@@ -34,7 +35,7 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
 from elfslam.world.simulate import load_world, simulate
 from studies.curation import CurationParameters, curated_closures
-from studies.figures.dots import dots_by, dots_figure
+from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
@@ -238,9 +239,13 @@ def _page(rows: Sequence[Row]) -> Page:
         lambda row: str(row["world"]).replace("_", " "), lambda row: str(row["figure"]),
         rows, "ours (m)", "from", "to", "paper (m)",
     )  # fmt: skip
-    panels = [
-        *(Panel(world, dots_figure({world: some}, "error (m)", "the paper"), NOTE)
-          for world, some in dots.items()),
-        Panel("All figures", rows_table(rows), wide=True),
-    ]  # fmt: skip
+    panels = [Panel(world, _figure(world, some), NOTE) for world, some in dots.items()]
+    panels.append(Panel("All figures", rows_table(rows), wide=True))
     return Page("The paper's recipe in a hard world", "its figures beside ours", panels)
+
+
+def _figure(world: str, dots: Sequence[Dot]) -> go.Figure:
+    """Ours beside the paper's, from centimetres to tens of metres."""
+    figure = dots_figure({world: dots}, "error (m)", "the paper")
+    figure.update_xaxes(type="log", tickvals=[0.1, 0.2, 0.5, 1, 2, 5, 10, 20])
+    return figure
