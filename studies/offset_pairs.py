@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, fields
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -37,21 +38,28 @@ FINE_S = 1e-4
 class Pairs(Value):
     """Footsteps that sound alike (n): the pose of the second seen from the first, and their sound.
 
-    `first` and `second` are their mean features, `heard` and `again` envelopes of one echo each.
+    `first` and `second` are the directions of their mean features, `heard` and `again` envelopes
+    of one echo each.
     """
 
     offset: F64 = array("n", 3)
-    first: F32 = array("n", "d", dtype=np.float32)
-    second: F32 = array("n", "d", dtype=np.float32)
+    first: F32 = array("n", "d", dtype=np.float32, unit_rows=True)
+    second: F32 = array("n", "d", dtype=np.float32, unit_rows=True)
     heard: F32 = array("n", "t", dtype=np.float32)
     again: F32 = array("n", "t", dtype=np.float32)
 
     @property
     def likeness(self) -> F64:
         """Cosines (n) of the mean features."""
-        dots = np.einsum("nd,nd->n", self.first, self.second)
-        length = np.linalg.norm(self.first, axis=1) * np.linalg.norm(self.second, axis=1)
-        return np.asarray(dots / length, np.float64)
+        return np.asarray(np.einsum("nd,nd->n", self.first, self.second), np.float64)
+
+
+class Footsteps(NamedTuple):
+    """Those of a lap: where, the directions of their features (n, d), and envelopes (n, t)."""
+
+    places: Places
+    directions: F32
+    envelopes: F32
 
 
 def pairs_in(world: str, kind: str, encoder: Encoder, seed: int) -> Pairs:
@@ -61,9 +69,10 @@ def pairs_in(world: str, kind: str, encoder: Encoder, seed: int) -> Pairs:
     1 % of footsteps 2 m apart.
     """
     venue, lane_m = venue_of(world, kind), own_lane_m(world)
-    mapped = [mapped_lap(venue, lane_m, seed, number) for number in range(LAPS)]
-    asked = strange_laps(venue, lane_m, seed)
-    return together(_near(lap, other, encoder) for other in asked for lap in mapped)
+    laps = [mapped_lap(venue, lane_m, seed, number) for number in range(LAPS)]
+    mapped = [_footsteps(lap, encoder) for lap in laps]
+    asked = [_footsteps(lap, encoder) for lap in strange_laps(venue, lane_m, seed)]
+    return together(_near(one, other) for other in asked for one in mapped)
 
 
 def together(parts: Iterable[Pairs]) -> Pairs:
@@ -73,19 +82,23 @@ def together(parts: Iterable[Pairs]) -> Pairs:
     return Pairs(*(np.concatenate([getattr(part, name) for part in every]) for name in names))
 
 
-def _near(lap: Lap, asked: Lap, encoder: Encoder) -> Pairs:
-    one, other = footsteps_of(lap, encoder), footsteps_of(asked, encoder)
-    seen = between(_poses(one)[:, None], _poses(other)[None])
-    alike = _directions(one.vectors) @ _directions(other.vectors).T
-    limit = np.quantile(alike[_elsewhere(one, other)], 1 - FALSE_POSITIVES)
+def _footsteps(lap: Lap, encoder: Encoder) -> Footsteps:
+    places = footsteps_of(lap, encoder)
+    return Footsteps(places, _directions(places.vectors), _envelopes(lap, places))
+
+
+def _near(one: Footsteps, other: Footsteps) -> Pairs:
+    seen = between(_poses(one.places)[:, None], _poses(other.places)[None])
+    alike = one.directions @ other.directions.T
+    limit = np.quantile(alike[_elsewhere(one.places, other.places)], 1 - FALSE_POSITIVES)
     close = np.abs(wrap_angle(seen[..., 2])) <= TURN_RAD
     close &= (np.abs(seen[..., 0]) <= ALONG_M) & (np.abs(seen[..., 1]) <= ACROSS_M)
     best = np.where(close, alike, -1.0).argmax(axis=0)
     columns = np.arange(len(best))
-    known = np.flatnonzero(close[best, columns] & (alike[best, columns] > limit))
-    i, j = best[known], known
-    heard, again = _envelopes(lap, one), _envelopes(asked, other)
-    return Pairs(seen[i, j], one.vectors[i], other.vectors[j], heard[i], again[j])
+    j = np.flatnonzero(close[best, columns] & (alike[best, columns] > limit))
+    i = best[j]
+    features = one.directions[i], other.directions[j]
+    return Pairs(seen[i, j], *features, one.envelopes[i], other.envelopes[j])
 
 
 def _poses(places: Places) -> F64:

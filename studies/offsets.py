@@ -43,10 +43,10 @@ def measure_offsets(
     ways |= {name: learn(known) for name, learn in LEARNT.items()}
     asked = _pairs(given, worlds, seeds)
     rows = [
-        _row(world, name, axis, [_missed(tell, asked[world, seed], k) for seed in seeds])
+        row
         for world in worlds
         for name, tell in ways.items()
-        for k, axis in enumerate(AXES)
+        for row in _rows(world, name, [_missed(tell, asked[world, seed]) for seed in seeds])
     ]
     return Finding(rows, _page(rows))
 
@@ -62,10 +62,16 @@ def _pairs(
     return found
 
 
-def _missed(tell: Teller, pairs: Pairs, axis: int) -> F64:
-    """What is missed of an axis, and its sigma: (2, n)."""
+def _missed(tell: Teller, pairs: Pairs) -> F64:
+    """What is missed of each axis, and its sigma: (2, n, 3)."""
     told = tell(pairs)
-    return np.stack([pairs.offset[:, axis] - told.mean[:, axis], told.sigma[:, axis]])
+    return np.stack([pairs.offset - told.mean, told.sigma])
+
+
+def _rows(world: str, way: str, seeds: Sequence[F64]) -> list[Row]:
+    return [
+        _row(world, way, axis, [missed[..., k] for missed in seeds]) for k, axis in enumerate(AXES)
+    ]
 
 
 def _row(world: str, way: str, axis: str, seeds: Sequence[F64]) -> Row:

@@ -90,14 +90,16 @@ def measure_paper(
 ) -> Finding:
     """A row per world and figure of the paper: ours, theirs and the ratio.
 
-    The encoder that has heard no walk yet stays beside what is kept.
+    The encoder that has heard no walk yet stays beside what is kept, by the digest of its recipe.
     """
-    from studies.paper_training import AS_IN_PAPER, pretrained_as_in_paper
+    from studies.paper_training import AS_IN_PAPER, pretrain_as_in_paper
 
     tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
+    recipe = pretraining or AS_IN_PAPER
     with _encoders(given) as folder:
-        file = folder / "as_in_paper.onnx"
-        pretrained_as_in_paper(file, parameters=pretraining or AS_IN_PAPER, announce=given.announce)
+        file = folder / f"as_in_paper_{digest(recipe)}.onnx"
+        if not file.exists():
+            pretrain_as_in_paper(file, recipe, given.announce)
         measure = partial(_measured, file=file, scratch=scratch or ScratchParameters(threads=1))
         numbers = finished(measure, tasks, given)
     rows = paper_rows(by_world(tasks, numbers))

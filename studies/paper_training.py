@@ -34,25 +34,21 @@ AS_IN_PAPER = replace(
 """600,000 echoes, from which on the paper's error no longer falls. It tells no temperature."""
 
 
-def pretrained_as_in_paper(
-    file: Path, *, parameters: PretrainParameters = AS_IN_PAPER, announce: Announce
-) -> OnnxEncoder:
-    """A compact encoder that has heard one phone in rooms where nothing changes, kept in `file`.
+def pretrain_as_in_paper(file: Path, parameters: PretrainParameters, announce: Announce) -> None:
+    """Write a compact encoder that has heard one phone in rooms where nothing changes.
 
-    Positives are echoes closer than 20 cm, negatives all others of the batch.
+    Positives are echoes closer than 20 cm, negatives all others of the batch. A killed run goes on.
     """
-    if not file.exists():
-        checkpoint = file.with_suffix(".checkpoint")
-        pairs_of = partial(_pairs, pairs=parameters.pairs, rooms=parameters.rooms)
+    checkpoint = file.with_suffix(".checkpoint")
+    pairs_of = partial(_pairs, pairs=parameters.pairs, rooms=parameters.rooms)
 
-        def report(progress: Progress) -> None:
-            announce("pre-training", progress.step / parameters.steps)
+    def report(progress: Progress) -> None:
+        announce("pre-training", progress.step / parameters.steps)
 
-        made = pretrain(pairs_of, parameters, seed=0, checkpoint=checkpoint, report=report)
-        with new_file(file) as unfinished:
-            unfinished.write_bytes(encoder_content(made.network))
-        checkpoint.unlink(missing_ok=True)
-    return OnnxEncoder(file.read_bytes(), "as in the paper")
+    made = pretrain(pairs_of, parameters, seed=0, checkpoint=checkpoint, report=report)
+    with new_file(file) as unfinished:
+        unfinished.write_bytes(encoder_content(made.network))
+    checkpoint.unlink(missing_ok=True)
 
 
 def _pairs(step: int, *, pairs: int, rooms: int) -> EchoPairs:

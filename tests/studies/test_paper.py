@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.learn.parameters import ScratchParameters
+from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.line.feature import load_encoder
 from elfslam.scoring.page import save_page
 from studies import paper
@@ -38,16 +38,35 @@ def test_what_the_paper_tells_is_of_its_places() -> None:
     assert set(CHANGES) <= set(PAPER_M)
 
 
-def shipped_as_pretrained(file: Path, **_: object) -> None:
+def shipped_as_pretrained(file: Path, *_: object) -> None:
     """What is trained for an hour stands for what is trained for a quarter."""
     file.write_bytes(load_encoder("compact").content)
+
+
+def test_a_recipe_is_trained_once_and_another_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trained: list[Path] = []
+
+    def train(file: Path, *_: object) -> None:
+        file.parent.mkdir(exist_ok=True)
+        file.touch()
+        trained.append(file)
+
+    monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", train)
+    monkeypatch.setattr(paper, "finished", lambda *_: [])
+    given = Given(kept=tmp_path / "paper.partial")
+    for steps in (2, 2, 3):
+        measure_paper(given, worlds=(), pretraining=PretrainParameters(steps=steps))
+    assert len(trained) == len(set(trained)) == 2
+    assert {file.parent for file in trained} == {tmp_path / "encoders"}
 
 
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(paper, "PAPER_M", {name: {"studio": 1.0} for name in PAPER_M})
-        patch.setattr("studies.paper_training.pretrained_as_in_paper", shipped_as_pretrained)
+        patch.setattr("studies.paper_training.pretrain_as_in_paper", shipped_as_pretrained)
         quick = ScratchParameters(steps=2, pairs=16, threads=1)
         return measure_paper(Given(), worlds=("studio",), seeds=(100,), rounds=3, scratch=quick)
 

@@ -13,7 +13,7 @@ from elfslam.base.progress import silent
 from elfslam.base.values import ECHO_SAMPLES, Echoes
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.feature import OnnxEncoder
-from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrained_as_in_paper
+from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrain_as_in_paper
 
 FEW = replace(ScratchParameters(), steps=40, pairs=32, near_s=1.0, threads=1)
 
@@ -71,13 +71,18 @@ def test_a_start_is_where_it_begins(walk: Echoes, learnt: OnnxEncoder) -> None:
     assert fresh[-1] < fresh[0]
 
 
-def test_what_is_pretrained_is_made_once(tmp_path: Path) -> None:
-    file, few = tmp_path / "encoders" / "first.onnx", replace(AS_IN_PAPER, steps=2, pairs=16)
-    made = pretrained_as_in_paper(file, parameters=few, announce=silent)
-    again = pretrained_as_in_paper(file, parameters=few, announce=silent)
-    assert [path.name for path in file.parent.iterdir()] == ["first.onnx"]
-    assert again.content == made.content == file.read_bytes()
-    other = pretrained_as_in_paper(
-        tmp_path / "other.onnx", parameters=replace(few, steps=3), announce=silent
-    )
-    assert other.content != made.content
+def test_the_statistics_of_a_start_stay(walk: Echoes, learnt: OnnxEncoder) -> None:
+    """Where nothing is learnt nothing changes: its norms do not take on those of the walk."""
+    idle = replace(FEW, steps=5, learning_rate=1e-9)
+    same = learnt_from_walk(walk, idle, seed=5, start=learnt)
+    np.testing.assert_allclose(same.embed(walk.samples), learnt.embed(walk.samples), atol=1e-4)
+
+
+def test_a_recipe_gives_one_encoder(tmp_path: Path) -> None:
+    few, made = replace(AS_IN_PAPER, steps=2, pairs=16), []
+    for name, steps in (("one", 2), ("again", 2), ("longer", 3)):
+        file = tmp_path / name / "encoder.onnx"
+        pretrain_as_in_paper(file, replace(few, steps=steps), silent)
+        assert [path.name for path in file.parent.iterdir()] == ["encoder.onnx"]
+        made.append(file.read_bytes())
+    assert made[0] == made[1] != made[2]
