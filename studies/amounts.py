@@ -23,13 +23,14 @@ from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.kinds import SURVEYOR, Kind
 from studies.elf import labelled_pairs
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.separation import histograms, recall_at
 from studies.finding import Finding, Given, Row
 from studies.intervals import curve_of, mean_row
 from studies.repeats import Numbers, finished
+from studies.simulated_walk import SimulatedWalk, simulated
 
 ECHOES = (20_480, 61_440, 204_800, 614_400, 1_024_000)
 MINUTES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
@@ -48,9 +49,7 @@ class TrainedWalk:
 
     varied: str
     amount: float
-    world: str
-    seed: int
-    rounds: int
+    walk: SimulatedWalk
 
 
 def measure_amounts(
@@ -61,31 +60,32 @@ def measure_amounts(
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     long_rounds: int = LONG_ROUNDS,
+    kind: Kind = SURVEYOR,
 ) -> Finding:
     """Map error and recall against both amounts, and losses from random and trained weights.
 
     Encoders of so many echoes are trained by the recipe of the shipped one and kept beside `kept`.
     """
-    tasks = [
-        TrainedWalk(PRETRAINED, n, w, s, ROUNDS) for n in echoes for w in worlds for s in seeds
-    ]
-    tasks += [TrainedWalk(FINETUNED, m, w, seeds[0], long_rounds) for m in minutes for w in worlds]
+    walks = [SimulatedWalk(w, seed, ROUNDS, kind.name) for w in worlds for seed in seeds]
+    long = [SimulatedWalk(w, seeds[0], long_rounds, kind.name) for w in worlds]
+    tasks = [TrainedWalk(PRETRAINED, n, walk) for n in echoes for walk in walks]
+    tasks += [TrainedWalk(FINETUNED, m, walk) for m in minutes for walk in long]
     folder = None if given.kept is None else given.kept.parent / "encoders"
     measure = partial(_measured, folder=folder, announce=silent_elsewhere(given.announce))
     numbers = finished(measure, tasks, given)
     rows = _rows(tasks, numbers)
     given.announce("losses", None)
-    return Finding(rows, _page(rows, _losses(worlds[0], seeds[0])))
+    return Finding(rows, _page(rows, _losses(walks[0])))
 
 
-def _measured(walk: TrainedWalk, folder: Path | None, announce: Announce) -> Numbers:
-    recording, truth = simulate(load_world(walk.world), walk.seed, rounds=walk.rounds)
-    if walk.varied == PRETRAINED:
-        encoder: Encoder = _trained(int(walk.amount), folder, announce)
+def _measured(task: TrainedWalk, folder: Path | None, announce: Announce) -> Numbers:
+    recording, truth = simulated(task.walk)
+    if task.varied == PRETRAINED:
+        encoder: Encoder = _trained(int(task.amount), folder, announce)
     else:
-        encoder = _learnt(recording, walk.amount)
+        encoder = _learnt(recording, task.amount)
     run = map_by_echoes(recording, encoder, Parameters())
-    return {ERROR: _median_error_m(run, truth), RECALL: _recall(run, truth, walk.rounds)}
+    return {ERROR: _median_error_m(run, truth), RECALL: _recall(run, truth, task.walk.rounds)}
 
 
 def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncoder:
@@ -137,12 +137,11 @@ def _rows(tasks: Sequence[TrainedWalk], numbers: Sequence[Numbers]) -> list[Row]
     ]
 
 
-def _losses(world: str, seed: int) -> dict[str, Curve]:
+def _losses(walk: SimulatedWalk) -> dict[str, Curve]:
     """The loss of the paper's fine-tuning, step by step, from random and from trained weights."""
     from studies.paper_training import learnt_from_walk
 
-    recording, _ = simulate(load_world(world), seed, rounds=ROUNDS)
-    echoes, curves = hear(recording, Parameters()), {}
+    echoes, curves = hear(simulated(walk)[0], Parameters()), {}
     shipped = load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
     for name, start in {"random weights": None, "pre-trained": shipped}.items():
@@ -162,7 +161,7 @@ def _page(rows: Sequence[Row], losses: dict[str, Curve]) -> Page:
     figure = curves_figure(losses, "step", "NT-Xent")
     panels.append(Panel("Loss on one walk", figure, "The paper's fine-tuning of one walk."))
     panels.append(Panel("Figures", rows_table(list(rows)), wide=True))
-    return Page("How much must be heard", "Simulated walks of the development worlds", panels)
+    return Page("How much must be heard", "Surveyors in the development worlds", panels)
 
 
 def _panel(rows: Sequence[Row], varied: str, measure: str) -> Panel:

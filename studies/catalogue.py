@@ -104,11 +104,12 @@ STUDIES: Mapping[str, Study | LongStudy] = {
 
 COMPARES = ("displacement", "elf", "laps", "real-rooms", "trace")
 """Studies to which encoders can be given."""
+OF_SURVEYORS = ("amounts", "elf", "finetuning", "merging", "superimposition", "unknown-phone")
 BY_KIND = (
-    "acoustic-odometry", "closures", "elf", "floor-plan", "laps", "localization", "many-mappers",
-    "mapping", "passages", "sensitivity", "taps",
+    "acoustic-odometry", "closures", "floor-plan", "laps", "localization", "many-mappers",
+    "mapping", "passages", "sensitivity", "taps", *OF_SURVEYORS,
 )  # fmt: skip
-"""Studies whose walks are of a kind: people's where none is given, in `elf` a surveyor's."""
+"""Studies whose walks are of a kind: people's where none is given, or surveyors'."""
 
 
 def run_study(

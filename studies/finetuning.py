@@ -16,11 +16,12 @@ from elfslam.line.feature import Encoder, load_encoder
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.kinds import SURVEYOR, Kind
 from studies.elf import labelled_pairs
 from studies.figures.separation import histograms, separation_row
 from studies.finding import Given, Row
 from studies.intervals import mean_range
+from studies.simulated_walk import SimulatedWalk, simulated
 
 WORLDS = ("studio", "lounge")
 """For development: the worlds of evaluation stay unheard."""
@@ -46,6 +47,7 @@ def measure_finetuning(
     rounds: int = ROUNDS,
     encoder: str = "compact",
     parameters: FinetuneParameters | None = None,
+    kind: Kind = SURVEYOR,
 ) -> list[Row]:
     """A row per world and encoder, before and after."""
     known, pretrained = parameters or FinetuneParameters(), load_encoder(encoder)
@@ -54,26 +56,28 @@ def measure_finetuning(
         collected = {name: Walks() for name in ENCODERS}
         for k, seed in enumerate(seeds):
             given.announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
-            _measure_walk(world, seed, rounds, pretrained, known, collected)
+            _measure_walk(
+                SimulatedWalk(world, seed, rounds, kind.name), pretrained, known, collected
+            )
         rows += [_row(world, name, walks) for name, walks in collected.items()]
     return rows
 
 
 def _measure_walk(
-    world: str,
-    seed: int,
-    rounds: int,
+    walk: SimulatedWalk,
     encoder: Encoder,
     parameters: FinetuneParameters,
     collected: dict[str, Walks],
 ) -> None:
-    recording, truth = simulate(load_world(world), seed, rounds=rounds)
+    recording, truth = simulated(walk)
     before = map_by_echoes(recording, encoder, Parameters())
     assert before.echoes is not None
-    learnt = finetuned(encoder, before.echoes, parameters, seed, lambda what, share: None).encoder
+    learnt = finetuned(
+        encoder, before.echoes, parameters, walk.seed, lambda what, share: None
+    ).encoder
     after = map_by_echoes(recording, encoder, Parameters(), adapt=lambda *_: learnt)
     for name, run in zip(ENCODERS, (before, after), strict=True):
-        _collect(collected[name], run, truth, rounds)
+        _collect(collected[name], run, truth, walk.rounds)
 
 
 def _collect(walks: Walks, run: Run, truth: Truth, rounds: int) -> None:

@@ -16,7 +16,7 @@ from elfslam.base.values import Trajectory, Truth
 from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.world.circumstances import Circumstances
+from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
@@ -32,7 +32,10 @@ MOVED = "moved"
 
 @dataclass(frozen=True)
 class Stroll:
-    """A walk of one person: over the whole route, or there and back over a part of it."""
+    """A walk of one person: over the whole route, or there and back over a part of it.
+
+    A `later` one is of another day, with another phone.
+    """
 
     world: str
     seed: int
@@ -40,15 +43,18 @@ class Stroll:
     part: str = WHOLE
     reverse: bool = False
     state: str = ""
+    later: bool = False
+    kind: str = SURVEYOR.name
 
 
 @cache
 def strolled(stroll: Stroll) -> tuple[MappedWalk, Truth]:
     """The walk as it is mapped by itself, its start unknown, and the truth."""
-    today = Circumstances(state=stroll.state)
+    world, kind = _routed(stroll), kind_named(stroll.kind)
+    today = kind.asking(world.room) if stroll.later else kind.mapping(world.room)
     recording, truth = simulate(
-        _routed(stroll), stroll.seed, rounds=stroll.rounds, reverse=stroll.reverse,
-        circumstances=today,
+        world, stroll.seed, rounds=stroll.rounds, reverse=stroll.reverse, walker=kind.walker,
+        circumstances=replace(today, state=stroll.state),
     )  # fmt: skip
     run = map_by_echoes(recording, _shipped(), Settings())
     return replace(walk_of(run), name=repr(stroll)), truth

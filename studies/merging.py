@@ -14,6 +14,7 @@ from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.merging import MergeParameters, add_walk, merge
 from elfslam.slam.merging.grow import map_of
+from elfslam.world.kinds import SURVEYOR, Kind
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.outcomes import outcomes_figure
 from studies.finding import Finding, Given, Row
@@ -46,7 +47,7 @@ OUTCOMES = ("right", "refused", "wrong")
 class Pair:
     """Two walks, and what they have in common."""
 
-    kind: str
+    common: str
     one: Stroll
     other: Stroll
 
@@ -58,6 +59,7 @@ class Growth:
     world: str
     walks: tuple[int, ...]
     stranger: int
+    kind: str
 
 
 def measure_merging(
@@ -67,44 +69,56 @@ def measure_merging(
     seeds: Sequence[int] = SEEDS,
     pairs: Mapping[str, int] | None = None,
     walks: Sequence[int] = WALKS,
+    kind: Kind = SURVEYOR,
 ) -> Finding:
     """Outcomes of random pairs of walks, and maps of 1 to 8 walks."""
     wanted = {**HUNDRED, **BESIDES} if pairs is None else pairs
     generator = np.random.default_rng(0)
-    kinds = [kind for kind, count in wanted.items() for _ in range(count)]
-    drawn = [_drawn(kind, worlds, seeds, generator) for kind in kinds]
-    grown = [Growth(world, tuple(seeds[:count]), seeds[-1]) for world in worlds for count in walks]
+    every = [common for common, count in wanted.items() for _ in range(count)]
+    drawn = [_drawn(common, worlds, seeds, generator, kind) for common in every]
+    grown = [
+        Growth(world, tuple(seeds[:count]), seeds[-1], kind.name)
+        for world in worlds
+        for count in walks
+    ]
     tasks: list[Pair | Growth] = [*dict.fromkeys(drawn), *grown]
     numbers = finished(_measured, tasks, given)
     found = dict(zip(tasks, numbers, strict=True))
     outcomes = {
-        kind: _counted([found[pair] for pair in drawn if pair.kind == kind]) for kind in wanted
+        common: _counted([found[pair] for pair in drawn if pair.common == common])
+        for common in wanted
     }
-    growth: list[Row] = [
-        {"world": each.world, "walks": len(each.walks), **_rounded(found[each])} for each in grown
-    ]
-    rows: list[Row] = [{"pairs": kind, **counts} for kind, counts in outcomes.items()]
+    growth = _whole(
+        [{"world": each.world, "walks": len(each.walks), **_rounded(found[each])} for each in grown]
+    )
+    rows: list[Row] = [{"pairs": common, **counts} for common, counts in outcomes.items()]
     return Finding(_together(outcomes, rows, growth), _page(outcomes, rows, growth))
 
 
 def _drawn(
-    kind: str, worlds: Sequence[str], seeds: Sequence[int], generator: np.random.Generator
+    common: str,
+    worlds: Sequence[str],
+    seeds: Sequence[int],
+    generator: np.random.Generator,
+    kind: Kind,
 ) -> Pair:
-    """A random pair of a kind: two people, each with a number of rounds of their own."""
+    """A random pair: two people, each with a number of rounds of their own, the second later."""
     here, there = generator.permutation(len(worlds))[:2] if len(worlds) > 1 else (0, 0)
     one, other = generator.permutation(len(seeds))[:2]
     rounds = generator.integers(2, 4, 2)
-    parts = {PARTLY: (WHOLE, FIRST), APART: (FIRST, SECOND)}.get(kind, (WHOLE, WHOLE))
+    parts = {PARTLY: (WHOLE, FIRST), APART: (FIRST, SECOND)}.get(common, (WHOLE, WHOLE))
     return Pair(
-        kind,
-        Stroll(worlds[here], seeds[one], int(rounds[0]), parts[0]),
+        common,
+        Stroll(worlds[here], seeds[one], int(rounds[0]), parts[0], kind=kind.name),
         Stroll(
-            worlds[there if kind == OTHER else here],
+            worlds[there if common == OTHER else here],
             seeds[other],
             int(rounds[1]),
             parts[1],
-            reverse=kind == OPPOSITE,
-            state=MOVED if kind == CHANGED else "",
+            reverse=common == OPPOSITE,
+            state=MOVED if common == CHANGED else "",
+            later=True,
+            kind=kind.name,
         ),
     )
 
@@ -119,7 +133,7 @@ def _pair(pair: Pair) -> Numbers:
     made = merge([one, other], MergeParameters())
     if not made.maps:
         return {"refused": 1.0}
-    if pair.kind in (OTHER, APART):
+    if pair.common in (OTHER, APART):
         return {"wrong": 1.0}
     apart_m = truly_apart_m(made.maps[0].trajectories, [one_truth, other_truth])
     typical_m = float(np.median(apart_m)) if len(apart_m) else np.inf
@@ -129,7 +143,10 @@ def _pair(pair: Pair) -> Numbers:
 def _growth(growth: Growth) -> Numbers:
     """Errors of a map of some walks and of a stranger in it, its size, and the last walk's cost."""
     parameters = MergeParameters()
-    strolls = [strolled(Stroll(growth.world, seed)) for seed in growth.walks]
+    strolls = [
+        strolled(Stroll(growth.world, seed, later=number % 2 == 1, kind=growth.kind))
+        for number, seed in enumerate(growth.walks)
+    ]
     walks, truths = zip(*strolls, strict=True)
     if len(walks) == 1:
         trajectories, inside = [walks[0].trajectory], list(truths)
@@ -141,7 +158,7 @@ def _growth(growth: Growth) -> Numbers:
         named = {walk.name: truth for walk, truth in zip(walks, truths, strict=True)}
         trajectories, inside = list(made[0].trajectories), [named[name] for name in made[0].names]
         floor_map = made[0].floor_map
-    stranger, truth = strolled(Stroll(growth.world, growth.stranger))
+    stranger, truth = strolled(Stroll(growth.world, growth.stranger, later=True, kind=growth.kind))
     fixes = locate_one_shot(stranger.features, floor_map, LocateParameters())
     walked, true = one_after_another(trajectories, inside)
     found = fix_errors(fixes, truth, alignment_of(walked, true))
@@ -178,17 +195,22 @@ def _rounded(numbers: Numbers) -> Row:
 def _overlapping(outcomes: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
     """The outcomes of all pairs that share ground in the same direction."""
     return {
-        name: sum(outcomes.get(kind, {}).get(name, 0) for kind in OVERLAPPING) for name in OUTCOMES
+        name: sum(outcomes.get(common, {}).get(name, 0) for common in OVERLAPPING)
+        for name in OUTCOMES
     }
 
 
 def _together(
     outcomes: Mapping[str, Mapping[str, int]], rows: Sequence[Row], growth: Sequence[Row]
 ) -> list[Row]:
-    """Both tables as one, each row with all columns; the overlapping pairs summed up."""
-    every = [*rows, {"pairs": "all that overlap", **_overlapping(outcomes)}, *growth]
-    names = list(dict.fromkeys(name for row in every for name in row))
-    return [{name: row.get(name) for name in names} for row in every]
+    """Both tables as one; the overlapping pairs summed up."""
+    return _whole([*rows, {"pairs": "all that overlap", **_overlapping(outcomes)}, *growth])
+
+
+def _whole(rows: Sequence[Row]) -> list[Row]:
+    """Rows that have all columns of all; empty where nothing was merged."""
+    names = list(dict.fromkeys(name for row in rows for name in row))
+    return [{name: row.get(name) for name in names} for row in rows]
 
 
 def _page(
@@ -214,8 +236,8 @@ def _page(
 
 PAIRS_NOTE = (
     "Two people each, with routes, rounds and starting corners of their own; nobody knows where "
-    "they began. Right: of the footsteps that the map puts together, half were truly within "
-    f"{RIGHT_M:g} m of each other."
+    "they began, and the second walks on another day with another phone. Right: of the footsteps "
+    f"that the map puts together, half were truly within {RIGHT_M:g} m of each other."
 )
 GROWTH_NOTE = (
     "Map error: median over all footsteps, all walks aligned together. One-shot: a "

@@ -13,15 +13,17 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Truth
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, floor_spots
 from elfslam.slam.front_end import hear
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world, simulate
 from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from studies.located import at_its_start
 from studies.mapping_errors import CALIBRATED, walkers
 from studies.repeats import Numbers
+from studies.simulated_walk import simulated_in
 
 STRANGER, ASKER = 500, 1000
 """Added to the seed for who walks the other way round, and for who is located."""
@@ -32,12 +34,13 @@ PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
 
 @dataclass(frozen=True)
 class Ways:
-    """A room, walked one way round by one person and the other way by a second, then a third."""
+    """A room, walked one way round by one person and the other way by a second; a third asks."""
 
     world: str = "living_room"
     seed: int = 0
     rounds: int = 4
     steps: int = STEPS
+    kind: str = SURVEYOR.name
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +66,7 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
         both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
         learnt = _learnt(task, both, shipped, folder / placed, announce)
         for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
-            found = fixes_m(encoder.embed(samples), TOGETHER, vectors, xy_m)
+            found = fixes_m(walk_vectors(samples, encoder), TOGETHER, vectors, xy_m)
             numbers |= errors(f"{name}|{placed}|{TOGETHER}", found, places_m)
     off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
     return {**numbers, "map error (m)": float(np.median(np.concatenate(off_m)))}
@@ -71,8 +74,11 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
 
 def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
     """A walk whose start is known, mapped: what superimposition has of it."""
-    recording, truth = simulate(load_world(task.world), seed, rounds=task.rounds, reverse=reverse)
-    known = walkers(seed)[CALIBRATED]
+    kind = kind_named(task.kind)
+    recording, truth = simulated_in(
+        load_world(task.world), seed, task.rounds, kind, reverse=reverse
+    )
+    known = walkers(seed, kind)[CALIBRATED]
     recording = at_its_start(recording, truth)
     run = map_by_echoes(recording, load_encoder("compact"), known)
     assert run.echoes is not None
@@ -93,7 +99,7 @@ def _learnt(
     from elfslam.learn.parameters import FloorLevelParameters
 
     parameters = FloorLevelParameters(steps=task.steps)
-    heard = [_spot_echoes([walk], [np.arange(len(walk.poses))]) for walk in walks]
+    heard = [_spot_echoes(walk) for walk in walks]
     spots_m = floor_spots(np.vstack([walk.poses[:, :2] for walk in walks]), SPACING_M)
     folder.mkdir(parents=True, exist_ok=True)
     checkpoint = folder / f"{task.world}-ways-{task.seed}.checkpoint"
@@ -106,17 +112,18 @@ def _learnt(
     return found.encoder
 
 
-def _spot_echoes(walks: Sequence[Mapped], rows: Sequence[I64]) -> SpotEchoes:
-    pairs = list(zip(walks, rows, strict=True))
-    poses = np.vstack([walk.poses[some] for walk, some in pairs])
-    samples = np.vstack([walk.echoes.samples[some] for walk, some in pairs])
-    return SpotEchoes(samples, poses[:, :2], poses[:, 2])
+def _spot_echoes(walk: Mapped) -> SpotEchoes:
+    return SpotEchoes(walk.echoes.samples, walk.poses[:, :2], walk.poses[:, 2])
 
 
 def _asked(task: Ways) -> tuple[F64, F32]:
     """Where (n, 2) the third person was, who walks back too, and six echoes (6 n, 2352) each."""
-    recording, truth = simulate(load_world(task.world), task.seed + ASKER, rounds=1, reverse=True)
-    echoes = hear(recording, walkers(task.seed)[CALIBRATED])
+    world, kind = load_world(task.world), kind_named(task.kind)
+    recording, truth = simulate(
+        world, task.seed + ASKER, rounds=1, reverse=True, walker=kind.walker,
+        circumstances=kind.asking(world.room),
+    )  # fmt: skip
+    echoes = hear(recording, walkers(task.seed, kind)[CALIBRATED])
     moving = walking(truth, echoes.t_s)
     count = len(moving) // TOGETHER
     rows = moving[: count * TOGETHER]
@@ -150,7 +157,6 @@ def _maps(both: Sequence[Mapped], shipped: Encoder, learnt: Encoder) -> Iterator
     ):
         poses = np.vstack([walk.poses for walk in walks])
         spots_m = floor_spots(poses[:, :2], SPACING_M)
-        rows = [np.arange(len(walk.poses)) for walk in walks]
-        yield name, spots_m, floor_elfs(encoder, spots_m, [_spot_echoes(walks, rows)]), encoder
-    vectors = np.vstack([shipped.embed(walk.echoes.samples) for walk in both])
+        yield name, spots_m, floor_elfs(encoder, spots_m, map(_spot_echoes, walks)), encoder
+    vectors = np.vstack([walk_vectors(walk.echoes.samples, shipped) for walk in both])
     yield "all echoes kept apart", np.vstack([walk.poses[:, :2] for walk in both]), vectors, shipped

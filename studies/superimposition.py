@@ -11,6 +11,7 @@ import numpy as np
 from elfslam.app.workers import silent_elsewhere
 from elfslam.base.progress import Announce
 from elfslam.scoring.page import Page, Panel, rows_table
+from elfslam.world.kinds import SURVEYOR, Kind
 from studies.figures.curves import Curve, curves_figure
 from studies.figures.elf_figures import strips_figure
 from studies.finding import Finding, Given, Row
@@ -22,7 +23,7 @@ from studies.repeats import Numbers, finished
 MEASURES = ("mean", "median", "Q3", "over 1 m")
 PAPER_M = {"one direction|different direction": 3.2, "superimposed": 0.24, "supervised": 0.56}
 """Mean errors of the paper's 4,000 simulated spots."""
-WAYS = tuple(Ways(seed=seed) for seed in range(10))
+SEEDS = tuple(range(10))
 CURVES = (
     ("superimposed", SETS[2]),
     ("one direction", "different direction"),
@@ -44,14 +45,19 @@ Task = Spots | Ways
 
 
 def measure_superimposition(
-    given: Given, *, floors: Sequence[Spots] = (Spots(),), ways: Sequence[Ways] = WAYS
+    given: Given,
+    *,
+    floors: Sequence[Spots] = (Spots(),),
+    ways: Sequence[Ways] | None = None,
+    kind: Kind = SURVEYOR,
 ) -> Finding:
     """Errors with and without superimposition: both ways round a room, and on thousands of spots.
 
     Trainings are kept beside `kept` and go on from there.
     """
     folder = (given.kept or Path("superimposition.partial")).parent / "superimposition"
-    tasks: list[Task] = [*ways, *floors]
+    walked_ways = ways if ways is not None else [Ways(seed=s, kind=kind.name) for s in SEEDS]
+    tasks: list[Task] = [*walked_ways, *floors]
     measure = partial(_measured, folder=folder, announce=silent_elsewhere(given.announce))
     numbers = finished(measure, tasks, given)
     pairs = list(zip(tasks, numbers, strict=True))

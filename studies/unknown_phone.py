@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from elfslam.line.superimposition import SpotEchoes, floor_spots, superimposed_m
 from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
-from elfslam.world.circumstances import Circumstances
+from elfslam.world.kinds import ASKING_PHONE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world, simulate
 from studies.figures.dots import Dot, dots_figure
 from studies.finding import Finding, Given, Row
@@ -30,8 +30,7 @@ from studies.repeats import Numbers, finished
 
 WORLDS = ("studio", "lounge")
 SEEDS = (110, 111, 112, 113)
-PHONES = ("simulated phone", "cheap", "bottom-fired")
-MAPPED_BY = "simulated phone"
+PHONES = (ASKING_PHONE, "cheap", "bottom-fired")
 BACK, ASKER, LEARNER = 700, 500, 600
 """Added to the seed of a map for who walks back, who is located, and for the phone's own walk."""
 MEASURES = ("median", "mean", "over 1 m")
@@ -40,10 +39,11 @@ NOTE = "Means over the walks of each walk's mean error, with 95 % by resampling 
 
 @dataclass(frozen=True)
 class Place:
-    """A room mapped both ways round by one phone, in which each phone is then heard."""
+    """A room mapped both ways round by one phone, in which each other is heard days later."""
 
     world: str
     seed: int
+    kind: str
     phones: tuple[str, ...] = PHONES
     rounds: int = 4
     learner_rounds: int = 3
@@ -67,11 +67,12 @@ def measure_unknown_phone(
     phones: Sequence[str] = PHONES,
     rounds: int = 4,
     steps: int = 200,
+    kind: Kind = SURVEYOR,
 ) -> Finding:
     """One-shot errors of each phone by map and by what is done about it."""
     folder = (given.kept or Path("unknown-phone.partial")).parent
     tasks = [
-        Place(world, seed, tuple(phones), rounds, min(rounds, 3), steps)
+        Place(world, seed, kind.name, tuple(phones), rounds, min(rounds, 3), steps)
         for seed in seeds
         for world in worlds
     ]
@@ -83,13 +84,13 @@ def measure_unknown_phone(
 
 def measure_place(task: Place, folder: Path) -> Numbers:
     """Errors (m) of each phone, keyed by phone, map and what was done about the phone."""
-    there = _walk(task.world, task.seed, task.rounds, MAPPED_BY)
-    back = _walk(task.world, task.seed + BACK, task.rounds, MAPPED_BY, reverse=True)
+    there = _walk(task, task.seed, task.rounds)
+    back = _walk(task, task.seed + BACK, task.rounds, reverse=True)
     maps = list(_maps(task, [there, back], folder))
     numbers: Numbers = {}
     for phone in task.phones:
-        asked = _walk(task.world, task.seed + ASKER, 1, phone)
-        own = _walk(task.world, task.seed + LEARNER, task.learner_rounds, phone)
+        asked = _walk(task, task.seed + ASKER, 1, phone=phone)
+        own = _walk(task, task.seed + LEARNER, task.learner_rounds, phone=phone)
         for name, encoder, floor_map in maps:
             for done, features in _heard(encoder, floor_map, asked, own):
                 key = f"{phone}|{name}|{done}"
@@ -138,10 +139,16 @@ def _maps(
     yield "superimposed", learnt, mapped(learnt, every)
 
 
-def _walk(world: str, seed: int, rounds: int, phone: str, *, reverse: bool = False) -> PhoneWalk:
-    today = Circumstances(device=phone)
+def _walk(
+    task: Place, seed: int, rounds: int, *, phone: str | None = None, reverse: bool = False
+) -> PhoneWalk:
+    """One of those who map, or one who comes later with a phone."""
+    world, kind = load_world(task.world), kind_named(task.kind)
+    today = kind.mapping(world.room)
+    if phone is not None:
+        today = replace(kind.asking(world.room), device=phone)
     recording, truth = simulate(
-        load_world(world), seed, rounds=rounds, reverse=reverse, circumstances=today
+        world, seed, rounds=rounds, reverse=reverse, walker=kind.walker, circumstances=today
     )
     echoes = hear(recording, Parameters())
     rows = walking(truth, echoes.t_s)
@@ -198,5 +205,5 @@ def _page(rows: Sequence[Row]) -> Page:
         figure = dots_figure(dots, "mean error (m)", "")
         panels.append(Panel(f"In the {world}", figure, NOTE, wide=True))
     panels.append(Panel("In figures", rows_table(list(rows)), wide=True))
-    subtitle = f"Maps by the {MAPPED_BY}; fixes from 0.6 s, walks placed where they truly were"
+    subtitle = "Maps by one phone; fixes from 0.6 s, walks placed where they truly were"
     return Page("Unknown phones", subtitle, panels)

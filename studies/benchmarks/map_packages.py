@@ -22,6 +22,7 @@ from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
+from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world, simulate
 from studies.merged_walks import FIRST, WHOLE, Stroll, strolled
 
@@ -95,9 +96,9 @@ def updates() -> Iterator[Row]:
     """
     parameters = MergeParameters()
     for world in ("studio", "lounge", "concourse"):
-        walks = [strolled(Stroll(world, seed, rounds=2))[0] for seed in (100, 101)]
+        walks = [strolled(Stroll(world, seed, rounds=2, kind=QUIET.name))[0] for seed in (100, 101)]
         for part, seed in ((FIRST, 102), (WHOLE, 103)):
-            third = strolled(Stroll(world, seed, rounds=1, part=part))[0]
+            third = strolled(Stroll(world, seed, rounds=1, part=part, kind=QUIET.name))[0]
             yield {"world": world, "walked": part, **grown(walks, third, parameters)}
 
 

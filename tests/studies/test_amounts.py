@@ -14,6 +14,7 @@ from elfslam.learn.parameters import ScratchParameters
 from studies import amounts
 from studies.amounts import ERROR, FINETUNED, PRETRAINED, RECALL, TrainedWalk, measure_amounts
 from studies.finding import Finding, Given
+from studies.simulated_walk import SimulatedWalk
 
 
 @pytest.fixture(scope="module")
@@ -67,5 +68,7 @@ def test_fine_tuning_hears_the_first_minutes_alone(monkeypatch: pytest.MonkeyPat
 
     monkeypatch.setattr(amounts, "finetuned", listen)
     with pytest.raises(InterruptedError):
-        amounts._measured(TrainedWalk(FINETUNED, 0.5, "studio", 100, 2), None, silent)
+        amounts._measured(
+            TrainedWalk(FINETUNED, 0.5, SimulatedWalk("studio", 100, 2)), None, silent
+        )
     assert 29.0 < np.ptp(heard[0].t_s) <= 30.0

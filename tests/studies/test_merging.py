@@ -10,6 +10,7 @@ import pytest
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.scoring.page import save_page
+from elfslam.world.kinds import PEOPLE
 from studies.finding import Finding, Given
 from studies.merged_walks import (
     FIRST,
@@ -51,17 +52,19 @@ def test_maps_of_two_walks_are_measured_and_drawn(finding: Finding, tmp_path: Pa
     save_page(tmp_path / "merging.html", finding.page)
 
 
-@pytest.mark.parametrize("kind", [SAME, PARTLY, OTHER, APART, OPPOSITE, CHANGED])
-def test_a_pair_is_what_it_is_called(kind: str) -> None:
+@pytest.mark.parametrize("common", [SAME, PARTLY, OTHER, APART, OPPOSITE, CHANGED])
+def test_a_pair_is_what_it_is_called(common: str) -> None:
     generator = np.random.default_rng(3)
     for _ in range(20):
-        pair = _drawn(kind, ("a", "b", "c"), (0, 1, 2), generator)
-        assert (pair.one.world != pair.other.world) == (kind == OTHER)
+        pair = _drawn(common, ("a", "b", "c"), (0, 1, 2), generator, PEOPLE)
+        assert (pair.one.world != pair.other.world) == (common == OTHER)
         assert pair.one.seed != pair.other.seed
-        parts = {PARTLY: (WHOLE, FIRST), APART: (FIRST, SECOND)}.get(kind, (WHOLE, WHOLE))
+        parts = {PARTLY: (WHOLE, FIRST), APART: (FIRST, SECOND)}.get(common, (WHOLE, WHOLE))
         assert (pair.one.part, pair.other.part) == parts
-        assert pair.other.reverse == (kind == OPPOSITE)
-        assert pair.other.state == (MOVED if kind == CHANGED else "")
+        assert pair.other.reverse == (common == OPPOSITE)
+        assert pair.other.state == (MOVED if common == CHANGED else "")
+        assert (pair.one.later, pair.other.later) == (False, True)
+        assert pair.one.kind == pair.other.kind == PEOPLE.name
 
 
 def test_two_parts_of_a_route_share_no_ground() -> None:

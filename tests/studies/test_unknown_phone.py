@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from elfslam.world.kinds import QUIET
 from studies.finding import Finding, Given
 from studies.unknown_phone import measure_unknown_phone
 
@@ -14,6 +15,7 @@ def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
     return measure_unknown_phone(
         Given(kept=kept),
         worlds=["studio"], seeds=[110], phones=["bottom-fired"], rounds=1, steps=10,
+        kind=QUIET,
     )  # fmt: skip
 
 
