@@ -49,10 +49,17 @@ class AlignmentParameters:
     placements: int = parameter(120, "", "votes that are followed up", low=1, high=10_000)
     votes: int = parameter(6000, "", "the strongest votes that are heard", low=10, high=10**6)
     least_places: int = parameter(
-        12, "m2", "ground that both must cover in the same direction", low=3, high=10_000
+        6, "m2", "ground that both must cover in the same direction", low=3, high=10_000
     )
     least_resemblance: float = parameter(
-        0.7, "", "resemblance there, relative to that of a walk to itself", low=0.0, high=2.0
+        0.6, "", "resemblance there, relative to that of a walk to itself", low=0.0, high=2.0
+    )
+    least_evidence: float = parameter(
+        2.5,
+        "",
+        "resemblance beyond half the usual, summed over the footsteps there",
+        low=0.0,
+        high=1000.0,
     )
     usual_resemblance: float = parameter(
         0.5, "", "that of a walk to itself, where it never comes back", low=0.01, high=1.0
@@ -138,6 +145,8 @@ def align(meeting: Meeting, usual: float, parameters: AlignmentParameters) -> Re
         refusal = f"only {places} m2 in common"
     elif resemblance < parameters.least_resemblance:
         refusal = f"resembles no more than {resemblance:.0%} of the usual"
+    elif best.evidence < parameters.least_evidence:
+        refusal = f"{places} m2 in common resemble it too little"
     elif lead < parameters.least_lead:
         rival = rivals[int(np.argmin(leads))]
         apart_m = _apart_m(rival.placement, best.placement, meeting)
