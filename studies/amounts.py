@@ -161,7 +161,7 @@ def _page(rows: Sequence[Row], losses: dict[str, Curve]) -> Page:
     figure = curves_figure(losses, "step", "NT-Xent")
     panels.append(Panel("Loss on one walk", figure, "The paper's fine-tuning of one walk."))
     panels.append(Panel("Figures", rows_table(list(rows)), wide=True))
-    return Page("How much must be heard", "Surveyors in the development worlds", panels)
+    return Page("How much must be heard", "Walks in the development worlds", panels)
 
 
 def _panel(rows: Sequence[Row], varied: str, measure: str) -> Panel:

@@ -24,7 +24,18 @@ from studies.merged_walks import (
     strolled,
     truly_apart_m,
 )
-from studies.merging import APART, CHANGED, OPPOSITE, OTHER, PARTLY, SAME, _drawn, measure_merging
+from studies.merging import (
+    APART,
+    CHANGED,
+    OPPOSITE,
+    OTHER,
+    PARTLY,
+    SAME,
+    _drawn,
+    _page,
+    _whole,
+    measure_merging,
+)
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +63,15 @@ def test_maps_of_two_walks_are_measured_and_drawn(finding: Finding, tmp_path: Pa
     assert all(float(str(row["map error (m)"])) < 0.5 for row in rows if row["merged"] == 2)
     assert finding.page is not None
     save_page(tmp_path / "merging.html", finding.page)
+
+
+def test_a_map_that_nothing_was_merged_into_has_empty_columns(tmp_path: Path) -> None:
+    one = {"world": "studio", "walks": 1, "merged": 1.0, "map error (m)": 0.1}
+    numbers = {"one-shot error (m)": 0.2, "answered": 0.9, "one more walk (s)": 0.1}
+    growth = _whole([{**one, **numbers}, {"world": "studio", "walks": 2, "merged": 1.0}])
+    assert growth[1] == {**dict.fromkeys(growth[0]), "world": "studio", "walks": 2, "merged": 1.0}
+    outcomes = {SAME: {"right": 0, "refused": 1, "wrong": 0}}
+    save_page(tmp_path / "page.html", _page(outcomes, [{"pairs": SAME}], growth))
 
 
 @pytest.mark.parametrize("common", [SAME, PARTLY, OTHER, APART, OPPOSITE, CHANGED])

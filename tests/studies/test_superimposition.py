@@ -8,9 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from elfslam.base.arrays import F32, F64
+from elfslam.base.progress import silent
+from elfslam.base.values import Echoes
+from elfslam.line.feature import load_encoder, walk_vectors
+from studies import opposite_ways
 from studies.finding import Finding, Given
 from studies.floor_spots import DIRECTIONS_RAD, TOGETHER, Spots, errors, fixes_m, floor_of, heard
-from studies.opposite_ways import PLACED, Ways, mapped
+from studies.opposite_ways import PLACED, Mapped, Ways, mapped
 from studies.superimposition import measure_superimposition
 
 FEW = Spots(spots=9, traces=16, supervised_traces=8, queries=6)
@@ -97,3 +102,33 @@ def test_maps_of_both_ways_lie_in_one_frame() -> None:
     ahead = np.unwrap(there.poses[:, 2])[-1] - there.poses[0, 2]
     behind = np.unwrap(back.poses[:, 2])[-1] - back.poses[0, 2]
     assert ahead * behind < 0, "the one turns left, the other right"
+
+
+def test_who_asks_and_who_maps_lose_what_their_echoes_share(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generator, shipped = np.random.default_rng(0), load_encoder("compact")
+    sounds = generator.normal(0, 1e-3, (3, 60, 2352)).astype(np.float32)
+    poses = np.column_stack([np.linspace(0, 5, 60), np.zeros((60, 2))])
+    walks = iter(
+        [
+            Mapped(Echoes(np.arange(60.0), each, np.empty((0, 2))), poses, poses)
+            for each in sounds[:2]
+        ]
+    )
+    asked, spots = [], []
+
+    def found(vectors: F32, together: int, known: F32, xy_m: F64) -> F64:
+        asked.append(vectors)
+        spots.append(known)
+        return np.zeros((10, 2))
+
+    monkeypatch.setattr(opposite_ways, "mapped", lambda *_, **__: next(walks))
+    monkeypatch.setattr(opposite_ways, "_asked", lambda task: (np.zeros((10, 2)), sounds[2]))
+    monkeypatch.setattr(opposite_ways, "_learnt", lambda *_: shipped)
+    monkeypatch.setattr(opposite_ways, "fixes_m", found)
+    opposite_ways.measure_ways(SHORT, tmp_path, silent)
+    heard = walk_vectors(sounds[2], shipped)
+    assert all(np.array_equal(vectors, heard) for vectors in asked)
+    both = np.vstack([walk_vectors(each, shipped) for each in sounds[:2]])
+    assert any(np.array_equal(known, both) for known in spots)
