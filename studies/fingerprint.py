@@ -21,7 +21,6 @@ from elfslam.base.parameters import parameter
 from elfslam.base.values import ECHO_SAMPLES
 from elfslam.learn.network import Spectrogram, normalised_log
 from elfslam.learn.resnet import STAGES, Stem, resnet18
-from elfslam.line.feature import BINS
 
 ROWS_AT_ONCE = 256
 _DRAWING = threading.Lock()
@@ -49,7 +48,7 @@ class SpotClassifier(nn.Module):
         self.head = nn.Linear(STAGES[-1], spots)
 
     def forward(self, samples: Tensor) -> Tensor:
-        image = normalised_log(self.spectrogram(samples), samples.new_zeros(BINS))
+        image = normalised_log(self.spectrogram(samples))
         scores: Tensor = self.head(self.body(image[:, None]))
         return scores
 

@@ -24,7 +24,7 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.learn.pretrain import Progress, pretrain
-from elfslam.line.feature import BINS, OnnxEncoder
+from elfslam.line.feature import OnnxEncoder
 from elfslam.world.echo_pairs import POSITIVE_DISTANCE_M, at_one_time, echo_pairs
 
 AS_IN_PAPER = replace(
@@ -101,7 +101,7 @@ def _loss(
     network: CompactEncoder, echoes: Echoes, first: I64, parameters: ScratchParameters
 ) -> torch.Tensor:
     both = torch.from_numpy(np.concatenate([echoes.samples[first], echoes.samples[first + 1]]))
-    rows = network(both, torch.zeros(BINS))
+    rows = network(both)
     t_s = echoes.t_s[first]
     near = torch.from_numpy(np.abs(t_s[:, None] - t_s) < parameters.near_s)
     return nt_xent(rows[: len(first)], rows[len(first) :], near, parameters.temperature)

@@ -27,7 +27,6 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.line.feature import BINS
 
 NETWORKS: Mapping[str, Callable[[], nn.Module]] = {
     "compact": lambda: CompactEncoder(PretrainParameters().width),
@@ -57,12 +56,12 @@ def session_of(content: bytes) -> onnxruntime.InferenceSession:
 
 def learning(network: nn.Module, echoes: F32) -> Callable[[], object]:
     """One step forward and back, without the optimizer."""
-    samples, calibration = torch.from_numpy(echoes), torch.zeros(BINS)
+    samples = torch.from_numpy(echoes)
     network.train()
 
     def step() -> None:
         network.zero_grad()
-        network(samples, calibration).square().sum().backward()
+        network(samples).square().sum().backward()
 
     return step
 

@@ -27,7 +27,6 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import Progress, pretrain
 from elfslam.learn.resumable import prefetched
-from elfslam.line.feature import BINS
 
 TINY = PretrainParameters(
     steps=6, pairs=8, width=4, warmup_steps=2, learning_rate=3e-3, checkpoint_steps=2
@@ -75,7 +74,7 @@ def stepped(batch: EchoPairs, ranks: Ranks = ALONE) -> dict[str, F64]:
 def exact_loss(network: nn.Module, batch: EchoPairs, ranks: Ranks) -> Tensor:
     """NT-Xent alone, in double precision."""
     both = torch.from_numpy(np.concatenate([batch.first, batch.second]).astype(np.float64))
-    rows = rows_of_all(network(both, torch.zeros(BINS, dtype=torch.float64)), ranks)
+    rows = rows_of_all(network(both), ranks)
     first, second = (half.flatten(0, 1) for half in rows.chunk(2, dim=1))
     return nt_xent(first, second, torch.zeros(len(first), len(first), dtype=torch.bool), 0.07)
 

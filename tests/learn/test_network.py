@@ -11,12 +11,10 @@ from planted_training import traces
 from torch import nn
 
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log
+from elfslam.baselines.generic import root_spectrogram, unit_rows
+from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log, normalised_root
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.line.feature import BINS, FIRST_BIN, spectrogram
-
-NO_CALIBRATION = torch.zeros(BINS)
-
+from elfslam.line.feature import FIRST_BIN, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "compact": lambda: CompactEncoder(8),
@@ -32,7 +30,7 @@ def network(request: pytest.FixtureRequest) -> nn.Module:
     made = NETWORKS[request.param]().train()
     with torch.no_grad():
         for seed in range(3):
-            made(traces(16, seed), NO_CALIBRATION)
+            made(traces(16, seed))
     return made.eval()
 
 
@@ -55,7 +53,7 @@ def test_a_tone_lights_its_own_row(row: int) -> None:
 
 def test_rows_are_unit(network: nn.Module) -> None:
     with torch.no_grad():
-        elf = network(traces(20, 5), NO_CALIBRATION)
+        elf = network(traces(20, 5))
     assert elf.shape == (20, ELF_SIZE)
     np.testing.assert_allclose(torch.linalg.norm(elf, dim=1).numpy(), 1.0, atol=1e-5)
     assert float(torch.pdist(elf).min()) > 1e-3, "other echoes, other features"
@@ -64,9 +62,9 @@ def test_rows_are_unit(network: nn.Module) -> None:
 def test_rows_are_row_by_row(network: nn.Module) -> None:
     samples = traces(9, 5)
     with torch.no_grad():
-        whole = network(samples, NO_CALIBRATION)
-        alone = torch.cat([network(samples[k : k + 1], NO_CALIBRATION) for k in range(9)])
-        shuffled = network(samples.flip(0), NO_CALIBRATION).flip(0)
+        whole = network(samples)
+        alone = torch.cat([network(samples[k : k + 1]) for k in range(9)])
+        shuffled = network(samples.flip(0)).flip(0)
     np.testing.assert_allclose(alone.numpy(), whole.numpy(), atol=1e-5)
     np.testing.assert_allclose(shuffled.numpy(), whole.numpy(), atol=1e-5)
 
@@ -76,38 +74,35 @@ def test_the_level_drops_out(network: nn.Module, gain: float) -> None:
     """A phone at 20 % volume gives the same feature."""
     samples = traces(6, 5)
     with torch.no_grad():
-        soft, loud = network(samples, NO_CALIBRATION), network(gain * samples, NO_CALIBRATION)
+        soft, loud = network(samples), network(gain * samples)
     np.testing.assert_allclose(soft.numpy(), loud.numpy(), atol=1e-3)
 
 
 def test_the_sign_of_the_microphone_drops_out(network: nn.Module) -> None:
     samples = traces(6, 5)
     with torch.no_grad():
-        plus, minus = network(samples, NO_CALIBRATION), network(-samples, NO_CALIBRATION)
+        plus, minus = network(samples), network(-samples)
     np.testing.assert_allclose(plus.numpy(), minus.numpy(), atol=1e-5)
 
 
 def test_silence_gives_a_feature_and_no_nan(network: nn.Module) -> None:
     with torch.no_grad():
-        elf = network(torch.zeros(2, ECHO_SAMPLES), NO_CALIBRATION)
+        elf = network(torch.zeros(2, ECHO_SAMPLES))
     assert torch.isfinite(elf).all()
 
 
 def test_the_image_has_zero_mean_and_unit_variance() -> None:
-    image = normalised_log(Spectrogram()(traces(5)), NO_CALIBRATION)
+    image = normalised_log(Spectrogram()(traces(5)))
     assert float(image.mean(dim=(1, 2)).abs().max()) < 1e-5
     np.testing.assert_allclose(image.var(dim=(1, 2), correction=0).numpy(), 1.0, atol=1e-4)
 
 
-def test_a_calibration_takes_the_phone_out() -> None:
-    """A response that multiplies each row is undone by its logarithm, far above the floor."""
-    magnitude = 1.0 + torch.rand(3, BINS, 48, generator=torch.Generator().manual_seed(0))
-    log_response = torch.linspace(-0.3, 0.3, BINS)
-    plain = normalised_log(magnitude, NO_CALIBRATION)
-    coloured = magnitude * torch.exp(log_response)[:, None]
-    off = (normalised_log(coloured, NO_CALIBRATION) - plain).abs().max()
-    calibrated = (normalised_log(coloured, log_response) - plain).abs().max()
-    assert float(calibrated) < 0.05 * float(off)
+def test_roots_are_unit_rows_without_mean_whatever_the_level() -> None:
+    magnitude = Spectrogram()(traces(5))
+    root = normalised_root(magnitude)
+    expected = root_spectrogram(traces(5).numpy())
+    np.testing.assert_allclose(root.numpy(), unit_rows(expected), atol=1e-5)
+    np.testing.assert_allclose(normalised_root(9 * magnitude).numpy(), root.numpy(), atol=1e-6)
 
 
 @pytest.mark.parametrize("network", ["compact"], indirect=True)
@@ -117,7 +112,7 @@ def test_time_is_not_averaged_away(network: nn.Module) -> None:
     early[0, 400:841] = traces(1)[0, :441]
     late = early.roll(441, dims=1)
     with torch.no_grad():
-        one, other = network(early, NO_CALIBRATION), network(late, NO_CALIBRATION)
+        one, other = network(early), network(late)
     assert float(one[0] @ other[0]) < 0.999
 
 

@@ -1,4 +1,4 @@
-"""Encoders as ONNX: the same numbers, any number of rows, an input that may be left out."""
+"""Encoders as ONNX: the same numbers, any number of rows."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, export_encoder, with_metrics
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.line.feature import BINS, OnnxEncoder, load_encoder, read_card
+from elfslam.line.feature import OnnxEncoder, load_encoder, read_card
 
 MOST_BYTES = 2_000_000
 
@@ -32,7 +32,7 @@ def network() -> CompactEncoder:
     torch.manual_seed(0)
     made = CompactEncoder(24)
     with torch.no_grad():
-        made.train()(torch.from_numpy(traces(32)), torch.zeros(BINS))
+        made.train()(torch.from_numpy(traces(32)))
     return made.eval()
 
 
@@ -50,9 +50,9 @@ def session(file: Path) -> onnxruntime.InferenceSession:
     return onnxruntime.InferenceSession(file, options, providers=["CPUExecutionProvider"])
 
 
-def by_torch(network: CompactEncoder, samples: F32, calibration: F32) -> F32:
+def by_torch(network: CompactEncoder, samples: F32) -> F32:
     with torch.no_grad():
-        return network(torch.from_numpy(samples), torch.from_numpy(calibration)).numpy()
+        return network(torch.from_numpy(samples)).numpy()
 
 
 @pytest.mark.parametrize("count", [1, 2, 17])
@@ -62,22 +62,7 @@ def test_it_gives_what_torch_gives_for_any_number_of_rows(
     samples = traces(count, seed=1)
     (elf,) = session.run(["elf"], {"samples": samples})
     assert elf.shape == (count, ELF_SIZE)
-    expected = by_torch(network, samples, np.zeros(BINS, dtype=np.float32))
-    np.testing.assert_allclose(elf, expected, atol=1e-5)
-
-
-def test_the_calibration_may_be_given(
-    network: CompactEncoder, session: onnxruntime.InferenceSession
-) -> None:
-    samples = traces(4, seed=1)
-    calibration = np.linspace(-1, 1, BINS).astype(np.float32)
-    (elf,) = session.run(["elf"], {"samples": samples, "device_log_spectrum": calibration})
-    np.testing.assert_allclose(elf, by_torch(network, samples, calibration), atol=1e-5)
-    (without,) = session.run(["elf"], {"samples": samples})
-    assert np.abs(elf - without).max() > 1e-3
-    zeros = np.zeros(BINS, dtype=np.float32)
-    (with_zeros,) = session.run(["elf"], {"samples": samples, "device_log_spectrum": zeros})
-    assert (with_zeros == without).all()
+    np.testing.assert_allclose(elf, by_torch(network, samples), atol=1e-5)
 
 
 def test_the_file_is_whole_small_and_by_the_book(file: Path) -> None:
@@ -93,16 +78,14 @@ def test_names_and_shapes_are_those_the_line_expects(file: Path) -> None:
         for item in [*graph.input, *graph.output]
     }
     assert shapes["samples"] == ["n", ECHO_SAMPLES]
-    assert shapes["device_log_spectrum"] == [BINS]
     assert shapes["elf"][0] == "n"
-    assert len(shapes) == 3
+    assert len(shapes) == 2
 
 
 def test_the_line_reads_it(network: CompactEncoder, file: Path) -> None:
     samples = traces(300, seed=2)
     encoder = load_encoder(str(file))
-    expected = by_torch(network, samples, np.zeros(BINS, dtype=np.float32))
-    np.testing.assert_allclose(encoder.embed(samples), expected, atol=1e-5)
+    np.testing.assert_allclose(encoder.embed(samples), by_torch(network, samples), atol=1e-5)
 
 
 def test_the_same_network_gives_the_same_file(

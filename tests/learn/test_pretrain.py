@@ -35,7 +35,6 @@ from elfslam.learn.pretrain import (
     training_device,
 )
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.line.feature import BINS
 
 PROGRAM = str(Path(planted.__file__))
 TINY = PretrainParameters(
@@ -187,7 +186,7 @@ def test_on_a_processor_the_network_computes_as_it_is() -> None:
     both = torch.from_numpy(np.concatenate([batch.first, batch.second]))
     with torch.no_grad():
         rows = embedded(network.eval(), batch)
-        assert torch.equal(rows, network(both, torch.zeros(BINS)))
+        assert torch.equal(rows, network(both))
     assert rows.dtype == torch.float32
 
 

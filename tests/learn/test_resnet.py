@@ -13,9 +13,7 @@ from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pretrain
 from elfslam.learn.resnet import ResNetEncoder, Stem, resnet18
-from elfslam.line.feature import BINS, load_encoder
-
-NO_CALIBRATION = torch.zeros(BINS)
+from elfslam.line.feature import load_encoder
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +21,7 @@ def network() -> ResNetEncoder:
     torch.manual_seed(0)
     made = ResNetEncoder()
     with torch.no_grad():
-        made.train()(traces(16), NO_CALIBRATION)
+        made.train()(traces(16))
     return made.eval()
 
 
@@ -46,7 +44,7 @@ def test_its_file_is_read_by_the_line(network: ResNetEncoder, tmp_path: Path) ->
     export_encoder(network, tmp_path / "resnet.onnx")
     encoder, samples = load_encoder(str(tmp_path / "resnet.onnx")), traces(5, 1)
     with torch.no_grad():
-        expected = network(samples, NO_CALIBRATION).numpy()
+        expected = network(samples).numpy()
     np.testing.assert_allclose(encoder.embed(samples.numpy()), expected, atol=1e-4)
     one = encoder.embed(samples[:1].numpy())
     np.testing.assert_allclose(one, expected[:1], atol=1e-4)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import numpy.testing as npt
 import onnx
-import onnxruntime
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 from scipy import signal
@@ -295,13 +294,6 @@ def test_the_shipped_encoder_tells_echoes_apart(compact: OnnxEncoder) -> None:
     vectors = compact.embed(traces(20))
     cosines = (vectors @ vectors.T)[~np.eye(20, dtype=bool)]
     assert cosines.mean() < 0.9
-
-
-def test_the_second_input_of_the_shipped_encoder_need_not_be_given(compact: OnnxEncoder) -> None:
-    session = onnxruntime.InferenceSession(compact.content, providers=["CPUExecutionProvider"])
-    rows = traces(3)
-    given = {"samples": rows, "device_log_spectrum": np.zeros(12, dtype=np.float32)}
-    npt.assert_allclose(session.run(["elf"], given)[0], compact.embed(rows), atol=1e-6)
 
 
 def test_a_file_of_another_maker_has_no_card(tmp_path: Path) -> None:

@@ -18,20 +18,22 @@ from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
 from elfslam.data.folders import new_file
+from elfslam.learn.components import with_components
 from elfslam.learn.distributed import Ranks, check_shares, joined
+from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
 from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
+from elfslam.world.circumstances import DIFFUSE, ENGINES
 from elfslam.world.echo_pairs import echo_pairs
 
 ABOUT = """\
 ELF encoder: turns an echo trace into a unit vector; two traces of one place have a high cosine
 Data: simulated echoes of random furnished rooms and random phones; no real room, no person
 Input: samples (n, 2352), float32 at 44.1 kHz, from 11 ms after the direct arrival of the chirp
-Optional input: device_log_spectrum (12), the phone's log gain from 15.2 to 20.2 kHz; zeros for none
 Output: elf (n, 128), unit rows, each from its own trace alone
 Limits: made for the 10 ms chirp from 15 to 20 kHz; one trace says little, so compare means over a \
 footstep; places that look alike after half a turn of the room sound alike
@@ -92,14 +94,16 @@ def _write_trained(
         export_encoder(made.network, unfinished, card=card)
 
 
-def pairs_in(parameters: PretrainParameters, seed: int) -> PairsOf:
+def pairs_in(parameters: PretrainParameters, seed: int, engine: str = ENGINES[0]) -> PairsOf:
     """The batch of each step, which depends on these and the step alone, wherever it is made."""
-    return partial(step_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms)
+    return partial(
+        step_pairs, seed=seed, pairs=parameters.pairs, rooms=parameters.rooms, engine=engine
+    )
 
 
-def step_pairs(step: int, *, seed: int, pairs: int, rooms: int) -> EchoPairs:
+def step_pairs(step: int, *, seed: int, pairs: int, rooms: int, engine: str) -> EchoPairs:
     """Echo pairs of a step."""
-    return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms)
+    return echo_pairs(np.random.default_rng([seed, step]), pairs, rooms, engine)
 
 
 def _trained(
@@ -112,10 +116,23 @@ def _trained(
     on: str | None,
 ) -> Pretrained:
     with open_stream(on) as stream:
-        return pretrain(
+        made = pretrain(
             pairs_in(parameters, seed), parameters, seed=seed, checkpoint=checkpoint,
             report=report, stream=stream, ranks=ranks,
         )  # fmt: skip
+        if ranks.number == 0 and isinstance(made.network, CompactEncoder):
+            _give_components(made.network, stream, parameters, seed)
+        return made
+
+
+def _give_components(
+    network: CompactEncoder, stream: Stream, parameters: PretrainParameters, seed: int
+) -> None:
+    """Fit the network's components, if any are wanted, on rooms that ring as measured ones do."""
+    first, more = parameters.steps, parameters.component_batches
+    if more:
+        batches = stream(pairs_in(parameters, seed, DIFFUSE), first, first + more)
+        with_components(network, (batch for _, batch in batches))
 
 
 @contextmanager

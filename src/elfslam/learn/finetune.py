@@ -20,7 +20,7 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.learn.revisits import beside, likely_revisits, window_means, windows_of
-from elfslam.line.feature import BINS, OnnxEncoder
+from elfslam.line.feature import OnnxEncoder
 
 HELD_OUT_OF = 5
 """One time block in five is not learnt from."""
@@ -153,9 +153,7 @@ def walk_loss(
     apart = spared & ~torch.eye(len(first), dtype=torch.bool)
     views, moved = [], torch.zeros(())
     for rows in (first, first + 1):
-        view = network(
-            augmented(walk.samples[rows], parameters, draw), _ripple(parameters.ripple, draw)
-        )
+        view = network(augmented(walk.samples[rows], parameters, draw))
         before = walk.vectors[rows] @ walk.vectors[rows].T
         if apart.any():
             moved = moved + ((view @ view.T - before)[apart] ** 2).mean() / 2
@@ -172,13 +170,6 @@ def augmented(samples: Tensor, parameters: FinetuneParameters, draw: torch.Gener
     level = samples.square().mean(dim=1, keepdim=True).sqrt()
     loudness = parameters.noise * level * torch.rand(len(samples), 1, generator=draw)
     return samples.gather(1, columns) + loudness * torch.randn(samples.shape, generator=draw)
-
-
-def _ripple(size: float, draw: torch.Generator) -> Tensor:
-    """A smooth log gain (12) over the band: what another phone would add to every echo."""
-    order = torch.arange(1, 4)[:, None]
-    waves = torch.cos(math.pi * order * torch.arange(BINS) / (BINS - 1))
-    return (size * torch.randn(3, 1, generator=draw) * waves).sum(dim=0)
 
 
 def _steps(
@@ -209,7 +200,7 @@ def _consecutive(t_s: F64, held_out: Bool, gap_s: float) -> I64:
 
 def _embedded(network: CompactEncoder, samples: Tensor) -> F32:
     with torch.no_grad():
-        parts = [network(part, torch.zeros(BINS)) for part in torch.split(samples, ROWS)]
+        parts = [network(part) for part in torch.split(samples, ROWS)]
     return np.asarray(torch.cat(parts).numpy())
 
 

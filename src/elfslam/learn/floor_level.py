@@ -28,7 +28,7 @@ from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.line.feature import BINS, Encoder, OnnxEncoder, walk_vectors
+from elfslam.line.feature import Encoder, OnnxEncoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
@@ -56,11 +56,11 @@ class FloorNetwork(nn.Module):
     def forward(self, samples: Tensor, part: str) -> Tensor:
         """Cosines (n, m) of echoes (n, 2352) with all spots; no gradients outside `part`."""
         if part == "whole":
-            rows = self.encoder(samples, torch.zeros(BINS))
+            rows = self.encoder(samples)
         else:
             with torch.no_grad():
-                inner = self.encoder.inner(samples, torch.zeros(BINS))
-            rows = nn.functional.normalize(self.encoder.head(inner), dim=1)
+                inner = self.encoder.inner(samples)
+            rows = self.encoder.outer(*inner)
         cosines: Tensor = rows @ nn.functional.normalize(self.spots, dim=1).T
         return cosines
 

@@ -13,6 +13,8 @@ from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 FRAMES = 48
 LOG_FLOOR = 0.02
 """Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
+ROOT_LENGTH = 1.2
+"""Of a root spectrogram beside an ELF of length 1; chosen on measured responses at 1.5 m."""
 
 
 class Spectrogram(nn.Module):
@@ -48,12 +50,27 @@ class Residual(nn.Module):
         return functional.relu(x + self.second_norm(self.second(inner)))
 
 
+class Components(nn.Linear):
+    """An ELF beside its root spectrogram (n, 704) as unit rows (n, 128) of their components.
+
+    Fitted after the training: `elfslam.learn.components`.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(ELF_SIZE + BINS * FRAMES, ELF_SIZE)
+
+    def forward(self, beside: Tensor) -> Tensor:
+        return functional.normalize(super().forward(beside), dim=1)
+
+
 class CompactEncoder(nn.Module):
     """Raw aligned samples (n, 2352) to ELFs (n, 128), unit rows.
 
     The time axis is pooled late and never averaged away: the delay of an echo is its place.
-    `device_log_spectrum` (12) is subtracted from the log spectrogram; zeros mean no calibration.
+    `components` come last, where they were fitted.
     """
+
+    components: Components | None
 
     def __init__(self, width: int = 32) -> None:
         super().__init__()
@@ -78,20 +95,40 @@ class CompactEncoder(nn.Module):
             nn.ReLU(),
             nn.Linear(ELF_SIZE, ELF_SIZE),
         )
+        self.register_module("components", None)
 
-    def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
-        return functional.normalize(self.head(self.inner(samples, device_log_spectrum)), dim=1)
+    def forward(self, samples: Tensor) -> Tensor:
+        return self.outer(*self.inner(samples))
 
-    def inner(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
-        """What the head is given, flat: (n, 6 * width * 12)."""
-        image = normalised_log(self.spectrogram(samples), device_log_spectrum)
-        features: Tensor = self.body(image[:, None])
-        return features.flatten(1)
+    def inner(self, samples: Tensor) -> tuple[Tensor, Tensor]:
+        """What the head is given (n, 6 * width * 12), and root spectrograms, unit rows (n, 576)."""
+        magnitude = self.spectrogram(samples)
+        features: Tensor = self.body(normalised_log(magnitude)[:, None])
+        return features.flatten(1), normalised_root(magnitude)
+
+    def outer(self, features: Tensor, root: Tensor) -> Tensor:
+        """Unit rows (n, 128) of what `inner` gives."""
+        if self.components is None:
+            return functional.normalize(self.head(features), dim=1)
+        rows: Tensor = self.components(self.beside(features, root))
+        return rows
+
+    def beside(self, features: Tensor, root: Tensor) -> Tensor:
+        """What was learnt and the root spectrogram side by side (n, 704)."""
+        learnt = functional.normalize(self.head(features), dim=1)
+        return torch.cat([learnt, ROOT_LENGTH * root], dim=1)
 
 
-def normalised_log(magnitude: Tensor, device_log_spectrum: Tensor) -> Tensor:
+def normalised_log(magnitude: Tensor) -> Tensor:
     """Log magnitudes (n, 12, 48) with zero mean and unit variance per echo: level drops out."""
     floor = LOG_FLOOR * magnitude.mean(dim=(1, 2), keepdim=True)
-    level = torch.log(magnitude + floor + 1e-12) - device_log_spectrum[:, None]
+    level = torch.log(magnitude + floor + 1e-12)
     level = level - level.mean(dim=(1, 2), keepdim=True)
     return level / torch.sqrt((level * level).mean(dim=(1, 2), keepdim=True) + 1e-6)
+
+
+def normalised_root(magnitude: Tensor) -> Tensor:
+    """Square roots of magnitudes (n, 12, 48), flat, less their mean, as unit rows (n, 576)."""
+    mean = magnitude.mean(dim=(1, 2), keepdim=True)
+    root = torch.sqrt(magnitude / (mean + 1e-12)).flatten(1)
+    return functional.normalize(root - root.mean(dim=1, keepdim=True), dim=1)

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import onnx
 import torch
 from onnx import numpy_helper
@@ -18,15 +17,15 @@ from elfslam.base.arrays import F32
 from elfslam.base.card import Card, card_in, metadata_of
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
-from elfslam.learn.network import CompactEncoder
-from elfslam.line.feature import BINS
+from elfslam.learn.network import CompactEncoder, Components
+
+COMPONENTS = "components."
 
 
 def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) -> None:
     """Write `network` to `path`, with its `card` as the file's metadata. Raises OSError.
 
-    Input `samples` (n, 2352), optional input `device_log_spectrum` (12) that defaults to zeros,
-    output `elf` (n, 128). Same network and card, same bytes.
+    Input `samples` (n, 2352), output `elf` (n, 128). Same network and card, same bytes.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(encoder_content(network, card))
@@ -35,9 +34,6 @@ def export_encoder(network: nn.Module, path: Path, *, card: Card | None = None) 
 def encoder_content(network: nn.Module, card: Card | None = None) -> bytes:
     """`network` as the content of an encoder file, see `export_encoder`."""
     model = onnx.load_model_from_string(_traced(network))
-    model.graph.initializer.append(
-        numpy_helper.from_array(np.zeros(BINS, dtype=np.float32), "device_log_spectrum")
-    )
     model.graph.output[0].type.tensor_type.shape.dim[1].dim_value = ELF_SIZE
     if card is not None:
         onnx.helper.set_model_props(model, metadata_of(card))
@@ -81,19 +77,27 @@ def _rebuilt(graph: onnx.GraphProto) -> CompactEncoder:
     known = {item.name: numpy_helper.to_array(item) for item in graph.initializer}
     folded = [node for node in graph.node if node.op_type == "Conv" and len(node.input) == 3]
     network = CompactEncoder(len(known[folded[0].input[1]])).eval()
-    network.head.load_state_dict(
-        {
-            name.removeprefix("head."): torch.tensor(value)
-            for name, value in known.items()
-            if name.startswith("head.")
-        }
-    )
+    _load(network.head, "head.", known)
+    if any(name.startswith(COMPONENTS) for name in known):
+        network.components = Components()
+        _load(network.components, COMPONENTS, known)
     modules = list(network.body.modules())
     convolutions = [module for module in modules if isinstance(module, nn.Conv2d)]
     norms = [module for module in modules if isinstance(module, nn.BatchNorm2d)]
     for node, convolution, norm in zip(folded, convolutions, norms, strict=True):
         _unfold(known[node.input[1]], known[node.input[2]], convolution, norm)
     return network
+
+
+def _load(module: nn.Module, prefix: str, known: Mapping[str, F32]) -> None:
+    """The weights of a part of the network, by their names in the file."""
+    module.load_state_dict(
+        {
+            name.removeprefix(prefix): torch.tensor(value)
+            for name, value in known.items()
+            if name.startswith(prefix)
+        }
+    )
 
 
 def _unfold(weight: F32, bias: F32, convolution: nn.Conv2d, norm: nn.BatchNorm2d) -> None:
@@ -105,14 +109,14 @@ def _unfold(weight: F32, bias: F32, convolution: nn.Conv2d, norm: nn.BatchNorm2d
 
 def _traced(network: nn.Module) -> bytes:
     buffer = io.BytesIO()
-    example = torch.randn(2, ECHO_SAMPLES), torch.zeros(BINS)
+    example = torch.randn(2, ECHO_SAMPLES)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         torch.onnx.export(
             network.eval(),
-            example,
+            (example,),
             buffer,  # type: ignore[arg-type]
-            input_names=["samples", "device_log_spectrum"],
+            input_names=["samples"],
             output_names=["elf"],
             dynamic_axes={"samples": {0: "n"}, "elf": {0: "n"}},
             opset_version=17,

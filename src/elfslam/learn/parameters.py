@@ -35,6 +35,9 @@ class PretrainParameters:
         0.5, "m", "places of one room this close are no negatives", low=0.0
     )
     checkpoint_steps: int = parameter(250, "", "steps between checkpoints", low=1)
+    component_batches: int = parameter(
+        32, "", "more batches, of diffuse rooms, for the components of the compact one", low=0
+    )
     threads: int = parameter(
         1, "", "threads of the network beside the simulator's; rounding depends on them", low=1
     )
@@ -66,7 +69,6 @@ class FinetuneParameters:
     )
     jitter_samples: int = parameter(2, "samples", "shift of the cut, either way", low=0, high=40)
     noise: float = parameter(0.1, "", "most noise added, as a share of an echo's level", low=0.0)
-    ripple: float = parameter(0.2, "", "log gain over the band, as if of another phone", low=0.0)
     check_steps: int = parameter(25, "", "steps between looks at the quality", low=1)
     block_s: float = parameter(5.0, "s", "one block of five is not learnt from", low=1.0)
     shortest_s: float = parameter(60.0, "s", "walk from which there is enough to learn", low=1.0)

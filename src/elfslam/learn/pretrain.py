@@ -27,7 +27,6 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.resnet import ResNetEncoder
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.line.feature import BINS
 
 NETWORKS = ("compact", "resnet18")
 PairsOf = Callable[[int], EchoPairs]
@@ -140,7 +139,7 @@ def embedded(network: nn.Module, batch: EchoPairs) -> Tensor:
     device = next(network.parameters()).device
     both = torch.from_numpy(np.concatenate([batch.first, batch.second])).to(device)
     with torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda"):
-        rows: Tensor = network(both, torch.zeros(BINS, device=device))
+        rows: Tensor = network(both)
     return rows.float()
 
 

@@ -35,8 +35,8 @@ class ResNetEncoder(nn.Module):
         self.body = resnet18(stem)
         self.head = projection_head(STAGES[-1], ELF_SIZE)
 
-    def forward(self, samples: Tensor, device_log_spectrum: Tensor) -> Tensor:
-        image = normalised_log(self.spectrogram(samples), device_log_spectrum)
+    def forward(self, samples: Tensor) -> Tensor:
+        image = normalised_log(self.spectrogram(samples))
         return functional.normalize(self.head(self.body(image[:, None])), dim=1)
 
 
