@@ -1,8 +1,9 @@
 """Real impulse responses: is a place known again when the walls or the microphone changed?
 
-Room impulse responses of Meta's R3VIVAL set (CC BY 4.0): twelve loudspeakers on a circle of 2 m
-about the microphones, eight states of the walls' absorption in one room. They are a test: nothing
-is trained or chosen by them.
+Room impulse responses of Meta's R3VIVAL set (CC BY 4.0): twelve loudspeakers on a circle about
+the microphones, eight states of the walls' absorption in one room. The circle of 2 m is a test:
+nothing is trained or chosen by it. By that of 1.5 m it was chosen how loud the root spectrogram
+stands beside what the shipped encoder learnt (`elfslam.learn.network.ROOT_LENGTH`).
 """
 
 from __future__ import annotations
@@ -24,7 +25,11 @@ from elfslam.line.feature import Encoder, load_encoder
 from studies.finding import Given, Row
 from studies.intervals import mean_range
 
-FILE = Path("rirs") / "r3vival_2m.npz"
+FILES: Mapping[float, Path] = {
+    2.0: Path("rirs") / "r3vival_2m.npz",
+    1.5: Path("rirs") / "r3vival_1.5m.npz",
+}
+"""By the radius of the circle, in metres."""
 REPEATS = 8
 PERIOD_S = 0.25
 """A chirp, its sound in the room (140 ms) and silence; so that one does not ring into the next."""
@@ -36,31 +41,39 @@ PLAIN, AS_HEARD = "plain spectrogram", ", as heard"
 
 
 def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None = None) -> list[Row]:
-    """A row per feature and microphone: how often the right one of twelve places is nearest.
+    """Per circle, microphone and feature: how often the right one of twelve places is nearest.
 
     Against `PLAIN`, paired query by query; intervals resample the places. `encoders` are compared
     with it by name, by default the shipped one. Raises InputError without the real recordings.
     """
-    responses, rate_hz, microphones = read_responses(given.data)
-    given.announce("echoes", 0.0)
-    echoes = np.stack([_heard(state, rate_hz) for state in responses])
     compared = {**hand_made(), **(encoders or {"ELF, shipped": load_encoder("compact")})}
+    rows: list[Row] = []
+    for done, circle_m in enumerate(FILES):
+        given.announce(f"circle of {circle_m:g} m", done / len(FILES))
+        rows += [{"circle (m)": circle_m, **row} for row in _on_circle(given, circle_m, compared)]
+    given.announce("done", 1.0)
+    return rows
+
+
+def _on_circle(given: Given, circle_m: float, compared: Mapping[str, Encoder]) -> list[Row]:
+    responses, rate_hz, microphones = read_responses(given.data, circle_m)
+    echoes = np.stack([_heard(state, rate_hz) for state in responses])
     vectors = {name: _vectors(echoes, encoder) for name, encoder in compared.items()}
     rows: list[Row] = []
     for k, microphone in enumerate(microphones):
         right = {name: recognised(own(each, places=1), k) for name, each in vectors.items()}
         right |= {name + AS_HEARD: recognised(each, k) for name, each in vectors.items()}
         rows += [_row(microphone, name, right) for name in right]
-    given.announce("done", 1.0)
     return rows
 
 
-def read_responses(data: Path | None) -> tuple[F32, int, list[str]]:
+def read_responses(data: Path | None, circle_m: float) -> tuple[F32, int, list[str]]:
     """Impulse responses (states, places, microphones, n), their rate, the microphones' names."""
-    file = None if data is None else data / FILE
+    file = None if data is None else data / FILES[circle_m]
     if file is None or not file.exists():
         raise InputError(
-            f"real impulse responses: {file or FILE} is absent; pass --data or set ELFSLAM_DATA"
+            f"real impulse responses: {file or FILES[circle_m]} is absent; "
+            "pass --data or set ELFSLAM_DATA"
         )
     with np.load(file, allow_pickle=False) as archive:
         responses = np.moveaxis(archive["rir"], 2, 3)

@@ -15,7 +15,7 @@ from elfslam.baselines.generic import GenericEncoder
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from studies.finding import Given
 from studies.real_rooms import (
-    FILE,
+    FILES,
     PERIOD_S,
     PLAIN,
     echo_of,
@@ -48,8 +48,9 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
         absorbed = generator.uniform(0.8, 1.2, 40)
         rir[state, place, :, 0] = response(delays_s[place], absorbed * gains[place])
         rir[state, place, :, 1] = response(delays_s[0], generator.normal(0, 0.1, 40))
-    (folder / FILE).parent.mkdir()
-    np.savez(folder / FILE, rir=rir, rate_hz=RATE_HZ, microphone=np.array(["near", "deaf"]))
+    for file in FILES.values():
+        (folder / file).parent.mkdir(exist_ok=True)
+        np.savez(folder / file, rir=rir, rate_hz=RATE_HZ, microphone=np.array(["near", "deaf"]))
     return folder
 
 
@@ -67,6 +68,7 @@ def test_the_line_cuts_behind_the_direct_sound() -> None:
 def test_known_places_are_recognised_and_unheard_ones_are_not(planted: Path) -> None:
     deaf = GenericEncoder("deaf", lambda samples: np.ones((len(samples), 3), dtype=np.float32))
     rows = measure_real_rooms(Given(planted), encoders={"deaf": deaf})
+    assert {row["circle (m)"] for row in rows} == {1.5, 2.0}
     by_kind = {(row["microphone"], row["feature"]): row for row in rows}
     plain, other = by_kind["near", PLAIN], by_kind["near", "deaf"]
     assert plain["queries"] == 8, "two changed states of four places"
@@ -100,8 +102,11 @@ def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
         measure_real_rooms(Given(tmp_path if given else None))
 
 
-def test_the_real_responses_are_read(shared_data: Path) -> None:
-    responses, rate_hz, microphones = read_responses(shared_data)
-    assert responses.shape == (8, 12, 2, 6240)
+@pytest.mark.parametrize(
+    ("circle_m", "names"), [(2.0, ["centre", "front"]), (1.5, ["centre", "front", "back"])]
+)
+def test_the_real_responses_are_read(shared_data: Path, circle_m: float, names: list[str]) -> None:
+    responses, rate_hz, microphones = read_responses(shared_data, circle_m)
+    assert responses.shape == (8, 12, len(names), 6240)
     assert rate_hz == RATE_HZ
-    assert microphones == ["centre", "front"]
+    assert microphones == names
