@@ -21,12 +21,15 @@ from elfslam.world.echo_pairs import (
     CHANGED_ROOM_SHARE,
     DISTRICT_M,
     MOST_PEOPLE,
+    OTHER_PHONE_SHARE,
     PEOPLE_SHARE,
     PHONE_HEIGHT_M,
     POSITIVE_DISTANCE_M,
+    STRANGER_SHARE,
     WALL_MARGIN_M,
     Visit,
     _among_people,
+    _another_visit,
     _free_places,
     _heard,
     _places,
@@ -38,7 +41,6 @@ from elfslam.world.echo_pairs import (
     at_one_time,
     cut_frames,
     echo_pairs,
-    on_two_days,
 )
 from elfslam.world.phone import poses_at, render_frames, room_responses
 from elfslam.world.random_world import changed_room, random_room
@@ -100,7 +102,7 @@ def test_at_one_time_nothing_changes_between_the_two_echoes() -> None:
         np.einsum("ij,ij->i", shipped.embed(each.first), shipped.embed(each.second)).mean()
         for each in (still, changing)
     ]
-    assert alike[0] > alike[1] + 0.02
+    assert alike[0] > alike[1] + 0.05
 
 
 @pytest.mark.parametrize("rooms", [1, 3, 12])
@@ -271,15 +273,16 @@ VISITS = 400
 def visits() -> list[tuple[Visit, Visit]]:
     made = []
     for seed in range(VISITS):
-        made.append(on_two_days(generator_of(seed), "images"))
+        first = _random_visit(generator_of(seed), square_room(), "images")
+        made.append((first, _another_visit(generator_of(seed + VISITS), first)))
     return made
 
 
 def test_what_changes_between_two_visits(visits: list[tuple[Visit, Visit]]) -> None:
     for field, share in (
         ("room", CHANGED_ROOM_SHARE),
-        ("device", 0.0),
-        ("holder", 0.0),
+        ("device", OTHER_PHONE_SHARE),
+        ("holder", STRANGER_SHARE),
         ("air", 1.0),
     ):
         other = [getattr(a, field) is not getattr(b, field) for a, b in visits]

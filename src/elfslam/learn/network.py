@@ -13,7 +13,7 @@ from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 FRAMES = 48
 LOG_FLOOR = 0.02
 """Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
-ROOT_LENGTH = 1.2
+ROOT_LENGTH = 1.0
 """Of a root spectrogram beside an ELF of length 1; chosen on measured responses at 1.5 m."""
 
 

@@ -25,7 +25,7 @@ class TrackParameters:
 
     particles: int = parameter(1500, "", "guesses of where the walker is", low=10, high=1_000_000)
     temperature: float = parameter(
-        0.13, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
+        0.14, "", "softmax temperature of a likeness, footstep by footstep", low=1e-4, high=10.0
     )
     reach_m: float = parameter(
         0.2, "m", "how far from a spot it sounds as there (sigma)", low=0.01, high=100.0

@@ -1,8 +1,7 @@
 """A stream of simulated echo pairs for contrastive training: close poses in random rooms.
 
-The two members of a pair are of two visits to the room by one phone of one holder: walls and
-furniture, people and air may all have changed in between, or none of them. What another phone
-changes, features lose with the mean of their walk (`line.feature.centred`).
+The two members of a pair are of two visits to the room: walls and furniture, phone, holder,
+people and air may all have changed in between, or none of them.
 """
 
 from __future__ import annotations
@@ -46,6 +45,9 @@ DISTRICT_M = 14.0
 TWIN_SHARE = 0.7
 """Share of rooms in which half of the places are the others after half a turn."""
 
+STRANGER_SHARE = 0.5
+"""Share of rooms in which the second echo is another holder's: other height, tilt and body."""
+OTHER_PHONE_SHARE = 0.4
 CHANGED_ROOM_SHARE = 0.4
 PEOPLE_SHARE = 0.4
 """Share of visits with others about, `MOST_PEOPLE` at most, at 0.8 to 5 m."""
@@ -75,12 +77,9 @@ class Sounding(NamedTuple):
 
 
 def on_two_days(generator: np.random.Generator, engine: str) -> tuple[Visit, Visit]:
-    """Two visits to a random room by one phone, between which the room may have changed."""
+    """Two visits to a random room, between which anything may have changed."""
     first = _random_visit(generator, random_room(generator), engine)
-    drawn = _random_visit(generator, first.room, engine)
-    changed = generator.uniform() < CHANGED_ROOM_SHARE
-    room = changed_room(generator, first.room) if changed else first.room
-    return first, first._replace(room=room, air=drawn.air, people=drawn.people)
+    return first, _another_visit(generator, first)
 
 
 def at_one_time(generator: np.random.Generator, engine: str) -> tuple[Visit, Visit]:
@@ -145,6 +144,20 @@ def _random_visit(generator: np.random.Generator, room: Room, engine: str) -> Vi
         _random_holder(generator),
         air_at(*generator.uniform([15.0, 30.0], [28.0, 60.0])),
         people if generator.uniform() < PEOPLE_SHARE else 0,
+    )
+
+
+def _another_visit(generator: np.random.Generator, first: Visit) -> Visit:
+    """The same room another time: each circumstance is as before or drawn anew."""
+    drawn = _random_visit(generator, first.room, first.engine)
+    changed, phone, stranger = generator.uniform(size=3)
+    return Visit(
+        changed_room(generator, first.room) if changed < CHANGED_ROOM_SHARE else first.room,
+        first.engine,
+        drawn.device if phone < OTHER_PHONE_SHARE else first.device,
+        drawn.holder if stranger < STRANGER_SHARE else first.holder,
+        drawn.air,
+        drawn.people,
     )
 
 
