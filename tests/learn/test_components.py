@@ -11,7 +11,7 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
 from elfslam.learn.components import components, moments, with_components
-from elfslam.learn.network import ROOT_LENGTH, CompactEncoder
+from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.line.feature import OnnxEncoder, load_encoder
 
@@ -65,9 +65,7 @@ def test_cosines_are_nearly_those_of_both_features_side_by_side() -> None:
     with torch.no_grad():
         beside = network.beside(*network.inner(rows)).double()
         made = with_components(network, [batch])(rows).double()
-    npt.assert_allclose(
-        torch.linalg.norm(beside, dim=1).numpy(), (1 + ROOT_LENGTH**2) ** 0.5, rtol=1e-4
-    )
+    npt.assert_allclose(torch.linalg.norm(beside, dim=1).numpy(), 2**0.5, rtol=1e-4)
     beside = torch.nn.functional.normalize(beside - beside.mean(dim=0), dim=1)
     npt.assert_allclose((made @ made.T).numpy(), (beside @ beside.T).numpy(), atol=0.1)
 

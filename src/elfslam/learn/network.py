@@ -13,8 +13,6 @@ from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 FRAMES = 48
 LOG_FLOOR = 0.02
 """Added to the magnitudes before the logarithm, as a share of the echo's mean magnitude."""
-ROOT_LENGTH = 1.0
-"""Of a root spectrogram beside an ELF of length 1; chosen on measured responses at 1.5 m."""
 
 
 class Spectrogram(nn.Module):
@@ -114,9 +112,8 @@ class CompactEncoder(nn.Module):
         return rows
 
     def beside(self, features: Tensor, root: Tensor) -> Tensor:
-        """What was learnt and the root spectrogram side by side (n, 704)."""
-        learnt = functional.normalize(self.head(features), dim=1)
-        return torch.cat([learnt, ROOT_LENGTH * root], dim=1)
+        """What was learnt and the root spectrogram side by side (n, 704), both of length 1."""
+        return torch.cat([functional.normalize(self.head(features), dim=1), root], dim=1)
 
 
 def normalised_log(magnitude: Tensor) -> Tensor:
