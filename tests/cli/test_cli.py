@@ -208,7 +208,7 @@ def test_a_phone_is_learnt_from_a_walk_of_its_own(
 def test_another_building_is_an_unknown_place(
     mapped: Path, tmp_path: Path, elfslam: Elfslam
 ) -> None:
-    elfslam("simulate", "office", tmp_path / "office", "--seed", 109, "--rounds", 1)
+    elfslam("simulate", "office", tmp_path / "office", "--seed", 109, "--rounds", 1, "--asking")
     code, out, err = elfslam(
         "locate", tmp_path / "office", mapped, tmp_path / "fixes.csv", "--json"
     )

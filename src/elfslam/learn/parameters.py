@@ -59,7 +59,7 @@ class FinetuneParameters:
         7, "windows", "length over which a revisit must sound alike", low=1
     )
     line_similarity: float = parameter(
-        0.45, "", "mean similarity along it from which it may be a revisit", low=-1.0, high=1.0
+        0.42, "", "mean similarity along it from which it may be a revisit", low=-1.0, high=1.0
     )
     beside_windows: int = parameter(
         2, "windows", "what lies beside a revisit may be one too", low=0

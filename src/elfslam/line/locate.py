@@ -27,7 +27,7 @@ class LocateParameters:
     window_s: float = parameter(0.6, "s", "sound used for one fix", low=0.1, high=60.0)
     fewest_echoes: int = parameter(3, "", "fewer echoes in a window give NO_ECHO", low=1, high=600)
     unknown_below: float = parameter(
-        0.58, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
+        0.6, "", "no spot more alike than this is UNKNOWN_PLACE", low=-1.0, high=1.0
     )
     temperature: float = parameter(
         0.05,

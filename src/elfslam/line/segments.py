@@ -38,7 +38,7 @@ class SegmentParameters:
         0.15, "", "steps may be this much longer or shorter than reckoned", low=0.0, high=0.9
     )
     unknown_below: float = parameter(
-        0.45, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
+        0.47, "", "mean likeness of the best stretch below this is UNKNOWN_PLACE", low=-1.0,
         high=1.0,
     )  # fmt: skip
     temperature: float = parameter(
