@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -20,9 +21,13 @@ from elfslam.app.simulated_training import (
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.parameters import digest
 from elfslam.base.progress import silent
+from elfslam.base.values import EchoPairs
+from elfslam.learn.network import CompactEncoder
+from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import Pretrained
-from elfslam.line.feature import load_encoder, read_card
+from elfslam.learn.pretrain import PairsOf, Pretrained
+from elfslam.line.feature import SHIPPED_ENCODER, load_encoder, read_card
+from elfslam.world.circumstances import DIFFUSE
 
 SMALL = PretrainParameters(steps=3, pairs=8, rooms=2, width=4, warmup_steps=1, checkpoint_steps=2)
 
@@ -56,6 +61,26 @@ def test_the_same_seed_trains_the_same_encoder(tmp_path: Path) -> None:
     assert row[0] == 3
     assert "loss of the first step" in made["losses.html"].read_text()
     assert made["losses.html"].stat().st_size < 500_000
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_the_components_are_fitted_on_diffuse_batches_behind_the_others(count: int) -> None:
+    """As many as the parameters say, none of which was trained on; without any there are none."""
+    asked: list[tuple[object, int, int]] = []
+
+    def stream(pairs_of: PairsOf, first: int, last: int) -> Iterator[tuple[int, EchoPairs]]:
+        asked.append((pairs_of.keywords["engine"], first, last))  # type: ignore[attr-defined]
+        yield from ((step, pairs_of(step)) for step in range(first, last))
+
+    known = replace(SMALL, component_batches=count)
+    network = CompactEncoder(4).eval()
+    pretraining._give_components(network, stream, known, 0)
+    assert (network.components is not None) == (count > 0)
+    assert asked == ([(DIFFUSE, 3, 5)] if count else [])
+
+
+def test_the_shipped_encoder_has_components() -> None:
+    assert network_of(SHIPPED_ENCODER.read_bytes()).components is not None
 
 
 def test_losses_are_averaged_block_by_block() -> None:
