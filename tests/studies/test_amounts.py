@@ -39,7 +39,7 @@ def test_a_row_for_each_amount_and_measure(found: Finding) -> None:
     assert known == [(PRETRAINED, 512, ERROR), (PRETRAINED, 512, RECALL)]
     error, recall = found.rows
     assert 0.0 < float(str(error["mean"])) < 3.0
-    assert 0.0 <= float(str(recall["mean"])) < 0.6, "one batch teaches little"
+    assert 0.0 <= float(str(recall["mean"])) < 0.8, "one batch teaches little"
 
 
 def test_the_page_has_the_losses_from_both_starts(found: Finding) -> None:

@@ -14,6 +14,9 @@ from studies.localization import measure_localization
 from studies.localization_table import localization_rows
 
 
+LEAST_ANSWERED = {"one-shot": 0.6, "trajectory": 0.8, "track": 0.9}
+
+
 @pytest.fixture(scope="module")
 def finding() -> Finding:
     small = {"worlds": ("studio",), "seeds": (100,), "mapping_rounds": 2, "rounds": 1}
@@ -41,7 +44,7 @@ def test_echoes_find_the_place_to_decimetres_and_wifi_does_not(finding: Finding)
 def test_answers_are_counted_here_and_in_another_room(finding: Finding) -> None:
     for row in finding.rows:
         if row["method"] == "ELF":
-            assert float(str(row["answered"])) > 0.7
+            assert float(str(row["answered"])) > LEAST_ANSWERED[row["mode"]]
             assert float(str(row["answered elsewhere"])) < 0.15
         else:
             assert row["answered"] == 1.0
