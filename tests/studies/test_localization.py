@@ -13,7 +13,6 @@ from studies.finding import Finding, Given
 from studies.localization import measure_localization
 from studies.localization_table import localization_rows
 
-
 LEAST_ANSWERED = {"one-shot": 0.6, "trajectory": 0.8, "track": 0.9}
 
 
