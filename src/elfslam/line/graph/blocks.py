@@ -16,6 +16,9 @@ from scipy.sparse.linalg import splu
 
 from elfslam.base.arrays import F64, I64, Bool
 
+Row = tuple[float, float, float]
+Rows = tuple[Row, Row, Row]
+
 
 @dataclass(frozen=True, eq=False)
 class Pattern:
@@ -122,37 +125,58 @@ def _invert(a: F64) -> bool:
 
 
 @numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _rows(block: F64) -> Rows:
+    """A 3 x 3 block as tuples, which stay in registers."""
+    return (
+        (block[0, 0], block[0, 1], block[0, 2]),
+        (block[1, 0], block[1, 1], block[1, 2]),
+        (block[2, 0], block[2, 1], block[2, 2]),
+    )
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _dot(a: Row, b: Row) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _times(left: Rows, right: Rows) -> Rows:
+    """The product of one block and the other's transpose."""
+    a, b, c = left
+    x, y, z = right
+    return (
+        (_dot(a, x), _dot(a, y), _dot(a, z)),
+        (_dot(b, x), _dot(b, y), _dot(b, z)),
+        (_dot(c, x), _dot(c, y), _dot(c, z)),
+    )
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
+def _subtract(block: F64, rows: Rows) -> None:
+    for r in range(3):
+        for c in range(3):
+            block[r, c] -= rows[r][c]
+
+
+@numba.njit(cache=True)  # type: ignore[untyped-decorator]
 def _factor_in_place(start: I64, rows: I64, matrix: F64, member: I64) -> bool:
     """Right-looking elimination, one block column after the other."""
-    turned = np.empty((3, 3))
     for column in range(len(start) - 1):
         first, last = start[column] + 1, start[column + 1]
-        held = matrix[first - 1]
-        if not _invert(held):
+        if not _invert(matrix[first - 1]):
             return False
+        held = _rows(matrix[first - 1])
         for at in range(first, last):
             member[rows[at]] = at
         for at in range(first, last):
-            for r in range(3):
-                for c in range(3):
-                    turned[c, r] = (
-                        matrix[at, r, 0] * held[0, c]
-                        + matrix[at, r, 1] * held[1, c]
-                        + matrix[at, r, 2] * held[2, c]
-                    )
-            k = rows[at]
+            lower, k = _times(_rows(matrix[at]), held), rows[at]
             for inner in range(start[k], start[k + 1]):
                 other = member[rows[inner]]
                 if other >= first:
-                    for r in range(3):
-                        for c in range(3):
-                            matrix[inner, r, c] -= (
-                                matrix[other, r, 0] * turned[0, c]
-                                + matrix[other, r, 1] * turned[1, c]
-                                + matrix[other, r, 2] * turned[2, c]
-                            )
+                    _subtract(matrix[inner], _times(_rows(matrix[other]), lower))
             member[k] = -1
-            matrix[at] = turned.T
+            for r in range(3):
+                matrix[at, r] = lower[r]
     return True
 
 
@@ -181,23 +205,18 @@ def _inverse_inside(start: I64, rows: I64, blocks: F64, member: I64) -> F64:
     made = np.zeros_like(blocks)
     for column in range(len(start) - 2, -1, -1):
         first, last = start[column] + 1, start[column + 1]
+        made[first - 1] = blocks[first - 1]
         for at in range(first, last):
             member[rows[at]] = at
         for at in range(first, last):
-            k = rows[at]
-            for inner in range(start[k], start[k + 1]):
+            lower, k = _rows(blocks[at].T), rows[at]
+            _subtract(made[at], _times(_rows(made[start[k]]), lower))
+            for inner in range(start[k] + 1, start[k + 1]):
                 other = member[rows[inner]]
                 if other >= first:
-                    for entry in range(27):
-                        r, c, b = entry // 9, entry // 3 % 3, entry % 3
-                        made[other, r, c] -= made[inner, r, b] * blocks[at, b, c]
-                        if other != at:
-                            made[at, r, c] -= made[inner, b, r] * blocks[other, b, c]
-        made[first - 1] = blocks[first - 1]
+                    _subtract(made[other], _times(_rows(made[inner]), lower))
+                    _subtract(made[at], _times(_rows(made[inner].T), _rows(blocks[other].T)))
         for at in range(first, last):
             member[rows[at]] = -1
-            for r in range(3):
-                for c in range(3):
-                    for b in range(3):
-                        made[first - 1, r, c] -= blocks[at, b, r] * made[at, b, c]
+            _subtract(made[first - 1], _times(_rows(blocks[at].T), _rows(made[at].T)))
     return made
