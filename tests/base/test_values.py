@@ -47,7 +47,7 @@ MAKERS: dict[str, Callable[[], Value]] = {
         np.zeros((3, 2)), T_S, [0, 0, 0], [0, 1, 2], np.zeros((3, 2, 2)), (), "digest", ("walk",)
     ),
     "FrameFacts": lambda: values.FrameFacts(
-        np.arange(3.0), np.zeros(3), *(np.ones(3) for _ in range(6))
+        np.arange(3.0), np.zeros(3), *(np.ones(3) for _ in range(5))
     ),
     "Fixes": lambda: values.Fixes(
         T_S,

@@ -49,14 +49,13 @@ def test_undisturbed_chirps_have_a_level_and_quiet_around(played_s: F64 | None) 
 
 
 @pytest.mark.parametrize("played_s", SCHEDULES)
-def test_what_was_planted_before_and_behind_a_chirp_is_told(played_s: F64 | None) -> None:
+def test_what_was_planted_before_a_chirp_is_told(played_s: F64 | None) -> None:
     arrivals_s = arrivals_for(played_s)
     samples = sound(arrivals_s)
-    samples += sound(arrivals_s[[20]] - 0.006, 0.08) + sound(arrivals_s[[30]] + 0.068, 0.05)
+    samples += sound(arrivals_s[[20]] - 0.006, 0.08)
     facts = facts_of(samples, played_s)
     npt.assert_allclose(facts.before[20], 0.4, rtol=0.1)
-    npt.assert_allclose(facts.tail[30], 0.05, rtol=0.1)
-    assert np.delete(facts.before, [20, 31]).max() < 0.06
+    assert np.delete(facts.before, 20).max() < 0.06
 
 
 @pytest.mark.parametrize("played_s", SCHEDULES)

@@ -31,7 +31,7 @@ def quiet() -> tuple[FrameFacts, Echoes]:
     """Six seconds in which nothing is odd; every arrival comes 30 ms after it was played."""
     t_s, none = PERIOD_S * np.arange(COUNT), np.zeros(COUNT)
     late = np.full(COUNT, 3e-5)
-    facts = FrameFacts(t_s, late, np.full(COUNT, LEVEL), none + 0.01, none, none, none)
+    facts = FrameFacts(t_s, late, np.full(COUNT, LEVEL), none + 0.01, none, none)
     tone = np.sin(2 * np.pi * 17_500 / 44_100 * np.arange(ECHO_SAMPLES))
     samples = np.tile(0.01 * LEVEL * np.sqrt(2) * tone, (COUNT, 1)).astype(np.float32)
     return facts, Echoes(t_s + late, samples, np.zeros((0, 2)))

@@ -165,9 +165,9 @@ class FrameFacts(Value):
 
     `t_due_s` is when its direct sound was due and `late_s` how much later it came, NaN where it
     did not. Of the envelope of the matched filter: `level` of the direct sound, `before` the
-    largest in the quiet stretch before it over `level`, `noise` the typical there, `tail` the
-    largest once its echoes are over. `clipped` is the share of its samples at full scale, and
-    `gain_db` how loud it was played, up to a constant; None where nobody says.
+    largest in the quiet stretch before it over `level`, `noise` the typical there. `clipped` is the
+    share of its samples at full scale, and `gain_db` how loud it was played, up to a constant; None
+    where nobody says.
     """
 
     t_due_s: F64 = array("n")
@@ -175,7 +175,6 @@ class FrameFacts(Value):
     level: F64 = array("n")
     before: F64 = array("n")
     noise: F64 = array("n")
-    tail: F64 = array("n")
     clipped: F64 = array("n")
     gain_db: F64 | None = array("n", optional=True)
 

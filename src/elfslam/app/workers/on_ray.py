@@ -46,27 +46,6 @@ def open_cluster(address: str | None) -> Iterator[Cluster]:
         ray.shutdown()
 
 
-@contextmanager
-def cluster_here(*, nodes: int, processors: int = 1) -> Iterator[Cluster]:
-    """A cluster of several nodes on this machine: a raylet each, with so many processors.
-
-    For trying out what a real one would do. Raises InputError where Ray is not installed.
-    """
-    ray = _ray()
-    from ray.cluster_utils import Cluster as Raylets
-
-    raylets = Raylets(initialize_head=True, head_node_args={"num_cpus": processors})
-    try:
-        for _ in range(nodes - 1):
-            raylets.add_node(num_cpus=processors)
-        raylets.wait_for_nodes()
-        ray.init(raylets.address, logging_level=logging.ERROR, log_to_driver=False)
-        yield Cluster(ray)
-    finally:
-        ray.shutdown()
-        raylets.shutdown()
-
-
 class Cluster:
     """The processors of a Ray cluster."""
 
@@ -74,11 +53,6 @@ class Cluster:
         self._ray = ray
         self.count = max(1, int(ray.cluster_resources().get("CPU", 1)))
         self._free: list[Any] = []
-
-    @property
-    def address(self) -> str:
-        """Where other drivers find it."""
-        return str(self._ray.get_runtime_context().gcs_address)
 
     def each(
         self, do: Callable[[Task], Result], tasks: Iterable[Task]

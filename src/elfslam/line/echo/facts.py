@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.base.arrays import F32, F64
+from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_RATE_HZ, FrameFacts
 from elfslam.line.echo.arrivals import strongest
 from elfslam.line.echo.frames import Frames
@@ -30,10 +30,10 @@ def frame_facts(
     (m) is how loud each was played, where a schedule says so.
     """
     rows = np.array([_row(frames, k, parameters) for k in range(len(frames.due))])
-    level, before, noise, tail, clipped = rows.T
+    level, before, noise, clipped = rows.T
     t_s, late = _times(frames, parameters, duration_s)
     late_s = np.where(frames.found < 0, np.nan, late)
-    return FrameFacts(t_s, late_s, level, before, noise, tail, clipped, gain_db)
+    return FrameFacts(t_s, late_s, level, before, noise, clipped, gain_db)
 
 
 def _times(frames: Frames, parameters: EchoParameters, duration_s: float | None) -> tuple[F64, F64]:
@@ -48,22 +48,18 @@ def _times(frames: Frames, parameters: EchoParameters, duration_s: float | None)
 
 
 def _row(frames: Frames, k: int, parameters: EchoParameters) -> tuple[float, ...]:
-    """Level, what came before over it, noise, tail, clipped share."""
+    """Level, what came before over it, noise, clipped share."""
     envelope, at = frames.envelope, _moment(frames, k, parameters)
     if not 0 <= at < len(envelope):
-        return 0.0, 0.0, 0.0, 0.0, 0.0
+        return 0.0, 0.0, 0.0, 0.0
     begin = max(at - QUIET[0], _moment(frames, k - 1, parameters) + OVER if k else 0)
     quiet = envelope[max(begin, 0) : max(at - QUIET[1], 0)]
-    last = k == len(frames.due) - 1
-    end = len(envelope) if last else _moment(frames, k + 1, parameters) - QUIET[1]
-    tail = envelope[at + OVER : max(end, 0)]
     sound = frames.samples[at : at + OVER]
     level = float(envelope[at])
     return (
         level,
-        _most(quiet) / max(level, 1e-9),
+        float(quiet.max()) / max(level, 1e-9) if len(quiet) else 0.0,
         float(np.median(quiet)) if len(quiet) else 0.0,
-        _most(tail),
         float(np.mean(np.abs(sound) >= FULL_SCALE)),
     )
 
@@ -76,7 +72,3 @@ def _moment(frames: Frames, k: int, parameters: EchoParameters) -> int:
     if not slack <= due < len(frames.envelope) - slack:
         return due
     return strongest(frames.envelope, due - slack, due + slack + 1)
-
-
-def _most(envelope: F32) -> float:
-    return float(envelope.max()) if len(envelope) else 0.0

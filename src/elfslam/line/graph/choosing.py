@@ -137,9 +137,8 @@ def _settled(
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """Innovations of closures (k): residual, its covariance, and squared Mahalanobis length."""
+    """Innovations of closures (k): their covariance, and squared Mahalanobis length."""
 
-    residual: F64
     covariance: F64
     squared: F64
 
@@ -150,7 +149,7 @@ def fit_of(closures: PoseGraph, poses: F64, known: MarginalCovariances) -> Fit:
     residual = residuals(poses, edges, measured)
     predicted = predicted_covariance(known, poses, edges, measured)
     covariance = bent(predicted + covariance_of_edges(closures))
-    return Fit(residual, covariance, chi_square(residual, covariance))
+    return Fit(covariance, chi_square(residual, covariance))
 
 
 def log_odds(fit: Fit, poses: F64) -> F64:

@@ -181,7 +181,7 @@ def told_facts(frames: Frames, parameters: Parameters) -> list[dict[str, float |
     """What was heard around each chirp, as the page tells it."""
     facts = frame_facts(frames, parameters.echo)
     names = {"dueS": facts.t_due_s, "lateS": facts.late_s} | {
-        name: getattr(facts, name) for name in ("level", "before", "noise", "tail", "clipped")
+        name: getattr(facts, name) for name in ("level", "before", "noise", "clipped")
     }
     return [
         {name: _finite(column[k]) for name, column in names.items()}

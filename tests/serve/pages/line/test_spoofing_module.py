@@ -32,7 +32,7 @@ def heard(seed: int) -> tuple[FrameFacts, Echoes]:
     before = np.where(struck == 2, 0.3, 0.01)
     noise = np.where(struck == 4, 0.05, 1e-5)
     clipped = np.where(struck == 5, 0.1, 0.0)
-    facts = FrameFacts(due_s, late_s, level, before, noise, np.zeros(COUNT), clipped)
+    facts = FrameFacts(due_s, late_s, level, before, noise, clipped)
     kept = ~np.isnan(late_s) & (np.arange(COUNT) % 17 > 0)
     gain = np.where(struck == 3, 0.6, 0.002) * level
     played = 10 ** (gain_db / 20)

@@ -16,15 +16,14 @@ const FULL_SCALE = 0.999;
 
 /**
  * Of the envelope of the matched filter: `level` of the direct sound, `before` the largest in the quiet
- * stretch before it over that, `noise` the typical there, `tail` the largest once its echoes are over.
- * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, tail: number,
- *   clipped: number, gainDb?: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it
- *   came, NaN where it did not; clipped: share of samples at full scale; gainDb: how loud it was played, where
- *   that was told
+ * stretch before it over that, `noise` the typical there.
+ * @typedef {{dueS: number, lateS: number, level: number, before: number, noise: number, clipped: number,
+ *   gainDb?: number}} FrameFacts dueS: when its direct sound was due; lateS: how much later it came, NaN where
+ *   it did not; clipped: share of samples at full scale; gainDb: how loud it was played, where that was told
  */
 
 /**
- * Facts of chirps as they become complete, which is when the next one has come or has been missed.
+ * Facts of chirps as they become complete, which is when their echoes are over.
  * @returns {{take: (arrivals: Played[], heard: Heard, isOver: boolean) => FrameFacts[], needs: () => number}}
  */
 export function makeFacts() {
@@ -38,32 +37,30 @@ export function makeFacts() {
     waiting.push(...arrivals);
     const facts = [];
     while (waiting.length > 0 && isComplete(heard.sound, isOver)) {
-      const [arrival, next] = waiting;
-      facts.push(factsOf(arrival, before, next, heard));
-      before = /** @type {Played} */ (waiting.shift()).sample;
+      const arrival = /** @type {Played} */ (waiting.shift());
+      facts.push(factsOf(arrival, before, heard));
+      before = arrival.sample;
     }
     return facts;
   };
 
   /** @param {Stream} sound @param {boolean} isOver */
-  const isComplete = (sound, isOver) =>
-    isOver || (waiting.length > 1 && sound.end() >= waiting[0].sample + OVER);
+  const isComplete = (sound, isOver) => isOver || sound.end() >= waiting[0].sample + OVER;
 
   return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
 }
 
 /**
- * @param {Played} arrival @param {number | null} before @param {Played | undefined} next @param {Heard} heard
+ * @param {Played} arrival @param {number | null} before @param {Heard} heard
  * @returns {FrameFacts}
  */
-function factsOf({ sample, due, level, isFound, gainDb }, before, next, { sound, envelope }) {
+function factsOf({ sample, due, level, isFound, gainDb }, before, { sound, envelope }) {
   const dueS = due / ECHO_RATE_HZ;
   const lateS = isFound ? (sample - due) / ECHO_RATE_HZ : NaN;
-  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, tail: 0, clipped: 0, gainDb };
+  const nothing = { dueS, lateS, level: 0, before: 0, noise: 0, clipped: 0, gainDb };
   if (sample < 0 || sample >= envelope.end()) return nothing;
   const begin = Math.max(sample - QUIET[0], before === null ? 0 : before + OVER, 0);
   const quiet = between(envelope, begin, sample - QUIET[1]);
-  const end = next ? next.sample - QUIET[1] : envelope.end();
   const frame = between(sound, sample, Math.min(sample + OVER, sound.end()));
   return {
     dueS,
@@ -71,7 +68,6 @@ function factsOf({ sample, due, level, isFound, gainDb }, before, next, { sound,
     level,
     before: most(quiet) / Math.max(level, 1e-9),
     noise: middle(quiet),
-    tail: most(between(envelope, sample + OVER, end)),
     clipped: frame.filter((value) => Math.abs(value) >= FULL_SCALE).length / frame.length,
     gainDb,
   };
