@@ -34,6 +34,8 @@ from elfslam.line.graph.building import (
 SETTLED = 1e-4
 """A Gauss-Newton step that promises to lower the cost by less than this share is not taken."""
 SETTLING_STEPS = 10
+LEAST_TURN = 1.0
+"""A closure that knows its heading by less (1/rad2) leaves it open."""
 LEAST_SHARE = 1e-6
 """Of a measurement's covariance, what is left at least for those who alone decide their place."""
 
@@ -138,7 +140,8 @@ def with_own_noise(
     redundancy of each measurement after Förstner (1979, "Ein Verfahren zur Schätzung von
     Varianz- und Kovarianzkomponenten"): one factor for the variances of all steps in each of
     forward, left and turn. Steps err alike too, by their scale: poses lean on none of them more
-    than was stated, while the uncertainty of the graph that comes back is as told. `poses` solve
+    than was stated, while the uncertainty of the graph that comes back is as told, and that of the
+    heading at the start, which no redundancy shows, as closures differ in heading. `poses` solve
     the graph as it is. Both as they were where it has no closures.
     """
     if not (parameters.noise_rounds and graph.is_closure.any()):
@@ -152,7 +155,7 @@ def with_own_noise(
         trial, _ = settle(told, trial, pattern, parameters.anchor_sigma, SETTLING_STEPS)
     leaning = _with_step_variances(graph, np.maximum(factor, 1.0))
     poses, _ = settle(leaning, poses, pattern, parameters.anchor_sigma, SETTLING_STEPS)
-    return poses, told
+    return poses, _with_told_start(told, graph, poses, parameters)
 
 
 def variance_factors(graph: PoseGraph, poses: F64, parameters: GraphParameters) -> F64:
@@ -181,6 +184,29 @@ def _with_step_variances(graph: PoseGraph, factor: F64) -> PoseGraph:
     information = graph.information.copy()
     information[steps] *= shrink[:, :, None] * shrink[:, None, :]
     return replace(graph, information=information)
+
+
+def _with_told_start(
+    told: PoseGraph, stated: PoseGraph, poses: F64, parameters: GraphParameters
+) -> PoseGraph:
+    """The first step turned aside by as much as headings differ where a place was passed again.
+
+    Walkers differ by three times in how far their phones point aside, and by how much at the start
+    is what turns a whole map. Never less than stated; an odometry whose first step is no less sure
+    than the others has no phone that points aside.
+    """
+    variances = 1 / stated.information[~stated.is_closure, 2, 2]
+    aside = variances[0] - np.median(variances)
+    closures = edges_of(told, told.is_closure & (told.information[:, 2, 2] > LEAST_TURN))
+    turned = residuals(poses, closures.edges, closures.measurements)[:, 2]
+    more = np.sum(turned**2 - aside) / max(parameters.noise_prior + len(turned), 1.0)
+    if min(aside, more) <= 0:
+        return told
+    first = np.argmin(told.is_closure)
+    information = told.information.copy()
+    shrink = np.sqrt(1 / (1 + more * information[first, 2, 2]))
+    information[first] *= np.outer([1.0, 1.0, shrink], [1.0, 1.0, shrink])
+    return replace(told, information=information)
 
 
 @dataclass(frozen=True, eq=False)
