@@ -68,6 +68,10 @@ def test_known_starts_need_no_evidence(walker: Callable, here: Callable) -> None
     assert merge(walks, KNOWN).maps[0].floor_map.xy_m[:, 0].max() < 12
     (joined,) = merge(walks, KNOWN, known_starts=True).maps
     assert joined.floor_map.xy_m[:, 0].max() > 25
+    unlike = walker(lambda poses: -here(poses), "unlike")
+    assert merge([walks[0], unlike], KNOWN).maps == ()
+    (against,) = merge([walks[0], unlike], KNOWN, known_starts=True).maps
+    assert against.names == ("0", "unlike")
 
 
 def test_a_walk_is_laid_where_it_says_in_a_map_that_it_shares_no_ground_with(

@@ -188,7 +188,7 @@ def _borne_out(
     leaves, with the reason, until all do. With known starts nothing needs evidence.
     """
     frames, refused = dict(group.frames), dict[str, str]()
-    least = 0.0 if known_starts else parameters.alignment.least_resemblance
+    least = -np.inf if known_starts else parameters.alignment.least_resemblance
     while len(frames) > 1:
         members = sorted(frames)
         inside = [walks[k] for k in members]
