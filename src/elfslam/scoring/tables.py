@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, fields
+from dataclasses import asdict
 
 import numpy as np
 
-from elfslam.base.arrays import F64, Bool
+from elfslam.base.arrays import F64
 from elfslam.base.values import Closures, Fixes, Run, Truth
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import (
@@ -50,7 +50,7 @@ def closure_scores(run: Run, truth: Truth, *, radius_m: float = 1.0) -> list[Sco
     kept = run.trajectory.closure_weights > 0.5
     stages = {"found": np.ones_like(kept), "kept": kept}
     return [
-        _closure_row(name, _chosen(run.closures, rows), run, truth, radius_m)
+        _closure_row(name, run.closures.chosen(rows), run, truth, radius_m)
         for name, rows in stages.items()
     ]
 
@@ -69,11 +69,6 @@ def _closure_row(
             "median_distance_m": score.median_distance_m,
         }
     )
-
-
-def _chosen(closures: Closures, rows: Bool) -> Closures:
-    parts = (getattr(closures, item.name)[rows] for item in fields(Closures))
-    return Closures(*parts)
 
 
 def fix_scores(fixes: Fixes, truth: Truth, world_from_map: F64) -> list[ScoreRow]:

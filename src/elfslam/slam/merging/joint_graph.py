@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -85,7 +85,7 @@ def against_map(
         own.append(_frame_edges(walk, 1, parameters))
     solved = walk.trajectory
     for _ in range(parameters.merging.rounds):
-        known = _chosen(links, _fitting(links, spots, middles(poses), parameters))
+        known = links.chosen(_fitting(links, spots, middles(poses), parameters))
         held = _map_edges(known, spots, poses)
         solved = _solved(np.vstack([np.zeros((1, 3)), poses]), [*own, held], 0.0)
         poses = solved.world_from_body[1:]
@@ -111,7 +111,7 @@ def _solved(initial: F64, parts: Sequence[Edges], scale_sigma: float) -> Traject
 
 def _own_edges(walk: MappedWalk, first: int) -> Edges:
     """The steps of a walk and the closures that it believed by itself."""
-    kept = _chosen(walk.closures, walk.trajectory.closure_weights > 0.5)
+    kept = walk.closures.chosen(walk.trajectory.closure_weights > 0.5)
     graph = build_graph(walk.odometry, kept)
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
@@ -137,7 +137,7 @@ def _link_edges(
 ) -> Edges:
     """The links between two walks that their poses bear out, from footstep to footstep."""
     one, other = (poses[k] for k in pair)
-    known = _chosen(links, _fitting(links, middles(one), middles(other), parameters))
+    known = links.chosen(_fitting(links, middles(one), middles(other), parameters))
     onto = between(one[:-1], middles(one))[known.i]
     back = between(other[:-1], middles(other))[known.j]
     measured = compose(compose(onto, known.i_from_j), inverse(back))
@@ -163,10 +163,6 @@ def _fitting(links: Closures, one: F64, other: F64, parameters: MergeParameters)
     best = np.zeros(len(fits), dtype=bool)
     best[order[first]] = True
     return np.asarray(fits & best)
-
-
-def _chosen(closures: Closures, rows: Bool) -> Closures:
-    return Closures(*(getattr(closures, item.name)[rows] for item in fields(Closures)))
 
 
 def _inverted(covariance: F64) -> F64:
