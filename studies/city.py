@@ -15,6 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Value, array
 from elfslam.base.parameters import parameter
 from elfslam.base.values import WifiScans
+from elfslam.serve.buildings.wifi import bssid_text
 
 MOST_ADDRESSES = 4
 LOCAL_OCTETS = (0x00, 0x02, 0x06, 0x0A)
@@ -188,14 +189,10 @@ def _as_scans(
     names = [*address[heard].tolist(), *made_up.tolist()]
     return WifiScans(
         SCAN_S * np.arange(len(rssi), dtype=np.float64),
-        tuple(_text(number) for number in names),
+        tuple(bssid_text(number) for number in names),
         levels,
         np.where(np.isfinite(levels), 0.5, np.nan),
     )
-
-
-def _text(number: int) -> str:
-    return ":".join(f"{number >> shift & 0xFF:02x}" for shift in range(40, -1, -8))
 
 
 def heard_now(scans: WifiScans, rows: Sequence[int]) -> dict[str, float]:

@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from elfslam.base.arrays import F64, Bool
-from elfslam.base.geometry import compose, interpolate_poses, wrap_angle
+from elfslam.base.geometry import compose, interpolate_poses, path_length_m, wrap_angle
 from elfslam.base.values import Odometry
 from elfslam.line.motion import (
     HardIron,
@@ -21,7 +21,7 @@ from elfslam.line.motion import (
 from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.consistency import Displacements, displacement_errors
-from elfslam.scoring.errors import end_error_share, path_length_m, position_errors
+from elfslam.scoring.errors import end_error_share, position_errors
 from elfslam.scoring.page import Page, Panel, rows_table
 from studies.error_sources import end_errors
 from studies.figures.curves import Curve, curves_figure

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Odometry, Truth
 from elfslam.line.chirp import make_chirp
 from elfslam.scoring.alignment import match
-from elfslam.scoring.errors import path_length_m
 from elfslam.slam.front_end import hear, walk_nodes
 from elfslam.slam.parameters import Parameters
 from studies.simulated_walk import SimulatedWalk, simulated

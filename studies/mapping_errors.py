@@ -14,6 +14,7 @@ import numpy as np
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Modality
+from elfslam.base.geometry import path_length_m
 from elfslam.base.values import (
     NO_CLOSURES,
     AnySimilarity,
@@ -33,7 +34,7 @@ from elfslam.line.motion import calibrated, calibrated_by_distance
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.alignment import AS_DECLARED, Alignment, match, placement
 from elfslam.scoring.closure_score import score_closures
-from elfslam.scoring.errors import path_length_m, placed_errors, summarise
+from elfslam.scoring.errors import placed_errors, summarise
 from elfslam.slam.front_end import hear, walk_nodes, with_heard_steps
 from elfslam.slam.pipeline import closures_by
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named

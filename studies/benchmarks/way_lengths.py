@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 
 from elfslam.app.console import print_rows
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import interpolate_poses
+from elfslam.base.geometry import interpolate_poses, path_length_m
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
@@ -84,10 +84,6 @@ class Ground:
         return np.asarray(self.xy_m[cells[::-1]])
 
 
-def length_m(line_m: F64) -> float:
-    return float(np.linalg.norm(np.diff(line_m, axis=0), axis=1).sum())
-
-
 def point_along(line_m: F64, far_m: float) -> F64:
     """The point so far along a line, or its end."""
     along_m = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line_m, axis=0), axis=1))])
@@ -116,7 +112,7 @@ def measured(name: str, pairs: int, seed: int) -> dict[str, object]:
         best = ground.way(start, goal)
         if way is None or not len(best):
             continue
-        best_m, ahead = length_m(best), point_along(best, AHEAD_M)
+        best_m, ahead = path_length_m(best), point_along(best, AHEAD_M)
         straight_m = float(np.linalg.norm(goal - start))
         for kind, far_m, to in (("way", way["length_m"], np.array(way["ahead"])),
                                 ("line", straight_m, goal)):  # fmt: skip

@@ -15,6 +15,7 @@ from elfslam.base.geometry import (
     compose,
     interpolate_poses,
     inverse,
+    path_length_m,
     rotation_from_quaternion,
     wrap_angle,
 )
@@ -130,3 +131,7 @@ def test_many_quaternions_at_once() -> None:
     npt.assert_allclose(
         rotation_from_quaternion(rotations.as_quat()), rotations.as_matrix(), atol=1e-12
     )
+
+
+def test_path_length() -> None:
+    assert path_length_m(np.array([[0, 0], [3, 4], [3, 5.0]])) == 6

@@ -18,7 +18,6 @@ from elfslam.scoring.errors import (
     alignment_of,
     end_error_share,
     fix_errors,
-    path_length_m,
     placed_errors,
     position_errors,
     summarise,
@@ -140,10 +139,6 @@ def test_summary_of_known_errors() -> None:
     nothing = summarise(np.empty(0))
     assert nothing.count == 0
     assert np.isnan(nothing.median_m)
-
-
-def test_path_length() -> None:
-    assert path_length_m(np.array([[0, 0], [3, 4], [3, 5.0]])) == 6
 
 
 def test_alignment_of_finds_where_the_map_lies(truth: Truth, moved: Moved) -> None:

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.world.room import Room, inside
+from elfslam.base.grid import in_ring
+from elfslam.world.room import Room
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import World, in_state, load_world, parse_world, world_names
 
@@ -175,7 +176,7 @@ def test_a_clockwise_polygon_keeps_materials_with_their_sides(corner: World) -> 
         "brick": [0.0, 3.0], "glass": [1.5, 6.0], "plaster": [3.0, 4.5], "door": [5.5, 3.0],
         "curtain": [8.0, 1.5], "concrete": [4.0, 0.0],
     }  # fmt: skip
-    assert inside(room.outline_m, np.array([[1.0, 5.0], [5.0, 5.0]])).tolist() == [True, False]
+    assert in_ring(room.outline_m, np.array([[1.0, 5.0], [5.0, 5.0]])).tolist() == [True, False]
     assert (room.ceiling.name, room.ceiling.absorption, room.ceiling.scattering) == (
         "foam", 0.9, 0.25,
     )  # fmt: skip

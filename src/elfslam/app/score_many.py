@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.errors import ElfslamError, InputError
+from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Truth
 from elfslam.data.runs import read_run
 from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.errors import Alignment, end_error_share, path_length_m, position_errors
+from elfslam.scoring.errors import Alignment, end_error_share, position_errors
 from elfslam.scoring.tables import methods
 from elfslam.scoring.truth import read_truth
 

@@ -45,6 +45,11 @@ def chain(start: F64, moves: F64) -> F64:
     return np.column_stack([xy, wrap_angle(headings)])
 
 
+def path_length_m(xy_m: F64) -> float:
+    """Length of the polyline through positions (n, 2)."""
+    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
+
+
 def interpolate_poses(t_s: F64, poses: F64, at_s: F64) -> F64:
     """Poses (m, 3) at times `at_s`, linear in position and along the shorter arc in heading."""
     columns = [np.interp(at_s, t_s, poses[:, 0]), np.interp(at_s, t_s, poses[:, 1])]

@@ -27,7 +27,7 @@ from elfslam.base.values import (
 )
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
-from elfslam.data.folders import new_folder
+from elfslam.data.folders import new_folder, sha256_of
 from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
 from elfslam.data.npz import check_covariances, read_npz, write_npz
 from elfslam.data.points_of_interest_files import read_points, write_points
@@ -106,9 +106,7 @@ def digest_of(path: Path) -> str:
         for file in sorted(folder.rglob("*")):
             if file.is_file() and file.name not in TRUTH_FILES:
                 name = file.relative_to(folder).as_posix()
-                with file.open("rb") as stream:
-                    content = hashlib.file_digest(stream, "sha256").hexdigest()
-                total.update(f"{name}\0{content}\n".encode())
+                total.update(f"{name}\0{sha256_of(file)}\n".encode())
     return total.hexdigest()
 
 

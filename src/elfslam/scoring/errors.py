@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.base.arrays import F64, I64
-from elfslam.base.geometry import compose, interpolate_poses
+from elfslam.base.geometry import compose, interpolate_poses, path_length_m
 from elfslam.base.values import Fixes, FixStatus, Truth
 from elfslam.scoring.alignment import (
     Alignment,
@@ -28,7 +28,6 @@ __all__ = [
     "end_error_share",
     "fix_distances",
     "fix_errors",
-    "path_length_m",
     "position_errors",
     "summarise",
     "walk_errors",
@@ -99,11 +98,6 @@ def summarise(errors: F64) -> ErrorSummary:
         maximum_m=float(np.max(errors)),
         count=int(errors.size),
     )
-
-
-def path_length_m(xy_m: F64) -> float:
-    """Length of the polyline through the positions (n, 2)."""
-    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
 
 
 def end_error_share(t_s: F64, poses: F64, truth: Truth) -> float:

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Run, Truth
 from elfslam.scoring import charts, figures
 from elfslam.scoring.alignment import Alignment
-from elfslam.scoring.errors import path_length_m, summarise, walk_errors
+from elfslam.scoring.errors import summarise, walk_errors
 from elfslam.scoring.figures import FloorPlan
 from elfslam.scoring.page import Page, Panel, facts_table, rows_table, save_page
 from elfslam.scoring.plots import fix_plot, map_plot, walk_plot

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.scoring.errors import path_length_m
+from elfslam.base.geometry import path_length_m
 from elfslam.scoring.page import Page, Panel, rows_table, save_page
 from elfslam.scoring.world_figures import WorldPlan, by_material, closed, plan_figure, space_figure
 

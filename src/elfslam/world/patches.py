@@ -8,9 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from elfslam.base.arrays import F64, I64, Bool
+from elfslam.base.grid import in_ring
 from elfslam.world.kernels import kernel
 from elfslam.world.materials import Material, absorption_fall, mirror_fall, scattering_rise
-from elfslam.world.room import Block, Room, inside
+from elfslam.world.room import Block, Room
 
 PATCH_M = 0.8
 """Side of a patch at most."""
@@ -191,7 +192,7 @@ def _points_in_cells(
 def _in_the_open(room: Room, points: F64, normal: F64) -> Bool:
     """Whether the air before each point (c, t, 3) is in the room and in no block."""
     before = (points + OPEN_M * normal[:, None]).reshape(-1, 3)
-    free = inside(room.outline_m, before[:, :2]) & (before[:, 2] > 0)
+    free = in_ring(room.outline_m, before[:, :2]) & (before[:, 2] > 0)
     free &= before[:, 2] < room.height_m
     for block in room.blocks:
         local = block.turn_back(before[:, :2] - block.centre_m)

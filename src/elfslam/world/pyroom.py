@@ -15,11 +15,11 @@ import numpy.typing as npt
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
+from elfslam.base.grid import in_ring
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Ends
 from elfslam.world.pulses import C64, Air
-from elfslam.world.room import inside
 from elfslam.world.scene import Scene
 
 RATE_HZ = 100_000
@@ -86,7 +86,7 @@ def _refuse(scene: Scene, ends: Ends, people_m: F64, reach: Reach) -> None:
             f"pyroomacoustics models no {', '.join(found)}; take --kind quiet or another engine"
         )
     outline_m = scene.face_a[: scene.outer]
-    if not all(inside(outline_m, end[:, :2]).all() for end in (ends.speaker, ends.microphone)):
+    if not all(in_ring(outline_m, end[:, :2]).all() for end in (ends.speaker, ends.microphone)):
         raise InputError("pyroomacoustics hears nothing outside a room; move the phones inside")
     if _is_box(scene):
         return

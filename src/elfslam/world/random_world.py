@@ -10,8 +10,9 @@ from dataclasses import replace
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.grid import in_ring
 from elfslam.world.materials import Material
-from elfslam.world.room import Block, Room, box, inside, shoebox
+from elfslam.world.room import Block, Room, box, shoebox
 
 CORRIDOR_SHARE = 0.25
 """Share of the rooms that are much longer than wide."""
@@ -44,7 +45,7 @@ def random_room(generator: np.random.Generator) -> Room:
     outline = _random_outline(generator, room.outline_m)
     walls = tuple(_surface(generator, level, scattering) for _ in outline)
     blocks = _random_blocks(generator, size_m)
-    blocks = tuple(block for block in blocks if inside(outline, block.corners_m).all())
+    blocks = tuple(block for block in blocks if in_ring(outline, block.corners_m).all())
     return Room(outline, room.height_m, walls, sides[4], sides[5], blocks, room.seed)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Bool, Value, array
 from elfslam.base.errors import InputError
+from elfslam.base.grid import in_ring, signed_area
 from elfslam.world.materials import Material, material
 
 CLUTTER_PER_M2 = 4.0
@@ -85,7 +86,7 @@ class Room(Value):
 
     def holds(self, xy_m: F64) -> Bool:
         """Whether each point (n, 2) lies inside the outline."""
-        return inside(self.outline_m, xy_m)
+        return in_ring(self.outline_m, xy_m)
 
     def is_free(self, xy_m: F64, height_m: float, margin_m: float = 0.0) -> Bool:
         """Whether a phone at `height_m` above each point (n, 2) is in the room and in no block."""
@@ -110,18 +111,7 @@ def shoebox(
 
 def floor_area_m2(room: Room) -> float:
     """The area of the floor, furniture included."""
-    x, y = room.outline_m.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-
-def inside(outline_m: F64, xy_m: F64) -> Bool:
-    """Whether points (n, 2) lie inside a simple polygon (crossing number)."""
-    a, b = outline_m, np.roll(outline_m, -1, axis=0)
-    x, y = xy_m[:, :1], xy_m[:, 1:]
-    spans = (a[:, 1] > y) != (b[:, 1] > y)
-    rise = np.where(spans, b[:, 1] - a[:, 1], 1.0)
-    crossing = a[:, 0] + (y - a[:, 1]) * (b[:, 0] - a[:, 0]) / rise
-    return np.asarray((spans & (x < crossing)).sum(axis=1) % 2 == 1)
+    return abs(signed_area(room.outline_m))
 
 
 def check_outline(outline_m: F64) -> F64:
@@ -139,8 +129,7 @@ def check_outline(outline_m: F64) -> F64:
             f"{outline_m[short[0]].tolist()}; drop one (the outline closes by itself)"
         )
     _refuse_crossing(outline_m, following)
-    area = 0.5 * float(np.sum(_cross(outline_m, following)))
-    return outline_m if area > 0 else outline_m[::-1]
+    return outline_m if signed_area(outline_m) > 0 else outline_m[::-1]
 
 
 def _refuse_crossing(a: F64, b: F64) -> None:

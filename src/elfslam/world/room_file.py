@@ -11,6 +11,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
+from elfslam.base.grid import in_ring
 from elfslam.world.materials import Material, material
 from elfslam.world.room import (
     CLUTTER_PER_M2,
@@ -18,7 +19,6 @@ from elfslam.world.room import (
     Room,
     box,
     check_outline,
-    inside,
     segments_cross,
     shoebox,
 )
@@ -241,7 +241,7 @@ def _check_inside(given: Table, room: Room, block: Block, key: str = "corner_m")
     crossing = any(
         segments_cross(a, b, c, d) for a, b in zip(corners, ends, strict=True) for c, d in walls
     )
-    if crossing or not inside(room.outline_m, corners).all():
+    if crossing or not in_ring(room.outline_m, corners).all():
         raise given.refusal(f"{block.name!r} stands outside the room; move or shorten it", key)
 
 

@@ -28,6 +28,7 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
+from elfslam.base.geometry import path_length_m
 from elfslam.base.progress import Announce
 from elfslam.base.values import FixStatus, Run
 from elfslam.data.facts import MISSING, read_facts
@@ -134,7 +135,7 @@ def _facts_of_run(run: Run) -> Json:
         "walks": 1,
         "footsteps": len(t_s),
         "duration_s": round(float(t_s[-1] - t_s[0]), 2),
-        "distance_m": round(_length_m(xy_m), 2),
+        "distance_m": round(path_length_m(xy_m), 2),
         "closures": len(run.closures.i),
         "closures_kept": kept_closures(run),
         "status": run.trajectory.status,
@@ -158,7 +159,7 @@ def _merge(folder: Path, task: Json, announce: Announce) -> tuple[Json, str | No
     facts = {
         "walks": len(floor_map.sources),
         "spots": len(floor_map.xy_m),
-        "distance_m": round(sum(_length_m(line) for _, line in walk_lines(floor_map)), 2),
+        "distance_m": round(sum(path_length_m(line) for _, line in walk_lines(floor_map)), 2),
         "pairs": made.pairs,
         "refused": made.refused,
         "bounds_m": _bounds(floor_map.xy_m),
@@ -191,10 +192,6 @@ def _problem_of(check: Callable[[], None]) -> str | None:
     except NoAnswerError as failure:
         return str(failure)
     return None
-
-
-def _length_m(xy_m: F64) -> float:
-    return float(np.linalg.norm(np.diff(xy_m, axis=0), axis=1).sum())
 
 
 def _bounds(xy_m: F64) -> list[float]:

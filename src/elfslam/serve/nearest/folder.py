@@ -17,8 +17,8 @@ import numpy as np
 
 from elfslam.base.arrays import I64, Bool
 from elfslam.base.errors import InputError, StoreError
+from elfslam.data.folders import sha256_of
 from elfslam.serve.nearest.parameters import NearestParameters
-from elfslam.serve.nearest.vectors import file_digest
 
 FORMAT = 1
 
@@ -87,7 +87,7 @@ class Meta:
 def stored(folder: Path, name: str, spots: int) -> StoredFile:
     """What is to be known of a file that was written to the folder."""
     file = folder / name
-    return StoredFile(name, spots, file.stat().st_size, file_digest(file))
+    return StoredFile(name, spots, file.stat().st_size, sha256_of(file))
 
 
 def write_meta(folder: Path, meta: Meta) -> None:
@@ -167,7 +167,7 @@ def verify(folder: Path) -> None:
     meta = read_meta(folder)
     check_files(folder, meta)
     for each in meta.files:
-        if file_digest(folder / each.name) != each.sha256:
+        if sha256_of(folder / each.name) != each.sha256:
             raise StoreError(f"{folder / each.name}: was damaged; copy or build the index again")
 
 

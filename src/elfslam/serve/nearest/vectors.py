@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import shutil
 from collections.abc import Iterator, Sequence
@@ -97,9 +96,3 @@ def take(shards: Sequence[Rows], ids: I64) -> F32:
         here = which == k
         found[here] = shards[k][ids[here] - (ends[k] - len(shards[k]))]
     return found
-
-
-def file_digest(file: Path) -> str:
-    """SHA-256 of a file."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()

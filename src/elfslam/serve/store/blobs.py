@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import os
 import re
 import secrets
@@ -19,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from elfslam.data.folders import sync
+from elfslam.data.folders import sha256_of, sync
 
 SHA256 = re.compile(r"[0-9a-f]{64}")
 LOCK = ".lock"
@@ -46,12 +45,6 @@ def blob_path(blobs: Path, sha256: str) -> Path:
     if not SHA256.fullmatch(sha256):
         raise ValueError(f"{sha256!r:.80} is no SHA-256")
     return blobs / sha256[:2] / sha256
-
-
-def sha256_of(file: Path) -> str:
-    """The SHA-256 of a file's content, in hexadecimal."""
-    with file.open("rb") as stream:
-        return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
 def blob_of(file: Path) -> Blob:
