@@ -13,13 +13,13 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Trajectory, Truth
-from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
+from studies.localization import shipped
 
 CORNER_SIGMA_M = 0.15
 """How far the corners of one walker's route lie from another's."""
@@ -56,7 +56,7 @@ def strolled(stroll: Stroll) -> tuple[MappedWalk, Truth]:
         world, stroll.seed, rounds=stroll.rounds, reverse=stroll.reverse, walker=kind.walker,
         circumstances=replace(today, state=stroll.state),
     )  # fmt: skip
-    run = map_by_echoes(recording, _shipped(), Settings())
+    run = map_by_echoes(recording, shipped(), Settings())
     return replace(walk_of(run), name=repr(stroll)), truth
 
 
@@ -113,8 +113,3 @@ def _part(route_m: F64, part: str) -> F64:
     """The corners of the route, or of a part; between both parts lies a leg that none walks."""
     half = len(route_m) // 2
     return {WHOLE: route_m, FIRST: route_m[: half - 1], SECOND: route_m[half : 2 * half - 1]}[part]
-
-
-@cache
-def _shipped() -> Encoder:
-    return load_encoder("compact")
