@@ -6,7 +6,7 @@ import { join } from "node:path";
 import { test } from "node:test";
 
 import { checkedMap } from "../../../../src/elfslam/serve/pages/line/floor_map.js";
-import { fixOf, likeness, locateOneShot, meansBetween } from "../../../../src/elfslam/serve/pages/line/locate.js";
+import { fixOf, likeness, meansBetween } from "../../../../src/elfslam/serve/pages/line/locate.js";
 import { assertNear, floats, floorMapIn, told } from "./vectors.mjs";
 
 const SCENES = readdirSync(process.env.ELFSLAM_VECTORS).map((name) => join(process.env.ELFSLAM_VECTORS, name));
@@ -22,6 +22,16 @@ function assertSameFixes(got, wanted) {
     assertNear(got[k].xyM, fix.xyM, 1e-4, `position ${k}`);
     assertNear([got[k].headingRad], [fix.headingRad], 1e-4, `heading ${k}`);
     assertNear(got[k].covarianceM2, fix.covarianceM2, 1e-4, `covariance ${k}`);
+  });
+}
+
+/** A fix for every window of sound, one after the other, as elfslam locate gives them. */
+function locateOneShot(tS, vectors, floorMap) {
+  const { locate } = floorMap.parameters;
+  const count = Math.trunc((tS[tS.length - 1] - tS[0]) / locate.window_s) + 1;
+  const edgesS = Float64Array.from({ length: count + 1 }, (_, k) => tS[0] + locate.window_s * k);
+  return meansBetween(tS, vectors, edgesS, locate.fewest_echoes).map((mean, k) => {
+    return fixOf(mean && likeness(mean, floorMap), floorMap, locate, (edgesS[k] + edgesS[k + 1]) / 2);
   });
 }
 

@@ -16,15 +16,13 @@ from elfslam.base.values import Imu
 from elfslam.line.motion import (
     BEGINNING,
     MotionParameters,
-    dead_reckon,
     find_footsteps,
     go_on,
 )
 from elfslam.line.motion.footsteps import bounce_rms, vertical_bounce
-from elfslam.line.motion.heading import phone_turn, smooth_heading, turned_since_rest
+from elfslam.line.motion.heading import phone_turn, smooth_heading
 from elfslam.line.motion.lengths import lengths_between
 from elfslam.line.motion.level import evenly_sampled, level, rate_of, still_bias
-from elfslam.line.motion.reckoning import moves_between
 from elfslam.world.device import BROWSER, LSM6DSO
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
@@ -103,10 +101,6 @@ def motion_vectors(imu: Imu) -> dict[str, Any]:
     bounce = vertical_bounce(levelled, PARAMETERS)
     footsteps_s = find_footsteps(imu, PARAMETERS)
     lengths_m = lengths_between(levelled, footsteps_s, PARAMETERS)
-    heading_rad = smooth_heading(levelled, PARAMETERS)
-    halfway_s = (footsteps_s[1:] + footsteps_s[:-1]) / 2
-    at, halfway = (np.interp(s, levelled.t_s, heading_rad) for s in (footsteps_s, halfway_s))
-    nodes = dead_reckon(imu, PARAMETERS, (1.0, -2.0, 0.5))
     return {
         "imu": as_page(imu),
         "rate_hz": levelled.rate_hz,
@@ -117,11 +111,7 @@ def motion_vectors(imu: Imu) -> dict[str, Any]:
         "footsteps_s": footsteps_s,
         "lengths_m": lengths_m,
         "turn_rad": phone_turn(levelled),
-        "heading_rad": heading_rad,
-        "turned_rad": turned_since_rest(levelled, float(footsteps_s[0]), PARAMETERS),
-        "moves": moves_between(lengths_m, at, halfway),
-        "poses": nodes.world_from_body,
-        "sigma": nodes.step_sigma,
+        "heading_rad": smooth_heading(levelled, PARAMETERS),
     }
 
 
@@ -157,7 +147,7 @@ def motion_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_motion_is_that_of_the_line(motion_file: Path) -> None:
     """Five tests look at each walk, one at each that comes in live, six at no walk of ours."""
     passed = passed_in_node(HERE / "motion.test.mjs", ELFSLAM_VECTORS=motion_file)
-    assert passed == 5 * len(WALKS) + len(LIVE) + 6
+    assert passed == 4 * len(WALKS) + len(LIVE) + 5
 
 
 def test_the_walks_are_those_that_were_wanted(motion_file: Path) -> None:
@@ -166,4 +156,3 @@ def test_the_walks_are_those_that_were_wanted(motion_file: Path) -> None:
     t_s, accel, gyro = evenly_sampled(WALKS["pausing"]())
     found = still_bias(accel, gyro, rate_of(t_s), PARAMETERS)
     assert found == pytest.approx([0.01, -0.02, 0.004], abs=0.003)
-    assert any(each["turned_rad"] is not None for each in walks.values())

@@ -151,20 +151,3 @@ function meanPlace({ xyM, headingRad }, belief, used) {
   const [cos, sin] = [mean((k) => Math.cos(headingRad[k])), mean((k) => Math.sin(headingRad[k]))];
   return { xyM: [x, y], headingRad: Math.atan2(sin, cos), spread };
 }
-
-/**
- * A fix for every window of sound (consecutive, not overlapping), as elfslam locate gives them.
- * @param {ArrayLike<number>} tS of each echo
- * @param {Float32Array} vectors (n, 128)
- * @param {import("./floor_map.js").FloorMap} floorMap
- * @returns {Fix[]}
- */
-export function locateOneShot(tS, vectors, floorMap) {
-  const parameters = floorMap.parameters.locate;
-  const count = Math.trunc((tS[tS.length - 1] - tS[0]) / parameters.window_s) + 1;
-  const edgesS = Float64Array.from({ length: count + 1 }, (_, k) => tS[0] + parameters.window_s * k);
-  return meansBetween(tS, vectors, edgesS, parameters.fewest_echoes).map((mean, k) => {
-    const scores = mean && likeness(mean, floorMap);
-    return fixOf(scores, floorMap, parameters, (edgesS[k] + edgesS[k + 1]) / 2);
-  });
-}

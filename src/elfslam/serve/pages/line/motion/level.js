@@ -77,32 +77,6 @@ function meanOf({ sumRadps, count }) {
 }
 
 /**
- * Throws where it is too short, sampled too slowly or interrupted.
- * @param {Imu} imu @param {MotionParameters} parameters
- */
-export function checkImu({ tS }, parameters) {
-  const durationS = tS.length > 1 ? tS[tS.length - 1] - tS[0] : 0;
-  if (durationS < parameters.least_duration_s) {
-    throw new RangeError(
-      `inertial data: got ${durationS.toFixed(1)} s, wanted at least ${parameters.least_duration_s} s; record longer`,
-    );
-  }
-  const gapS = differences(tS).reduce((longest, gap) => Math.max(longest, gap), 0);
-  if (gapS > parameters.longest_gap_s) {
-    throw new RangeError(
-      `inertial data: ${gapS.toFixed(2)} s missing, wanted gaps of at most ${parameters.longest_gap_s} s; `
-      + "cut the recording there",
-    );
-  }
-  if (rateOf(tS) < parameters.least_rate_hz) {
-    throw new RangeError(
-      `inertial data: got ${rateOf(tS).toFixed(1)} samples/s, wanted at least ${parameters.least_rate_hz}; `
-      + "choose a faster sensor rate",
-    );
-  }
-}
-
-/**
  * The gyroscope carries the phone into a frame that barely moves, where a slow low-pass without delay
  * leaves of the acceleration only gravity, however the phone is turned meanwhile.
  * @param {Axes} accel @param {Axes} gyro @param {number} rateHz @param {MotionParameters} parameters

@@ -7,14 +7,12 @@
  * @typedef {{sumRadps: number[], count: number}} Rest rates of turn summed over so many rows at rest
  * @typedef {{tS: Float64Array, accel: Axes, gyro: Axes, up: Axes, rateHz: number, biased: Axes,
  *   isStill: boolean[]}} Level even rows; the gyroscope without its bias, and with it; `up` of length 1
- * @typedef {{tS: Float64Array, worldFromBody: Float64Array, stepSigma: Float64Array}} Odometry
- *   n footsteps, their poses (3n): x m, y m, heading rad; sigma of the moves between them (3 (n-1))
  * @typedef {{tS: number, fromS: number, moveM: number[], sigma: number[]}} Step from one footstep to the
  *   next: forward m, left m, turn rad, seen from the first, and the sigma of each
  * @typedef {{
  *   bounce_window_s: number, cadence_high_hz: number, cadence_low_hz: number, forward_sigma: number,
  *   gravity_cutoff_hz: number, heading_sigma_rad: number, heading_window_s: number, lateral_sigma: number,
- *   least_bounce_mps2: number, least_duration_s: number, least_footsteps: number, least_interval_s: number,
+ *   least_bounce_mps2: number, least_duration_s: number, least_interval_s: number,
  *   least_rate_hz: number, length_power_of_bounce: number, length_power_of_cadence: number,
  *   length_window_s: number, live_delay_s: number, live_window_s: number, longest_gap_s: number,
  *   longest_step_m: number, pause_intervals: number, pause_length_m: number, relative_bounce: number,
