@@ -17,6 +17,7 @@ from elfslam.base.grid import (
     FloorGrid,
     drawn_grid,
     in_polygon,
+    in_ring,
     outlines,
     resampled,
     signed_area,
@@ -161,3 +162,33 @@ def test_each_hole_lies_in_the_smallest_ring_about_it() -> None:
     for polygon in found:
         for hole in polygon[1:]:
             assert shapely.Polygon(polygon[0]).contains(shapely.Polygon(hole))
+
+
+ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
+
+
+@pytest.mark.parametrize(
+    ("xy_m", "expected"),
+    [([1, 4], True), ([5, 1], True), ([4, 4], False), ([-1, 1], False), ([2.9, 3.1], True)],
+)
+def test_points_inside_a_ring(xy_m: list[float], expected: bool) -> None:
+    assert in_ring(ELL_M, np.array([xy_m], dtype=float)).tolist() == [expected]
+
+
+def in_ell(points: F64) -> F64:
+    return np.asarray(
+        (points > 0).all(axis=1)
+        & (points < [6, 5]).all(axis=1)
+        & ((points[:, 0] < 3) | (points[:, 1] < 3))
+    )
+
+
+@given(turn_rad=st.floats(0.01, 6.27), shift_m=st.tuples(st.floats(-99, 99), st.floats(-99, 99)))
+def test_inside_stays_inside_wherever_the_ring_lies(
+    turn_rad: float, shift_m: tuple[float, float]
+) -> None:
+    points = np.random.default_rng(5).uniform([-1, -1], [7, 6], (200, 2))
+    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
+    turn = np.array([[cos, sin], [-sin, cos]])
+    found = in_ring(ELL_M @ turn + shift_m, points @ turn + shift_m)
+    assert (found == in_ell(points)).all()

@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.world.materials import material
 from elfslam.world.room import (
@@ -15,7 +14,6 @@ from elfslam.world.room import (
     Room,
     box,
     check_outline,
-    inside,
     segments_cross,
     shoebox,
 )
@@ -26,33 +24,6 @@ WOOD = material("wood panel")
 
 def ell(*blocks: Block) -> Room:
     return Room(ELL_M, 2.5, (WOOD,) * 6, WOOD, WOOD, blocks)
-
-
-@pytest.mark.parametrize(
-    ("xy_m", "expected"),
-    [([1, 4], True), ([5, 1], True), ([4, 4], False), ([-1, 1], False), ([2.9, 3.1], True)],
-)
-def test_points_inside_a_polygon(xy_m: list[float], expected: bool) -> None:
-    assert inside(ELL_M, np.array([xy_m], dtype=float)).tolist() == [expected]
-
-
-def in_ell(points: F64) -> F64:
-    return np.asarray(
-        (points > 0).all(axis=1)
-        & (points < [6, 5]).all(axis=1)
-        & ((points[:, 0] < 3) | (points[:, 1] < 3))
-    )
-
-
-@given(turn_rad=st.floats(0.01, 6.27), shift_m=st.tuples(st.floats(-99, 99), st.floats(-99, 99)))
-def test_inside_stays_inside_wherever_the_room_lies(
-    turn_rad: float, shift_m: tuple[float, float]
-) -> None:
-    points = np.random.default_rng(5).uniform([-1, -1], [7, 6], (200, 2))
-    cos, sin = np.cos(turn_rad), np.sin(turn_rad)
-    turn = np.array([[cos, sin], [-sin, cos]])
-    found = inside(ELL_M @ turn + shift_m, points @ turn + shift_m)
-    assert (found == in_ell(points)).all()
 
 
 def test_an_outline_becomes_counter_clockwise() -> None:
