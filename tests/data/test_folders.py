@@ -11,7 +11,7 @@ import pytest
 from killed import survives
 
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled
+from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled, sha256_of
 from tests.disks import mounted
 
 
@@ -290,3 +290,10 @@ def test_a_read_only_place_is_named(read_only: Path, new: Callable[[Path], Any])
         said = rf"{place}: cannot be written \(Read-only file system\)"
         with pytest.raises(StoreError, match=said), new(place):
             pass
+
+
+def test_the_digest_of_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "abc"
+    file.write_bytes(b"abc")
+    # The first example of FIPS 180-4.
+    assert sha256_of(file) == "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"

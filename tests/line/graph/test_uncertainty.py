@@ -117,7 +117,9 @@ def test_a_step_that_is_less_sure_than_the_others_keeps_what_it_has_beyond() -> 
     assert 1 / np.sqrt(weighed.information[0, 2, 2]) == pytest.approx(0.3, rel=0.01)
 
 
-def set_off(aside: float, differing: float, heading_sigma: float = 0.1) -> float:
+def set_off(
+    aside: float, differing: float, heading_sigma: float = 0.1, prior: float = 0.0
+) -> float:
     """Sigma told of the first heading, by what headings of closures differ; `aside` was stated."""
     graph, _ = walked(0, TRUE_SIGMA)
     measurements, information = graph.measurements.copy(), graph.information.copy()
@@ -127,14 +129,16 @@ def set_off(aside: float, differing: float, heading_sigma: float = 0.1) -> float
     information[0, 2, 2] = 1 / (TRUE_SIGMA[2] ** 2 + aside**2)
     information[closing, 2, 2] = heading_sigma**-2
     graph = dataclasses.replace(graph, measurements=measurements, information=information)
-    poses = solve(graph, [graph.initial], PARAMETERS)
-    _, weighed = with_own_noise(graph, poses, PARAMETERS)
+    parameters = dataclasses.replace(PARAMETERS, noise_prior=prior)
+    poses = solve(graph, [graph.initial], parameters)
+    _, weighed = with_own_noise(graph, poses, parameters)
     return float(weighed.information[0, 2, 2] ** -0.5)
 
 
 def test_headings_that_differ_between_visits_tell_how_far_the_first_may_point_aside() -> None:
     assert set_off(0.1, 0.3) == pytest.approx(0.3, rel=0.2)
     assert set_off(0.1, 0.02) == pytest.approx(0.1, rel=0.05)
+    assert set_off(0.1, 0.3, prior=1e5) == pytest.approx(0.1, rel=0.05)
 
 
 def test_what_tells_no_heading_or_sets_off_as_it_goes_on_keeps_its_start() -> None:

@@ -188,27 +188,32 @@ def _borne_out(
     leaves, with the reason, until all do. With known starts nothing needs evidence.
     """
     frames, refused = dict(group.frames), dict[str, str]()
-    least = -np.inf if known_starts else parameters.alignment.least_resemblance
     while len(frames) > 1:
         members = sorted(frames)
         inside = [walks[k] for k in members]
         trajectories = _bent(Group(frames), walks, found, parameters, known_starts=known_starts)
-        bent = [
-            replace(sides[k], poses=middles(walk.world_from_body))
-            for k, walk in zip(members, trajectories, strict=True)
-        ]
-        alike = [
-            likeness_to(bent[:k] + bent[k + 1 :], bent[k], parameters) for k in range(len(bent))
-        ]
-        worst = int(np.argmin(alike))
-        if alike[worst] >= least:
+        own = [sides[k] for k in members]
+        alike = [] if known_starts else _alike(own, trajectories, parameters)
+        if min(alike, default=np.inf) >= parameters.alignment.least_resemblance:
             names = tuple(walk.name for walk in inside)
             floor_map = _map(inside, trajectories, parameters)
             return Joined(names, tuple(trajectories), floor_map), refused
+        worst = int(np.argmin(alike))
         refused[inside[worst].name] = f"bent onto the others it {_too_little(alike[worst])}"
         del frames[members[worst]]
     reason = next(iter(refused.values()))
     return None, {**refused, **{walks[k].name: reason for k in frames}}
+
+
+def _alike(
+    sides: Sequence[Side], trajectories: Sequence[Trajectory], parameters: MergeParameters
+) -> list[float]:
+    """How much each walk resembles the others where its trajectory puts it."""
+    bent = [
+        replace(side, poses=middles(walk.world_from_body))
+        for side, walk in zip(sides, trajectories, strict=True)
+    ]
+    return [likeness_to(bent[:k] + bent[k + 1 :], each, parameters) for k, each in enumerate(bent)]
 
 
 def _too_little(resemblance: float) -> str:

@@ -44,7 +44,7 @@ export function makeFacts() {
     return facts;
   };
 
-  /** @param {Stream} sound @param {boolean} isOver */
+  /** By then its echo is cut, which spoofing wants first. @param {Stream} sound @param {boolean} isOver */
   const isComplete = (sound, isOver) => isOver || sound.end() >= waiting[0].sample + OVER;
 
   return { take, needs: () => (waiting.length > 0 ? waiting[0].sample - QUIET[0] : Infinity) };
