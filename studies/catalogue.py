@@ -12,7 +12,7 @@ from typing import Any
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.errors import InputError
 from elfslam.base.progress import Announce
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from elfslam.line.feature import Encoder
 from elfslam.scoring.page import save_page
 from elfslam.world.kinds import kind_named
@@ -140,12 +140,12 @@ def run_study(
         made = measure(Given(data, announce, kept, workers), **chosen)
     finding = made if isinstance(made, Finding) else Finding(made)
     rows = finding.rows
-    with new_file(out / f"{name}.json") as partial:
+    with replaced_file(out / f"{name}.json") as partial:
         partial.write_text(json.dumps(rows, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    with new_file(out / f"{name}.csv") as partial:
+    with replaced_file(out / f"{name}.csv") as partial:
         _write_csv(partial, rows)
     if finding.page is not None:
-        with new_file(out / f"{name}.html") as partial:
+        with replaced_file(out / f"{name}.html") as partial:
             save_page(partial, finding.page)
     kept.unlink(missing_ok=True)
     return rows

@@ -10,7 +10,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.progress import Announce
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.line.superimposition import SpotEchoes
 from elfslam.world.phone import Poses, phone_axes
@@ -145,7 +145,7 @@ def _learnt(
             f"floor level: step {at.step}, loss {at.loss:.2f}", at.step / parameters.steps
         ),
     )  # fmt: skip
-    with new_file(file) as partial:
+    with replaced_file(file) as partial:
         partial.write_bytes(found.encoder.content)
     return found.encoder
 

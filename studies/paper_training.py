@@ -18,7 +18,7 @@ from elfslam.base.arrays import I64
 from elfslam.base.errors import InputError
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, EchoPairs
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
@@ -46,7 +46,7 @@ def pretrain_as_in_paper(file: Path, parameters: PretrainParameters, announce: A
         announce("pre-training", progress.step / parameters.steps)
 
     made = pretrain(pairs_of, parameters, seed=0, checkpoint=checkpoint, report=report)
-    with new_file(file) as unfinished:
+    with replaced_file(file) as unfinished:
         unfinished.write_bytes(encoder_content(made.network))
     checkpoint.unlink(missing_ok=True)
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 
 from elfslam.app.workers import Here, unit_key
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from studies.finding import Given
 
 Task = TypeVar("Task")
@@ -60,7 +60,7 @@ def _announce(given: Given, done: int, of: int) -> None:
 
 def _write(kept: Path | None, found: Units) -> None:
     if kept is not None:
-        with new_file(kept) as partial:
+        with replaced_file(kept) as partial:
             partial.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")
 
 

@@ -69,8 +69,8 @@ def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
     told = Told(Origin(47.0, 8.0), PLACE)
     spots = read_map(run)
     for to in (Format.GEOJSON, Format.PARQUET, Format.IMDF):
-        export(run, tmp_path / "of_run", to, told)
-        export(run / MAP, tmp_path / "of_map", to, told)
+        export(run, tmp_path / "of_run", to, told, overwrite=True)
+        export(run / MAP, tmp_path / "of_map", to, told, overwrite=True)
         if to != Format.IMDF:
             assert (tmp_path / "of_run").read_bytes() == (tmp_path / "of_map").read_bytes()
     assert faults_of(read_imdf(tmp_path / "of_map")) == []
@@ -121,7 +121,7 @@ def test_what_is_no_run_is_refused_and_nothing_written(run: Path, tmp_path: Path
         export(tmp_path / "empty", tmp_path / "walk.g2o", Format.G2O)
     with pytest.raises(InputError, match=ENCODER):
         export(tmp_path / "empty", tmp_path / "used.onnx", Format.ONNX)
-    with pytest.raises(StoreError, match="is a folder"):
+    with pytest.raises(StoreError, match="is no file"):
         export(run, tmp_path / "empty", Format.TUM)
     assert sorted(path.name for path in tmp_path.rglob("*")) == ["empty"]
 

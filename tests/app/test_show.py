@@ -42,6 +42,7 @@ def test_a_map_is_drawn_from_its_file_or_its_folder(place: str, tmp_path: Path) 
     corners = np.array([[0, 0], [6, 0], [6, 4], [0, 4.0]])
     spread = np.tile(0.01 * np.eye(2), (4, 1, 1))
     lap = FloorMap(corners, np.zeros(4), np.zeros(4), np.arange(4), spread, (), "", ("lap",))
+    (tmp_path / place).parent.mkdir(exist_ok=True)
     write_map(lap, tmp_path / place)
     drawn = tmp_path / place if place.startswith("lap") else tmp_path / "anchored"
     drawing_of(str(drawn))(tmp_path / "out.html")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -10,8 +11,22 @@ from typing import Any
 import pytest
 from killed import survives
 
-from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file, new_folder, refuse_occupied, settled, sha256_of
+from elfslam.app.anchor import ANCHOR
+from elfslam.app.follow import FOLLOWED
+from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.data.facts import FACTS
+from elfslam.data.folders import (
+    new_file,
+    new_folder,
+    refuse_occupied,
+    refuse_read,
+    replaced_file,
+    settled,
+    sha256_of,
+)
+from elfslam.data.merged_maps import MERGED
+from elfslam.data.recordings import MANIFEST
+from elfslam.serve.store.identity import STORE
 from tests.disks import mounted
 
 
@@ -22,7 +37,7 @@ def _half_written_folder(folder: Path) -> None:
 
 
 def _half_written_file(file: Path) -> None:
-    with new_file(file) as partial:
+    with new_file(file, overwrite=True) as partial:
         partial.write_text("half")
         raise ZeroDivisionError
 
@@ -68,10 +83,141 @@ def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError):
         _half_written_file(file)
     assert file.read_text() == "old"
-    with new_file(file) as partial:
+    with new_file(file, overwrite=True) as partial:
         partial.write_text("new")
     assert file.read_text() == "new"
     assert list(tmp_path.iterdir()) == [file]
+
+
+def test_an_older_file_is_kept_unless_that_is_asked_for(tmp_path: Path) -> None:
+    file = tmp_path / "fixes.csv"
+    file.write_text("old")
+    done = []
+    with pytest.raises(OccupiedError, match="already exists"), new_file(file):
+        done.append("the work")
+    assert (file.read_text(), done) == ("old", [])
+
+
+def test_a_file_that_came_first_is_kept(tmp_path: Path) -> None:
+    file = tmp_path / "fixes.csv"
+
+    def late(partial: Path) -> None:
+        partial.write_text("mine")
+        file.write_text("theirs")
+
+    with pytest.raises(OccupiedError, match="already exists"), new_file(file) as partial:
+        late(partial)
+    assert file.read_text() == "theirs"
+    assert list(tmp_path.iterdir()) == [file]
+
+
+def test_a_file_that_became_part_of_a_run_is_kept(tmp_path: Path) -> None:
+    def late(partial: Path) -> None:
+        partial.write_text("mine")
+        (tmp_path / "run.json").write_text("{}")
+        (tmp_path / "map.npz").write_text("theirs")
+
+    with (
+        pytest.raises(StoreError, match=r"map\.npz: belongs to a run"),
+        new_file(tmp_path / "map.npz", overwrite=True) as partial,
+    ):
+        late(partial)
+    assert (tmp_path / "map.npz").read_text() == "theirs"
+
+
+def test_without_hard_links_a_file_is_renamed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(source: Path, target: Path) -> None:
+        raise PermissionError(errno.EPERM, "Operation not permitted")
+
+    monkeypatch.setattr(os, "link", refused)
+    with new_file(tmp_path / "fixes.csv") as partial:
+        partial.write_text("new")
+    assert (tmp_path / "fixes.csv").read_text() == "new"
+    with pytest.raises(OccupiedError), new_file(tmp_path / "fixes.csv"):
+        pass
+
+
+@pytest.mark.parametrize(
+    "marker", [MANIFEST, FACTS, MERGED, ANCHOR, FOLLOWED, f"../{STORE}"], ids=os.path.basename
+)
+def test_a_file_of_a_recording_a_run_a_map_or_a_server_is_never_replaced(
+    tmp_path: Path, marker: str
+) -> None:
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    (folder / "audio.flac").write_text("precious")
+    (folder / marker).write_text("{}")
+    (tmp_path / "link").symlink_to(folder / "audio.flac")
+    for out in (folder / "audio.flac", tmp_path / "link"):
+        with pytest.raises(StoreError, match="belongs to"), new_file(out, overwrite=True):
+            pass
+    assert (folder / "audio.flac").read_text() == "precious"
+
+
+def test_what_is_read_is_never_replaced(tmp_path: Path) -> None:
+    for folder in ("map", "run"):
+        (tmp_path / folder / "deep").mkdir(parents=True)
+        (tmp_path / folder / "deep" / "walk").write_text("precious")
+    (tmp_path / "run" / "run.json").write_text("{}")
+    source = tmp_path / "map" / "deep" / "walk"
+    (tmp_path / "link").symlink_to(source)
+    (tmp_path / "hard").hardlink_to(source)
+    (tmp_path / "other").write_text("free")
+    for out, read in (
+        (source, source), (tmp_path / "link", source), (tmp_path / "hard", source),
+        (source, tmp_path / "link"), (source, tmp_path / "map"),
+    ):  # fmt: skip
+        with (
+            pytest.raises(StoreError, match="is read"),
+            new_file(out, overwrite=True, reads=[read]),
+        ):
+            pass
+    with pytest.raises(StoreError, match="is read"):
+        refuse_read(tmp_path / "run", [tmp_path / "run" / "deep" / "walk"])
+    refuse_read(tmp_path / "map", [source])  # no result, so nothing replaces it
+    refuse_read(tmp_path / "other", [source, tmp_path / "missing"])
+    assert source.read_text() == "precious"
+
+
+NOWHERE = ("", ".", "./", "..", "../..", "/", "{here}", "{here}/..", "{here}/below/..", "below/..")
+
+
+@pytest.mark.parametrize("out", NOWHERE)
+@pytest.mark.parametrize("new", [new_folder, new_file])
+def test_the_current_folder_and_those_above_are_no_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, new: Callable[[Path], Any], out: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with (
+        pytest.raises(StoreError, match="is the current folder or one above it"),
+        new(Path(out.format(here=tmp_path))),
+    ):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_file_of_its_own_is_replaced_and_a_link_there_is_not_followed(tmp_path: Path) -> None:
+    own, foreign = tmp_path / "own", tmp_path / "foreign"
+    own.mkdir()
+    foreign.write_text("precious")
+    (own / "run.json").write_text("{}")
+    (own / "score.html").symlink_to(foreign)
+    for text in ("one", "two"):
+        with replaced_file(own / "score.html") as partial:
+            partial.write_text(text)
+        assert (own / "score.html").read_text() == text
+    assert foreign.read_text() == "precious"
+    assert sorted(os.listdir(own)) == ["run.json", "score.html"]
+
+
+def test_an_error_about_another_file_is_not_one_of_the_place(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match="missing"), new_file(tmp_path / "out"):
+        (tmp_path / "missing").read_bytes()
+    with pytest.raises(StoreError, match="out: cannot be written"), new_file(tmp_path / "out"):
+        pass
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_what_is_no_file_is_not_replaced_by_one(tmp_path: Path) -> None:
@@ -252,7 +398,7 @@ def test_a_first_result_killed_at_any_step_leaves_nothing_for_ever(tmp_path: Pat
 
 def test_a_file_killed_at_any_step_is_old_or_new(tmp_path: Path) -> None:
     def write(file: Path, text: str) -> None:
-        with new_file(file) as partial:
+        with new_file(file, overwrite=True) as partial:
             partial.write_text(text)
 
     for step in range(100):

@@ -17,7 +17,7 @@ from elfslam.base.grid import FloorGrid, outlines, signed_area
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
-from elfslam.data.folders import new_folder, settled
+from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
@@ -102,6 +102,7 @@ def anchor_into(
     The folder holds the map in the plan's frame, the encoder where one lies beside the map, and
     the placement. Raises StoreError where the folder is taken.
     """
+    refuse_occupied(out, None)
     floor_map = map_of(settled(source))
     placement = place_on(floor_map, plan, parameters, start_m)
     if placement.status == OK:

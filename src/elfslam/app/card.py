@@ -15,14 +15,14 @@ CLOSING = f"at {ClosureParameters().threshold:g}"
 ON_THE_CARD = ("AUC", "recall at 1 %", "recall at 0.1 %", f"kept {CLOSING}", f"false {CLOSING}")
 
 
-def write_measured(encoder: str, measured: Path, out: Path) -> None:
+def write_measured(encoder: str, measured: Path, out: Path, *, overwrite: bool = False) -> None:
     """Write the encoder to `out` with the figures of a study's table on its card."""
     from elfslam.learn.onnx_files import with_metrics
 
-    metrics = metrics_of(read_json(measured))
-    known = load_encoder(encoder)
-    content = known.content if isinstance(known, OnnxEncoder) else b""
-    with new_file(out) as partial:
+    with new_file(out, overwrite=overwrite, reads=[encoder, measured]) as partial:
+        metrics = metrics_of(read_json(measured))
+        known = load_encoder(encoder)
+        content = known.content if isinstance(known, OnnxEncoder) else b""
         partial.write_bytes(with_metrics(content, metrics))
 
 

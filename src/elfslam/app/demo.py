@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -49,6 +50,8 @@ LOCATED = (
 )
 """Who is located how: on another day with another phone, people on ways that cross the line."""
 
+FILES = ("score.html", "fixes.csv", "fixes.html")
+"""Written beside the folders of both walks and of the run."""
 Row = dict[str, object]
 
 
@@ -78,6 +81,23 @@ def run_demo(
     """
     for name in ("walk", "stranger", "run"):
         refuse_occupied(out / name, None)
+    with ExitStack() as stack:
+        files = [stack.enter_context(new_file(out / name)) for name in FILES]
+        collected = _collected(out, files, encoder, parameters, facts, announce, seeds)
+    announce("done", 1.0)
+    return _mapping_rows(collected), _fix_rows(collected)
+
+
+def _collected(
+    out: Path,
+    files: Sequence[Path],
+    encoder: Encoder,
+    parameters: Parameters,
+    facts: Mapping[str, object],
+    announce: Callable[[str, float | None], None],
+    seeds: Sequence[int],
+) -> Collected:
+    """All walks mapped and located; the first of them is written."""
     world, collected = load_world(WORLD), Collected()
     for count, seed in enumerate(seeds):
         announce(f"walk {seed}: simulating, mapping and locating", count / len(seeds))
@@ -102,9 +122,8 @@ def run_demo(
                 "parameters_digest": digest(parameters),
             }
             stranger = others[SURVEYOR.name]
-            _write_example(out, world, walk, stranger, run, shown[0], described, content)
-    announce("done", 1.0)
-    return _mapping_rows(collected), _fix_rows(collected)
+            _write_example(out, files, world, walk, stranger, run, shown[0], described, content)
+    return collected
 
 
 def _walked(world: World, seed: int, kind: Kind) -> tuple[Recording, Truth]:
@@ -179,6 +198,7 @@ def _statistics(walks: list[F64]) -> Row:
 
 def _write_example(
     out: Path,
+    files: Sequence[Path],
     world: World,
     walk: tuple[Recording, Truth],
     stranger: tuple[Recording, Truth],
@@ -187,14 +207,13 @@ def _write_example(
     facts: Mapping[str, object],
     encoder: bytes | None,
 ) -> None:
+    score_page, fixes_file, fixes_page = files
     plan = floor_plan(world.room)
     write_recording(walk[0], out / "walk", truth=walk[1])
     write_recording(stranger[0], out / "stranger", truth=stranger[1])
     write_reported_run(run, out / "run", facts=facts, encoder=encoder)
-    with new_file(out / "score.html") as page:
-        write_report(page, run, facts=facts, floor_plan=plan, truth=walk[1])
-    write_fixes(fixes, out / "fixes.csv")
+    write_report(score_page, run, facts=facts, floor_plan=plan, truth=walk[1])
+    write_fixes(fixes, fixes_file)
     assert run.floor_map is not None
     move = alignment_of(run.trajectory, walk[1])
-    with new_file(out / "fixes.html") as page:
-        write_fix_report(page, run.floor_map, fixes, stranger[1], world_from_map=move)
+    write_fix_report(fixes_page, run.floor_map, fixes, stranger[1], world_from_map=move)

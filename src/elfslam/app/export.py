@@ -6,13 +6,14 @@ import shutil
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.choices import Format
-from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.values import FloorMap, Run
 from elfslam.data.facts import ENCODER, FACTS
@@ -24,7 +25,7 @@ from elfslam.data.imdf import Venue, write_imdf
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.parquet_files import write_parquet
 from elfslam.data.points_of_interest_files import read_points
-from elfslam.data.ros_map import write_ros_map
+from elfslam.data.ros_map import image_beside, ros_map
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
 from elfslam.data.tum import write_tum
@@ -47,15 +48,23 @@ class Told:
     """Side of a pixel of an image."""
 
 
-def export(source: Path, out: Path, to: Format, told: Told | None = None) -> None:
+def export(
+    source: Path, out: Path, to: Format, told: Told | None = None, *, overwrite: bool = False
+) -> None:
     """Write a run or a map as a file of another format, whole or not at all.
 
-    Raises InputError where the run does not hold what the format asks for, ParameterError where
-    something was not told, StoreError where it cannot be read or the file cannot be written.
+    A ROS map is two files. An older file is only replaced with `overwrite`. Raises InputError where
+    the run does not hold what the format asks for, ParameterError where something was not told,
+    StoreError where it cannot be read or the file cannot be written.
     """
-    if out.is_dir():
-        raise StoreError(f"{out}: is a folder; name the file that is to be written")
-    EXPORTS[to](settled(source), out, told or Told())
+    new = partial(new_file, overwrite=overwrite, reads=[source])
+    if to is Format.ROS:
+        image = image_beside(out)
+        with new(out) as file, new(image) as picture:
+            _ros(settled(source), file, picture, image.name, told or Told())
+        return
+    with new(out) as file:
+        EXPORTS[to](settled(source), file, told or Told())
 
 
 def map_of(source: Path) -> FloorMap:
@@ -83,8 +92,7 @@ def _tum(source: Path, out: Path, told: Told) -> None:
         rows = np.lexsort((floor_map.order, floor_map.walk))
         poses = np.column_stack([floor_map.xy_m, floor_map.heading_rad])[rows]
         t_s = np.arange(len(rows), dtype=np.float64)
-    with new_file(out) as partial:
-        write_tum(partial, t_s, poses)
+    write_tum(out, t_s, poses)
 
 
 def _g2o(source: Path, out: Path, told: Told) -> None:
@@ -99,8 +107,7 @@ def _onnx(source: Path, out: Path, told: Told) -> None:
     encoder = source / ENCODER
     if not encoder.is_file():
         raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes (--by elf) first")
-    with new_file(out) as partial:
-        shutil.copyfile(encoder, partial)
+    shutil.copyfile(encoder, out)
 
 
 def _geojson(source: Path, out: Path, told: Told) -> None:
@@ -120,14 +127,16 @@ def _imdf(source: Path, out: Path, told: Told) -> None:
     write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
 
 
-def _ros(source: Path, out: Path, told: Told) -> None:
-    """The walked ground as an image."""
+def _ros(source: Path, file: Path, picture: Path, image: str, told: Told) -> None:
+    """The walked ground as an image of that name."""
     if not FINEST_M <= told.pixel_m <= COARSEST_M:
         raise ParameterError(
             f"--resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
             "0.05 is usual"
         )
-    write_ros_map(out, walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m))
+    text, content = ros_map(walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image)
+    file.write_text(text, encoding="utf-8")
+    picture.write_bytes(content)
 
 
 def _parquet(source: Path, out: Path, told: Told) -> None:
@@ -177,6 +186,5 @@ EXPORTS: Mapping[Format, Callable[[Path, Path, Told], None]] = {
     Format.ONNX: _onnx,
     Format.GEOJSON: _geojson,
     Format.IMDF: _imdf,
-    Format.ROS: _ros,
     Format.PARQUET: _parquet,
 }

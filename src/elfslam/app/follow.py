@@ -15,7 +15,7 @@ from elfslam.base.geometry import compose
 from elfslam.base.grid import FloorGrid
 from elfslam.base.values import FloorMap, Run, Trajectory
 from elfslam.data.facts import ENCODER, FACTS
-from elfslam.data.folders import new_folder, settled
+from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.runs import read_run
@@ -89,6 +89,7 @@ def follow_into(
     or followed (nothing is written then), InputError where the source is no run.
     """
     anchoring, map_matching = settings
+    refuse_occupied(out, None)
     if not (settled(source) / FACTS).is_file():
         raise InputError(f"{source}: is no run; only a walk with its footsteps can be followed")
     run = read_run(source)

@@ -206,21 +206,26 @@ def _verdict(run: Run) -> dict[str, str]:
 
 
 def finetune_into(
-    out: Path, path: Path, encoder: str, settings: Settings, *, seed: int, announce: Announce
+    out: Path,
+    path: Path,
+    encoder: str,
+    settings: Settings,
+    *,
+    seed: int,
+    announce: Announce,
+    overwrite: bool = False,
 ) -> str:
     """Fine-tune the encoder called `encoder` on one recording into the file `out`; what came of it.
 
-    Raises StoreError before the work where `out` cannot be an encoder file.
+    Raises StoreError before the work where `out` cannot be an encoder file, or is there already
+    and not to be replaced.
     """
-    if out.suffix != ".onnx" or out.is_dir():
+    if out.suffix != ".onnx":
         raise StoreError(f"{out}: wanted the name of a file that ends in .onnx; rename it")
-    nearest = next(folder for folder in out.absolute().parents if folder.exists())
-    if not nearest.is_dir():
-        raise StoreError(f"{out}: {nearest} is no folder; choose another place")
-    announce("echoes", None)
-    echoes = hear(read_recording(path, settings.chirp), settings)
-    tuned = finetuned(load_encoder(encoder), echoes, settings.finetune, seed, announce)
-    with new_file(out) as partial:
+    with new_file(out, overwrite=overwrite, reads=[path, encoder]) as partial:
+        announce("echoes", None)
+        echoes = hear(read_recording(path, settings.chirp), settings)
+        tuned = finetuned(load_encoder(encoder), echoes, settings.finetune, seed, announce)
         partial.write_bytes(tuned.encoder.content)
     return tuned.reason
 

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Iterator, Mapping
-from contextlib import closing, contextmanager, suppress
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
-from tempfile import TemporaryFile
 
 import numpy as np
 
@@ -51,6 +50,7 @@ def pretrain_on_simulated_echoes(
     announce: Callable[[str, float | None], None],
     metrics: Mapping[str, float] | None = None,
     on: str | None = None,
+    overwrite: bool = False,
 ) -> float | None:
     """Train, write the ONNX file `out`, and give the mean loss over the last tenth of the steps.
 
@@ -73,25 +73,23 @@ def pretrain_on_simulated_echoes(
         if ranks.number > 0:
             train(ranks, lambda progress: None)
             return None
-        with _folder_of(out):
+        with _new_files(out, overwrite=overwrite) as (encoder, table, page):
             made = train(ranks, report)
-            _write_trained(out, made, parameters, seed, metrics or {})
-            checkpoint.unlink(missing_ok=True)
+            write_losses(table, page, out.name, made.losses, parameters, seed)
+            card = card_of(made, parameters, seed, metrics or {})
+            export_encoder(made.network, encoder, card=card)
+        checkpoint.unlink(missing_ok=True)
     return last_loss(made.losses)
 
 
-def _write_trained(
-    out: Path,
-    made: Pretrained,
-    parameters: PretrainParameters,
-    seed: int,
-    metrics: Mapping[str, float],
-) -> None:
-    """The encoder with its card, and beside it its losses."""
-    card = card_of(made, parameters, seed, metrics)
-    write_losses(out, made.losses, parameters, seed)
-    with new_file(out) as unfinished:
-        export_encoder(made.network, unfinished, card=card)
+@contextmanager
+def _new_files(out: Path, *, overwrite: bool) -> Iterator[tuple[Path, ...]]:
+    """Where the encoder, the table of losses and their page are to be written."""
+    with ExitStack() as stack:
+        yield tuple(
+            stack.enter_context(new_file(out.with_suffix(suffix), overwrite=overwrite))
+            for suffix in (".onnx", ".losses.csv", ".losses.html")
+        )
 
 
 def pairs_in(parameters: PretrainParameters, seed: int, engine: str = ENGINES[0]) -> PairsOf:
@@ -173,16 +171,17 @@ def last_loss(losses: F64) -> float:
     return float(np.mean(losses[-max(len(losses) // 10, 1) :]))
 
 
-def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: int) -> None:
-    """The loss over the steps beside the encoder `out`: .losses.csv and .losses.html."""
+def write_losses(
+    table: Path, page: Path, name: str, losses: F64, parameters: PretrainParameters, seed: int
+) -> None:
+    """The loss over the steps of learning what is called `name`, as a CSV and as a page."""
     step, mean = block_means(losses, BLOCK_STEPS)
-    with new_file(out.with_suffix(".losses.csv")) as partial:
-        np.savetxt(
-            partial, np.column_stack([step, mean]), fmt=["%d", "%.5f"], delimiter=",",
-            header="step,loss", comments="",
-        )  # fmt: skip
-    page = Page(
-        title=f"Learning {out.name}",
+    np.savetxt(
+        table, np.column_stack([step, mean]), fmt=["%d", "%.5f"], delimiter=",",
+        header="step,loss", comments="",
+    )  # fmt: skip
+    shown = Page(
+        title=f"Learning {name}",
         subtitle=f"Pairs of simulated echoes, seed {seed}",
         panels=[Panel("Loss", loss_figure(losses, step, mean), LOSS_NOTE, wide=True)],
         tiles={
@@ -193,8 +192,7 @@ def write_losses(out: Path, losses: F64, parameters: PretrainParameters, seed: i
         },
         details={"Parameters": facts_table(asdict(parameters))},
     )
-    with new_file(out.with_suffix(".losses.html")) as partial:
-        save_page(partial, page)
+    save_page(page, shown)
 
 
 def block_means(losses: F64, size: int) -> tuple[I64, F64]:
@@ -205,8 +203,6 @@ def block_means(losses: F64, size: int) -> tuple[I64, F64]:
 
 
 def _check(out: Path, parameters: PretrainParameters) -> None:
-    if out.is_dir():
-        raise StoreError(f"{out}: is a folder; name a file such as {out / 'compact.onnx'}")
     if out.suffix != ".onnx":
         raise StoreError(f"{out}: wanted a name that ends in .onnx; rename it")
     if parameters.network not in NETWORKS:
@@ -219,17 +215,3 @@ def _check(out: Path, parameters: PretrainParameters) -> None:
             f"pretrain.pairs: wanted a multiple of pretrain.rooms ({parameters.rooms}), "
             f"got {parameters.pairs}; change one"
         )
-
-
-@contextmanager
-def _folder_of(file: Path) -> Iterator[None]:
-    """A folder for `file` that can be written; what was made for it and stays empty goes again."""
-    missing = [folder for folder in file.parents if not folder.exists()]
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        TemporaryFile(dir=file.parent).close()  # fails now, not after an hour
-        yield
-    finally:
-        for folder in missing:
-            with suppress(OSError):
-                folder.rmdir()

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 
 from elfslam.app.console import exit_code_of, run_app
+from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.data.folders import place_of, refuse_read
 
 VERBS: Mapping[str, tuple[str, str]] = {
     "demo": ("demo:demo", "Map ten simulated walks and locate ten others in them."),
@@ -41,6 +44,32 @@ VERBS: Mapping[str, tuple[str, str]] = {
 """Where each verb stands in this room, and what it does. Its module is imported when it runs."""
 
 
+class Verb(TyperCommand):
+    """A verb; where its result cannot go is said before anything is done."""
+
+    def invoke(self, ctx: Any) -> Any:
+        given = dict(ctx.params)
+        if (out := given.pop("out", None)) is not None:
+            place_of(out)
+            refuse_read(out, _texts_in(given.values()))
+        try:
+            return super().invoke(ctx)
+        except OccupiedError as error:
+            if "force" not in given:
+                raise
+            raise StoreError(f"{error}, or replace an older result with --force") from error
+
+
+def _texts_in(values: Iterable[object]) -> Iterator[str]:
+    """Whatever may name a file that is read; of a plan and its width the plan."""
+    for value in values:
+        if isinstance(value, list | tuple):
+            yield from _texts_in(value)
+        elif isinstance(value, str | Path):
+            text = str(value)
+            yield from (each for each in (text, text.rpartition(":")[0]) if each)
+
+
 class Verbs(TyperGroup):
     """The verbs by name: help lists them without importing any.
 
@@ -68,7 +97,7 @@ def verb_of(name: str) -> Callable[..., None]:
 def command_of(name: str) -> Any:
     """A verb with its options, as Typer reads them from its function."""
     alone = typer.Typer(add_completion=False, rich_markup_mode=None)
-    alone.command(name)(verb_of(name))
+    alone.command(name, cls=Verb)(verb_of(name))
     return typer.main.get_command(alone)
 
 

@@ -11,7 +11,7 @@ from elfslam.app.card import write_measured
 from elfslam.app.console import print_rows, say
 from elfslam.base.card import card_rows
 from elfslam.base.errors import InputError, NoAnswerError
-from elfslam.cli.options import AsJson
+from elfslam.cli.options import AsJson, Force
 from elfslam.line.feature import read_card
 
 
@@ -24,13 +24,14 @@ def card(
     out: Annotated[
         Path | None, typer.Option(metavar="OUT.onnx", help="Where it goes with these figures.")
     ] = None,
+    force: Force = False,
     as_json: AsJson = False,
 ) -> None:
     """What an encoder is, and how to train it again: as its own file says."""
     if (measured is None) != (out is None):
         raise InputError("card: --measured and --out go together; name both or neither")
     if measured is not None and out is not None:
-        write_measured(encoder, measured, out)
+        write_measured(encoder, measured, out, overwrite=force)
         say(f"wrote {out}")
         encoder = str(out)
     known = read_card(encoder)

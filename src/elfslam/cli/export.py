@@ -11,6 +11,7 @@ from elfslam.app.console import say
 from elfslam.app.export import Told, export
 from elfslam.base.choices import Format
 from elfslam.base.errors import ParameterError
+from elfslam.cli.options import Force
 from elfslam.data.geographic import parse_origin
 from elfslam.data.imdf import read_place
 
@@ -24,6 +25,7 @@ def export_command(
     ] = None,
     place: Annotated[Path | None, typer.Option(help="TOML file about the venue, for imdf.")] = None,
     resolution: Annotated[float, typer.Option(help="Pixels of the ROS map, m.")] = Told.pixel_m,
+    force: Force = False,
 ) -> None:
     """Write a run or a map in the format of other programs."""
     if to not in list(Format):
@@ -33,5 +35,5 @@ def export_command(
         None if place is None else read_place(place),
         resolution,
     )
-    export(source, out, Format(to), told)
+    export(source, out, Format(to), told, overwrite=force)
     say(f"wrote {out}")

@@ -16,10 +16,12 @@ from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
 from elfslam.cli.options import (
     AsJson,
+    Force,
     ParameterFile,
     Setting,
 )
 from elfslam.data.fixes_files import write_fixes
+from elfslam.data.folders import new_file
 
 
 def locate_command(
@@ -37,19 +39,21 @@ def locate_command(
     phone_walk: Annotated[
         Path | None, typer.Option(help="A walk of this phone in the map, to learn how it hears.")
     ] = None,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
     as_json: AsJson = False,
 ) -> None:
     """Locate a recording in a map: where it was, how surely, and where that cannot be said."""
     settings = load(Settings(), parameter_file, setting or [])
-    with progress_bar() as announce:
+    new = new_file(out, overwrite=force, reads=[recording, floor_map])
+    with new as partial, progress_bar() as announce:
         announce("locating", None)
         fixes = locate_from(
             recording, floor_map, settings, by=parse_modalities(by), encoder=encoder, mode=mode,
             seed=seed, phone_walk=phone_walk,
         )  # fmt: skip
-    write_fixes(fixes, out)
+        write_fixes(fixes, partial)
     counts = {status.name: int((fixes.status == status).sum()) for status in FixStatus}
     print_rows(
         [{"fixes": len(fixes.t_s), **counts}], title=f"Located in {floor_map}", as_json=as_json

@@ -14,12 +14,13 @@ from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
 from elfslam.cli.options import (
     AsJson,
+    Force,
     ParameterFile,
     Setting,
     refuse_if_none,
     say_refused,
 )
-from elfslam.data.folders import new_file
+from elfslam.data.folders import new_file, refuse_occupied
 from elfslam.data.importing import LogFormat, Refused, declared_start, read_logs, takes_many
 from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
@@ -48,6 +49,8 @@ def import_command(
 ) -> None:
     """Turn someone else's log into recordings."""
     known = _format_of(log_format, path)
+    if not takes_many(known, path):
+        refuse_occupied(out, None)
     count = damaged = 0
     refused: dict[str, str] = {}
     with progress_bar() as announce:
@@ -79,13 +82,14 @@ def _format_of(named: str, path: Path) -> LogFormat:
 def phyphox_command(
     out: Annotated[Path, typer.Argument(help="A file, such as elfslam.phyphox.")],
     minutes: Annotated[float, typer.Option(min=0.1, max=30, help="Longest walk.")] = 2.0,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
     """Write an experiment for the phyphox app that chirps and records, without our page."""
     parameters = load(Settings(), parameter_file, setting or [])
     made = phyphox_experiment(parameters.chirp, minutes)
-    with new_file(out) as partial:
+    with new_file(out, overwrite=force) as partial:
         partial.write_bytes(made)
     megabytes = minutes * 60 * RATE_HZ * BYTES_PER_SAMPLE / 1e6
     say(f"wrote {out}; a walk of {minutes:g} minutes takes about {megabytes:.0f} MB on Android")

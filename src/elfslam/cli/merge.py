@@ -16,6 +16,7 @@ from elfslam.base.choices import Modality, parse_modalities
 from elfslam.base.parameters import load
 from elfslam.cli.options import (
     AsJson,
+    Force,
     ParameterFile,
     Setting,
 )
@@ -36,7 +37,7 @@ def merge_command(
     known_starts: Annotated[
         bool, typer.Option("--known-starts", help="All lie in one frame, by --start or taps.")
     ] = False,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older map.")] = False,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
     as_json: AsJson = False,

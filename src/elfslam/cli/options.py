@@ -21,7 +21,7 @@ On = Annotated[
     str | None,
     typer.Option("--on", help="Who works: a number of processes, ray or ray://HOST:10001."),
 ]
-Force = Annotated[bool, typer.Option("--force", help="Replace an older run.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an older result.")]
 Plan = Annotated[
     str | None,
     typer.Option("--floor-plan", help="Drawn below: plan.png:WIDTH_M, plan.geojson or a world."),

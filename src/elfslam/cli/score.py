@@ -15,7 +15,7 @@ from elfslam.base.errors import InputError
 from elfslam.cli.options import AsJson, Plan
 from elfslam.data.facts import FACTS, read_facts
 from elfslam.data.fixes_files import read_fixes
-from elfslam.data.folders import new_file, settled
+from elfslam.data.folders import replaced_file, settled
 from elfslam.data.runs import read_run
 from elfslam.scoring.errors import alignment_of
 from elfslam.scoring.report import write_report
@@ -50,7 +50,7 @@ def _score_run(folder: Path, truth_path: Path, plan: str | None, *, as_json: boo
     print_rows(run_scores(run, truth), title=f"{run.name}: errors (m)", as_json=as_json)
     if len(run.closures.i) and not as_json:
         print_rows(closure_scores(run, truth), title="Closures", as_json=False)
-    with new_file(folder / "score.html") as page:
+    with replaced_file(folder / "score.html") as page:
         write_report(page, run, facts=read_facts(folder), floor_plan=drawn, truth=truth)
 
 

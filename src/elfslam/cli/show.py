@@ -9,6 +9,7 @@ import typer
 
 from elfslam.app.console import say
 from elfslam.app.show import drawing_of
+from elfslam.cli.options import Force
 from elfslam.data.folders import new_file
 
 
@@ -17,9 +18,9 @@ def show(
         str, typer.Argument(metavar="RUN|MAP|WORLD|PAGE.html", help="What to look at.")
     ],
     out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
+    force: Force = False,
 ) -> None:
     """Make one file of a run, a map, a world or a page with its script, to be sent around."""
-    draw = drawing_of(what)
-    with new_file(out) as page:
-        draw(page)
+    with new_file(out, overwrite=force, reads=[what]) as page:
+        drawing_of(what)(page)
     say(f"look at {out}")

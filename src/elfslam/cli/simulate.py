@@ -11,6 +11,7 @@ import typer
 from elfslam.app.compiling import compilation_announced
 from elfslam.app.console import progress_bar, say
 from elfslam.cli.options import Seed
+from elfslam.data.folders import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade
@@ -52,6 +53,7 @@ def simulate_command(
     softer: Annotated[float, typer.Option(help="Chirps are by chance softer by this (dB).")] = 0.0,
 ) -> None:
     """Simulate a walk with a phone: a recording, and its truth beside it for scoring."""
+    refuse_occupied(out, None)
     place, whose = load_world(world), kind_named(kind)
     usual = whose.asking(place.room) if asking else whose.mapping(place.room)
     place = whose.asking_place(place, seed) if asking else place

@@ -11,7 +11,7 @@ from elfslam.app.console import progress_bar, say
 from elfslam.app.settings import Settings
 from elfslam.app.superimpose import superimpose_into
 from elfslam.base.parameters import load
-from elfslam.cli.options import ParameterFile, Seed, Setting
+from elfslam.cli.options import Force, ParameterFile, Seed, Setting
 
 
 def superimpose_command(
@@ -22,7 +22,7 @@ def superimpose_command(
         typer.Option("--learn", metavar="RUN", help="A walk of MAP to learn from, repeatable."),
     ] = None,
     seed: Seed = 0,
-    force: Annotated[bool, typer.Option("--force", help="Replace an older map.")] = False,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:

@@ -11,7 +11,7 @@ from elfslam.app.console import progress_bar, say
 from elfslam.app.map import finetune_into
 from elfslam.app.settings import Settings
 from elfslam.base.parameters import load
-from elfslam.cli.options import EncoderName, ParameterFile, Seed, Setting
+from elfslam.cli.options import EncoderName, Force, ParameterFile, Seed, Setting
 
 
 def pretrain_command(
@@ -21,6 +21,7 @@ def pretrain_command(
         str | None,
         typer.Option("--on", help="Who makes echoes: so many processes, ray or ray://HOST:10001."),
     ] = None,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
@@ -29,7 +30,9 @@ def pretrain_command(
 
     known = load(Settings(), parameter_file, setting or []).pretrain
     with progress_bar() as announce:
-        loss = pretrain_on_simulated_echoes(out, known, seed=seed, announce=announce, on=on)
+        loss = pretrain_on_simulated_echoes(
+            out, known, seed=seed, announce=announce, on=on, overwrite=force
+        )
     if loss is not None:
         say(f"wrote {out}; mean loss of the last tenth: {loss:.3f}")
 
@@ -39,11 +42,14 @@ def finetune_command(
     out: Annotated[Path, typer.Argument(metavar="OUT.onnx", help="Where the encoder goes.")],
     encoder: EncoderName = "compact",
     seed: Seed = 0,
+    force: Force = False,
     parameter_file: ParameterFile = None,
     setting: Setting = None,
 ) -> None:
     """Fine-tune an encoder on one recording, without labels; kept as it is where that is better."""
     settings = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce:
-        found = finetune_into(out, recording, encoder, settings, seed=seed, announce=announce)
+        found = finetune_into(
+            out, recording, encoder, settings, seed=seed, announce=announce, overwrite=force
+        )
     say(f"wrote {out}; {found}")

@@ -12,7 +12,6 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Fixes, FixStatus
-from elfslam.data.folders import new_file
 from elfslam.data.tables import check_times, read_named_rows
 
 NUMBERS = ("t_s", "x_m", "y_m", "heading_rad", "sigma_m")
@@ -25,7 +24,7 @@ def write_fixes(fixes: Fixes, file: Path) -> None:
     """The fixes as CSV; sigma_m is the root of the mean variance of the two axes."""
     variance_m2 = np.trace(fixes.covariance_m2, axis1=1, axis2=2) / 2
     table = [fixes.xy_m, fixes.heading_rad, np.sqrt(variance_m2)]
-    with new_file(file) as partial, partial.open("w", newline="", encoding="utf-8") as stream:
+    with file.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream, lineterminator="\n")
         writer.writerow(HEADER)
         for t_s, row, status in zip(fixes.t_s, np.column_stack(table), fixes.status, strict=True):

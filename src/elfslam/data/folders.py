@@ -11,13 +11,23 @@ import fcntl
 import hashlib
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import OccupiedError, StoreError
 
 LOCK, PARTIAL, REPLACED = "lock", "partial", "replaced"
+MARKERS = {
+    "recording.json": "a recording",
+    "run.json": "a run",
+    "merge.json": "a merged map",
+    "anchor.json": "a map on a plan",
+    "followed.tum": "a map on a plan",
+}
+"""What lies in a folder whose files are not to be replaced one by one."""
+SERVER = "store.json"
+"""What lies in a server's data folder, all of which is the server's."""
 
 
 @contextmanager
@@ -28,7 +38,7 @@ def new_folder(folder: Path, *, replaces: str | None = None) -> Iterator[Path]:
     a mistyped path never costs anything else. Raises StoreError, also where somebody else is
     writing there or came first.
     """
-    with _alone(folder) as place:
+    with _alone(folder, place_of(folder)) as place:
         refuse_occupied(folder, replaces)
         partial = _beside(place, PARTIAL)
         partial.mkdir()
@@ -42,12 +52,36 @@ def new_folder(folder: Path, *, replaces: str | None = None) -> Iterator[Path]:
 
 
 @contextmanager
-def new_file(file: Path) -> Iterator[Path]:
+def new_file(
+    file: Path, *, overwrite: bool = False, reads: Iterable[Path | str] = ()
+) -> Iterator[Path]:
     """A hidden sibling to fill, renamed to `file` at the end, removed if anything fails.
 
-    Raises StoreError, also where somebody else is writing there.
+    Put around the whole work it refuses before it: an older file is only replaced with
+    `overwrite`, and never one that the work `reads` or that belongs to a recording, a run, a map
+    or a server. Raises StoreError, also where somebody else is writing there or came first.
     """
-    with _alone(file) as place:
+    inputs = tuple(reads)
+
+    def refuse() -> None:
+        _refuse_file(file, inputs, overwrite=overwrite)
+
+    with _alone(file, place_of(file)) as place:
+        refuse()
+        partial = _beside(place, PARTIAL)
+        yield partial
+        sync(partial)
+        _put(partial, place, refuse)
+        sync(place.parent)
+
+
+@contextmanager
+def replaced_file(file: Path) -> Iterator[Path]:
+    """As `new_file`, for what a program keeps in a folder of its own: an older one is replaced.
+
+    A link in its place gives way itself, so that nothing is written outside the folder.
+    """
+    with _alone(file, Path(os.path.realpath(file.parent), file.name)) as place:
         if place.exists() and not place.is_file():
             raise StoreError(f"{file}: is no file that could be replaced; choose another place")
         partial = _beside(place, PARTIAL)
@@ -57,15 +91,47 @@ def new_file(file: Path) -> Iterator[Path]:
         sync(place.parent)
 
 
+def place_of(path: Path) -> Path:
+    """Where a result called `path` really comes to lie.
+
+    Raises StoreError where that is the current folder or one above it, which an empty name means
+    as well.
+    """
+    place, here = Path(os.path.realpath(path)), Path.cwd()
+    if path.name == ".." or place == here or place in here.parents:
+        raise StoreError(
+            f"{str(path)!r}: is the current folder or one above it; name a new place inside"
+        )
+    return place
+
+
+def refuse_read(path: Path, reads: Iterable[Path | str]) -> None:
+    """Raise StoreError where a result at `path` would take the place of anything that is read.
+
+    That is the same file, by whatever name; a file in a folder that is read; and a recording, run
+    or map that holds what is read.
+    """
+    place = Path(os.path.realpath(path))
+    for read in reads if place.exists() else ():
+        source = Path(os.path.realpath(read))
+        if source.exists() and (
+            place.samefile(source)
+            or (place.is_file() and source in place.parents)
+            or (place in source.parents and _marker_in(place))
+        ):
+            raise StoreError(f"{path}: {read} is read from there; choose another place")
+
+
 def refuse_occupied(folder: Path, replaces: str | None) -> None:
-    """Raise StoreError where `new_folder` would, but for somebody who comes later."""
+    """Raise StoreError where `new_folder` would, but for somebody who comes later.
+
+    It is an OccupiedError where an older result might be replaced.
+    """
+    place_of(folder)
     if _is_free(settled(folder)):
         return
     if replaces is None:
-        raise StoreError(
-            f"{folder}: already exists; choose another folder or delete it "
-            "(map and merge replace an older one, with --force)"
-        )
+        raise OccupiedError(f"{folder}: already exists; choose another folder or delete it")
     if not (folder / replaces).is_file():
         raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
 
@@ -79,10 +145,38 @@ def settled(folder: Path) -> Path:
     return folder
 
 
+def _refuse_file(file: Path, reads: Iterable[Path | str], *, overwrite: bool) -> None:
+    place = Path(os.path.realpath(file))
+    if not place.exists():
+        return
+    if not place.is_file():
+        raise StoreError(f"{file}: is no file that could be replaced; choose another place")
+    refuse_read(file, reads)
+    server = next((str(each) for each in place.parents if (each / SERVER).exists()), None)
+    owner = f"the server's data in {server}" if server else MARKERS.get(_marker_in(place.parent))
+    if owner:
+        raise StoreError(f"{file}: belongs to {owner}; choose another place")
+    if not overwrite:
+        raise OccupiedError(f"{file}: already exists; choose another name or delete it")
+
+
+def _marker_in(folder: Path) -> str:
+    """The name of the file that says whose folder this is; empty without any."""
+    return next((name for name in MARKERS if (folder / name).exists()), "")
+
+
+def _put(partial: Path, place: Path, refuse: Callable[[], None]) -> None:
+    """Give a file its name, unless somebody has taken that meanwhile and would be refused."""
+    try:
+        os.link(partial, place)
+    except OSError:  # the name is taken, or the file system has no links
+        refuse()
+        partial.replace(place)
+
+
 @contextmanager
-def _alone(path: Path) -> Iterator[Path]:
-    """Where `path` really lies, for one writer at a time; nothing but `path` is there after it."""
-    place = Path(os.path.realpath(path))
+def _alone(path: Path, place: Path) -> Iterator[Path]:
+    """The place of `path`, for one writer at a time; nothing but `path` is there after it."""
     missing = [folder for folder in place.parents if not os.path.exists(folder)]
     try:
         place.parent.mkdir(parents=True, exist_ok=True)
@@ -99,12 +193,20 @@ def _alone(path: Path) -> Iterator[Path]:
             f"{path}: somebody else is writing there; wait for them or choose another place"
         ) from cause
     except OSError as cause:
+        if not _is_of(cause, place):
+            raise
         reason = cause.strerror or cause
         raise StoreError(f"{path}: cannot be written ({reason}); choose another place") from cause
     finally:
         for folder in [] if os.path.exists(place) else missing:
             with suppress(OSError):
                 folder.rmdir()
+
+
+def _is_of(error: OSError, place: Path) -> bool:
+    """Whether an error came of writing there, and not of another file that the work touched."""
+    named = None if error.filename is None else Path(os.fsdecode(error.filename))
+    return named is None or named in place.parents or str(named).startswith(str(_beside(place, "")))
 
 
 @contextmanager

@@ -16,7 +16,6 @@ from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import chain
 from elfslam.base.values import PoseGraph
-from elfslam.data.folders import new_file
 from elfslam.data.tables import read_lines
 
 VERTEX, EDGE, SKIPPED = "VERTEX_SE2", "EDGE_SE2", ("FIX", "#")
@@ -57,12 +56,12 @@ def read_g2o(file: Path) -> PoseGraph:
 def write_g2o(file: Path, graph: PoseGraph, world_from_body: F64 | None = None) -> None:
     """Write a graph with its initial poses, or with others (n, 3), solved ones say.
 
-    Every digit is kept. Raises StoreError where the file cannot be written.
+    Every digit is kept. Raises InputError where there is not a pose for each node.
     """
     poses = graph.initial if world_from_body is None else world_from_body
     if poses.shape != graph.initial.shape:
         raise InputError(
-            f"{file}: got {len(poses)} poses for a graph of {len(graph.initial)}; "
+            f"graph: got {len(poses)} poses for a graph of {len(graph.initial)}; "
             "pass those of the same walk"
         )
     lines = [f"{VERTEX} {k} {_text(pose)}" for k, pose in enumerate(poses)]
@@ -70,8 +69,7 @@ def write_g2o(file: Path, graph: PoseGraph, world_from_body: F64 | None = None) 
         graph.edges, graph.measurements, graph.information, strict=True
     ):
         lines.append(f"{EDGE} {i} {j} {_text(measured)} {_text(information[UPPER])}")
-    with new_file(file) as partial:
-        partial.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    file.write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def _text(numbers: F64) -> str:

@@ -13,7 +13,6 @@ from elfslam.base.arrays import F64
 from elfslam.base.grid import Polygon
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap
-from elfslam.data.folders import new_file
 from elfslam.data.geographic import Origin, bearings_deg, to_lon_lat
 
 DIGITS = 9
@@ -55,8 +54,7 @@ def write_geojson(
     features += [feature(polygon_of(origin, (ring,)), told) for ring, told in cells]
     features += [_point_of_interest(origin, each) for each in points_of_interest]
     content = {"type": "FeatureCollection", "features": features}
-    with new_file(file) as partial:
-        partial.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
+    file.write_text(json.dumps(content, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def feature(geometry: Feature | None, properties: Feature) -> Feature:

@@ -24,7 +24,6 @@ from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.text_files import parse_json, read_toml
 from elfslam.base.zips import opened_zip
-from elfslam.data.folders import new_file
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import feature, point_of, polygon_of
 from elfslam.data.imdf_rules import MANIFEST, PROPERTIES, VERSION, Archive, Json, faults_of
@@ -99,8 +98,8 @@ def write_imdf(
     archive = imdf_archive(lines_m, place, origin, created, points_of_interest)
     faults = faults_of(archive)
     if faults:
-        raise InputError(f"{file}: would be no valid IMDF: {faults[0]}; correct the --place file")
-    with new_file(file) as partial, zipfile.ZipFile(partial, "w") as packed:
+        raise InputError(f"venue: would make no valid IMDF: {faults[0]}; correct the file about it")
+    with zipfile.ZipFile(file, "w") as packed:
         for name, content in archive.items():
             entry = zipfile.ZipInfo(_file_name(name), LONG_AGO)
             entry.compress_type = zipfile.ZIP_DEFLATED

@@ -12,7 +12,6 @@ import numpy.typing as npt
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.folders import new_file
 from elfslam.data.npz import check_covariances, read_npz, write_npz
 
 MAP = "map.npz"
@@ -28,7 +27,7 @@ LABELS = ("parameters_digest", "sources", "payload_kinds", "payload_encoders")
 
 
 def write_map(floor_map: FloorMap, file: Path) -> None:
-    """The map as an .npz file, an older one there replaced. Raises StoreError."""
+    """The map as an .npz file."""
     arrays = {name: getattr(floor_map, name) for name in (*SPOTS, *AGEING)}
     arrays["parameters_digest"] = floor_map.parameters_digest
     arrays["sources"] = np.array(floor_map.sources, dtype=str)
@@ -37,8 +36,7 @@ def write_map(floor_map: FloorMap, file: Path) -> None:
     arrays["payload_encoders"] = np.array(encoders, dtype=str)
     for k, payload in enumerate(floor_map.payloads):
         arrays[f"payload_{k}"] = payload.vectors
-    with new_file(file) as partial:
-        write_npz(partial, arrays)
+    write_npz(file, arrays)
 
 
 def read_map(path: Path) -> FloorMap:

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.values import FloorMap
-from elfslam.data.folders import new_file
 
 
 def write_parquet(file: Path, floor_map: FloorMap) -> None:
@@ -21,8 +20,8 @@ def write_parquet(file: Path, floor_map: FloorMap) -> None:
     from pyarrow import parquet
 
     table = pyarrow.table(_columns(floor_map, pyarrow)).replace_schema_metadata(_told(floor_map))
-    with new_file(file) as partial:
-        parquet.write_table(table, partial)
+    with file.open("wb") as stream:  # a name of any locale
+        parquet.write_table(table, stream)
 
 
 def _columns(floor_map: FloorMap, pyarrow: Any) -> dict[str, Any]:

@@ -59,7 +59,7 @@ def save(
     state = {"run": run, "losses": losses, **parts}
     content = io.BytesIO()  # torch does not say of a disk that it is full
     torch.save(state, content)
-    partial = checkpoint.with_suffix(".partial")
+    partial = checkpoint.with_name(f".{checkpoint.name}.partial")
     partial.parent.mkdir(parents=True, exist_ok=True)
     try:
         partial.write_bytes(content.getbuffer())

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError, StoreError
-from elfslam.data.folders import new_file, sync
+from elfslam.data.folders import replaced_file, sync
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
 
@@ -96,7 +96,7 @@ def _write(files: Files, path: str, content: bytes) -> None:
         return
     from pathlib import Path
 
-    with new_file(Path(path)) as partial, partial.open("wb") as stream:
+    with replaced_file(Path(path)) as partial, partial.open("wb") as stream:
         stream.write(content)
         stream.flush()
         os.fsync(stream.fileno())

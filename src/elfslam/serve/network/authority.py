@@ -19,7 +19,7 @@ from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 
 AUTHORITY, AUTHORITY_KEY = "authority.pem", "authority.key"
 SERVER, SERVER_KEY = "server.pem", "server.key"
@@ -115,6 +115,6 @@ def utc_now() -> datetime:
 
 def write_private(file: Path, data: bytes) -> None:
     """Write a file that only its owner reads."""
-    with new_file(file) as partial:
+    with replaced_file(file) as partial:
         partial.touch(mode=0o600)
         partial.write_bytes(data)

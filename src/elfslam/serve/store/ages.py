@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 
 AGES = "ages.json"
 
@@ -50,6 +50,6 @@ def read_ages(folder: Path) -> dict[str, Age]:
 
 def write_ages(folder: Path, ages: Ages) -> None:
     """Keep ages in a folder. Raises StoreError."""
-    with new_file(folder / AGES) as partial:
+    with replaced_file(folder / AGES) as partial:
         told = {name: [age.size_bytes, age.untouched_s] for name, age in ages.items()}
         partial.write_text(json.dumps(told), encoding="utf-8")

@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Engine, MetaData, create_engine, event, insert, select
 
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from elfslam.serve.store.database import answering
 
 ROWS = 1000
@@ -23,7 +23,7 @@ def back_up(engine: Engine, folder: Path) -> Path:
     """
     folder.mkdir(exist_ok=True, mode=0o700)
     file = folder / f"{datetime.now(UTC):%Y-%m-%dT%H%M%S.%f}.sqlite"
-    with new_file(file) as partial:
+    with replaced_file(file) as partial:
         partial.unlink(missing_ok=True)
         _copy(engine, create_engine(f"sqlite:///{partial}"))
         os.chmod(partial, 0o600)

@@ -13,7 +13,7 @@ from sqlalchemy import Engine, inspect, select, text
 from sqlalchemy.engine import Connection
 
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import new_file
+from elfslam.data.folders import replaced_file
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
 from elfslam.serve.store.database import Sessions, Store, answering, new_id, shown_url, transaction
@@ -57,7 +57,7 @@ def write_identity(folder: Path, identity: Identity) -> None:
     """Keep the identity of a data folder, if it is another than before."""
     if read_identity(folder) == identity:
         return
-    with new_file(folder / STORE) as partial:
+    with replaced_file(folder / STORE) as partial:
         told = {"id": identity.id, "database": identity.database}
         partial.write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
 
