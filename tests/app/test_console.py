@@ -2,15 +2,31 @@
 
 from __future__ import annotations
 
+import ast
+import io
 import json
+import logging
 import os
+import re
 import subprocess
 import sys
+from pathlib import Path
 from typing import Any
 
 import pytest
+from rich.console import Console
 
-from elfslam.app.console import exit_code_of, fitting_columns, print_rows, progress_bar
+import elfslam
+from elfslam.app import console
+from elfslam.app.console import (
+    PrintableFormatter,
+    exit_code_of,
+    fitting_columns,
+    print_line,
+    print_rows,
+    progress_bar,
+    say,
+)
 from elfslam.base.errors import InputError, NoAnswerError
 
 ROWS = [{"name": "a", "x_m": 0.123456, "n": None}, {"name": "b", "x_m": 12345.678, "n": {"OK": 3}}]
@@ -26,6 +42,87 @@ def test_a_table_shows_every_cell(capsys: pytest.CaptureFixture[str]) -> None:
 def test_json_keeps_full_precision(capsys: pytest.CaptureFixture[str]) -> None:
     print_rows(ROWS, title="Things", as_json=True)
     assert json.loads(capsys.readouterr().out) == ROWS
+
+
+HOSTILE = "\x1b]0;owned\x07\x1b[2J\x9b1m\x7f\u202ecod.exe\u2066\u2028\ud800\r\n[red]:smile:[/]"
+SHOWN = r"\x1b]0;owned\x07\x1b[2J\x9b1m\x7f\u202ecod.exe\u2066\u2028\ud800\r\n[red]:smile:[/]"
+
+
+def test_what_a_name_holds_is_printed_and_not_obeyed(capsys: pytest.CaptureFixture[str]) -> None:
+    rows = [{HOSTILE: HOSTILE, "in": {HOSTILE: 1}}]
+    print_rows(rows, title=HOSTILE, as_json=False)
+    print_line(HOSTILE)
+    table = capsys.readouterr().out
+    say(f"elfslam: {HOSTILE}: no")
+    said = capsys.readouterr().err
+    assert {each for each in table + said if not each.isprintable()} == {"\n"}
+    assert "".join(table.replace(" ", "").split("\n")).count("[red]:smile:[/]") >= 4
+    assert table.splitlines()[-1] == SHOWN
+    assert said == f"elfslam: {SHOWN.replace(chr(92) + 'n', ' ')}: no\n"
+
+
+def test_letters_of_every_script_stay(capsys: pytest.CaptureFixture[str]) -> None:
+    names = "Zoë אבג 漢字 हिन्दी 👩\u200d🔬"
+    print_line(names)
+    assert capsys.readouterr().out == f"{names}\n"
+
+
+def test_a_progress_bar_says_no_more_than_text(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal, where the control characters are those of the bar alone."""
+    drawn = io.StringIO()
+    terminal = Console(file=drawn, force_terminal=True, width=100, markup=False, emoji=False)
+    monkeypatch.setattr(console, "_console", lambda **_: terminal)
+    with progress_bar() as announce:
+        announce("\x1b]0;owned\x07[red]walk[/]", 0.5)
+    assert r"\x1b]0;owned\x07[red]walk[/]" in drawn.getvalue()
+    assert "\x1b]0" not in drawn.getvalue()
+
+
+def test_what_is_logged_is_a_line_and_a_traceback_keeps_its_lines() -> None:
+    shown = io.StringIO()
+    handler = logging.StreamHandler(shown)
+    handler.setFormatter(PrintableFormatter())
+    logger = logging.Logger("of others")
+    logger.addHandler(handler)
+    logger.warning("job %s failed", "a\x1b[2J\nERROR: forged")
+    try:
+        raise ValueError("\x1b[2J")
+    except ValueError:
+        logger.exception("failed")
+    lines = shown.getvalue().splitlines()
+    assert lines[0] == r"job a\x1b[2J ERROR: forged failed"
+    assert lines[1] == "failed"
+    assert lines[-1] == r"ValueError: \x1b[2J"
+    assert len(lines) > 4
+
+
+PRINTS = {
+    "app/console.py": "the place that prints",
+    "serve/receiving/reader.py": "a child that speaks JSON on a pipe",
+    "serve/jobs/work.py": "a child; its traceback goes into a file of the job",
+    "serve/jobs/preforked.py": "as work.py",
+}
+"""Files of the package that write to standard output or error, and why."""
+
+
+def prints(node: ast.AST) -> bool:
+    """Whether a call writes to standard output or error."""
+    if not isinstance(node, ast.Call):
+        return False
+    called = ast.unparse(node.func)
+    return called in ("print", "Console", "rich.print", "traceback.print_exc") or bool(
+        re.match(r"typer\.s?echo|sys\.(stdout|stderr|__\w+__)\.write|logging\.basicConfig", called)
+    )
+
+
+def test_one_place_prints() -> None:
+    package = Path(elfslam.__file__).parent
+    found = {
+        file.relative_to(package).as_posix()
+        for file in package.rglob("*.py")
+        if any(map(prints, ast.walk(ast.parse(file.read_text(encoding="utf-8")))))
+    }
+    assert found == set(PRINTS)
 
 
 def fail(error: Exception) -> int:

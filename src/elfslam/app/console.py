@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import logging
 import os
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from itertools import accumulate
+from typing import Any
 
 import typer
 from rich.box import SIMPLE_HEAD
@@ -20,19 +23,52 @@ from elfslam.base.extras import extra_with
 from elfslam.base.progress import Announce
 
 DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
+EXPLAINED = (ElfslamError, OSError, MemoryError, ModuleNotFoundError, UnicodeEncodeError)
+"""What a user can act on: a bug is none of them."""
 
 PIPE_WIDTH = 120
 GAP = 3
 """Between two columns of a table."""
 FOLDED = 32
 """Longer texts take several lines."""
+UNPRINTABLE = re.compile(
+    r"[\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+"""Control characters, ends of lines, what turns the direction of writing, and half characters."""
+
+
+def printable(text: str) -> str:
+    """The text with escapes for all that does more to a terminal than to appear there.
+
+    Names come from files and file names of others, which may hold anything.
+    """
+    return UNPRINTABLE.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
+class PrintableFormatter(logging.Formatter):
+    """A line for each message, whatever it holds; tracebacks keep their lines."""
+
+    def formatMessage(self, record: logging.LogRecord) -> str:  # noqa: N802
+        return _one_line(super().formatMessage(record))
+
+    def formatException(self, ei: Any) -> str:  # noqa: N802
+        return "\n".join(map(printable, super().formatException(ei).split("\n")))
+
+
+def say_what_is_logged() -> None:
+    """Have what is logged, and warnings, come to standard error in characters that do no harm."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(PrintableFormatter())
+    logging.basicConfig(handlers=[handler])
+    logging.captureWarnings(True)
 
 
 @contextmanager
 def progress_bar() -> Iterator[Announce]:
     """A progress bar on a terminal, silence in a pipe."""
-    console = Console(stderr=True)
-    columns = TextColumn("{task.description:<44.44}"), BarColumn(), TimeElapsedColumn()
+    console = _console(stderr=True)
+    described = TextColumn("{task.description:<44.44}", markup=False)
+    columns = described, BarColumn(), TimeElapsedColumn()
     with Progress(
         *columns, console=console, transient=True, disable=not console.is_terminal
     ) as bar:
@@ -40,7 +76,7 @@ def progress_bar() -> Iterator[Announce]:
 
         def announce(what: str, share: float | None) -> None:
             total = None if share is None else 1.0
-            bar.update(task, description=what, completed=share or 0.0, total=total)
+            bar.update(task, description=printable(what), completed=share or 0.0, total=total)
 
         yield announce
 
@@ -53,21 +89,28 @@ def print_rows(rows: Sequence[Mapping[str, object]], *, title: str, as_json: boo
     if as_json:
         print(json.dumps(list(rows), indent=2))
         return
-    console = Console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
+    console = _console(width=None if sys.stdout.isatty() else PIPE_WIDTH)
     table = Table(
-        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, pad_edge=False
+        title=printable(title),
+        title_justify="left",
+        title_style="bold",
+        box=SIMPLE_HEAD,
+        pad_edge=False,
     )
     fitting = fitting_columns(rows, console.width)
     for name in fitting:
         numeric = all(isinstance(row[name], int | float | None) for row in rows)
         least = _column_width(name, rows)
         table.add_column(
-            name, justify="right" if numeric else "left", overflow="fold", min_width=least
+            printable(name),
+            justify="right" if numeric else "left",
+            overflow="fold",
+            min_width=least,
         )
     for row in rows:
         table.add_row(*[_cell(row[name]) for name in fitting])
     console.print(table)
-    others = [name for name in (rows[0] if rows else []) if name not in fitting]
+    others = [printable(name) for name in (rows[0] if rows else []) if name not in fitting]
     if others:
         console.print(f"too wide for this terminal: {', '.join(others)}; --json has all columns")
 
@@ -82,22 +125,36 @@ def fitting_columns(rows: Sequence[Mapping[str, object]], width: int) -> list[st
 
 def _column_width(name: str, rows: Sequence[Mapping[str, object]]) -> int:
     """As wide as its longest cell, but not wider than a text that may be folded."""
-    heading = max((len(word) for word in name.split()), default=0)
+    heading = max((len(word) for word in printable(name).split()), default=0)
     return max(heading, min(max(len(_cell(row[name])) for row in rows), FOLDED))
+
+
+def _console(**where: Any) -> Console:
+    """Where text appears as it stands: what looks like markup is part of a name."""
+    return Console(markup=False, emoji=False, **where)
 
 
 def _cell(value: object) -> str:
     if isinstance(value, Mapping):
-        return ", ".join(f"{name} {_cell(item)}" for name, item in value.items())
+        return ", ".join(f"{printable(str(name))} {_cell(item)}" for name, item in value.items())
     if isinstance(value, float):
         return f"{value:.3g}" if abs(value) < 0.01 or abs(value) >= 1000 else f"{value:.2f}"
-    return "-" if value is None else str(value)
+    return "-" if value is None else printable(str(value))
+
+
+def print_line(line: str) -> None:
+    """A line of the output proper, at once."""
+    print(printable(line), flush=True)
 
 
 def say(message: str) -> None:
     """A line for the person at the terminal, apart from the output proper."""
     with suppress(OSError):
-        print(" ".join(message.split("\n")), file=sys.stderr)
+        print(_one_line(message), file=sys.stderr)
+
+
+def _one_line(message: str) -> str:
+    return printable(" ".join(message.strip().split("\n")))
 
 
 def run_app(typed: typer.Typer, arguments: Sequence[str], name: str) -> int:
@@ -123,7 +180,7 @@ def exit_code_of(command: Callable[[], int]) -> int:
     except BrokenPipeError:
         _drop_output()
         return CLOSED_PIPE
-    except (ElfslamError, OSError, MemoryError, ModuleNotFoundError) as error:
+    except EXPLAINED as error:
         if (line := _line_of(error)) is None:
             raise
         say(f"elfslam: {line}")
@@ -141,6 +198,8 @@ def _line_of(error: Exception) -> str | None:
         extra = extra_with(error.name or "")
         missing = f"this needs {error.name}, which is not installed"
         return extra and f"{missing}; run pip install 'elfslam[{extra}]'"
+    if isinstance(error, UnicodeEncodeError):
+        return f"{error.object[error.start : error.end]}: is no text in UTF-8; rename the file"
     if isinstance(error, OSError):
         reason = error.strerror or str(error)
         return f"{error.filename or 'file'}: {reason}; check path, rights and free space"

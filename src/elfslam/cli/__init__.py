@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import warnings
+from io import TextIOWrapper
 from types import FrameType
 
 INTERRUPTED = 130
@@ -19,10 +20,14 @@ def main() -> None:
     for name in ("stdout", "stderr"):
         if getattr(sys, name) is None:  # closed by whoever started this
             setattr(sys, name, os.fdopen(os.open(os.devnull, os.O_WRONLY), "w"))
+    if isinstance(sys.stdout, TextIOWrapper):  # names may hold what the locale has no bytes for
+        sys.stdout.reconfigure(errors="backslashreplace")
     atexit.register(_on_interrupt, signal.SIG_IGN)  # the last thing: all has been done by then
     _on_interrupt(_end)
+    from elfslam.app.console import say_what_is_logged
     from elfslam.cli.app import run
 
+    say_what_is_logged()
     code = INTERRUPTED
     try:
         _on_interrupt(_unwind)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from elfslam.app.console import print_line
 from elfslam.app.workers.choosing import check_on
 from elfslam.base.errors import InputError
 from elfslam.cli.options import On
@@ -91,7 +92,7 @@ def serve_command(
         local_webhooks=local_webhooks,
         limits=_limits(position_days),
     )
-    run(settings, Listening(host, port, http, new_token, new_key, address), _print)
+    run(settings, Listening(host, port, http, new_token, new_key, address), print_line)
 
 
 def invite_command(
@@ -105,7 +106,7 @@ def invite_command(
 
     known, url = invite(ServerSettings(data.expanduser(), database), name)
     for line in [url, *code_lines(url), f"{known} scans this once; it is not shown again."]:
-        _print(line)
+        print_line(line)
 
 
 def _limits(position_days: float) -> Limits:
@@ -133,7 +134,3 @@ def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broke
     broker = parse_broker(url, credentials, authority)
     client_of(broker)  # what cannot work is said before the server starts
     return broker
-
-
-def _print(line: str) -> None:
-    print(line, flush=True)

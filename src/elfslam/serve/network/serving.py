@@ -40,6 +40,7 @@ def serve(
         limits,
         app=app,
         ws="none",
+        log_config=None,  # as everybody else's
         log_level="warning",
         access_log=False,
         server_header=False,
