@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -224,6 +225,13 @@ def test_a_name_taken_twice_is_noticed_and_a_private_one_is_not() -> None:
     text = "class Room: ...\nclass _Box: ..."
     assert named_twice([text, text]) == {"Room"}
     assert named_twice([text]) == set()
+
+
+def test_text_files_are_utf_8_in_every_locale() -> None:
+    rule = ("--isolated", "--no-cache", "--preview", "--select", "PLW1514")
+    command = [sys.executable, "-m", "ruff", "check", *rule, str(PACKAGE)]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert found.returncode == 0, found.stdout
 
 
 def test_nothing_pickles() -> None:

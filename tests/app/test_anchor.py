@@ -51,6 +51,7 @@ def floor_map() -> FloorMap:
 def test_a_map_is_written_in_the_frame_of_the_plan(
     image: str, floor_map: FloorMap, tmp_path: Path
 ) -> None:
+    (tmp_path / "run").mkdir()
     write_map(floor_map, tmp_path / "run" / "map.npz")
     (tmp_path / "run" / "encoder.onnx").write_bytes(b"encoder")
     found = anchor_into(tmp_path / "out", tmp_path / "run", read_plan(image), KNOWN, None)

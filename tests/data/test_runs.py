@@ -98,7 +98,7 @@ def test_other_programs_find_their_files(folder: Path) -> None:
 
 
 def test_a_run_is_replaced_only_when_asked(folder: Path, run: Run) -> None:
-    with pytest.raises(StoreError, match=r"already exists; choose .* with --force"):
+    with pytest.raises(StoreError, match="already exists; choose another folder"):
         write_run(run, folder, facts={}, encoder=None)
     assert read_facts(folder)["digest"] == "abc"
     write_run(run, folder, facts={"digest": "new"}, encoder=None, replace=True)

@@ -15,6 +15,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.choices import Format
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
+from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
 from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.folders import new_file, settled
@@ -61,7 +62,7 @@ def export(
     if to is Format.ROS:
         image = image_beside(out)
         with new(out) as file, new(image) as picture:
-            _ros(settled(source), file, picture, image.name, told or Told())
+            _ros(settled(source), file, picture, readable(image.name), told or Told())
         return
     with new(out) as file:
         EXPORTS[to](settled(source), file, told or Told())

@@ -16,6 +16,7 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
+from elfslam.base.text_files import readable
 from elfslam.base.values import Fixes, FloorMap, Recording, Trajectory
 from elfslam.baselines.floor_places import floor_places, locate_on_floor
 from elfslam.baselines.floor_walks import (
@@ -157,7 +158,7 @@ def _walks(
     for count, path in enumerate(every):
         announce(f"reading {path.name}", count / len(every))
         try:
-            recording = replace(read_recording(path), name=path.name)
+            recording = replace(read_recording(path), name=readable(path.name))
             _refuse_unusable(recording, by, alone=len(every) == 1)
             walks.append(floor_walk(recording, parameters.motion))
         except InputError as why:

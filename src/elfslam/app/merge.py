@@ -12,6 +12,7 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
+from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Trajectory
 from elfslam.data.facts import ENCODER
 from elfslam.data.folders import new_folder, refuse_occupied, settled
@@ -161,7 +162,8 @@ def _walks(paths: Sequence[Path], announce: Announce) -> list[MappedWalk]:
     known = [path.absolute() for path in paths]
     same = Counter(path.name for path in known)
     names = [
-        path.name if same[path.name] == 1 else f"{path.parent.name}/{path.name}" for path in known
+        readable(path.name if same[path.name] == 1 else f"{path.parent.name}/{path.name}")
+        for path in known
     ]
     if len(set(names)) < len(names):
         raise InputError("merge: two runs have the same name and folder; name each run once")

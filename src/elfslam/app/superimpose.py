@@ -15,6 +15,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce
+from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, FloorMap
 from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
@@ -91,7 +92,7 @@ def _placed(map_path: Path, path: Path, announce: Announce) -> SpotEchoes:
     echoes = read_run(path).echoes
     if echoes is None:
         raise InputError(f"{path}: holds no echoes; map its recording again, by its echoes")
-    t_s, poses = walk_in(map_path, path.name)
+    t_s, poses = walk_in(map_path, readable(path.name))
     inside = (echoes.t_s >= t_s[0]) & (echoes.t_s <= t_s[-1])
     if not inside.any():
         raise InputError(f"{path}: is not the walk of that name in {map_path}; check both")

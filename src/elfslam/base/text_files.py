@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 import tomllib
 from collections.abc import Iterator
@@ -21,6 +22,15 @@ _SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_DEPTH}}}", re.ASCII)
 """A dotted key of many parts: each part costs tomllib as much as all before it together."""
+
+
+def readable(name: str) -> str:
+    """A file's name as text: what the locale could not read is taken as UTF-8, or escaped."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return os.fsencode(name).decode("utf-8", "backslashreplace")
+    return name
 
 
 def read_bytes(file: Path, most_bytes: int = MOST_BYTES) -> bytes:

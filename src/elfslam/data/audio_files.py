@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import struct
 from pathlib import Path
 
@@ -32,7 +33,7 @@ def write_audio(audio: Audio, file: Path) -> None:
 def read_audio(file: Path) -> Audio:
     """Audio with one row per channel. Raises InputError where unreadable or cut off."""
     try:
-        with soundfile.SoundFile(file) as sound:
+        with soundfile.SoundFile(os.fsencode(file)) as sound:
             promised, rate_hz = sound.frames, sound.samplerate
             _check_length(file, file, promised * sound.channels)
             samples = sound.read(dtype="float32", always_2d=True)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
 
 from elfslam.base.errors import InputError
+from elfslam.base.text_files import readable
 from elfslam.base.zips import opened_zip, unpack_zip
 
 ZIP_START, XZ_START = b"PK", b"\xfd7zXZ\x00"
@@ -34,7 +35,7 @@ def is_clutter(name: PurePosixPath) -> bool:
 
 def name_of(path: Path) -> str:
     """What the recording of a log is called: as its folder or its file, without the ending."""
-    return path.name if path.is_dir() else path.stem
+    return readable(path.name if path.is_dir() else path.stem)
 
 
 @contextmanager

@@ -26,6 +26,7 @@ from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.folders import new_folder
+from elfslam.data.log_files import name_of
 from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
     CLOCK_SLACK_S,
@@ -89,10 +90,9 @@ def read_recording(path: Path | str, chirp: ChirpParameters | None = None) -> Re
     there is one.
     """
     path = Path(path)
-    name = path.name if path.is_dir() else path.stem
     with recording_folder(path) as folder:
         try:
-            return _read_folder(folder, name, chirp or ChirpParameters())
+            return _read_folder(folder, name_of(path), chirp or ChirpParameters())
         except InputError as cause:
             raise InputError(str(cause).replace(str(folder), str(path))) from None
 

@@ -68,7 +68,7 @@ def index_floors(services: Services, parameters: NearestParameters) -> tuple[int
         maps=counts,
     )  # fmt: skip
     partial = folder / f".{LATEST}"
-    partial.write_text(f"{number:06d}")
+    partial.write_text(f"{number:06d}", encoding="utf-8")
     partial.replace(folder / LATEST)
     return len(rows), sum(counts.values())
 
@@ -109,7 +109,7 @@ def index_of(services: Services) -> EchoIndex | None:
 def _latest(services: Services) -> Path | None:
     folder = services.settings.data_folder / FOLDER
     try:
-        return folder / (folder / LATEST).read_text()
+        return folder / (folder / LATEST).read_text(encoding="utf-8")
     except FileNotFoundError:
         return None
 

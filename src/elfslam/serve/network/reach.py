@@ -48,7 +48,7 @@ def last_url(settings: ServerSettings) -> str:
     """Where the server was reached last, or will be."""
     file: Path = settings.authority_folder / LAST_URL
     if file.is_file():
-        return file.read_text().strip()
+        return file.read_text(encoding="utf-8").strip()
     return url_of([*lan_addresses(), LOOPBACK][0], PORT, secure=True)
 
 
