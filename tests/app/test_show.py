@@ -1,4 +1,4 @@
-"""What is drawn is read first, so that a refusal makes nothing."""
+"""What is drawn comes as one file, and a refusal makes nothing."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.app.show import drawing_of, script_file
+from elfslam.app.show import script_file, show_into
 from elfslam.base.errors import ElfslamError
 from elfslam.base.values import FloorMap
 from elfslam.data.map_files import write_map
@@ -15,9 +15,7 @@ from elfslam.scoring.page import Page, save_page, self_contained
 
 
 def test_a_world_is_drawn_where_it_is_wanted(tmp_path: Path) -> None:
-    draw = drawing_of("studio")
-    assert list(tmp_path.iterdir()) == []
-    draw(tmp_path / "studio.html")
+    show_into(tmp_path / "studio.html", "studio")
     assert (tmp_path / "studio.html").read_text().startswith("<!doctype html>")
     assert [file.name for file in tmp_path.iterdir()] == ["studio.html"]
     assert (tmp_path / "studio.html").stat().st_size > script_file().stat().st_size
@@ -26,7 +24,7 @@ def test_a_world_is_drawn_where_it_is_wanted(tmp_path: Path) -> None:
 def test_a_saved_page_becomes_one_file(tmp_path: Path) -> None:
     saved, alone = tmp_path / "saved.html", tmp_path / "alone.html"
     save_page(saved, Page("Walk", "by echoes", []))
-    drawing_of(str(saved))(alone)
+    show_into(alone, str(saved))
     assert alone.read_text() == self_contained(saved)
 
 
@@ -34,7 +32,8 @@ def test_a_saved_page_becomes_one_file(tmp_path: Path) -> None:
 def test_what_cannot_be_read_is_refused_at_once(what: str, tmp_path: Path) -> None:
     (tmp_path / "text.npz").write_text("no map")
     with pytest.raises(ElfslamError):
-        drawing_of(str(tmp_path / what))
+        show_into(tmp_path / "new" / "out.html", str(tmp_path / what))
+    assert [file.name for file in tmp_path.iterdir()] == ["text.npz"]
 
 
 @pytest.mark.parametrize("place", ["lap.npz", "anchored/map.npz"])
@@ -45,5 +44,5 @@ def test_a_map_is_drawn_from_its_file_or_its_folder(place: str, tmp_path: Path) 
     (tmp_path / place).parent.mkdir(exist_ok=True)
     write_map(lap, tmp_path / place)
     drawn = tmp_path / place if place.startswith("lap") else tmp_path / "anchored"
-    drawing_of(str(drawn))(tmp_path / "out.html")
+    show_into(tmp_path / "out.html", str(drawn))
     assert "lap" in (tmp_path / "out.html").read_text()

@@ -56,11 +56,12 @@ class PrintableFormatter(logging.Formatter):
 
 
 def say_what_is_logged() -> None:
-    """Have what is logged, and warnings, come to standard error in characters that do no harm."""
+    """Have logs, warnings and bugs come to standard error in characters that do no harm."""
     handler = logging.StreamHandler()
     handler.setFormatter(PrintableFormatter())
     logging.basicConfig(handlers=[handler])
     logging.captureWarnings(True)
+    sys.excepthook = lambda *error: logging.critical("a bug ended this", exc_info=error)
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from tempfile import TemporaryDirectory
 
 from elfslam.app.world_plan import world_plan
 from elfslam.data.facts import FACTS, read_facts
-from elfslam.data.folders import settled
+from elfslam.data.folders import new_file, settled
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.runs import read_run
 from elfslam.scoring.page import script_file, self_contained
@@ -17,28 +17,20 @@ from elfslam.scoring.report import write_map_page, write_report
 from elfslam.scoring.world_page import write_world_page
 from elfslam.world.simulate import load_world
 
-__all__ = ["drawing_of", "script_file"]
+__all__ = ["script_file", "show_into"]
 
 
-def drawing_of(what: str) -> Callable[[Path], None]:
-    """What writes the page as one file, once `what` has been read: a refusal makes no folder.
+def show_into(out: Path, what: str, *, overwrite: bool = False) -> None:
+    """Write the page of `what` as one file; an older one is only replaced with `overwrite`.
 
-    Raises InputError where `what` is nothing to be drawn.
+    Raises InputError where `what` is nothing to be drawn, StoreError.
     """
-    if Path(what).suffix == ".html" and Path(what).is_file():
-        return partial(_write, text=self_contained(Path(what)))
-    return partial(_draw_alone, _page_writer(what))
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
-
-
-def _draw_alone(draw: Callable[[Path], None], path: Path) -> None:
-    with TemporaryDirectory() as folder:
-        page = Path(folder) / "page.html"
-        draw(page)
-        _write(path, self_contained(page))
+    with new_file(out, overwrite=overwrite, reads=[what]) as file, TemporaryDirectory() as folder:
+        page = Path(what)
+        if page.suffix != ".html" or not page.is_file():
+            page = Path(folder) / "page.html"
+            _page_writer(what)(page)
+        file.write_text(self_contained(page), encoding="utf-8")
 
 
 def _page_writer(what: str) -> Callable[[Path], None]:

@@ -82,7 +82,8 @@ def superimpose_into(
             points_of_interest=read_points(source),
         )  # fmt: skip
         write_merged_report(partial / "report.html", made, quality, [], {})
-    _checkpoint(out).unlink(missing_ok=True)
+    if runs:
+        _checkpoint(out).unlink(missing_ok=True)
     return made
 
 

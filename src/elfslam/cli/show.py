@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 
 from elfslam.app.console import say
-from elfslam.app.show import drawing_of
+from elfslam.app.show import show_into
 from elfslam.cli.options import Force
-from elfslam.data.folders import new_file
 
 
 def show(
@@ -21,6 +20,5 @@ def show(
     force: Force = False,
 ) -> None:
     """Make one file of a run, a map, a world or a page with its script, to be sent around."""
-    with new_file(out, overwrite=force, reads=[what]) as page:
-        drawing_of(what)(page)
+    show_into(out, what, overwrite=force)
     say(f"look at {out}")

@@ -112,9 +112,9 @@ def refuse_read(path: Path, reads: Iterable[Path | str]) -> None:
     or map that holds what is read.
     """
     place = Path(os.path.realpath(path))
-    for read in reads if place.exists() else ():
+    for read in reads if os.path.exists(place) else ():
         source = Path(os.path.realpath(read))
-        if source.exists() and (
+        if os.path.exists(source) and (
             place.samefile(source)
             or (place.is_file() and source in place.parents)
             or (place in source.parents and _marker_in(place))
