@@ -217,6 +217,11 @@ def test_an_error_about_another_file_is_not_one_of_the_place(tmp_path: Path) -> 
         (tmp_path / "missing").read_bytes()
     with pytest.raises(StoreError, match="out: cannot be written"), new_file(tmp_path / "out"):
         pass
+    with (
+        pytest.raises(StoreError, match=r"out: cannot be written \(No space"),
+        new_file(tmp_path / "out"),
+    ):
+        raise OSError(errno.ENOSPC, "No space left on device", "source")
     assert list(tmp_path.iterdir()) == []
 
 

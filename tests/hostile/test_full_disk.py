@@ -55,7 +55,7 @@ WRITERS = {
     "merge": "merge {given}/one {given}/two {disk}/out",
     "merge by force": "merge {given}/one {given}/two {disk}/merged --force",
     "locate": "locate {given}/walk {given}/one {disk}/out",
-    "locate again": "locate {given}/walk {given}/one {disk}/fixes.csv",
+    "locate again": "locate {given}/walk {given}/one {disk}/fixes.csv --force",
     "score": "score {disk}/run {given}/walk",
     "anchor": "anchor {given}/lap.npz {given}/plan.png:9.2 {disk}/out --start 1.6,1.6",
     "follow": "anchor {given}/one {given}/plan.png:30 {disk}/out --follow --start 15,15,0",

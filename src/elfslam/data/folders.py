@@ -7,6 +7,7 @@ puts back or removes.
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import hashlib
 import os
@@ -18,6 +19,8 @@ from pathlib import Path
 from elfslam.base.errors import OccupiedError, StoreError
 
 LOCK, PARTIAL, REPLACED = "lock", "partial", "replaced"
+UNWRITABLE = (errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EFBIG)
+"""Errors of writing alone; who copies a file may name the source."""
 MARKERS = {
     "recording.json": "a recording",
     "run.json": "a run",
@@ -172,6 +175,8 @@ def _put(partial: Path, place: Path, refuse: Callable[[], None]) -> None:
     except OSError:  # the name is taken, or the file system has no links
         refuse()
         partial.replace(place)
+    else:
+        partial.unlink()
 
 
 @contextmanager
@@ -205,8 +210,10 @@ def _alone(path: Path, place: Path) -> Iterator[Path]:
 
 def _is_of(error: OSError, place: Path) -> bool:
     """Whether an error came of writing there, and not of another file that the work touched."""
-    named = None if error.filename is None else Path(os.fsdecode(error.filename))
-    return named is None or named in place.parents or str(named).startswith(str(_beside(place, "")))
+    if error.filename is None or error.errno in UNWRITABLE:
+        return True
+    named = Path(os.fsdecode(error.filename))
+    return named in place.parents or str(named).startswith(str(_beside(place, "")))
 
 
 @contextmanager
