@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app
+from elfslam.app.stopping import run_stoppable
 from elfslam.line.feature import load_encoder
 from elfslam.world.kinds import KINDS
 from studies.catalogue import STUDIES, run_study
@@ -46,4 +47,4 @@ def run(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(run(sys.argv[1:]))
+    run_stoppable(lambda: run(sys.argv[1:]))

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.cli.app import run
+from tests.waiting import until
 
 ELFSLAM = "from elfslam.cli import main; main()"
 HEEDED = "import signal; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
@@ -98,6 +99,24 @@ def test_who_is_to_ignore_it_does(tmp_path: Path) -> None:
     process.communicate()
     assert process.returncode == 0
     assert (tmp_path / "out").is_file()
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT], ids=["SIGTERM", "SIGINT"])
+def test_whoever_works_for_it_ends_too(number: signal.Signals, walk: Path, tmp_path: Path) -> None:
+    """SIGTERM is as Ctrl-C, but that the process dies of it: so supervisors know a stop."""
+    process = begun(ELFSLAM, ["map", str(walk.parent), "runs", "--on", "2"], tmp_path)
+    until(lambda: children(process.pid), "somebody who works")
+    began = children(process.pid)
+    process.send_signal(number)
+    assert process.communicate() == ("", "")
+    assert process.returncode == (130 if number == signal.SIGINT else -number)
+    assert not [each for each in began if Path(f"/proc/{each}").exists()]
+    assert list(tmp_path.iterdir()) == []
+
+
+def children(parent: int) -> list[str]:
+    threads = Path(f"/proc/{parent}/task").glob("*/children")
+    return [child for file in threads for child in file.read_text().split()]
 
 
 def wait_until_it_imports(process: subprocess.Popen[str]) -> None:

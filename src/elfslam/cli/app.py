@@ -11,6 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from elfslam.app.console import exit_code_of, run_app
+from elfslam.app.memory import refuse_scarce_memory
 from elfslam.base.errors import OccupiedError, StoreError
 from elfslam.data.folders import place_of, refuse_read
 
@@ -88,7 +89,8 @@ class Verbs(TyperGroup):
 
 
 def verb_of(name: str) -> Callable[..., None]:
-    """The function behind a verb."""
+    """The function behind a verb. Raises MemoryError where its libraries would not fit."""
+    refuse_scarce_memory()
     module, function = VERBS[name][0].split(":")
     found: Callable[..., None] = getattr(import_module(f"elfslam.cli.{module}"), function)
     return found

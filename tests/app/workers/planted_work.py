@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import os
 import signal
 import time
@@ -65,5 +66,35 @@ def large(task: int, folder: Path) -> F32:
 
 
 def stay(task: int) -> int:
+    named("stay")
     time.sleep(600)
     return task
+
+
+def stay_in_c(task: int) -> int:
+    """In the middle of C that lets nobody else have a turn."""
+    named("stay_in_c")
+    ctypes.PyDLL(None).sleep(600)
+    return task
+
+
+def tidy(path: str) -> str:
+    """Nothing where the name says so; else what lasts only as long as it is worked on."""
+    if not path.endswith("done"):
+        file = Path(path)
+        file.touch()
+        try:
+            time.sleep(600)
+        finally:
+            file.unlink()
+    return path
+
+
+def named(name: str) -> None:
+    """Have this process bear a name."""
+    Path("/proc/self/comm").write_text(name)
+
+
+def main() -> None:
+    """Be a child that stays."""
+    time.sleep(600)

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
-import subprocess
-import sys
 import time
 from functools import partial
 from itertools import count
@@ -17,7 +14,6 @@ from planted_work import die, large, noise, noise_after_a_kill, process, refuse
 from elfslam.app.workers import Workers
 from elfslam.app.workers.processes import AHEAD
 from elfslam.base.errors import WorkerError
-from tests.waiting import until
 
 pytestmark = pytest.mark.real
 
@@ -70,25 +66,3 @@ def test_a_cluster_makes_few_ahead_too(workers: Workers, tmp_path: Path) -> None
     time.sleep(1.0)
     assert len(list(tmp_path.iterdir())) < 60
     found.close()
-
-
-DRIVER = """
-import sys
-from elfslam.app.workers import open_workers
-from planted_work import process
-if __name__ == "__main__":
-    with open_workers("2") as workers:
-        for pid in workers.in_order(process, iter(int, 1)):
-            print(pid, flush=True)
-"""
-
-
-def test_workers_end_with_a_killed_driver(tmp_path: Path) -> None:
-    script = tmp_path / "driver.py"
-    script.write_text(DRIVER)
-    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE, text=True) as run:
-        assert run.stdout is not None
-        pids = {int(run.stdout.readline()) for _ in range(40)}
-        run.send_signal(signal.SIGKILL)
-    assert pids
-    until(lambda: not any(Path(f"/proc/{pid}").exists() for pid in pids), "the end of the workers")

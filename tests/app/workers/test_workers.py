@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import os
-import subprocess
-import sys
 from functools import partial
 from itertools import count
 from pathlib import Path
@@ -14,7 +12,6 @@ from planted_work import die, die_once, process, refuse, square, threads
 
 from elfslam.app.workers import Workers, open_workers
 from elfslam.base.errors import InputError, WorkerError
-from tests.waiting import until
 
 pytestmark = pytest.mark.real
 
@@ -77,35 +74,3 @@ def test_a_cluster_that_is_not_there_is_refused() -> None:
     pytest.importorskip("ray", reason="Ray is not installed")
     with pytest.raises(InputError, match="no cluster answers"), open_workers("ray://127.0.0.1:9"):
         pass
-
-
-DRIVER = """
-from planted_work import stay
-from elfslam.app.workers import open_workers
-if __name__ == "__main__":
-    with open_workers("2") as workers:
-        list(workers.each(stay, [1, 2]))
-"""
-
-
-def test_processes_end_with_a_killed_driver(tmp_path: Path) -> None:
-    """Who goes on would begin the same units again while they still work on them."""
-    script = tmp_path / "driver.py"
-    script.write_text(DRIVER)
-    driver = subprocess.Popen([sys.executable, script])
-    until(lambda: len(spawned_by(driver.pid)) == 2, "two processes")
-    processes = spawned_by(driver.pid)
-    driver.kill()
-    driver.wait()
-    assert len(processes) == 2
-    until(lambda: not alive(processes), "the end of both processes")
-
-
-def alive(processes: list[str]) -> list[str]:
-    return [each for each in processes if Path(f"/proc/{each}").exists()]
-
-
-def spawned_by(driver: int) -> list[str]:
-    threads = Path(f"/proc/{driver}/task").glob("*/children")
-    children = [child for file in threads for child in file.read_text().split()]
-    return [c for c in children if b"spawn_main" in Path(f"/proc/{c}/cmdline").read_bytes()]

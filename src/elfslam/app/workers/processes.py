@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
-import multiprocessing
-import os
 import queue
-import signal
 import threading
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from contextlib import ExitStack, suppress
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
+from multiprocessing import Pipe
+from multiprocessing.connection import Connection
+from typing import Any
 
+from elfslam.app.workers.child import Child, end_children
 from elfslam.app.workers.interface import Result, Task
 from elfslam.app.workers.units import by_one_thread
+from elfslam.app.workers.worker import Answer, preparation
 from elfslam.base.errors import WorkerError
 
+WORKER = "elfslam.app.workers.worker"
+GRACE_S = 5.0
+"""How long a worker may take to tidy up."""
 MOST_TRIES = 3
 """A task over which so many processes died is given up."""
 AHEAD = 2
@@ -51,24 +56,19 @@ class Processes:
                 with suppress(queue.Full):
                     return found.put(outcome, timeout=0.1)
 
-        def work() -> None:
-            with _Process() as process:
-                while (given := next_task()) is not None:
-                    try:
-                        put((given[0], process.result(alone, given[1]), None))
-                    except BaseException as error:
-                        put((given[0], None, error))
+        def work(process: _Process) -> None:
+            while (given := next_task()) is not None:
+                try:
+                    put((given[0], process.result(alone, given[1]), None))
+                except BaseException as error:
+                    put((given[0], None, error))
             put(None)
 
-        threads = [threading.Thread(target=work, daemon=True) for _ in range(self.count)]
-        for thread in threads:
-            thread.start()
-        try:
+        with _begun(self.count) as processes, ExitStack() as stack:
+            stack.callback(stopping.set)
+            for process in processes:
+                threading.Thread(target=work, args=(process,), daemon=True).start()
             yield from _taken(found, self.count)
-        finally:
-            stopping.set()
-            for thread in threads:
-                thread.join()
 
     def in_order(self, do: Callable[[Task], Result], tasks: Iterable[Task]) -> Generator[Result]:
         """As `Workers` says."""
@@ -82,11 +82,12 @@ class Processes:
                 idle.put(process)
 
         waiting: deque[Future[Result]] = deque()
+        threads = ThreadPoolExecutor(self.count)
         with ExitStack() as stack:
-            for _ in range(self.count):
-                idle.put(stack.enter_context(_Process()))
-            threads = ThreadPoolExecutor(self.count)
             stack.callback(threads.shutdown, cancel_futures=True)
+            for process in stack.enter_context(_begun(self.count)):
+                idle.put(process)
+            stack.callback(threads.shutdown, wait=False, cancel_futures=True)
             for task in tasks:
                 waiting.append(threads.submit(done, task))
                 if len(waiting) > AHEAD * self.count:
@@ -111,53 +112,58 @@ def _taken(
 
 
 class _Process:
-    """One process, made anew where it dies."""
+    """One process, begun when it is first needed, and made anew where it dies."""
 
     def __init__(self) -> None:
-        self._pool = _pool()
+        self._turn, self._closed = threading.Lock(), False
+        self._child: Child | None = None
+        self._line: Connection[Any, Answer] | None = None
 
-    def __enter__(self) -> _Process:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self._pool.shutdown(cancel_futures=True)
+    def close(self) -> Child | None:
+        """Begin no more; the child that is there, for whoever ends it."""
+        with self._turn:
+            self._closed = True
+            return self._child
 
     def result(self, do: Callable[[Task], Result], task: Task) -> Result:
-        """What `do` makes of the task. Raises WorkerError where processes die over it.
-
-        Ctrl-C is the driver's: what this thread starts does not hear it.
-        """
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        """What `do` makes of the task. Raises WorkerError where processes die over it."""
         for _ in range(MOST_TRIES):
+            line = self._begun()
             try:
-                return self._pool.submit(do, task).result()
-            except BrokenExecutor:
-                self._pool.shutdown()
-                self._pool = _pool()
+                line.send((do, task))
+                result, error = line.recv()
+            except (EOFError, ConnectionError):
+                self._line = None
+                continue
+            if error is not None:
+                raise error
+            return result  # type: ignore[no-any-return]
         raise WorkerError(
             f"worker: {MOST_TRIES} processes died over {task!r}, wanted a result; "
             "look for a lack of memory, or do it in this process to see why"
         )
 
-
-def _pool() -> ProcessPoolExecutor:
-    # A forked process would inherit threads of torch and locks that nobody opens again.
-    return ProcessPoolExecutor(
-        1, mp_context=multiprocessing.get_context("spawn"), initializer=end_with_the_driver
-    )
-
-
-def end_with_the_driver() -> None:
-    """Have this process end once the one that started it has ended, however that came.
-
-    Whoever goes on after a kill does the unit again; two at once would be in each other's way. A
-    process of a pool does not notice by itself: it holds both ends of its pipe.
-    """
-    driver = multiprocessing.parent_process()
-    if driver is not None:
-        threading.Thread(target=_follow, args=(driver.join,), daemon=True).start()
+    def _begun(self) -> Connection[Any, Answer]:
+        with self._turn:
+            if self._closed:
+                raise WorkerError("worker: was ended in the middle; do it again")
+            if self._line is None:
+                if self._child is not None:
+                    end_children([self._child])
+                self._line, theirs = Pipe()
+                with theirs:
+                    end = theirs.fileno()
+                    self._child = Child(WORKER, str(end), pass_fds=(end,))
+                self._line.send(preparation())
+            return self._line
 
 
-def _follow(wait: Callable[[], object]) -> None:
-    wait()
-    os._exit(1)
+@contextmanager
+def _begun(count: int) -> Iterator[list[_Process]]:
+    """So many processes for the block, ended with it, whatever they are doing."""
+    processes = [_Process() for _ in range(count)]
+    try:
+        yield processes
+    finally:
+        left = [each.close() for each in processes]
+        end_children([child for child in left if child is not None], GRACE_S)

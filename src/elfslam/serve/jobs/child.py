@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import selectors
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any, Protocol
+
+from elfslam.app.workers.child import Child
 
 LOG = "log.txt"
 PATIENCE_S = 0.3
 """How soon a cancel is noticed."""
 READ_BYTES = 65_536
-COMMAND = (sys.executable, "-m", "elfslam.serve.jobs.work")
+WORK = "elfslam.serve.jobs.work"
 DIED = "the work ended in the middle ({why}); retry it, and look into the server's log if it recurs"
 OVERDUE = "the work took longer than {hours:g} h and was stopped; cut the recording up"
 
@@ -44,14 +45,8 @@ class Result:
     died: bool = False
 
 
-class Child(Protocol):
-    """A process that does a job's work, and leads a group of its own."""
-
-    pid: int
-
-    @property
-    def stdin(self) -> IO[bytes] | None:
-        """It ends when this is closed."""
+class Worked(Protocol):
+    """A process that does a job's work, and is ended with the block."""
 
     @property
     def stdout(self) -> IO[bytes] | None:
@@ -61,20 +56,13 @@ class Child(Protocol):
         """Its exit status, once it has ended; -N where signal N ended it."""
 
 
-Begin = Callable[[Path, IO[bytes], int], Child]
+Begin = Callable[[Path, IO[bytes], int], AbstractContextManager[Worked]]
 """Begins the work in a folder, given the file for what libraries print and the lock it keeps."""
 
 
 def begin_anew(folder: Path, log: IO[bytes], lock: int) -> Child:
     """A new interpreter for the work in a folder."""
-    return subprocess.Popen(
-        [*COMMAND, str(folder)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=log,
-        pass_fds=(lock,),
-        start_new_session=True,
-    )
+    return Child(WORK, str(folder), stdout=subprocess.PIPE, stderr=log, pass_fds=(lock,))
 
 
 def child_news(
@@ -85,20 +73,11 @@ def child_news(
     Says something every while, be it nothing; whoever closes this ends the process. That keeps the
     file `lock` open: it is free again when whoever began it and the process both are gone.
     """
-    with (folder / LOG).open("wb") as log:
-        process = begin(folder, log, lock)
-    try:
+    with (folder / LOG).open("wb") as log, begin(folder, log, lock) as process:
         yield from _watched(process, longest_s)
-    finally:
-        with contextlib.suppress(ProcessLookupError):
-            os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
-        for pipe in (process.stdin, process.stdout):
-            if pipe is not None:
-                pipe.close()
 
 
-def _watched(process: Child, longest_s: float) -> Iterator[Doing | Result]:
+def _watched(process: Worked, longest_s: float) -> Iterator[Doing | Result]:
     began_s = time.monotonic()
     for news in _news(process):
         if news is not None and "problem" in news:
@@ -111,7 +90,7 @@ def _watched(process: Child, longest_s: float) -> Iterator[Doing | Result]:
     yield Result(None, DIED.format(why=_why(process.wait())), died=True)
 
 
-def _news(process: Child) -> Iterator[dict[str, Any] | None]:
+def _news(process: Worked) -> Iterator[dict[str, Any] | None]:
     """The latest line of a process every while, nothing where none came, and its last at once."""
     assert process.stdout is not None
     pipe, rest = process.stdout.fileno(), b""

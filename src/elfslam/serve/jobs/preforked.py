@@ -1,10 +1,8 @@
 """Preforked worker: a process with everything loaded that forks for each job.
 
-    python -m elfslam.serve.jobs.preforked SOCKET
-
-It reads files and a folder from the socket (its number), begins the work there in a fork of
-itself, says the number of that process and, once it has ended, how. It works on one job at a time
-and ends with whoever holds the other end.
+It is given the number of a socket, as `workers.child` runs it, and reads files and a folder from
+there. It begins the work in a fork of itself, says the number of that process and, once it has
+ended, how. It works on one job at a time.
 """
 
 from __future__ import annotations
@@ -14,7 +12,6 @@ import os
 import signal
 import socket
 import struct
-import subprocess
 import sys
 import tempfile
 import traceback
@@ -26,12 +23,13 @@ from typing import IO
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
+from elfslam.app.workers.child import STDIN, Child, end_children, end_with_parent
 from elfslam.base.errors import ElfslamError
 from elfslam.data.recordings import write_recording
-from elfslam.serve.jobs.child import Child
+from elfslam.serve.jobs.child import Worked
 from elfslam.world.simulate import load_world, simulate
 
-COMMAND = (sys.executable, "-m", "elfslam.serve.jobs.preforked")
+PREFORKED = "elfslam.serve.jobs.preforked"
 NUMBER = struct.Struct("!i")
 MOST_BYTES = 65_536
 FILES = 4
@@ -44,35 +42,39 @@ class Loaded:
     """The other end: begins the work of one job after the other. One that died is made anew."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[bytes] | None = None
+        self._process: Child | None = None
         self._end: socket.socket | None = None
 
-    def begin(self, folder: Path, log: IO[bytes], lock: int) -> Child:
+    @contextmanager
+    def begin(self, folder: Path, log: IO[bytes], lock: int) -> Iterator[Worked]:
         """The work in a folder, begun; see `child.Begin`."""
         end = self._alive()
-        their_in, our_in = os.pipe()
-        our_out, their_out = os.pipe()
-        try:
-            told = str(folder).encode()
-            socket.send_fds(end, [told], [their_in, their_out, log.fileno(), lock])
-            pid = _received(end)
-        except OSError as error:
-            os.close(our_in)
-            os.close(our_out)
-            self.close()
-            raise ChildProcessError(f"no process for {folder.name}: {error}") from error
-        finally:
-            os.close(their_in)
-            os.close(their_out)
-        return _Forked(pid, os.fdopen(our_in, "wb"), os.fdopen(our_out, "rb", 0), end)
+        theirs, held = os.pipe()
+        told, their_out = os.pipe()
+        with os.fdopen(held, "wb"), os.fdopen(told, "rb", 0) as said:
+            try:
+                given = [theirs, their_out, log.fileno(), lock]
+                socket.send_fds(end, [str(folder).encode()], given)
+                process = _Forked(_received(end), said, end)
+            except OSError as error:
+                self.close()
+                raise ChildProcessError(f"no process for {folder.name}: {error}") from error
+            finally:
+                os.close(theirs)
+                os.close(their_out)
+            try:
+                yield process
+            finally:
+                with suppress(ProcessLookupError):
+                    os.killpg(process.pid, signal.SIGKILL)
+                process.wait()
 
     def close(self) -> None:
         """End it, and what it works on."""
         if self._end is not None:
             self._end.close()
         if self._process is not None:
-            self._process.kill()
-            self._process.wait()
+            end_children([self._process])
         self._process = self._end = None
 
     def _alive(self) -> socket.socket:
@@ -82,12 +84,7 @@ class Loaded:
         self._end, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs:
             number = theirs.fileno()
-            self._process = subprocess.Popen(
-                [*COMMAND, str(number)],
-                stdin=subprocess.DEVNULL,
-                pass_fds=(number,),
-                start_new_session=True,
-            )
+            self._process = Child(PREFORKED, str(number), pass_fds=(number,))
         return self._end
 
 
@@ -106,13 +103,12 @@ class _Forked:
     """The process of one job."""
 
     pid: int
-    stdin: IO[bytes] | None
     stdout: IO[bytes] | None
     end: socket.socket
     status: int | None = None
 
     def wait(self) -> int:
-        """As `Child` says. Its number is not given to another before that."""
+        """As `Worked` says. Its number is not given to another before that."""
         if self.status is None:
             try:
                 self.status = _received(self.end)
@@ -185,6 +181,7 @@ def _work(work_on: object, folder: Path, files: list[int]) -> None:
         for number, file in enumerate(files[:3]):
             os.dup2(file, number)
             os.close(file)
+        end_with_parent(STDIN)
         assert callable(work_on)
         work_on(folder)
         code = 0
@@ -194,7 +191,3 @@ def _work(work_on: object, folder: Path, files: list[int]) -> None:
         with suppress(OSError):
             sys.stderr.flush()
         os._exit(code)
-
-
-if __name__ == "__main__":
-    main()

@@ -1,8 +1,8 @@
-"""The process of one job: `python -m elfslam.serve.jobs.work FOLDER`.
+"""The process of one job, given its folder, as `workers.child` runs it.
 
 The folder holds `task.json` and, under `given/`, recordings and maps by name; what is made goes to
 `out/`. A line of JSON on the standard output for each thing that is being done, one at the end for
-what came of it. The process ends when its standard input does: with the server.
+what came of it.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import json
 import os
 import resource
 import sys
-import threading
 import traceback
 from collections.abc import Callable, Mapping
 from functools import partial
@@ -69,7 +68,6 @@ def work_on(folder: Path) -> None:
     """Work on the task of a folder; this process is for that alone."""
     told = os.fdopen(os.dup(1), "w", buffering=1, encoding="utf-8")
     os.dup2(2, 1)  # whatever a library prints must not look like ours
-    threading.Thread(target=_end_with_the_server, daemon=True).start()
     task = json.loads((folder / TASK).read_text(encoding="utf-8"))
     _limit(task["limits"])
     _say(told, _result(folder, task, partial(_tell, told)))
@@ -217,14 +215,3 @@ def _limit(limits: Json) -> None:
         hard = resource.getrlimit(what)[1]
         allowed = most if hard == resource.RLIM_INFINITY else min(most, hard)
         resource.setrlimit(what, (allowed, allowed))
-
-
-def _end_with_the_server() -> None:
-    """Nobody is left who would want the result."""
-    while os.read(0, 1):
-        pass
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    main()
