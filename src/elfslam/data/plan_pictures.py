@@ -7,6 +7,10 @@ programs and ask for files, a PNG cannot.
 from __future__ import annotations
 
 import io
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -20,6 +24,9 @@ from elfslam.base.text_files import read_bytes
 from elfslam.data.plan_geojson import PlanShapes, read_plan_shapes
 from elfslam.data.plan_svg import clean_svg
 
+MOST_PIXELS, MOST_SCANS = 40_000_000, 100
+"""Of a picture, and of a JPEG that comes in ever finer scans; programs write ten or so."""
+SCAN = re.compile(rb"\xff\xda")
 MOST_SIDE_PX, MOST_PX_PER_M = 3000, 100.0
 """Of what is drawn here."""
 LINE_M = 0.1
@@ -57,6 +64,35 @@ def kind_of(content: bytes) -> PlanKind | None:
     if start.startswith(b"<"):
         return PlanKind.SVG
     return PlanKind.GEOJSON if start.startswith((b"{", b"[")) else None
+
+
+@contextmanager
+def opened_picture(content: bytes, file: Path, formats: tuple[str, ...]) -> Iterator[Any]:
+    """Pillow's image of one of its formats, which is decoded in the block and not before.
+
+    Raises InputError, naming `file`, for what is none, is damaged, or would take too much.
+    """
+    from PIL import Image
+
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),
+            Image.open(io.BytesIO(content), formats=formats) as image,
+        ):
+            if image.width * image.height > MOST_PIXELS:
+                raise ValueError(
+                    f"{image.width} by {image.height} pixels, more than "
+                    f"{MOST_PIXELS // 10**6} million; make it smaller"
+                )
+            if image.format == "JPEG" and len(SCAN.findall(content)) > MOST_SCANS:
+                raise ValueError(f"more than {MOST_SCANS} scans; save it as a plain JPEG")
+            yield image
+    except MemoryError:
+        raise
+    except Exception as cause:  # Pillow raises whatever the damaged bytes led to
+        raise InputError(
+            f"{file}: cannot be read as an image ({cause!s:.120}); check it"
+        ) from cause
 
 
 def drawn_picture(file: Path) -> PlanPicture:

@@ -209,5 +209,5 @@ async def _headers_when_written(services: Services, upload: Upload) -> dict[str,
     whole = is_whole(upload.file_name) and upload.length_bytes is not None and not upload.finished
     if whole and upload_bytes(services.settings, upload.id) == upload.length_bytes:
         with services.busy.alone([upload.id]):
-            upload = await finish_whole(services, upload.id)
+            upload = await finish_whole(services, upload)
     return await run_in_threadpool(headers_of, services, upload)
