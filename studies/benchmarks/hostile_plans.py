@@ -154,6 +154,8 @@ PLANS: dict[str, tuple[str, Callable[[], bytes]]] = {
     "progressive JPEG": (JPEG, scanned_jpeg),
     "PNG bomb": (PNG, png_bomb),
     "unfolding PDF": (PDF, unfolding_pdf),
+    "SVG of 90 masks": (SVG, lambda: masks(90)),
+    "JPEG of 90 scans": (JPEG, lambda: scanned_jpeg(90)),
     "SVG mask chain": (SVG, mask_chain),
     "SVG nested opacity": (SVG, nested_opacity),
     "SVG long path": (SVG, long_path),

@@ -13,9 +13,9 @@ import soundfile
 from starlette.testclient import TestClient
 
 from elfslam.serve.app import create_app
+from elfslam.serve.parsing.children import Children
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token
-from elfslam.serve.parsing.children import Children
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving import reading
 from elfslam.serve.receiving.reading import read_apart

@@ -33,9 +33,8 @@ router = APIRouter(
 )
 """Nobody's plan is read before it is known who asks."""
 DRAWER = "elfslam.serve.maps.plan_drawing"
-WALL_FACTOR, FILE_FACTOR = 3, 4
-"""A child that must share a processor takes longer than it computes; what it draws may be larger
-than what came."""
+SHARING_S, FILE_FACTOR = 180.0, 4
+"""How long a child may wait for a processor in all; what it draws may be larger than what came."""
 ALSO = "application/json"
 """What browsers call GeoJSON."""
 FARTHEST_M = 1e6
@@ -127,7 +126,7 @@ def bounds_of(limits: Limits) -> Bounds:
     """What drawing a plan may cost."""
     return Bounds(
         processor_s=limits.drawing_s,
-        wall_s=WALL_FACTOR * limits.drawing_s,
+        wall_s=limits.drawing_s + SHARING_S,
         memory_bytes=limits.drawing_bytes,
         file_bytes=limits.floor_plan_bytes * FILE_FACTOR,
         advice="simplify it, or save it as a smaller PNG",

@@ -16,6 +16,7 @@ import signal
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from enum import StrEnum
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,16 @@ DISK_FULL = 28
 PR_SET_PDEATHSIG = 1
 """Of Linux's prctl: the signal that a process gets when its parent ends."""
 MEBIBYTE = 2**20
+
+
+class Exceeded(StrEnum):
+    """Bounds, in the words that refuse what exceeds them."""
+
+    PROCESSOR = "needs more than {processor_s:g} s of processor time"
+    WALL = "takes longer than {wall_s:g} s"
+    MEMORY = "needs more than {memory_mb:g} MB of memory"
+    CRASH = "needs more than {memory_mb:g} MB of memory, or is damaged"
+    FILE = "becomes a file of more than {file_mb:g} MB"
 
 
 @dataclass(frozen=True)
@@ -43,29 +54,15 @@ class Bounds:
     niceness: int = 10
     """The server itself goes first."""
 
-    def exceeded(self, what: str) -> str:
-        """The refusal that names a bound."""
-        return f"{what}; {self.advice}"
-
-    @property
-    def too_much_processor(self) -> str:
-        """The refusal of what computes for too long."""
-        return self.exceeded(f"needs more than {self.processor_s:g} s of processor time")
-
-    @property
-    def too_much_memory(self) -> str:
-        """The refusal of what is too large."""
-        return self.exceeded(f"needs more than {self.memory_bytes / MEBIBYTE:g} MB of memory")
-
-    @property
-    def too_late(self) -> str:
-        """The refusal of what does not end."""
-        return self.exceeded(f"takes longer than {self.wall_s:g} s")
-
-    @property
-    def too_large(self) -> str:
-        """The refusal of what becomes too large a file."""
-        return self.exceeded(f"becomes a file of more than {self.file_bytes / MEBIBYTE:g} MB")
+    def refusal(self, exceeded: Exceeded) -> str:
+        """The line that names a bound."""
+        words = exceeded.format(
+            processor_s=self.processor_s,
+            wall_s=self.wall_s,
+            memory_mb=self.memory_bytes / MEBIBYTE,
+            file_mb=self.file_bytes / MEBIBYTE,
+        )
+        return f"{words}; {self.advice}"
 
 
 def main() -> int:
@@ -117,10 +114,10 @@ def _answer(parse: Callable[..., Any], bounds: Bounds, given: Mapping[str, Any])
         places = (each for each in given.values() if isinstance(each, str) and each.startswith("/"))
         return {"refusal": without_places(str(error), *places)}
     except MemoryError:
-        return {"refusal": bounds.too_much_memory}
+        return {"refusal": bounds.refusal(Exceeded.MEMORY)}
     except OSError as error:
         if error.errno == errno.EFBIG:
-            return {"refusal": bounds.too_large}
+            return {"refusal": bounds.refusal(Exceeded.FILE)}
         raise
 
 

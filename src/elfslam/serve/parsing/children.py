@@ -18,7 +18,7 @@ from dataclasses import asdict
 from typing import IO, Any
 
 from elfslam.base.errors import InputError
-from elfslam.serve.parsing.child import DISK_FULL, Bounds
+from elfslam.serve.parsing.child import DISK_FULL, Bounds, Exceeded
 from elfslam.serve.problems import Problem, disk_full
 
 COMMAND = (sys.executable, "-P", "-m", "elfslam.serve.parsing.child")
@@ -46,7 +46,9 @@ class Children:
             try:
                 printed, _ = each.communicate(timeout=bounds.wall_s)
             except subprocess.TimeoutExpired as late:
-                raise InputError(bounds.too_late) from late
+                raise InputError(bounds.refusal(Exceeded.WALL)) from late
+            if self._closed:
+                raise _stopping()
             if each.returncode != 0:
                 raise _failure(each.returncode, bounds, errors)
         answer = json.loads(printed.splitlines()[-1])
@@ -68,7 +70,7 @@ class Children:
         told = (str(os.getpid()), json.dumps(asdict(bounds)), module, json.dumps(given))
         with self._lock:
             if self._closed:
-                raise Problem(503, "the server stops; send it again", {"Retry-After": "5"})
+                raise _stopping()
             each = subprocess.Popen(
                 [*COMMAND, *told],
                 stdin=subprocess.DEVNULL,
@@ -88,14 +90,18 @@ class Children:
                 self._alive.discard(each)
 
 
+def _stopping() -> Problem:
+    return Problem(503, "the server stops; send it again", {"Retry-After": "5"})
+
+
 def _failure(code: int, bounds: Bounds, errors: IO[bytes]) -> Exception:
     """Why a child ended without an answer: a bound, a full disk, or a fault of the server."""
     if code == DISK_FULL:
         return disk_full()
     if code == -signal.SIGXCPU:
-        return InputError(bounds.too_much_processor)
+        return InputError(bounds.refusal(Exceeded.PROCESSOR))
     if -code in CRASHES:
-        return InputError(f"{bounds.too_much_memory} (or it is damaged: its reader crashed)")
+        return InputError(bounds.refusal(Exceeded.CRASH))
     errors.seek(max(0, errors.seek(0, os.SEEK_END) - LAST_BYTES))
     said = errors.read().decode(errors="replace").strip().splitlines()
     last = said[-1] if said else f"exit code {code}"
