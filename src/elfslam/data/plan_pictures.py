@@ -1,7 +1,8 @@
 """Floor plans of any kind as pictures: PDF, SVG and GeoJSON drawn as PNG, others as they are.
 
 What a picture shows is drawn here, once, and never again elsewhere: a PDF or an SVG can run
-programs and ask for files, a PNG cannot.
+programs and ask for files, a PNG cannot. A process is begun for each plan that comes to a server:
+what few plans need is imported where it is used.
 """
 
 from __future__ import annotations
@@ -14,15 +15,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
-from elfslam.data.plan_geojson import PlanShapes, read_plan_shapes
 from elfslam.data.plan_svg import clean_svg
+
+if TYPE_CHECKING:
+    from elfslam.base.arrays import F64
+    from elfslam.data.plan_geojson import PlanShapes
 
 MOST_PIXELS, MOST_SCANS = 40_000_000, 100
 """Of a picture, and of a JPEG that comes in ever finer scans; programs write ten or so."""
@@ -100,6 +101,8 @@ def drawn_picture(file: Path) -> PlanPicture:
 
     Raises InputError, also for what is none of them.
     """
+    from elfslam.data.plan_geojson import read_plan_shapes
+
     content = read_bytes(file)
     kind = kind_of(content)
     if kind is PlanKind.PDF:
@@ -153,6 +156,7 @@ def _lacking(what: str) -> InputError:
 
 def picture_of_shapes(shapes: PlanShapes) -> PlanPicture:
     """Ground as white with its outline, what stands on it grey, walls black."""
+    import numpy as np
     from PIL import Image, ImageDraw
 
     corners = shapes.corners_m

@@ -105,7 +105,12 @@ def _check_cost(root: ElementTree.Element, file: Path) -> None:
             _is(element, LAYERED) + max((each.layers for each in inside), default=0),
             _is(element, MASKED) + sum(each.masks for each in inside),
         )
-        if depth >= MOST_DEPTH or found.layers > MOST_LAYERS or found.masks > MOST_MASKS:
+        if depth >= MOST_DEPTH:
+            raise InputError(
+                f"{file}: its parts name each other in more than {MOST_DEPTH} levels; "
+                "simplify the drawing"
+            )
+        if found.layers > MOST_LAYERS or found.masks > MOST_MASKS:
             raise InputError(
                 f"{file}: has more than {MOST_MASKS} masks, or {MOST_LAYERS} masked, clipped or "
                 "translucent groups within each other; simplify the drawing"
