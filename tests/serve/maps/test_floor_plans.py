@@ -27,7 +27,7 @@ from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits, ServerSettings
 from studies.benchmarks import hostile_plans
 from studies.benchmarks.hostile_plans import GEOJSON, JPEG, PDF, PNG, SVG
-from tests.waiting import until
+from tests.waiting import PATIENCE_S, until
 
 LetIn = Callable[[str], TestClient]
 PutMap = Callable[..., str]
@@ -154,7 +154,7 @@ class HeldParser:
                 self.at_it += 1
                 self.most = max(self.most, self.at_it)
             self.begins.release()
-            self.opened.wait()
+            self.opened.wait(PATIENCE_S)
             with self._lock:
                 self.at_it -= 1
         return {"type": PNG, "width_px": 1, "height_px": 1, "width_m": None}

@@ -10,6 +10,7 @@ import pytest
 
 from elfslam.serve.parsing.turns import OF_ONE, WAITING, Turns
 from elfslam.serve.problems import Problem
+from tests.waiting import PATIENCE_S
 
 
 class Work:
@@ -27,7 +28,7 @@ class Work:
             self.at_it += 1
             self.most = max(self.most, self.at_it)
         self.begins.release()
-        self._ends.wait()
+        self._ends.wait(PATIENCE_S)
         with self._lock:
             self.at_it -= 1
         return what

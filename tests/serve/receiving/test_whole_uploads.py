@@ -217,6 +217,24 @@ def test_each_walk_of_a_file_becomes_a_recording_with_its_name(
     assert list(services.settings.uploads_folder.iterdir()) == []
 
 
+def test_a_file_that_must_wait_too_long_leaves_no_upload(
+    owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever sent it was not told where it lies, and sends it again."""
+
+    async def refuse(*_: object) -> None:
+        raise Problem(429, "others are being read")
+
+    monkeypatch.setattr(services.reading, "run", refuse)
+    told = f"filename {base64.b64encode(b'walk.txt').decode()}"
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(MALL))}
+    assert owner.post("/api/uploads", headers=headers, content=MALL).status_code == 429
+    assert list(services.settings.uploads_folder.iterdir()) == []
+    monkeypatch.undo()
+    sent(owner, "walk.txt", MALL.encode())
+    assert len(owner.get("/api/recordings").json()) == 1
+
+
 @pytest.mark.parametrize(
     ("name", "kept"),
     [
