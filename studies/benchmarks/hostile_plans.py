@@ -49,7 +49,7 @@ def uses_of_uses(levels: int = 9, each: int = 10) -> bytes:
     return _svg(f'<defs>{groups}<g id="u{levels}">{RECT}</g></defs><use href="#u0"/>')
 
 
-def long_path(size_bytes: int = 10_000_000) -> bytes:
+def long_path(size_bytes: int = 15_000_000) -> bytes:
     """An SVG with one dashed path of that many characters."""
     stretch = "".join(f"L{k * 379 % 1000} {k * 617 % 1000}" for k in range(1000))
     steps = stretch * (size_bytes // len(stretch) + 1)
@@ -155,7 +155,7 @@ PLANS: dict[str, tuple[str, Callable[[], bytes]]] = {
     "PNG bomb": (PNG, png_bomb),
     "unfolding PDF": (PDF, unfolding_pdf),
     "SVG of 90 masks": (SVG, lambda: masks(90)),
-    "JPEG of 90 scans": (JPEG, lambda: scanned_jpeg(90)),
+    "JPEG of 97 scans": (JPEG, lambda: scanned_jpeg(97)),
     "SVG mask chain": (SVG, mask_chain),
     "SVG nested opacity": (SVG, nested_opacity),
     "SVG long path": (SVG, long_path),
