@@ -17,6 +17,7 @@ from elfslam.base.errors import InputError
 from elfslam.data.floor_plans import read_plan_geojson, read_plan_image
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import feature, polygon_of
+from studies.benchmarks.hostile_plans import png_bomb, scanned_jpeg
 
 ORIGIN = Origin(47.3769, 8.5417, 90.0)
 SQUARE = np.array([[0, 0], [6, 0], [6, 4], [0, 4]], dtype=float)
@@ -59,6 +60,21 @@ def test_transparent_paper_is_light(tmp_path: Path) -> None:
     Image.fromarray(pixels).save(tmp_path / "plan.png")
     plan = read_plan_image(tmp_path / "plan.png", 6.0)
     npt.assert_array_equal(plan.holds(np.array([[1.0, 2.0], [3.05, 2.0]])), [True, False])
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("plan.png", png_bomb(6400), r"6400 by 6400 pixels, more than 40 million"),
+        ("plan.jpg", scanned_jpeg(101, 80), "more than 100 scans"),
+    ],
+)
+def test_what_unfolds_to_too_much_is_not_decoded(
+    tmp_path: Path, name: str, content: bytes, words: str
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InputError, match=words):
+        read_plan_image(tmp_path / name, 10.0)
 
 
 def test_images_that_are_none_are_refused(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.data.plan_svg import MOST_DEPTH, clean_svg
+from elfslam.data.plan_svg import MOST_DEPTH, MOST_LAYERS, MOST_MASKS, clean_svg
 
 FILE = Path("plan.svg")
 HEAD = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'
@@ -108,6 +108,57 @@ def test_what_is_none_is_refused_in_one_line(text: str, words: str) -> None:
         clean_svg(text.encode(), FILE)
     assert str(refused.value).startswith("plan.svg: ")
     assert "\n" not in str(refused.value)
+
+
+MASK = '<mask id="m"><rect/></mask>'
+
+
+def nested(attribute: str, depth: int) -> str:
+    return f"<g {attribute}>" * depth + "<rect/>" + "</g>" * depth
+
+
+@pytest.mark.parametrize(
+    ("inside", "words"),
+    [
+        (MASK + '<g mask="url(#m)"/>' * (MOST_MASKS + 1), "more than 100 masks"),
+        (MASK + '<g style="fill:red;mask: url(#m)"/>' * (MOST_MASKS + 1), "more than 100 masks"),
+        (
+            f'{MASK}<symbol id="s"><g mask="url(#m)"/></symbol>'
+            + '<use href="#s"/>' * (MOST_MASKS + 1),
+            "more than 100 masks",
+        ),
+        (nested('opacity="0.5"', MOST_LAYERS + 1), "20 masked, clipped or translucent"),
+        (nested('style="opacity:.5"', MOST_LAYERS + 1), "20 masked, clipped or translucent"),
+        (nested('clip-path="url(#c)"', MOST_LAYERS + 1), "20 masked, clipped or translucent"),
+        (
+            "".join(
+                f'<mask id="m{k}"><g mask="url(#m{k + 1})"/></mask>' for k in range(MOST_LAYERS)
+            )
+            + '<g mask="url(#m0)"/>',
+            "20 masked, clipped or translucent",
+        ),
+        ('<g id="a"><use href="#a"/></g>', "name each other in more than 100 levels"),
+        ('<mask id="a"><g mask="url(#a)"/></mask><g mask="url(#a)"/>', "each other"),
+    ],
+)
+def test_what_costs_more_than_it_shows_is_refused(inside: str, words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        cleaned(inside)
+
+
+@pytest.mark.parametrize(
+    "inside",
+    [
+        MASK + '<g mask="url(#m)"/>' * MOST_MASKS,
+        f'<defs>{MASK}<g id="unused">' + '<g mask="url(#m)"/>' * (MOST_MASKS + 1) + "</g></defs>",
+        nested('opacity="0.5"', MOST_LAYERS),
+        nested('opacity="1.0" style="opacity:1;fill-opacity:0.5"', 2 * MOST_LAYERS),
+        '<g opacity="0.9"/>' * 1000,
+        '<use href="#nowhere"/><g mask="none" clip-path="url(#nowhere)"/>',
+    ],
+)
+def test_what_an_honest_drawing_has_stays(inside: str) -> None:
+    cleaned(inside)
 
 
 def test_another_encoding_is_refused() -> None:

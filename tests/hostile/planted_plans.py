@@ -9,14 +9,16 @@ SVG = (
 )
 
 
-def pdf(pages: int = 1) -> bytes:
-    """A page of 400 by 300 points: the same rooms, drawn by hand."""
-    drawing = b"2 w 40 30 320 240 re S 200 270 m 200 150 l S"
+ROOMS = b"2 w 40 30 320 240 re S 200 270 m 200 150 l S"
+
+
+def pdf(pages: int = 1, drawing: bytes = ROOMS, size: str = "400 300") -> bytes:
+    """A page of 400 by 300 points: the same rooms, drawn by hand; or another drawing."""
     kids = " ".join(f"{3 + 2 * k} 0 R" for k in range(pages))
     bodies = [b"<< /Type /Catalog /Pages 2 0 R >>"]
     bodies.append(f"<< /Type /Pages /Kids [{kids}] /Count {pages} >>".encode())
     for k in range(pages):
-        page = f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 400 300] /Contents {4 + 2 * k} 0 R >>"
+        page = f"<< /Type /Page /Parent 2 0 R /MediaBox [0 0 {size}] /Contents {4 + 2 * k} 0 R >>"
         bodies.append(page.encode())
         bodies.append(b"<< /Length %d >>\nstream\n%s\nendstream" % (len(drawing), drawing))
     content, places = b"%PDF-1.4\n", []

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -17,15 +15,15 @@ from elfslam.base.grid import FloorGrid, Polygon, drawn_grid
 from elfslam.base.text_files import read_bytes
 from elfslam.data.geographic import Origin
 from elfslam.data.plan_geojson import NARROWEST_M, WIDEST_M, read_plan_shapes
-from elfslam.data.plan_pictures import PlanKind, drawn_picture, kind_of
+from elfslam.data.plan_pictures import PlanKind, drawn_picture, kind_of, opened_picture
 
 IMAGES = (".png", ".pgm", ".jpg", ".jpeg", ".bmp", ".pdf", ".svg")
 FORMATS = ("PNG", "PPM", "JPEG", "BMP")
 """Others are run by other programs, or hold more than a picture."""
 DRAWN = (PlanKind.PDF, PlanKind.SVG)
 """These are drawn first."""
-MOST_PIXELS, MOST_SIDE = 40_000_000, 3000
-"""Of the image, and along each side of what is made of it."""
+MOST_SIDE = 3000
+"""Pixels along each side of what is made of an image."""
 GEOJSON = (".geojson", ".json")
 DARK = 128
 """Pixels darker than this are walls."""
@@ -105,20 +103,10 @@ def _brightness(file: Path) -> Any:
     content = read_bytes(file)
     if kind_of(content) in DRAWN:
         content = drawn_picture(file).content
-    try:
-        with (
-            warnings.catch_warnings(action="ignore"),
-            Image.open(BytesIO(content), formats=FORMATS) as image,
-        ):
-            if image.width * image.height > MOST_PIXELS:
-                raise ValueError(f"{image.width} by {image.height} pixels; make it smaller")
-            if not image.has_transparency_data:
-                return np.asarray(image.convert("RGB").convert("L"))
-            seen = image.convert("RGBA")
-    except Exception as cause:  # Pillow raises whatever the damaged bytes led to
-        raise InputError(
-            f"{file}: cannot be read as an image ({cause!s:.120}); check it"
-        ) from cause
+    with opened_picture(content, file, FORMATS) as image:
+        if not image.has_transparency_data:
+            return np.asarray(image.convert("RGB").convert("L"))
+        seen = image.convert("RGBA")
     paper = Image.new("RGBA", seen.size, (255, 255, 255, 255))
     return np.asarray(Image.alpha_composite(paper, seen).convert("L"))
 

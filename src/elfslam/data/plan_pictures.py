@@ -1,25 +1,33 @@
 """Floor plans of any kind as pictures: PDF, SVG and GeoJSON drawn as PNG, others as they are.
 
 What a picture shows is drawn here, once, and never again elsewhere: a PDF or an SVG can run
-programs and ask for files, a PNG cannot.
+programs and ask for files, a PNG cannot. A process is begun for each plan that comes to a server:
+what few plans need is imported where it is used.
 """
 
 from __future__ import annotations
 
 import io
+import re
+import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
-from elfslam.data.plan_geojson import PlanShapes, read_plan_shapes
 from elfslam.data.plan_svg import clean_svg
 
+if TYPE_CHECKING:
+    from elfslam.base.arrays import F64
+    from elfslam.data.plan_geojson import PlanShapes
+
+MOST_PIXELS, MOST_SCANS = 40_000_000, 100
+"""Of a picture, and of a JPEG that comes in ever finer scans; programs write ten or so."""
+SCAN = re.compile(rb"\xff\xda")
 MOST_SIDE_PX, MOST_PX_PER_M = 3000, 100.0
 """Of what is drawn here."""
 LINE_M = 0.1
@@ -59,11 +67,42 @@ def kind_of(content: bytes) -> PlanKind | None:
     return PlanKind.GEOJSON if start.startswith((b"{", b"[")) else None
 
 
+@contextmanager
+def opened_picture(content: bytes, file: Path, formats: tuple[str, ...]) -> Iterator[Any]:
+    """Pillow's image of one of its formats, which is decoded in the block and not before.
+
+    Raises InputError, naming `file`, for what is none, is damaged, or would take too much.
+    """
+    from PIL import Image
+
+    try:
+        with (
+            warnings.catch_warnings(action="ignore"),
+            Image.open(io.BytesIO(content), formats=formats) as image,
+        ):
+            if image.width * image.height > MOST_PIXELS:
+                raise ValueError(
+                    f"{image.width} by {image.height} pixels, more than "
+                    f"{MOST_PIXELS // 10**6} million; make it smaller"
+                )
+            if image.format == "JPEG" and len(SCAN.findall(content)) > MOST_SCANS:
+                raise ValueError(f"more than {MOST_SCANS} scans; save it as a plain JPEG")
+            yield image
+    except MemoryError:
+        raise
+    except Exception as cause:  # Pillow raises whatever the damaged bytes led to
+        raise InputError(
+            f"{file}: cannot be read as an image ({cause!s:.120}); check it"
+        ) from cause
+
+
 def drawn_picture(file: Path) -> PlanPicture:
     """The first page of a PDF, an SVG or the shapes of a GeoJSON file as a PNG.
 
     Raises InputError, also for what is none of them.
     """
+    from elfslam.data.plan_geojson import read_plan_shapes
+
     content = read_bytes(file)
     kind = kind_of(content)
     if kind is PlanKind.PDF:
@@ -117,6 +156,7 @@ def _lacking(what: str) -> InputError:
 
 def picture_of_shapes(shapes: PlanShapes) -> PlanPicture:
     """Ground as white with its outline, what stands on it grey, walls black."""
+    import numpy as np
     from PIL import Image, ImageDraw
 
     corners = shapes.corners_m

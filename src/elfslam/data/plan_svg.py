@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -19,6 +20,16 @@ DRAWN = frozenset(
 )  # fmt: skip
 """Elements that are kept; scripts, images, animations, links and foreign content are not."""
 MOST_ELEMENTS, MOST_DEPTH = 200_000, 100
+MOST_LAYERS, MOST_MASKS = 20, 100
+"""Translucent, clipped or masked groups within each other, and masks in all: each is drawn as a
+picture of its own."""
+DEFINED = frozenset(("defs", "symbol", "mask", "pattern", "marker", "clipPath"))
+"""What is inside is drawn only where it is named."""
+NAMED = re.compile(r"url\(\s*['\"]?\s*#([^'\")\s]+)")
+MASKED = re.compile(r"(?:^|;)\s*mask\s*:\s*url")
+LAYERED = re.compile(
+    r"(?:^|;)\s*(?:(?:mask|clip-path)\s*:\s*url|opacity\s*:\s*(?!1[.0]*\s*(?:;|$)))"
+)
 DOCTYPE = re.compile(r"<!DOCTYPE[^\[>]*>", re.IGNORECASE)
 ELSEWHERE = re.compile(r"url\(\s*['\"]?\s*(?!#)|@import|javascript:|data:", re.IGNORECASE)
 """What a style or an attribute may not say: only parts of the drawing itself may be named."""
@@ -30,8 +41,8 @@ LARGEST = 1e6
 def clean_svg(content: bytes, file: Path) -> tuple[str, tuple[float, float]]:
     """The drawing without what is not drawn, and its width and height in pixels.
 
-    Raises InputError, naming `file`, where it is none, has entities, is nested too deep or says no
-    size.
+    Raises InputError, naming `file`, where it is none, has entities, is nested too deep, has too
+    many masks or says no size.
     """
     root = _parsed(content, file)
     _check_size(root, file)
@@ -39,6 +50,7 @@ def clean_svg(content: bytes, file: Path) -> tuple[str, tuple[float, float]]:
     if size is None:
         raise InputError(f"{file}: says neither its size nor a viewBox; save it with one")
     _clean(root)
+    _check_cost(root, file)
     ElementTree.register_namespace("", NAMESPACE)
     return ElementTree.tostring(root, encoding="unicode"), size
 
@@ -68,6 +80,61 @@ def _check_size(root: ElementTree.Element, file: Path) -> None:
                 "simplify the drawing"
             )
         level = [child for element in level for child in element]
+
+
+@dataclass(frozen=True)
+class _Cost:
+    """Layers that are drawn within each other, and masks."""
+
+    layers: int
+    masks: int
+
+
+def _check_cost(root: ElementTree.Element, file: Path) -> None:
+    """Count what is drawn as often as it is named. Raises InputError."""
+    named = {name: each for each in root.iter() if (name := each.get("id"))}
+    known: dict[ElementTree.Element, _Cost] = {}
+
+    def cost_of(element: ElementTree.Element, depth: int) -> _Cost:
+        if element in known:
+            return known[element]
+        targets = [named[name] for name in _named_by(element) if name in named]
+        drawn = [*targets, *(child for child in element if _tag(child) not in DEFINED)]
+        inside = [cost_of(each, depth + 1) for each in drawn] if depth < MOST_DEPTH else []
+        found = _Cost(
+            _is(element, LAYERED) + max((each.layers for each in inside), default=0),
+            _is(element, MASKED) + sum(each.masks for each in inside),
+        )
+        if depth >= MOST_DEPTH:
+            raise InputError(
+                f"{file}: its parts name each other in more than {MOST_DEPTH} levels; "
+                "simplify the drawing"
+            )
+        if found.layers > MOST_LAYERS or found.masks > MOST_MASKS:
+            raise InputError(
+                f"{file}: has more than {MOST_MASKS} masks, or {MOST_LAYERS} masked, clipped or "
+                "translucent groups within each other; simplify the drawing"
+            )
+        known[element] = found
+        return found
+
+    cost_of(root, 0)
+
+
+def _named_by(element: ElementTree.Element) -> set[str]:
+    """The identifiers of parts of the drawing that are drawn for an element."""
+    told = {name for value in element.attrib.values() for name in NAMED.findall(value)}
+    return told | {element.get(name, "").strip().removeprefix("#") for name in HREFS}
+
+
+def _is(element: ElementTree.Element, style: re.Pattern[str]) -> bool:
+    """Whether an attribute or the style of an element matches."""
+    said = (f"{name}:{value}" for name, value in element.attrib.items() if name != "style")
+    return any(style.match(each) for each in said) or bool(style.search(element.get("style", "")))
+
+
+def _tag(element: ElementTree.Element) -> str:
+    return element.tag.rpartition("}")[2]
 
 
 def _clean(root: ElementTree.Element) -> None:

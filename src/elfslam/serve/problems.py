@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import logging
 from collections.abc import Mapping
 from http import HTTPStatus
@@ -17,11 +16,11 @@ from sqlalchemy.exc import TimeoutError as PoolTimeout
 from starlette.exceptions import HTTPException
 
 from elfslam.base.errors import InputError, ParameterError, StoreError
+from elfslam.serve.store.disk_room import FULL_ERRORS
 
 MEDIA_TYPE = "application/problem+json"
 WRONG_CHECKSUM = 460
 """Of the tus protocol."""
-FULL_ERRORS = (errno.ENOSPC, errno.EDQUOT)
 TITLES = {
     WRONG_CHECKSUM: "Checksum Mismatch",
     413: "Content Too Large",

@@ -12,6 +12,8 @@ from anyio import CapacityLimiter
 from fastapi import Depends, Request
 from sqlalchemy import Engine
 
+from elfslam.serve.parsing.children import Children
+from elfslam.serve.parsing.turns import Turns
 from elfslam.serve.people.codes import OneTimeCodes
 from elfslam.serve.people.rates import Rates
 from elfslam.serve.positions.hub import PositionHub
@@ -60,11 +62,19 @@ class Services:
     """That pair another device."""
     jobs_wanted: threading.Event = field(default_factory=threading.Event)
     """Set where a job was queued."""
-    readers: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(2))
-    """So many recordings are read at once."""
+    children: Children = field(default_factory=Children)
+    """That parse what comes from outside."""
+    reading: Turns = field(default_factory=Turns)
+    drawing: Turns = field(default_factory=Turns)
+    """Whose recording is read next, and whose floor plan is drawn."""
     finders: CapacityLimiter = field(default_factory=lambda: CapacityLimiter(4))
     """So many phones are told at once where they are; more threads would only wait for each other.
     """
+
+    def stop(self) -> None:
+        """The server stops: end what has no end, and what nobody will wait for."""
+        self.positions.board.close()
+        self.children.close()
 
 
 def open_services(settings: ServerSettings, *, alone: bool = False) -> Services:

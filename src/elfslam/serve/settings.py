@@ -63,6 +63,9 @@ class Limits:
     reading_s: float = 600.0
     reading_bytes: int = 6 * GIBIBYTE
     """Time and memory that reading one recording may take."""
+    drawing_s: float = 20.0
+    drawing_bytes: int = 320 * MEBIBYTE
+    """Processor time and memory that drawing one floor plan may take."""
     job_s: float = 4 * 3600.0
     job_bytes: int = 8 * GIBIBYTE
     """Time and memory that one job may take; no file that it writes is larger either."""

@@ -13,6 +13,7 @@ import soundfile
 from starlette.testclient import TestClient
 
 from elfslam.serve.app import create_app
+from elfslam.serve.parsing.children import Children
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.problems import Problem
@@ -118,16 +119,16 @@ def test_reading_has_an_end(tmp_path: Path) -> None:
     (tmp_path / "recording.json").write_text('{"format_version": 1}')
     soundfile.write(tmp_path / "audio.flac", np.zeros(20 * 44_100), 44_100)
     assert (tmp_path / "audio.flac").stat().st_size < 20_000
-    assert read_apart(tmp_path, Limits()).facts["duration_s"] == 20.0
-    late = read_apart(tmp_path, Limits(reading_s=0.05))
+    assert read_apart(Children(), tmp_path, Limits()).facts["duration_s"] == 20.0
+    late = read_apart(Children(), tmp_path, Limits(reading_s=0.05))
     assert "takes longer than 0.05 s" in str(late.refusal)
-    large = read_apart(tmp_path, Limits(reading_bytes=2**20))
-    assert "needs more memory" in str(large.refusal)
+    large = read_apart(Children(), tmp_path, Limits(reading_bytes=2**20))
+    assert "needs more than 1 MB of memory" in str(large.refusal)
 
 
 def test_a_reader_that_dies_is_no_refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reading, "READER", "elfslam.no_such_reader")
     with pytest.raises(Problem) as refused:
-        read_apart(tmp_path, Limits())
+        read_apart(Children(), tmp_path, Limits())
     assert refused.value.status_code == 503
-    assert "complete it again" in str(refused.value.detail)
+    assert "try again" in str(refused.value.detail)

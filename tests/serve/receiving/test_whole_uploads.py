@@ -15,6 +15,7 @@ from planted_logs import LOGS
 from starlette.testclient import TestClient
 
 from elfslam.data.importing import LogFormat
+from elfslam.serve.parsing.children import Children
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.reading import Walk, walks_apart
 from elfslam.serve.services import Services
@@ -82,7 +83,7 @@ def read(tmp_path: Path, name: str = "walk.zip", **limits: float) -> list[Walk]:
     """What is found in a file of that name; what comes of it lies in out/."""
     (tmp_path / "out").mkdir()
     known = Limits(**{"free_bytes": 0, **limits})  # type: ignore[arg-type]
-    return walks_apart(tmp_path / name, tmp_path / "out", MOST, known)
+    return walks_apart(Children(), tmp_path / name, tmp_path / "out", MOST, known)
 
 
 def test_what_is_in_a_zip_is_read_where_it_was_unpacked(tmp_path: Path) -> None:
@@ -151,7 +152,7 @@ def test_a_log_of_another_program_becomes_a_recording(
         ({"recording_bytes": 2_000}, "unpacks to"),
         ({"file_bytes": 1_000}, "accelerometer.csv: becomes"),
         ({"reading_s": 0.01}, "takes longer than 0.01 s"),
-        ({"reading_bytes": 2**20}, "needs more memory"),
+        ({"reading_bytes": 2**20}, "needs more than 1 MB of memory"),
     ],
 )
 def test_what_a_log_may_cost(tmp_path: Path, limits: dict[str, float], words: str) -> None:
@@ -214,6 +215,24 @@ def test_each_walk_of_a_file_becomes_a_recording_with_its_name(
     assert jobs == [first], "what was refused is not mapped"
     assert list(services.settings.work_folder.iterdir()) == []
     assert list(services.settings.uploads_folder.iterdir()) == []
+
+
+def test_a_file_that_must_wait_too_long_leaves_no_upload(
+    owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whoever sent it was not told where it lies, and sends it again."""
+
+    async def refuse(*_: object) -> None:
+        raise Problem(429, "others are being read")
+
+    monkeypatch.setattr(services.reading, "run", refuse)
+    told = f"filename {base64.b64encode(b'walk.txt').decode()}"
+    headers = {**PIECE, "Upload-Metadata": told, "Upload-Length": str(len(MALL))}
+    assert owner.post("/api/uploads", headers=headers, content=MALL).status_code == 429
+    assert list(services.settings.uploads_folder.iterdir()) == []
+    monkeypatch.undo()
+    sent(owner, "walk.txt", MALL.encode())
+    assert len(owner.get("/api/recordings").json()) == 1
 
 
 @pytest.mark.parametrize(

@@ -2,31 +2,39 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
+from starlette.concurrency import run_in_threadpool
 
+from elfslam.base.errors import InputError
 from elfslam.data.plan_pictures import PlanKind
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.bodies import MapBody, body_of
-from elfslam.serve.maps.plan_pictures import picture_of
+from elfslam.serve.parsing.child import Bounds
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here
-from elfslam.serve.sharing.rights import Asks, Right, current_asker, map_for
+from elfslam.serve.receiving.appending import Quota, append
+from elfslam.serve.receiving.completing import scratch
+from elfslam.serve.services import Here, Services
+from elfslam.serve.settings import Limits
+from elfslam.serve.sharing.rights import Asker, Asks, Right, current_asker, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, reading, transaction
 from elfslam.serve.store.holdings import drop_unnamed
-from elfslam.serve.store.sending import scratch_file, sent_blob
+from elfslam.serve.store.sending import sent_blob
 
 router = APIRouter(
     tags=["maps"], prefix="/maps/{map_id}/floor-plan", dependencies=[Depends(current_asker)]
 )
 """Nobody's plan is read before it is known who asks."""
-PICTURES = (PlanKind.PNG, PlanKind.JPEG)
-"""What a plan is kept and sent as, whatever it came as."""
+DRAWER = "elfslam.serve.maps.plan_drawing"
+SHARING_S, FILE_FACTOR = 180.0, 4
+"""How long a child may wait for a processor in all; what it draws may be larger than what came."""
 ALSO = "application/json"
 """What browsers call GeoJSON."""
 FARTHEST_M = 1e6
@@ -42,17 +50,17 @@ class ImagePlacement(BaseModel):
     opacity: float = Field(0.5, ge=0, le=1, allow_inf_nan=False)
 
 
-async def image_body(request: Request) -> bytes:
-    """The body of a request that carries a plan."""
+async def sends_plan(request: Request) -> None:
+    """Refuse a request whose body is said to be something else."""
     if request.headers.get("content-type", "").partition(";")[0].strip() not in (*PlanKind, ALSO):
         raise Problem(415, f"wanted {', '.join(PlanKind)}; save the plan as one of these")
-    return await request.body()
 
 
 @router.put(
     "",
     operation_id="put_floor_plan",
     responses=problems(415),
+    dependencies=[Depends(sends_plan)],
     openapi_extra={
         "requestBody": {
             "required": True,
@@ -62,20 +70,33 @@ async def image_body(request: Request) -> bytes:
         }
     },
 )
-def put_floor_plan(
-    map_id: str, image: Annotated[bytes, Depends(image_body)], asker: Asks, services: Here
-) -> MapBody:
+async def put_floor_plan(map_id: str, request: Request, asker: Asks, services: Here) -> MapBody:
     """Put a plan below a map; an older one goes, its placement stays.
 
     PNG and JPEG are kept as they are; the first page of a PDF, an SVG and GeoJSON (degrees or
     metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is.
     """
+    await run_in_threadpool(_refuse, services, asker, map_id)
+    limits, user = services.settings.limits, asker.user_id or map_id
+    with services.drawing.place(user), scratch(services.settings) as folder:
+        file = folder / "plan"
+        room = Quota(limits.floor_plan_bytes, limits.free_bytes)
+        await append(file, request.receive, room, None)
+        return await services.drawing.run(user, partial(_put, services, asker, map_id, file))
+
+
+def _refuse(services: Services, asker: Asker, map_id: str) -> None:
+    """Raise Problem where no plan may be put below a map."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
         refuse_full(services, session, found.user_id)
-    image, facts = picture_of(services.settings, image)
+
+
+def _put(services: Services, asker: Asker, map_id: str, file: Path) -> MapBody:
+    """Draw the plan in a file and put it below a map."""
+    facts = _drawn(services, file)
     store = services.settings.blobs_folder
-    with scratch_file(services.settings, image) as file, blobs.locked(store):
+    with blobs.locked(store):
         blob = blobs.put(store, file)
         with transaction(services.sessions) as session:
             found = map_for(session, asker, map_id, Right.EDIT)
@@ -92,11 +113,31 @@ def put_floor_plan(
     return answer
 
 
+def _drawn(services: Services, file: Path) -> dict[str, Any]:
+    """Type and size of the picture that a child makes of a plan. Raises Problem 422."""
+    try:
+        bounds = bounds_of(services.settings.limits)
+        return dict(services.children.parse(DRAWER, bounds, file=str(file)))
+    except InputError as refused:
+        raise Problem(422, f"the plan {refused}") from refused
+
+
+def bounds_of(limits: Limits) -> Bounds:
+    """What drawing a plan may cost."""
+    return Bounds(
+        processor_s=limits.drawing_s,
+        wall_s=limits.drawing_s + SHARING_S,
+        memory_bytes=limits.drawing_bytes,
+        file_bytes=limits.floor_plan_bytes * FILE_FACTOR,
+        advice="simplify it, or save it as a smaller PNG",
+    )
+
+
 @router.get(
     "",
     operation_id="get_floor_plan",
     response_class=FileResponse,
-    responses={200: {"content": {str(kind): {} for kind in PICTURES}}},
+    responses={200: {"content": {str(kind): {} for kind in (PlanKind.PNG, PlanKind.JPEG)}}},
 )
 def get_floor_plan(map_id: str, asker: Asks, services: Here) -> FileResponse:
     """The image below a map."""

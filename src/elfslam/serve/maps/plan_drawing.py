@@ -1,34 +1,44 @@
-"""Draws a floor plan that is no picture: `python -m elfslam.serve.maps.plan_drawing FILE LIMITS`.
+"""Parses a floor plan of any kind, in a child of the server: a picture, drawn where it is none.
 
-A PDF, SVG or GeoJSON may make whoever draws it slow, large or worse, so a process of its own does.
-It puts the PNG in the place of the file, and prints how many metres it is wide, as JSON.
+A PDF, an SVG or a picture may make whoever draws it slow, large or worse.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 from pathlib import Path
 from typing import Any
 
-from elfslam.base.errors import InputError
-from elfslam.data.plan_pictures import drawn_picture
-from elfslam.serve.receiving.reader import TOO_MUCH_MEMORY, answer
-from elfslam.serve.settings import Limits
+from elfslam.data.plan_pictures import PlanKind, drawn_picture, kind_of, opened_picture
+
+PICTURES = {"PNG": PlanKind.PNG, "JPEG": PlanKind.JPEG}
+"""What a plan is kept and sent as, whatever it came as."""
+ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
+"""Of EXIF: browsers turn such images by a quarter."""
+SMALLER = 8
+"""A JPEG is looked through at this part of its size: whether it is whole shows there, too."""
 
 
-def draw(file: Path) -> dict[str, Any]:
-    """What is printed: `width_m`, or a `refusal`."""
-    try:
-        picture = drawn_picture(file)
-    except InputError as error:
-        return {"refusal": str(error).replace(f"{file}: ", "the plan ")}
-    except MemoryError:
-        return {"refusal": TOO_MUCH_MEMORY}
-    file.write_bytes(picture.content)
-    return {"width_m": picture.width_m}
+def parse(file: str) -> dict[str, Any]:
+    """Type, size in pixels, and width in metres if known of a plan.
+
+    A PNG stands in the place of what was none. Raises InputError.
+    """
+    place, width_m = Path(file), None
+    content = place.read_bytes()
+    if kind_of(content) in (PlanKind.PDF, PlanKind.SVG, PlanKind.GEOJSON):
+        picture = drawn_picture(place)
+        content, width_m = picture.content, picture.width_m
+        place.write_bytes(content)
+    return {**_facts(content, place), "width_m": width_m}
 
 
-if __name__ == "__main__":
-    told_file, told_limits = sys.argv[1:]
-    sys.exit(answer(Limits(**json.loads(told_limits)), lambda: draw(Path(told_file))))
+def _facts(content: bytes, file: Path) -> dict[str, Any]:
+    """Type and size of a whole PNG or JPEG, as a browser shows it."""
+    with opened_picture(content, file, tuple(PICTURES)) as image:
+        width, height = image.size
+        kind = PICTURES[str(image.format)]
+        turned = image.getexif().get(ORIENTATION) in ON_ITS_SIDE
+        image.draft(None, (width // SMALLER, height // SMALLER))
+        image.load()
+    size = (height, width) if turned else (width, height)
+    return {"width_px": size[0], "height_px": size[1], "type": str(kind)}

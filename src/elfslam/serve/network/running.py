@@ -84,7 +84,7 @@ def run(settings: ServerSettings, listening: Listening, say: Callable[[str], Non
         pairing = url + pairing_fragment(token, settings.authority_folder)
         for line in greeting(urls, pairing, certificate):
             say(line)
-        serve(app, sockets, settings.limits, certificate, services.positions.board.close)
+        serve(app, sockets, settings.limits, certificate, services.stop)
 
 
 def invite(settings: ServerSettings, name: str) -> tuple[str, str]:

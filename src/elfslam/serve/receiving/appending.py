@@ -6,7 +6,6 @@ checksum first lies beside the file, so that bytes that were not checked never b
 
 from __future__ import annotations
 
-import errno
 import os
 import shutil
 from collections.abc import AsyncIterator
@@ -19,6 +18,7 @@ from starlette.types import Receive
 
 from elfslam.serve.problems import Problem, disk_full, is_disk_full
 from elfslam.serve.receiving.tus import Checksum, wrong_checksum
+from elfslam.serve.store.disk_room import refuse_full_disk
 
 PIECE = ".piece"
 """Of a piece that waits for its checksum."""
@@ -94,13 +94,6 @@ def _write(descriptor: int, chunk: bytes, free_bytes: int) -> None:
     left = memoryview(chunk)
     while left:
         left = left[os.write(descriptor, left) :]
-
-
-def refuse_full_disk(place: int | Path, size_bytes: int, free_bytes: int) -> None:
-    """Raise OSError ENOSPC where writing would leave less than `free_bytes`."""
-    disk = os.statvfs(place)
-    if disk.f_bavail * disk.f_frsize - size_bytes < free_bytes:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
 def _append_file(file: Path, piece: Path, room: Quota) -> None:

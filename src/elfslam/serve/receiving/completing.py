@@ -91,7 +91,7 @@ def complete(
         with scratch(services.settings) as folder:
             for file in come:
                 blobs.link_or_copy(file.path, folder / file.name)
-            found = read_apart(folder, services.settings.limits)
+            found = read_apart(services.children, folder, services.settings.limits)
         begin = partial(_receiving, recording_id=recording_id)
         keep(services, [Part(come, found, begin)], wants_map=wants_map)
         for upload in uploads:

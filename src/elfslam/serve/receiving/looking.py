@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
+from functools import partial
 from pathlib import PurePosixPath
 from typing import Annotated, Any
 
@@ -17,7 +18,7 @@ from elfslam.base.errors import InputError
 from elfslam.serve.people.access import Me, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.curves import Look
-from elfslam.serve.receiving.reading import run_apart
+from elfslam.serve.receiving.reading import bounds_of
 from elfslam.serve.receiving.recordings import my_recording
 from elfslam.serve.services import Here, Services
 from elfslam.serve.store.database import RecordingFile, RecordingState, User, reading
@@ -56,7 +57,7 @@ async def look_at_recording(
     known = {"ETag": _tag(named), **NEVER_OLD}
     if known["ETag"] in if_none_match:
         return Response(status_code=304, headers=known)
-    look = await to_thread.run_sync(_look, services, named, limiter=services.readers)
+    look = await services.reading.run(user.id, partial(_look, services, named))
     response.headers.update(known)
     return look
 
@@ -99,14 +100,12 @@ def _tag(named: Mapping[str, str]) -> str:
 
 
 def _look(services: Services, named: Mapping[str, str]) -> dict[str, Any]:
-    """What a process of its own sees. Raises Problem 404, 409, 503."""
+    """What a child sees. Raises Problem 404, 409, 503."""
+    bounds = bounds_of(services.settings.limits)
     try:
         with unfolded(services.settings, named) as folder:
-            told = run_apart(READER, services.settings.limits, str(folder))
+            return dict(services.children.parse(READER, bounds, folder=str(folder)))
     except FileNotFoundError as gone:
         raise not_found("recording") from gone
-    except InputError as late:
-        raise Problem(409, str(late)) from late
-    if "refusal" in told:
-        raise Problem(409, told["refusal"])
-    return dict(told)
+    except InputError as refused:
+        raise Problem(409, str(refused)) from refused

@@ -1,16 +1,8 @@
-"""Reads the folder of a recording and prints what it holds, as JSON.
-
-`python -m elfslam.serve.receiving.reader FOLDER LIMITS` keeps to the limits.
-"""
+"""Parses the folder of a recording: its facts, in a child of the server."""
 
 from __future__ import annotations
 
-import json
 import re
-import resource
-import sys
-from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -23,35 +15,30 @@ from elfslam.base.values import Recording
 from elfslam.data.recordings import MANIFEST, read_recording
 from elfslam.line.chirp import check_rate
 from elfslam.line.motion import MotionParameters, find_footsteps
-from elfslam.serve.problems import is_disk_full
-from elfslam.serve.receiving.reading import DISK_FULL, ReadFolder
-from elfslam.serve.settings import Limits
+from elfslam.serve.parsing.child import without_places
+from elfslam.serve.receiving.reading import ReadFolder
 from elfslam.slam.coverage import spans_of
 
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""
 TAPPED_ON, MAP_ID = "tapped_on", re.compile(r"[0-9a-f]{32}")
-TOO_MUCH_MEMORY = "reading needs more memory than is allowed; cut it in parts"
+
+
+def parse(folder: str) -> dict[str, Any]:
+    """What a folder holds. Raises InputError where that is no recording."""
+    place = Path(folder)
+    recording = read_recording(place)
+    if recording.audio is not None:
+        check_rate(recording.audio.rate_hz)
+    return {**facts_of(recording), **_tapped_on(place)}
 
 
 def find(folder: Path) -> ReadFolder:
-    """What a folder holds, read here and now."""
+    """What a folder holds, or why that is no recording."""
     try:
-        recording = read_recording(folder)
-        if recording.audio is not None:
-            check_rate(recording.audio.rate_hz)
-        return ReadFolder({**facts_of(recording), **_tapped_on(folder)})
+        return ReadFolder(parse(str(folder)))
     except InputError as error:
-        return ReadFolder(refusal=without(str(error), folder))
-    except MemoryError:
-        return ReadFolder(refusal=TOO_MUCH_MEMORY)
-
-
-def without(text: str, *paths: Path) -> str:
-    """The text without the places of this machine."""
-    for path in paths:
-        text = text.replace(f"{path}/", "").replace(f"{path}: ", "")
-    return text
+        return ReadFolder(refusal=without_places(str(error), folder))
 
 
 def facts_of(recording: Recording) -> dict[str, Any]:
@@ -98,21 +85,3 @@ def _footsteps(recording: Recording) -> int | None:
         return len(find_footsteps(recording.imu, MotionParameters()))
     except InputError:
         return None
-
-
-def answer(limits: Limits, work: Callable[[], Any]) -> int:
-    """Print what comes of the work, as JSON, with at most so much memory; gives the exit code."""
-    resource.setrlimit(resource.RLIMIT_AS, (limits.reading_bytes, limits.reading_bytes))
-    try:
-        found = work()
-    except OSError as error:
-        if is_disk_full(error):
-            return DISK_FULL
-        raise
-    print(json.dumps(found, allow_nan=False))
-    return 0
-
-
-if __name__ == "__main__":
-    told_folder, told_limits = sys.argv[1:]
-    sys.exit(answer(Limits(**json.loads(told_limits)), lambda: asdict(find(Path(told_folder)))))

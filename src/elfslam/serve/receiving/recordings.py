@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from datetime import datetime
+from functools import partial
 from typing import Annotated, Any
 from urllib.parse import quote
 
-from anyio import to_thread
 from fastapi import APIRouter, Response
 from fastapi.responses import StreamingResponse
 from pydantic import AfterValidator, BaseModel, Field
@@ -152,9 +152,8 @@ async def complete_recording(
     Asked again it answers the same. 409 says which file has not come whole, 422 why the reader
     refused the folder.
     """
-    return await to_thread.run_sync(
-        _complete, services, user, recording_id, given, limiter=services.readers
-    )
+    work = partial(_complete, services, user, recording_id, given)
+    return await services.reading.run(user.id, work)
 
 
 @router.get(

@@ -1,14 +1,11 @@
 """What the sensors of a recording read over time, in few enough numbers to be drawn.
 
-`python -m elfslam.serve.receiving.sensors FOLDER LIMITS` prints that of a recording's folder as
-JSON. A curve is cut into equal stretches of time, of each of which the least and the largest
-value are kept, so that no peak is lost.
+A curve is cut into equal stretches of time, of each of which the least and the largest value are
+kept, so that no peak is lost. All of it is parsed in a child of the server.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
@@ -25,8 +22,6 @@ from elfslam.line.echo import EchoParameters, find_frames
 from elfslam.line.motion.level import level
 from elfslam.line.motion.parameters import MotionParameters
 from elfslam.serve.receiving.curves import Curve, Look, SensorRate
-from elfslam.serve.receiving.reader import TOO_MUCH_MEMORY, answer, without
-from elfslam.serve.settings import Limits
 
 MOST_STRETCHES = 400
 """Of a curve; each is two numbers."""
@@ -127,16 +122,6 @@ def _told(values: F64) -> list[float | None]:
     return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values]
 
 
-def told_of(folder: Path) -> dict[str, Any]:
-    """What is printed of a folder, or its `refusal`."""
-    try:
-        return asdict(look_at(read_recording(folder)))
-    except InputError as error:
-        return {"refusal": without(str(error), folder)}
-    except MemoryError:
-        return {"refusal": TOO_MUCH_MEMORY}
-
-
-if __name__ == "__main__":
-    told_folder, told_limits = sys.argv[1:]
-    sys.exit(answer(Limits(**json.loads(told_limits)), lambda: told_of(Path(told_folder))))
+def parse(folder: str) -> dict[str, Any]:
+    """What is told of a recording's folder. Raises InputError."""
+    return asdict(look_at(read_recording(Path(folder))))

@@ -13,7 +13,7 @@ from elfslam.data.folders import sync
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.problems import Problem, disk_full
 from elfslam.serve.receiving import tus
-from elfslam.serve.receiving.appending import Quota, refuse_full_disk
+from elfslam.serve.receiving.appending import Quota
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import (
@@ -26,6 +26,7 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
+from elfslam.serve.store.disk_room import refuse_full_disk
 from elfslam.serve.store.folder_files import FILE_NAMES, WHOLE, is_whole
 from elfslam.serve.store.holdings import refuse_more_recordings, upload_bytes, used_bytes
 from elfslam.serve.texts import plain_line

@@ -104,9 +104,13 @@ async def begin_upload(
     wanted = wanted_of(tus.parse_metadata(upload_metadata), upload_length, upload_defer_length)
     checksum = tus.parse_checksum(upload_checksum)
     upload = await run_in_threadpool(begin, services, user, wanted)
-    if content_type:
-        await _append_at_once(services, upload, request, content_type, checksum)
-    headers = await _headers_when_written(services, upload)
+    try:
+        if content_type:
+            await _append_at_once(services, upload, request, content_type, checksum)
+        headers = await _headers_when_written(services, upload)
+    except BaseException:
+        forget_upload(services, upload.id)  # nobody heard of it
+        raise
     return Response(status_code=201, headers={"Location": f"{UPLOADS}/{upload.id}", **headers})
 
 
@@ -188,16 +192,11 @@ async def _append_at_once(
     content_type: str,
     checksum: tus.Checksum | None,
 ) -> None:
-    """The body of a creation; where it fails there is no upload, as nobody heard of it."""
-    try:
-        tus.check_content_type(content_type)
-        with services.busy.alone([upload.id]):
-            room = await run_in_threadpool(room_for, services, upload, _claimed(request))
-            file = file_of(services.settings, upload.id)
-            await append(file, request.receive, room, checksum)
-    except BaseException:
-        forget_upload(services, upload.id)
-        raise
+    """The body of a creation."""
+    tus.check_content_type(content_type)
+    with services.busy.alone([upload.id]):
+        room = await run_in_threadpool(room_for, services, upload, _claimed(request))
+        await append(file_of(services.settings, upload.id), request.receive, room, checksum)
 
 
 def _claimed(request: Request) -> int:
@@ -209,5 +208,5 @@ async def _headers_when_written(services: Services, upload: Upload) -> dict[str,
     whole = is_whole(upload.file_name) and upload.length_bytes is not None and not upload.finished
     if whole and upload_bytes(services.settings, upload.id) == upload.length_bytes:
         with services.busy.alone([upload.id]):
-            upload = await finish_whole(services, upload.id)
+            upload = await finish_whole(services, upload)
     return await run_in_threadpool(headers_of, services, upload)

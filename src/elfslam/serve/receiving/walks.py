@@ -1,14 +1,11 @@
 """A file that came whole, as the walks in it: a recording of ours, or other programs' logs.
 
-`python -m elfslam.serve.receiving.walks FILE FOLDER MOST LIMITS` recognises the file by what is in
-it, writes each walk, of at most so many, as the folder of a recording into FOLDER and prints what
-they hold, as JSON.
+A child of the server recognises the file by what is in it, and writes each walk as the folder of a
+recording.
 """
 
 from __future__ import annotations
 
-import json
-import sys
 import tempfile
 from collections.abc import Iterator
 from dataclasses import asdict, replace
@@ -23,10 +20,11 @@ from elfslam.data.importing import CHIRPING, Imported, LogFormat, Refused, read_
 from elfslam.data.log_files import is_zip
 from elfslam.data.recognising import recognise
 from elfslam.data.recordings import write_recording
-from elfslam.serve.receiving.appending import refuse_full_disk
-from elfslam.serve.receiving.reader import TOO_MUCH_MEMORY, answer, find, without
+from elfslam.serve.parsing.child import without_places
+from elfslam.serve.receiving.reader import find
 from elfslam.serve.receiving.reading import ReadFolder, Walk
 from elfslam.serve.settings import Limits
+from elfslam.serve.store.disk_room import refuse_full_disk
 from elfslam.serve.store.zips import unpack_recording
 
 DRIFT_SEED = 0
@@ -35,19 +33,21 @@ COPIES = 2
 """What is unpacked lies there twice for a moment: as it came, and as it is kept."""
 
 
-def walks_of(file: Path, folder: Path, most: int, limits: Limits) -> list[Walk]:
-    """The walks of a file, read here and now. Raises OSError ENOSPC."""
-    try:
-        log_format = recognise(file)
-        if log_format is None:
-            return [_own(file, folder, limits)]
-        _check_room(file, folder, limits)
-        return list(_imported(log_format, file, folder, most, limits))
-    except InputError as error:
-        refusal = without(str(error), file, folder)
-    except MemoryError:
-        refusal = TOO_MUCH_MEMORY
-    return [Walk(ReadFolder(refusal=refusal))]
+def parse(file: str, folder: str, most: int, limits: dict[str, Any]) -> list[dict[str, Any]]:
+    """The walks of a file, `most` and no more, unpacked into a folder.
+
+    Raises InputError, OSError ENOSPC.
+    """
+    tempfile.tempdir = folder  # whoever ends this process removes that, and all in it
+    return [asdict(walk) for walk in _walks(Path(file), Path(folder), most, Limits(**limits))]
+
+
+def _walks(file: Path, folder: Path, most: int, limits: Limits) -> list[Walk]:
+    log_format = recognise(file)
+    if log_format is None:
+        return [_own(file, folder, limits)]
+    _check_room(file, folder, limits)
+    return list(_imported(log_format, file, folder, most, limits))
 
 
 def _own(file: Path, folder: Path, limits: Limits) -> Walk:
@@ -84,7 +84,7 @@ def _imported(
             raise InputError(f"{file}: holds more than {most} walks; give it in parts")
         if isinstance(item, Refused):
             name = {"name": PurePath(item.name).stem}
-            yield Walk(ReadFolder(name, without(item.reason, file, folder)))
+            yield Walk(ReadFolder(name, without_places(item.reason, file, folder)))
             continue
         place = folder / str(count)
         _write(item, place)
@@ -130,15 +130,3 @@ def _read_back(place: Path, log_format: LogFormat, item: Imported) -> ReadFolder
             "damaged_lines": item.damaged_lines,
         },
     )
-
-
-def _told(walks: list[Walk]) -> list[dict[str, Any]]:
-    return [asdict(walk) for walk in walks]
-
-
-if __name__ == "__main__":
-    told_file, told_folder, told_most, told_limits = sys.argv[1:]
-    known = Limits(**json.loads(told_limits))
-    tempfile.tempdir = told_folder  # whoever ends this process removes that, and all in it
-    work = (Path(told_file), Path(told_folder), int(told_most), known)
-    sys.exit(answer(known, lambda: _told(walks_of(*work))))

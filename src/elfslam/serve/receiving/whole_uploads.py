@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 
-from anyio import to_thread
 from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import not_found
@@ -25,9 +24,9 @@ MOST_NAME = 60
 """Characters; file systems count bytes, and take 255."""
 
 
-async def finish_whole(services: Services, upload_id: str) -> Upload:
-    """The upload, now that its recordings were made, ready or refused."""
-    return await to_thread.run_sync(make_recordings, services, upload_id, limiter=services.readers)
+async def finish_whole(services: Services, upload: Upload) -> Upload:
+    """The upload, now that its recordings were made, ready or refused. Raises Problem 429."""
+    return await services.reading.run(upload.user_id, partial(make_recordings, services, upload.id))
 
 
 def make_recordings(services: Services, upload_id: str) -> Upload:
@@ -43,7 +42,7 @@ def make_recordings(services: Services, upload_id: str) -> Upload:
         file = given / _safe_name(upload.file_name)
         blobs.link_or_copy(path, file)
         most = _most_walks(services, upload.user_id)
-        walks = walks_apart(file, made, most, services.settings.limits)
+        walks = walks_apart(services.children, file, made, most, services.settings.limits)
         keep(services, _parts(walks, made, upload_id), wants_map=upload.wants_map)
     path.unlink(missing_ok=True)
     return _row(services, upload_id)

@@ -11,8 +11,8 @@ from typing import Any, BinaryIO
 
 from elfslam.base.errors import InputError
 from elfslam.base.zips import opened_zip
-from elfslam.serve.receiving.appending import refuse_full_disk
 from elfslam.serve.settings import Limits
+from elfslam.serve.store.disk_room import refuse_full_disk
 from elfslam.serve.store.folder_files import FILE_NAMES
 
 COPY_BYTES = 2**18

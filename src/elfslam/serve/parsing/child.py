@@ -1,0 +1,132 @@
+"""The child that parses one file from outside: it keeps to its bounds and ends with the server.
+
+`python -m elfslam.serve.parsing.child PARENT BOUNDS MODULE GIVEN` calls `parse` of a module with
+what is given, and prints `{"found": ...}` or `{"refusal": ...}` as JSON. Nothing is imported here
+that a parser may not need: a child costs the start of an interpreter each time.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import errno
+import json
+import os
+import resource
+import signal
+import sys
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from elfslam.base.errors import InputError
+from elfslam.serve.store.disk_room import FULL_ERRORS
+
+DISK_FULL = 28
+"""How a child exits where nothing more fits."""
+PR_SET_PDEATHSIG = 1
+"""Of Linux's prctl: the signal that a process gets when its parent ends."""
+MEBIBYTE = 2**20
+
+
+class Exceeded(StrEnum):
+    """Bounds, in the words that refuse what exceeds them."""
+
+    PROCESSOR = "needs more than {processor_s:g} s of processor time"
+    WALL = "takes longer than {wall_s:g} s"
+    MEMORY = "needs more than {memory_mb:g} MB of memory"
+    CRASH = "needs more than {memory_mb:g} MB of memory, or is damaged"
+    FILE = "becomes a file of more than {file_mb:g} MB"
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What parsing one file may cost, and what its sender can do about one that costs more."""
+
+    processor_s: float
+    wall_s: float
+    memory_bytes: int
+    file_bytes: int
+    """No file that it writes is larger."""
+    advice: str
+    niceness: int = 10
+    """The server itself goes first."""
+
+    def refusal(self, exceeded: Exceeded) -> str:
+        """The line that names a bound."""
+        words = exceeded.format(
+            processor_s=self.processor_s,
+            wall_s=self.wall_s,
+            memory_mb=self.memory_bytes / MEBIBYTE,
+            file_mb=self.file_bytes / MEBIBYTE,
+        )
+        return f"{words}; {self.advice}"
+
+
+def main() -> int:
+    """Parse as the command line says; gives the exit code."""
+    parent, told_bounds, module, told = sys.argv[1:]
+    end_with(int(parent))
+    bounds = Bounds(**json.loads(told_bounds))
+    _limit_cost(bounds)
+    parse = import_module(module).parse
+    _limit(resource.RLIMIT_DATA, bounds.memory_bytes)
+    try:
+        answer = _answer(parse, bounds, json.loads(told))
+    except OSError as error:
+        if error.errno in FULL_ERRORS:
+            return DISK_FULL
+        raise
+    print(json.dumps(answer, allow_nan=False))
+    return 0
+
+
+def end_with(parent: int) -> None:
+    """Be killed when the process `parent` ends, or end now where it has ended already."""
+    if sys.platform == "linux":
+        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    if os.getppid() != parent:
+        os._exit(1)
+
+
+def _limit_cost(bounds: Bounds) -> None:
+    os.nice(bounds.niceness)
+    _limit(resource.RLIMIT_CORE, 0)
+    _limit(resource.RLIMIT_FSIZE, bounds.file_bytes)
+    _limit(resource.RLIMIT_CPU, max(1, round(bounds.processor_s)), grace=1)
+
+
+def _limit(what: int, most: int, grace: int = 0) -> None:
+    """Bound a resource; where it has a signal of its own, `grace` beyond that the kernel kills."""
+    hard = resource.getrlimit(what)[1]
+    if hard != resource.RLIM_INFINITY:
+        most, grace = min(most, hard), 0
+    resource.setrlimit(what, (most, most + grace))
+
+
+def _answer(parse: Callable[..., Any], bounds: Bounds, given: Mapping[str, Any]) -> Any:
+    """What is printed. Raises what is the fault of no file."""
+    try:
+        return {"found": parse(**given)}
+    except InputError as error:
+        places = (each for each in given.values() if isinstance(each, str) and each.startswith("/"))
+        return {"refusal": without_places(str(error), *places)}
+    except MemoryError:
+        return {"refusal": bounds.refusal(Exceeded.MEMORY)}
+    except OSError as error:
+        if error.errno == errno.EFBIG:
+            return {"refusal": bounds.refusal(Exceeded.FILE)}
+        raise
+
+
+def without_places(text: str, *places: str | Path) -> str:
+    """The text without these places of this machine."""
+    for place in places:
+        text = text.replace(f"{place}/", "").replace(f"{place}: ", "")
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())
