@@ -30,6 +30,7 @@ ERRORS = {
     "/full-database": OperationalError("insert", {}, Exception("database or disk is full")),
     "/away": OperationalError("insert", {}, Exception("server closed the connection")),
     "/waited": PoolTimeout("QueuePool limit"),
+    "/locked": OperationalError("begin", {}, Exception("database is locked")),
     "/damaged": DatabaseError("select", {}, Exception("database disk image is malformed")),
     "/wrong": IntegrityError("insert", {}, Exception("secret: NOT NULL constraint failed")),
     "/bug": ZeroDivisionError("secret"),
@@ -47,6 +48,7 @@ STATUSES = {
     "/full-database": 507,
     "/away": 503,
     "/waited": 503,
+    "/locked": 503,
     "/damaged": 503,
     "/unlike": 503,
     "/wrong": 500,
@@ -86,6 +88,12 @@ def test_every_error_is_a_problem(client: TestClient, path: str) -> None:
 def test_what_the_routes_say(client: TestClient) -> None:
     assert client.get("/input").json()["detail"] == str(ERRORS["/input"])
     assert client.get("/problem").headers["retry-after"] == "1"
+
+
+def test_who_meets_a_lock_is_told_so_and_when_to_come_again(client: TestClient) -> None:
+    answer = client.get("/locked")
+    assert "another program" in answer.json()["detail"]
+    assert answer.headers["retry-after"] == "5"
 
 
 def test_what_a_route_declares() -> None:

@@ -15,7 +15,7 @@ from typing import Any
 
 import h11
 import uvicorn
-from uvicorn.protocols.http.h11_impl import DEFAULT_MAX_INCOMPLETE_EVENT_SIZE, H11Protocol
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from elfslam.serve.network.visitors import Visitors
 from elfslam.serve.settings import Limits
@@ -23,6 +23,8 @@ from elfslam.serve.settings import Limits
 LENGTHS = (b"content-length", b"transfer-encoding")
 HEAD_END = re.compile(rb"\r\n\r\n|\n\r?\n")
 AMBIGUOUS = re.compile(rb"(?<!\r)\n|\r(?!\n|\Z)|\n[ \t]")
+HEAD_BYTES = 2**14
+"""Of a request, at most."""
 HELD_BYTES = 2**16
 """What waits for somebody to read it; over TLS asyncio would hold eight times as much."""
 
@@ -111,8 +113,7 @@ class PatientProtocol(H11Protocol):
 
     def __init__(self, *given: Any, **named: Any) -> None:
         super().__init__(*given, **named)
-        most = self.config.h11_max_incomplete_event_size
-        self.conn = StrictConnection(h11.SERVER, most or DEFAULT_MAX_INCOMPLETE_EVENT_SIZE)
+        self.conn = StrictConnection(h11.SERVER, HEAD_BYTES)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)

@@ -74,10 +74,9 @@ def write_identity(folder: Path, identity: Identity) -> None:
 
 def files_of(settings: ServerSettings) -> set[str]:
     """The names of all blobs and uploads in a data folder, those that were set aside among them."""
-    places = ((settings.blobs_folder, "*/*"), (settings.quarantine_folder, "*"))
-    names = (file.name for folder, pattern in places for file in folder.glob(pattern))
-    kept = {name for name in names if SHA256.fullmatch(name)}
-    return kept | {file.name for file in settings.uploads_folder.glob("*")}
+    kept = {file.name for file in settings.blobs_folder.glob("*/*") if SHA256.fullmatch(file.name)}
+    others = (settings.uploads_folder, settings.quarantine_folder)
+    return kept | {file.name for folder in others for file in folder.glob("*")}
 
 
 def refuse_lost_database(settings: ServerSettings, *, is_empty: bool) -> None:
