@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
-from elfslam.serve.network.authority import AUTHORITY, AUTHORITY_KEY
 from elfslam.serve.network.credentials import OWNER_TOKEN
 from elfslam.serve.network.signing import SIGNING_KEY
 from elfslam.serve.services import open_services
@@ -22,7 +21,6 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.holding import holding
 from elfslam.serve.store.identity import STORE, files_of
 from elfslam.serve.store.opening import alone_with
-from elfslam.serve.store.schema import VERSION_TABLE
 
 RELEASED = Path(__file__).parents[2] / "tests" / "serve" / "store" / "released"
 SERVES, REFUSED = "serves", "exit 2"
@@ -333,7 +331,9 @@ def beating(file: Path) -> Iterator[None]:
 
 def locked(settings: ServerSettings, _elsewhere: Path) -> Start:
     """Another program writes into the database, and does not come to an end."""
-    return Start(settings, meanwhile=partial(writing, settings.data_folder / SQLITE), says="locked")
+    return Start(
+        settings, meanwhile=partial(writing, settings.data_folder / SQLITE), says="keeps it locked"
+    )
 
 
 @contextmanager
@@ -347,7 +347,9 @@ def writing(file: Path) -> Iterator[None]:
 
 
 def table_locked(settings: ServerSettings, _elsewhere: Path) -> Start:
-    return Start(settings, meanwhile=partial(locking, settings.database_url), says="lock timeout")
+    return Start(
+        settings, meanwhile=partial(locking, settings.database_url), says="keeps it locked"
+    )
 
 
 @contextmanager
@@ -358,96 +360,3 @@ def locking(url: str) -> Iterator[None]:
     with psycopg.connect(url.replace("+psycopg", "")) as connection:
         connection.execute("LOCK TABLE stores IN ACCESS EXCLUSIVE MODE")
         yield
-
-
-NOWHERE = f"postgresql+psycopg://me:{PASSWORD}@127.0.0.1:1/d"
-SITUATIONS: dict[str, Situation] = {
-    "nothing wrong": as_it_was,
-    "database removed": removed,
-    "database of no bytes": emptied,
-    "database removed, all files in quarantine": set_aside,
-    "--database of a new path": of_another_path,
-    "--database of another store": of_another_store,
-    "--database that nobody answers": of_database(NOWHERE),
-    "--database, password in the query": of_database(
-        f"postgresql+psycopg://127.0.0.1:1/d?user=me&password={PASSWORD}"
-    ),
-    "--database, a password with an @": of_database(
-        f"postgresql+psycopg://me:a@{PASSWORD}@127.0.0.1:1/d"
-    ),
-    "--database of an unknown kind": of_database(f"cassandra://me:{PASSWORD}@host/d"),
-    "--data of a new folder": in_a_new_folder,
-    "--data is a file": data_is_a_file,
-    "--data that cannot be made": data_cannot_be_made,
-    "database cut off": cut_off,
-    "database overwritten": overwritten,
-    "database is a folder": replaced(SQLITE, Path.mkdir),
-    "database is a pipe": replaced(SQLITE, os.mkfifo),
-    "database locked by another program": locked,
-    "version 0.1.0, upgraded": released,
-    "version 0.1.0, and a damaged key": upgrade_refused,
-    "newer version": by_hand(f"UPDATE {VERSION_TABLE} SET version_num = '0099'"),
-    "two versions at once": by_hand(f"INSERT INTO {VERSION_TABLE} VALUES ('0005')"),
-    "column renamed": by_hand("ALTER TABLE jobs RENAME COLUMN doing TO done"),
-    "table dropped": by_hand("DROP TABLE map_parts"),
-    "tables of another program": by_hand("ALTER TABLE uploads RENAME TO cakes"),
-    "a path in place of a SHA-256": by_hand(
-        "UPDATE recording_files SET sha256 = '../../etc/passwd' WHERE name = '3'"
-    ),
-    "a time that is none": by_hand("UPDATE recordings SET created_utc = 'yesterday'"),
-    "a blob is a folder": blob_is_a_folder,
-    "identity deleted": file_gone(STORE, wanted=SERVES),
-    "identity damaged": file_damaged(STORE),
-    "identity is a folder": replaced(STORE, Path.mkdir),
-    ".lock is a folder": replaced(".lock", Path.mkdir),
-    "jobs.lock is a folder": replaced("jobs.lock", Path.mkdir),
-    "blobs/.lock is a folder": replaced("blobs/.lock", Path.mkdir),
-    "quarantine is a file": replaced("quarantine", Path.touch),
-    "uploads is a link to nowhere": replaced("uploads", link_to("nowhere")),
-    "owner.token deleted": file_gone(TOKEN),
-    "owner.token deleted, --new-token": file_gone(TOKEN, "--new-token", wanted=SERVES),
-    "owner.token of another": file_damaged(TOKEN, b"another-token"),
-    "owner.token damaged": file_damaged(TOKEN),
-    "owner.token is a pipe": replaced(TOKEN, os.mkfifo),
-    "signing.key deleted": file_gone(KEY),
-    "signing.key deleted, --new-key": file_gone(KEY, "--new-key", wanted=SERVES),
-    "signing.key damaged": file_damaged(KEY),
-    "signing.key is a pipe": replaced(KEY, os.mkfifo),
-    "signing.key is a folder": replaced(KEY, Path.mkdir),
-    "signing.key is a socket": replaced(KEY, make_socket),
-    "signing.key is /dev/zero": replaced(KEY, link_to("/dev/zero")),
-    "signing.key is a link to nowhere": replaced(KEY, link_to("nowhere")),
-    "authority.pem deleted": replaced(f"authority/{AUTHORITY}", lambda _: None),
-    "authority.pem damaged": file_damaged(f"authority/{AUTHORITY}"),
-    "authority.key damaged": file_damaged(f"authority/{AUTHORITY_KEY}"),
-    "clock 400 days ahead": at_time("+400d"),
-    "clock 3 years back": at_time("-1095d"),
-    "12 open files": few_files,
-    "port taken": port_taken,
-    "served already": served_already,
-    "a copy, its original there": copied,
-    "a copy, its original served": copied_and_served,
-    "a copy, its original served elsewhere": held_elsewhere,
-    "its server elsewhere was killed": killed_elsewhere,
-    "folder moved": moved,
-    "folder restored from a backup": restored,
-    "--address javascript:": said("--address", "javascript:alert(1)", secure=True),
-    "--address of half a bracket": said("--address", "https://[::1", secure=True),
-    "--host of others, plain HTTP": said("--host", "192.0.2.1"),
-    "--files of an unknown kind": said("--files", "gopher://bucket/prefix", says="s3://"),
-    "--files with a password": said("--files", f"s3://me:{PASSWORD}@bucket/p"),
-    "--on ray:// that nobody answers": said(
-        "--on", "ray://127.0.0.1:1", wanted=SERVES, says="Jobs wait until a Ray cluster answers"
-    ),
-    "--on ray:// of no host": said("--on", "ray://:x"),
-    "--mqtt with a password and no topic": said("--mqtt", f"mqtt://me:a@{PASSWORD}@h"),
-}  # fmt: skip
-"""On SQLite."""
-ON_POSTGRESQL: dict[str, Situation] = {
-    "PostgreSQL: nothing wrong": as_it_was,
-    "PostgreSQL: --database forgotten": forgotten,
-    "PostgreSQL: --database of another store": of_another_store,
-    "PostgreSQL: a copy, its original there": copied,
-    "PostgreSQL: a copy, its original served": copied_and_served,
-    "PostgreSQL: locked by another program": table_locked,
-}

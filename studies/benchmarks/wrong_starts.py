@@ -27,6 +27,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from elfslam.app.console import print_rows
+from elfslam.serve.network.authority import AUTHORITY, AUTHORITY_KEY
 from elfslam.serve.network.credentials import OWNER_TOKEN
 from elfslam.serve.network.reach import LAST_URL
 from elfslam.serve.people.users import set_owner_token
@@ -34,18 +35,104 @@ from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import put
 from elfslam.serve.store.database import Recording, RecordingFile, Upload, new_id, transaction
-from elfslam.serve.store.identity import files_of
+from elfslam.serve.store.identity import STORE, files_of
 from elfslam.serve.store.opening import alone_with
+from elfslam.serve.store.schema import VERSION_TABLE
+from studies.benchmarks import wrong_situations as wrong
 from studies.benchmarks.own_postgresql import Postgresql, initdb, own_postgresql
-from studies.benchmarks.wrong_situations import (
-    ON_POSTGRESQL,
-    PASSWORD,
-    SERVES,
-    SITUATIONS,
-    Situation,
-    Start,
-)
+from studies.benchmarks.wrong_situations import PASSWORD, SERVES, Situation, Start
 
+NOWHERE = f"postgresql+psycopg://me:{PASSWORD}@127.0.0.1:1/d"
+SITUATIONS: dict[str, Situation] = {
+    "nothing wrong": wrong.as_it_was,
+    "database removed": wrong.removed,
+    "database of no bytes": wrong.emptied,
+    "database wrong.removed, all files in quarantine": wrong.set_aside,
+    "--database of a new path": wrong.of_another_path,
+    "--database of another store": wrong.of_another_store,
+    "--database that nobody answers": wrong.of_database(NOWHERE),
+    "--database, password in the query": wrong.of_database(
+        f"postgresql+psycopg://127.0.0.1:1/d?user=me&password={PASSWORD}"
+    ),
+    "--database, a password with an @": wrong.of_database(
+        f"postgresql+psycopg://me:a@{PASSWORD}@127.0.0.1:1/d"
+    ),
+    "--database of an unknown kind": wrong.of_database(f"cassandra://me:{PASSWORD}@host/d"),
+    "--data of a new folder": wrong.in_a_new_folder,
+    "--data is a file": wrong.data_is_a_file,
+    "--data that cannot be made": wrong.data_cannot_be_made,
+    "database cut off": wrong.cut_off,
+    "database overwritten": wrong.overwritten,
+    "database is a folder": wrong.replaced(wrong.SQLITE, Path.mkdir),
+    "database is a pipe": wrong.replaced(wrong.SQLITE, os.mkfifo),
+    "database locked by another program": wrong.locked,
+    "version 0.1.0, upgraded": wrong.released,
+    "version 0.1.0, and a damaged key": wrong.upgrade_refused,
+    "newer version": wrong.by_hand(f"UPDATE {VERSION_TABLE} SET version_num = '0099'"),
+    "two versions at once": wrong.by_hand(f"INSERT INTO {VERSION_TABLE} VALUES ('0005')"),
+    "column renamed": wrong.by_hand("ALTER TABLE jobs RENAME COLUMN doing TO done"),
+    "table dropped": wrong.by_hand("DROP TABLE map_parts"),
+    "tables of another program": wrong.by_hand("ALTER TABLE uploads RENAME TO cakes"),
+    "a path in place of a SHA-256": wrong.by_hand(
+        "UPDATE recording_files SET sha256 = '../../etc/passwd' WHERE name = '3'"
+    ),
+    "a time that is none": wrong.by_hand("UPDATE recordings SET created_utc = 'yesterday'"),
+    "a blob is a folder": wrong.blob_is_a_folder,
+    "identity deleted": wrong.file_gone(STORE, wanted=SERVES),
+    "identity damaged": wrong.file_damaged(STORE),
+    "identity is a folder": wrong.replaced(STORE, Path.mkdir),
+    ".lock is a folder": wrong.replaced(".lock", Path.mkdir),
+    "jobs.lock is a folder": wrong.replaced("jobs.lock", Path.mkdir),
+    "blobs/.lock is a folder": wrong.replaced("blobs/.lock", Path.mkdir),
+    "quarantine is a file": wrong.replaced("quarantine", Path.touch),
+    "uploads is a link to nowhere": wrong.replaced("uploads", wrong.link_to("nowhere")),
+    "owner.token deleted": wrong.file_gone(wrong.TOKEN),
+    "owner.token deleted, --new-token": wrong.file_gone(wrong.TOKEN, "--new-token", wanted=SERVES),
+    "owner.token of another": wrong.file_damaged(wrong.TOKEN, b"another-token"),
+    "owner.token damaged": wrong.file_damaged(wrong.TOKEN),
+    "owner.token is a pipe": wrong.replaced(wrong.TOKEN, os.mkfifo),
+    "signing.key deleted": wrong.file_gone(wrong.KEY),
+    "signing.key deleted, --new-key": wrong.file_gone(wrong.KEY, "--new-key", wanted=SERVES),
+    "signing.key damaged": wrong.file_damaged(wrong.KEY),
+    "signing.key is a pipe": wrong.replaced(wrong.KEY, os.mkfifo),
+    "signing.key is a folder": wrong.replaced(wrong.KEY, Path.mkdir),
+    "signing.key is a socket": wrong.replaced(wrong.KEY, wrong.make_socket),
+    "signing.key is /dev/zero": wrong.replaced(wrong.KEY, wrong.link_to("/dev/zero")),
+    "signing.key is a link to nowhere": wrong.replaced(wrong.KEY, wrong.link_to("nowhere")),
+    "authority.pem deleted": wrong.replaced(f"authority/{AUTHORITY}", lambda _: None),
+    "authority.pem damaged": wrong.file_damaged(f"authority/{AUTHORITY}"),
+    "authority.key damaged": wrong.file_damaged(f"authority/{AUTHORITY_KEY}"),
+    "clock 400 days ahead": wrong.at_time("+400d"),
+    "clock 3 years back": wrong.at_time("-1095d"),
+    "12 open files": wrong.few_files,
+    "port taken": wrong.port_taken,
+    "served already": wrong.served_already,
+    "a copy, its original there": wrong.copied,
+    "a copy, its original served": wrong.copied_and_served,
+    "a copy, its original served elsewhere": wrong.held_elsewhere,
+    "its server elsewhere was killed": wrong.killed_elsewhere,
+    "folder moved": wrong.moved,
+    "folder restored from a backup": wrong.restored,
+    "--address javascript:": wrong.said("--address", "javascript:alert(1)", secure=True),
+    "--address of half a bracket": wrong.said("--address", "https://[::1", secure=True),
+    "--host of others, plain HTTP": wrong.said("--host", "192.0.2.1"),
+    "--files of an unknown kind": wrong.said("--files", "gopher://bucket/prefix", says="s3://"),
+    "--files with a password": wrong.said("--files", f"s3://me:{PASSWORD}@bucket/p"),
+    "--on ray:// that nobody answers": wrong.said(
+        "--on", "ray://127.0.0.1:1", wanted=SERVES, says="Jobs wait until a Ray cluster answers"
+    ),
+    "--on ray:// of no host": wrong.said("--on", "ray://:x"),
+    "--mqtt with a password and no topic": wrong.said("--mqtt", f"mqtt://me:a@{PASSWORD}@h"),
+}  # fmt: skip
+"""On SQLite."""
+ON_POSTGRESQL: dict[str, Situation] = {
+    "PostgreSQL: nothing wrong": wrong.as_it_was,
+    "PostgreSQL: --database forgotten": wrong.forgotten,
+    "PostgreSQL: --database of another store": wrong.of_another_store,
+    "PostgreSQL: a copy, its original there": wrong.copied,
+    "PostgreSQL: a copy, its original served": wrong.copied_and_served,
+    "PostgreSQL: locked by another program": wrong.table_locked,
+}
 FILES = 20
 LONGEST_S = 120.0
 QUIET = ("elfslam.sqlite-wal", "elfslam.sqlite-shm", ".lock")

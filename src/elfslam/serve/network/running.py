@@ -48,6 +48,7 @@ from elfslam.serve.people.users import add_user
 from elfslam.serve.problems import Problem
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PORT, ServerSettings
+from elfslam.serve.store.database import answering
 from elfslam.serve.store.holding import holding
 from elfslam.serve.store.opening import TRIES, alone_with
 from elfslam.serve.texts import plain_line
@@ -123,8 +124,10 @@ def _begin(
 
 def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
     """Let somebody in: their name and the address that pairs their phone. Raises InputError."""
+    services = open_services(settings)
     try:
-        user, token = add_user(open_services(settings), plain_line(name))
+        with answering(services.engine):
+            user, token = add_user(services, plain_line(name))
     except (ValueError, Problem) as error:
         raise InputError(f"{name!r:.60}: {getattr(error, 'detail', error)}") from error
     return user.name, last_url(settings) + pairing_fragment(token, settings.authority_folder)

@@ -23,6 +23,7 @@ from sqlalchemy.types import TypeDecorator
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.urls import shown_url, without_secrets
+from elfslam.serve.problems import is_locked
 
 Sessions = sessionmaker[Session]
 POSTGRESQL, SQLITE = "postgresql", "sqlite"
@@ -290,6 +291,11 @@ def answering(engine: Engine) -> Iterator[None]:
     try:
         yield
     except (DBAPIError, PoolTimeout, UnicodeDecodeError) as error:
+        if is_locked(error):
+            raise StoreError(
+                f"database {shown_database(engine)}: another program keeps it locked; end that "
+                "one, or wait for it and start again"
+            ) from error
         said = without_secrets(first_line(error), whole_url(engine))
         raise StoreError(
             f"database {shown_database(engine)}: cannot be read ({said}); is it there, whole, and "

@@ -64,9 +64,10 @@ def state_of(engine: Engine) -> State:
     if not tables:
         return State.EMPTY
     if not tables >= OURS:
+        others = tables - {VERSION_TABLE, *Base.metadata.tables}
         raise StoreError(
             f"database {shown_database(engine)}: holds tables of another program "
-            f"({min(tables - OURS)}); give an empty one, or that of this server"
+            f"({min(others or tables)}); give an empty one, or that of this server"
         )
     if version == newest_version():
         return State.CURRENT
