@@ -75,8 +75,9 @@ def open_authority(folder: Path) -> trustme.CA:
             raise ValueError("its key is another one's")
         return trustme.CA.from_pem(*pems)
     except (InputError, ValueError, TypeError, UnsupportedAlgorithm) as error:
+        said = str(error).partition(". ")[0]
         raise StoreError(
-            f"{folder}: the authority cannot be read ({error}); delete both {AUTHORITY} and "
+            f"{folder}: the authority cannot be read ({said}); delete both {AUTHORITY} and "
             f"{AUTHORITY_KEY} for a new one, which phones then install again"
         ) from error
 

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated
 
-from fastapi import Cookie, Depends, HTTPException, Request, Response, Security
+from fastapi import Cookie, Depends, Request, Response, Security
 from fastapi.dependencies.models import Dependant
 from fastapi.routing import APIRoute
 from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy import ColumnElement, Select, or_, select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 
 from elfslam.serve.people.access import (
     BEARER,
@@ -166,7 +167,7 @@ async def identify_first(request: Request, error: Exception) -> Response:
 
     FastAPI reads bodies before it asks who is there.
     """
-    if asks_who(request.scope.get("route")):
+    if not isinstance(error, Problem) and asks_who(request.scope.get("route")):
         of_map = "map_id" in request.path_params
         secret = request.cookies.get(LINK_COOKIE) if of_map else None
         map_id = request.path_params.get("map_id", "")

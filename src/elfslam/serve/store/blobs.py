@@ -117,8 +117,9 @@ def link_or_copy(source: Path, target: Path) -> None:
 
     Raises OSError: FileNotFoundError also for what is no file.
     """
+    _plain(source)
     try:
-        os.link(_plain(source), target)
+        os.link(source, target)
     except FileExistsError:
         raise
     except OSError:
