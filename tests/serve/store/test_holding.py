@@ -126,6 +126,18 @@ def test_nobody_waits_for_their_own_folder(outside: ServerSettings) -> None:
     engine.dispose()
 
 
+def test_a_cloned_machine_is_heard_too(outside: ServerSettings) -> None:
+    engine, looks = open_database(outside.url), list[float]()
+    twin = replace(holder_of(outside.data_folder), boot="of another machine").__dict__
+    given_to(sessions_of(engine), twin, "last")
+    free_to_take(engine, outside, looks.append)
+    assert sum(looks) >= LISTEN_S
+    words, sessions = "was taken by another folder just now", sessions_of(engine)
+    with pytest.raises(StoreError, match=words), holding(sessions, outside):
+        pass
+    engine.dispose()
+
+
 def test_of_two_that_begin_at_once_one_is_refused(outside: ServerSettings) -> None:
     engine = open_database(outside.url)
     before = read_held(engine)

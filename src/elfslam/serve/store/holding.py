@@ -12,7 +12,7 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,6 +34,7 @@ from elfslam.serve.store.database import (
 )
 from elfslam.serve.store.identity import read_identity
 
+BOOT = Path("/proc/sys/kernel/random/boot_id")
 BEAT_S = 5.0
 LISTEN_S = 3 * BEAT_S
 LOOK_S = 0.5
@@ -42,11 +43,12 @@ Wait = Callable[[float], object]
 
 @dataclass(frozen=True)
 class Holder:
-    """A data folder as no copy of it has it."""
+    """A data folder as no copy of it has it, that of a cloned machine not either."""
 
     host: str
     folder: str
     inode: str
+    boot: str = ""
 
 
 @dataclass(frozen=True)
@@ -58,10 +60,10 @@ class Held:
 
 
 def holder_of(folder: Path) -> Holder:
-    """The data folder of this machine."""
+    """The data folder of this machine, since it was started."""
     place = folder.resolve()
-    told = place.stat()
-    return Holder(socket.gethostname(), str(place), f"{told.st_dev}:{told.st_ino}")
+    told, boot = place.stat(), BOOT.read_text().strip() if BOOT.is_file() else ""
+    return Holder(socket.gethostname(), str(place), f"{told.st_dev}:{told.st_ino}", boot)
 
 
 def read_held(engine: Engine) -> Held:
@@ -73,13 +75,16 @@ def read_held(engine: Engine) -> Held:
         if Store.holder.key not in {each["name"] for each in inspector.get_columns("stores")}:
             return Held()
         row = connection.execute(select(Store.holder, Store.beat)).first()
-    if row is None or row.holder is None:
-        return Held()
+    return Held() if row is None else _held_of(row.holder, row.beat)
+
+
+def _held_of(told: Mapping[str, str] | None, beat: str | None) -> Held:
+    """What a row says. Raises StoreError."""
     try:
-        return Held(Holder(**row.holder), row.beat)
+        return Held(None if told is None else Holder(**told), beat)
     except TypeError as error:
         raise StoreError(
-            f"database {shown_database(engine)}: says nonsense of who holds it; restore a backup"
+            f"database: says {told!r:.60} of who holds it, wanted host and folder; restore a backup"
         ) from error
 
 
@@ -106,8 +111,7 @@ def take(sessions: Sessions, settings: ServerSettings, before: Held) -> None:
     """Let a folder hold its database. Raises StoreError where another was quicker."""
     with transaction(sessions) as session:
         row = session.scalars(select(Store).with_for_update()).one()
-        was = asdict(before.holder) if before.holder else None
-        if (row.holder, row.beat) != (was, before.beat):
+        if _held_of(row.holder, row.beat) != before:
             raise StoreError(
                 f"database {shown_url(settings.url)}: another server begins with it at this "
                 "moment; choose one"
@@ -126,8 +130,11 @@ def holding(
     """Tell others, as long as this lasts, that the folder is served.
 
     `lost` is called where another folder has taken the database. Raises StoreError where one did
-    so already.
+    so already. A database inside the folder is held by the folder's lock.
     """
+    if _lies_in(sessions.kw["bind"], settings.data_folder):
+        yield
+        return
     mine, stop = holder_of(settings.data_folder), threading.Event()
     if not _beats(sessions, mine, new_id()):
         raise StoreError(

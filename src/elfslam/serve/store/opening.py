@@ -70,14 +70,12 @@ def alone_with(settings: ServerSettings, tries: int = 1) -> Iterator[None]:
 
 def _refuse_other_kinds(folder: Path) -> None:
     """Raise StoreError where something else lies in the place of a file or a folder of ours."""
-    files = (file for pattern in PLAIN_FILES for file in folder.glob(pattern))
-    folders = (folder / name for name in FOLDERS)
-    for what, isnt in (
-        ("file", [each for each in files if not each.is_file()]),
-        ("folder", [each for each in folders if os.path.lexists(each) and not each.is_dir()]),
-    ):
-        if isnt:
-            raise StoreError(f"{isnt[0]}: is no plain {what}; move it away, or restore a backup")
+    files = [file for pattern in PLAIN_FILES for file in folder.glob(pattern)]
+    folders = [folder / name for name in FOLDERS]
+    for kind, places, fits in (("file", files, Path.is_file), ("folder", folders, Path.is_dir)):
+        for place in places:
+            if not fits(place) and os.path.lexists(place):  # asked last: a server may remove it
+                raise StoreError(f"{place}: is no plain {kind}; move it away, or restore a backup")
 
 
 def locked_now(file: int) -> bool:
