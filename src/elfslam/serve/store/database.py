@@ -343,7 +343,7 @@ def _begin_sqlite(connection: Connection) -> None:
     """A transaction that will write waits for its turn now: later it could only fail."""
     wait_s = connection.get_execution_options().get(WAITS, WAIT_S)
     writes = connection.get_execution_options().get("writes", False)
-    connection.exec_driver_sql(f"PRAGMA busy_timeout={round(1000 * wait_s)}")
+    connection.connection.cursor().execute(f"PRAGMA busy_timeout={round(1000 * wait_s)}")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
