@@ -210,7 +210,8 @@ def told(
     }
     good = status == start.wanted and left == len(files) and "CHANGED" not in row.values()
     good = good and "Traceback" not in said and PASSWORD not in said and start.says in said
-    print(f"{name} ({took_s:.1f} s)\n    {said}", flush=True)
+    verdict = "as wanted" if good else "NOT AS WANTED"
+    print(f"{name}: {status}, {verdict} ({took_s:.1f} s)\n    {said}", flush=True)
     return {
         "situation": name,
         "wanted": start.wanted,
