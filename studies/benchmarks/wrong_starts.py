@@ -47,7 +47,7 @@ SITUATIONS: dict[str, Situation] = {
     "nothing wrong": wrong.as_it_was,
     "database removed": wrong.removed,
     "database of no bytes": wrong.emptied,
-    "database wrong.removed, all files in quarantine": wrong.set_aside,
+    "database removed, all files in quarantine": wrong.set_aside,
     "--database of a new path": wrong.of_another_path,
     "--database of another store": wrong.of_another_store,
     "--database that nobody answers": wrong.of_database(NOWHERE),

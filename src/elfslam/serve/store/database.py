@@ -296,21 +296,17 @@ def answering(engine: Engine) -> Iterator[None]:
                 f"database {shown_database(engine)}: another program keeps it locked; end that "
                 "one, or wait for it and start again"
             ) from error
-        said = without_secrets(first_line(error), whole_url(engine))
+        whole = engine.url.render_as_string(hide_password=False)
+        said = without_secrets(first_line(error), whole)
         raise StoreError(
             f"database {shown_database(engine)}: cannot be read ({said}); is it there, whole, and "
             "may you write to it?"
         ) from error
 
 
-def whole_url(engine: Engine) -> str:
-    """The URL of a database with its password."""
-    return engine.url.render_as_string(hide_password=False)
-
-
 def shown_database(engine: Engine) -> str:
     """The URL of a database without what is secret in it."""
-    return shown_url(whole_url(engine))
+    return shown_url(engine.url.render_as_string(hide_password=False))
 
 
 def first_line(error: BaseException) -> str:
@@ -328,9 +324,15 @@ def _patience(url: URL) -> dict[str, Any]:
 
 def _as_careful_sqlite(connection: Any, _record: object) -> None:
     connection.isolation_level = None  # transactions begin where _begin_sqlite says so
-    connection.execute(f"PRAGMA busy_timeout={round(1000 * WAIT_S)}")
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON"):
+    for pragma in ("synchronous=FULL", "foreign_keys=ON", f"busy_timeout={round(1000 * WAIT_S)}"):
         connection.execute(f"PRAGMA {pragma}")
+
+
+def write_ahead(engine: Engine) -> None:
+    """Let SQLite's readers wait for no writer; its file remembers that, and is changed."""
+    if engine.dialect.name == SQLITE:
+        with engine.connect() as connection:
+            connection.connection.cursor().execute("PRAGMA journal_mode=WAL")
 
 
 def _as_impatient_postgresql(connection: Any, _record: object) -> None:

@@ -22,6 +22,7 @@ from elfslam.serve.store.database import (
     open_database,
     sessions_of,
     shown_database,
+    write_ahead,
 )
 from elfslam.serve.store.holding import free_to_take, take
 from elfslam.serve.store.identity import introduce, refuse_another, refuse_lost_database
@@ -110,6 +111,8 @@ def open_store(settings: ServerSettings, examine: Examine = look_at_nothing) -> 
             with answering(engine), engine.connect() as connection:
                 check_tables(connection)
         examine(engine)
+        with answering(engine):
+            write_ahead(engine)
         if state is not State.CURRENT:
             _bring_up_to_date(engine, settings)
         with answering(engine):

@@ -22,7 +22,7 @@ import elfslam.serve.positions.tables
 import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
 from elfslam.serve.store.backups import ROWS, back_up
-from elfslam.serve.store.database import SQLITE, Base, answering, shown_database
+from elfslam.serve.store.database import SQLITE, Base, answering, shown_database, write_ahead
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION_TABLE = "schema_version"
@@ -85,6 +85,7 @@ def upgrade(engine: Engine, backups: Path) -> Path | None:
     An empty one has no backup. Raises StoreError where its tables are none of ours.
     """
     backup = None if state_of(engine) is State.EMPTY else back_up(engine, backups)
+    write_ahead(engine)
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     try:
