@@ -85,7 +85,7 @@ SITUATIONS: dict[str, Situation] = {
     "jobs.lock is a folder": wrong.replaced("jobs.lock", Path.mkdir),
     "blobs/.lock is a folder": wrong.replaced("blobs/.lock", Path.mkdir),
     "quarantine is a file": wrong.replaced("quarantine", Path.touch),
-    "uploads is a link to nowhere": wrong.replaced("uploads", wrong.link_to("nowhere")),
+    "work is a link to nowhere": wrong.replaced("work", wrong.link_to("nowhere")),
     "owner.token deleted": wrong.file_gone(wrong.TOKEN),
     "owner.token deleted, --new-token": wrong.file_gone(wrong.TOKEN, "--new-token", wanted=SERVES),
     "owner.token of another": wrong.file_damaged(wrong.TOKEN, b"another-token"),
