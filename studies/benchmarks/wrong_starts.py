@@ -194,8 +194,8 @@ def told(
         if start.clock and shutil.which("faketime") is None:
             said, status = "left out: faketime is missing", start.wanted
         kept = start.kept or settings
-        before = content_of(kept.data_folder)
         with start.meanwhile():
+            before = content_of(kept.data_folder)
             begun_s = time.monotonic()
             said, status = served(start)
             took_s = time.monotonic() - begun_s
