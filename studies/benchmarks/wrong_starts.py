@@ -199,7 +199,7 @@ def told(
             begun_s = time.monotonic()
             said, status = served(start)
             took_s = time.monotonic() - begun_s
-        after = content_of(kept.data_folder)
+            after = content_of(kept.data_folder)
         left = len(files_of(kept) & files)
     said = said.replace(folder, "").replace(str(whole.data_folder), "/data")
     keys = {path for path in before if path.startswith("authority/")} - start.renewed
