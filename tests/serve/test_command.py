@@ -8,7 +8,7 @@ import pytest
 from starlette.testclient import TestClient
 from typer.testing import CliRunner
 
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, StoreError
 from elfslam.cli.app import app as command
 from elfslam.serve.app import create_app
 from elfslam.serve.network import running
@@ -79,7 +79,8 @@ def test_a_data_folder_that_is_none(tmp_path: Path, words: list[str]) -> None:
     (tmp_path / "text").write_text("mine")
     for folder in ("text", "text/below"):
         said = RUNNER.invoke(command, [*words, "--data", str(tmp_path / folder)])
-        assert isinstance(said.exception, OSError)
+        assert isinstance(said.exception, StoreError)
+        assert "give a folder that you may write to" in str(said.exception)
     assert (tmp_path / "text").read_text() == "mine"
 
 

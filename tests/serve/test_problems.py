@@ -14,6 +14,8 @@ from starlette.testclient import TestClient
 
 from elfslam.base.errors import InputError
 from elfslam.serve.problems import MEDIA_TYPE, Problem, install_problems, problems
+from elfslam.serve.services import Services
+from elfslam.serve.store import database
 
 
 class Checked(BaseModel):
@@ -30,6 +32,7 @@ ERRORS = {
     "/full-database": OperationalError("insert", {}, Exception("database or disk is full")),
     "/away": OperationalError("insert", {}, Exception("server closed the connection")),
     "/waited": PoolTimeout("QueuePool limit"),
+    "/locked": OperationalError("begin", {}, Exception("database is locked")),
     "/damaged": DatabaseError("select", {}, Exception("database disk image is malformed")),
     "/wrong": IntegrityError("insert", {}, Exception("secret: NOT NULL constraint failed")),
     "/bug": ZeroDivisionError("secret"),
@@ -47,6 +50,7 @@ STATUSES = {
     "/full-database": 507,
     "/away": 503,
     "/waited": 503,
+    "/locked": 503,
     "/damaged": 503,
     "/unlike": 503,
     "/wrong": 500,
@@ -86,6 +90,23 @@ def test_every_error_is_a_problem(client: TestClient, path: str) -> None:
 def test_what_the_routes_say(client: TestClient) -> None:
     assert client.get("/input").json()["detail"] == str(ERRORS["/input"])
     assert client.get("/problem").headers["retry-after"] == "1"
+
+
+def test_who_meets_a_lock_is_told_so_and_when_to_come_again(client: TestClient) -> None:
+    answer = client.get("/locked")
+    assert "another program" in answer.json()["detail"]
+    assert answer.headers["retry-after"] == "5"
+
+
+def test_writing_is_refused_in_time_and_reading_goes_on(
+    owner: TestClient, services: Services, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "WAIT_S", 0.1)
+    with services.engine.connect().execution_options(writes=True) as another, another.begin():
+        answer = owner.post("/api/recordings", json={"name": "walk"})
+        assert (answer.status_code, answer.headers["retry-after"]) == (503, "5")
+        assert owner.get("/api/recordings").json() == []
+    assert owner.post("/api/recordings", json={"name": "walk"}).status_code == 201
 
 
 def test_what_a_route_declares() -> None:

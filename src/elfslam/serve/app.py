@@ -7,9 +7,11 @@ from contextlib import AbstractContextManager, AsyncExitStack, asynccontextmanag
 from dataclasses import asdict
 
 from fastapi import APIRouter, Depends, FastAPI
+from fastapi.exceptions import RequestValidationError
 from fastapi.responses import FileResponse
 from pydantic import BaseModel
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 
 from elfslam import __version__
 from elfslam.line.chirp import ChirpParameters
@@ -36,6 +38,7 @@ from elfslam.serve.services import Here, Services
 from elfslam.serve.settings import told_limits
 from elfslam.serve.sharing import groups
 from elfslam.serve.sharing import routes as sharing_routes
+from elfslam.serve.sharing.rights import identify_first
 from elfslam.serve.store.sweeps import sweeping
 
 ROUTERS: tuple[APIRouter, ...] = (
@@ -149,6 +152,8 @@ def create_app(services: Services) -> FastAPI:
     for router in ADMITTING:
         app.include_router(router, prefix="/api", responses=EVERYWHERE)
     install_problems(app)
+    for unfit in (RequestValidationError, HTTPException):
+        app.add_exception_handler(unfit, identify_first)
     install_pages(app, services.settings)
     _describe_problems(app)
     app.add_middleware(Guard, services=services)

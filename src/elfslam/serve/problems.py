@@ -21,6 +21,7 @@ from elfslam.serve.store.disk_room import FULL_ERRORS
 MEDIA_TYPE = "application/problem+json"
 WRONG_CHECKSUM = 460
 """Of the tus protocol."""
+LOCKED = ("database is locked", "lock timeout", "queuepool limit")
 TITLES = {
     WRONG_CHECKSUM: "Checksum Mismatch",
     413: "Content Too Large",
@@ -90,10 +91,16 @@ def is_disk_full(error: BaseException) -> bool:
     )
 
 
+def is_locked(error: BaseException) -> bool:
+    """Whether an error says that somebody else holds what the database was to write."""
+    text = str(error).lower()
+    return any(words in text for words in LOCKED)
+
+
 def install_problems(app: FastAPI) -> None:
     """Let every error of the app be answered as a problem."""
-    app.add_exception_handler(HTTPException, _of_http)
-    app.add_exception_handler(RequestValidationError, _of_validation)
+    app.add_exception_handler(HTTPException, of_http)
+    app.add_exception_handler(RequestValidationError, of_validation)
     for kind in (InputError, ParameterError, StoreError):
         app.add_exception_handler(kind, _of_input)
     app.add_exception_handler(OSError, _of_disk)
@@ -104,12 +111,14 @@ def install_problems(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _of_bug)
 
 
-async def _of_http(_request: Request, error: Exception) -> JSONResponse:
+async def of_http(_request: Request, error: Exception) -> JSONResponse:
+    """The answer to what was refused."""
     assert isinstance(error, HTTPException)
     return problem_response(error.status_code, str(error.detail), error.headers)
 
 
-async def _of_validation(_request: Request, error: Exception) -> JSONResponse:
+async def of_validation(_request: Request, error: Exception) -> JSONResponse:
+    """The answer to what does not fit the description of its route."""
     assert isinstance(error, RequestValidationError)
     first = error.errors()[0]
     where = ".".join(str(part) for part in first["loc"])
@@ -133,6 +142,10 @@ async def _of_disk(request: Request, error: Exception) -> JSONResponse:
 async def _of_database(request: Request, error: Exception) -> JSONResponse:
     if is_disk_full(error):
         return await _of_disk(request, error)
+    if is_locked(error):
+        LOG.error("%s %s: the database is locked", request.method, request.url.path)
+        said = "another program, or a long line of requests, holds the database; try again"
+        return problem_response(503, said, {"Retry-After": "5"})
     LOG.error("%s %s: the database", request.method, request.url.path, exc_info=error)
     return problem_response(503, "the database does not answer; try again", {"Retry-After": "5"})
 

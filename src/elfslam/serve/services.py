@@ -20,7 +20,7 @@ from elfslam.serve.positions.hub import PositionHub
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Sessions, sessions_of
-from elfslam.serve.store.opening import join_store, open_store
+from elfslam.serve.store.opening import Examine, join_store, look_at_nothing, open_store
 
 
 class Busy:
@@ -77,13 +77,15 @@ class Services:
         self.children.close()
 
 
-def open_services(settings: ServerSettings, *, alone: bool = False) -> Services:
+def open_services(
+    settings: ServerSettings, *, alone: bool = False, examine: Examine = look_at_nothing
+) -> Services:
     """The services of a data folder, which is made where it is missing.
 
-    `alone`: the caller is, by `alone_with`; otherwise a server may be using the folder.
-    Raises StoreError, InputError.
+    `alone`: the caller is, by `alone_with`; otherwise a server may be using the folder. `examine`
+    is as in `open_store`. Raises StoreError, InputError.
     """
-    engine = open_store(settings) if alone else join_store(settings)
+    engine = open_store(settings, examine) if alone else join_store(settings)
     limits = settings.limits
     return Services(
         settings,

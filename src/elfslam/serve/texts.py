@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
+from functools import partial
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, Field
+from pydantic import AfterValidator, BaseModel, BeforeValidator, Field
 
 MOST_CHARACTERS = 120
 MOST_AT_ONCE = 2_000
@@ -24,6 +26,17 @@ def plain_line(text: str) -> str:
     return line
 
 
+def _written_as(form: re.Pattern[str], wanted: str, given: object) -> object:
+    if isinstance(given, str) and not form.fullmatch(given):
+        raise ValueError(f"wanted {wanted}")
+    return given
+
+
+WHOLE = re.compile(r"-?[0-9]{1,20}")
+NUMBER = re.compile(r"-?[0-9]{1,20}(\.[0-9]{1,20})?(e-?[0-9]{1,3})?")
+AsWhole = BeforeValidator(partial(_written_as, WHOLE, "digits alone, such as 1024"))
+AsNumber = BeforeValidator(partial(_written_as, NUMBER, "a decimal number, such as 0.05"))
+"""How numbers are written in headers and queries: Python by itself takes " 5" and "5_0", too."""
 Line = Annotated[str, Field(max_length=MOST_CHARACTERS), AfterValidator(plain_line)]
 """A field of a request: a name for people."""
 

@@ -26,7 +26,8 @@ def authority(services: Services) -> Path:
 
 
 def check(services: Services, *, renews_token: bool = False, renews_key: bool = False) -> None:
-    check_credentials(services, renews_token=renews_token, renews_key=renews_key)
+    folder = services.settings.authority_folder
+    check_credentials(services.engine, folder, renews_token=renews_token, renews_key=renews_key)
 
 
 def test_a_new_store_has_nothing_to_lose(services: Services) -> None:

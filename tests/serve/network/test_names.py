@@ -34,6 +34,12 @@ def test_what_is_no_name_is_refused(name: str) -> None:
         ("[::1]:8443", "::1"),
         ("[::1]", "::1"),
         ("", ""),
+        ("[fe80::1%25eth0]", ""),
+        ("[fe80::1%eth0]:8443", ""),
+        ("[::1", ""),
+        ("127.0.0.1:1:1", ""),
+        ("127.0.0.1:port", ""),
+        ("127.0.0.1 ", ""),
     ],
 )
 def test_the_host_of_a_header(header: str, host: str) -> None:

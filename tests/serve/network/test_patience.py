@@ -118,6 +118,57 @@ def serve() -> Iterator[Serve]:
         thread.join()
 
 
+CODED, NO_CHUNKS = b"Transfer-Encoding: chunked\r\n", b"\r\n0\r\n\r\n"
+TWO_WAYS = {
+    "both lengths": b"Content-Length: 5\r\n" + CODED + NO_CHUNKS,
+    "both, the other way round": CODED + b"Content-Length: 5\r\n" + NO_CHUNKS,
+    "two lengths": b"Content-Length: 5\r\nContent-Length: 6\r\n\r\nhello!",
+    "two lengths in one": b"Content-Length: 5, 6\r\n\r\nhello!",
+    "a signed length": b"Content-Length: +5\r\n\r\nhello",
+    "two codings": b"Transfer-Encoding: chunked, identity\r\n" + NO_CHUNKS,
+    "two headers of codings": CODED + CODED + NO_CHUNKS,
+    "an unknown coding": b"Transfer-Encoding: xchunked\r\n" + NO_CHUNKS,
+    "a space before the colon": b"Transfer-Encoding : chunked\r\n" + NO_CHUNKS,
+    "a folded line": b"Transfer-Encoding:\r\n chunked\r\n" + NO_CHUNKS,
+    "a folded line of something else": b"X: a\r\n\tb\r\n\r\n",
+    "a bare LF": b"X: a\n" + CODED + NO_CHUNKS,
+    "a bare LF at the end": b"Content-Length: 0\n\n",
+    "a bare LF in the end": b"Content-Length: 0\r\n\n",
+    "a bare CR": b"X: a\r" + CODED + NO_CHUNKS,
+}
+
+
+@pytest.mark.parametrize("case", TWO_WAYS)
+def test_what_two_could_read_in_two_ways_is_refused(serve: Serve, case: str) -> None:
+    served = serve(PATIENT)
+    second = b"GET /second " + HEAD + b"\r\n"
+    with served.send(b"POST / " + HEAD + TWO_WAYS[case] + second) as connection:
+        came = answer_of(connection)
+    assert came.startswith(b"HTTP/1.1 400 ")
+    assert came.count(b"HTTP/1.1 ") == 1
+    assert b"connection: close" in came.lower()
+    assert not served.app.begun.is_set()
+
+
+def test_an_old_request_has_no_chunks(serve: Serve) -> None:
+    chunks = b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+    sent = b"POST / HTTP/1.0\r\nHost: 127.0.0.1\r\n" + chunks
+    with serve(PATIENT).send(sent) as connection:
+        came = answer_of(connection)
+    assert came.startswith(b"HTTP/1.1 400 ")
+
+
+@pytest.mark.parametrize("size", [1, 3, 1000])
+def test_two_good_requests_come_in_pieces(serve: Serve, size: int) -> None:
+    chunked = b"Transfer-Encoding: chunked\r\n\r\n5\r\na\nb\r\r\r\n0\r\n\r\n"
+    last = b"Connection: close\r\nContent-Length: 3\r\n\r\n\n \n"
+    sent = b"POST / " + HEAD + chunked + b"POST / " + HEAD + last
+    with serve(PATIENT).send() as connection:
+        for begin in range(0, len(sent), size):
+            connection.sendall(sent[begin : begin + size])
+        assert answer_of(connection).count(OK) == 2
+
+
 def answered(connection: socket.socket) -> bool:
     """Whether one whole answer comes."""
     came = b""

@@ -32,10 +32,27 @@ def test_an_address_becomes_a_url(address: str, wanted: str) -> None:
     assert told_url(address, 8443, secure=True) == wanted
 
 
-@pytest.mark.parametrize("address", ["", "ftp://host/", "https://", "https://host/?a", "host#a"])
+@pytest.mark.parametrize(
+    "address",
+    [
+        "",
+        "ftp://host/",
+        "https://",
+        "https://host/?a",
+        "host#a",
+        "javascript:alert(1)",
+        "https://[::1",
+        "host/path",
+        "a b",
+        "https://me:word@host",
+        "https://host:0/",
+        "fe80::1%eth0",
+    ],
+)
 def test_what_is_no_address_is_refused(address: str) -> None:
     with pytest.raises(InputError, match="--address"):
         told_url(address, 8443, secure=True)
+    name_in(address)
 
 
 @pytest.mark.parametrize(

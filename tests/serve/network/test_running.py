@@ -11,6 +11,7 @@ import ssl
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -18,11 +19,19 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from elfslam.base.errors import InputError
+from elfslam.base.errors import InputError, StoreError
 from elfslam.serve.network.addresses import checked_hosts
-from elfslam.serve.network.authority import fingerprint_of, server_certificate, utc_now
+from elfslam.serve.network.authority import (
+    fingerprint_of,
+    open_authority,
+    server_certificate,
+    utc_now,
+)
+from elfslam.serve.network.credentials import owner_token, trust_key
 from elfslam.serve.network.running import Listening, greeting, invite, qr_lines, run
 from elfslam.serve.network.signing import fingerprint, signing_key
+from elfslam.serve.people.users import set_owner_token
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.opening import InUseError
 from tests.waiting import until
@@ -276,6 +285,50 @@ def test_a_second_server_is_refused_before_it_changes_anything(start_server: Sta
     after = {file.name: file.read_bytes() for file in (server.data / "authority").iterdir()}
     assert after == before
     assert httpx.get(server.url + "api/me", headers=server.bearer).is_success
+
+
+WRONG = {
+    "owner.token": lambda file: file.write_text("another"),
+    "signing.key": lambda file: file.write_text("nonsense"),
+    "authority.key": lambda file: file.write_text("nonsense"),
+    "server.pem": Path.mkdir,
+}
+
+
+@pytest.mark.parametrize("name", WRONG)
+@pytest.mark.parametrize("is_new", [True, False])
+def test_a_start_that_is_refused_writes_no_key(
+    settings: ServerSettings, name: str, is_new: bool
+) -> None:
+    folder, listening = settings.authority_folder, Listening("127.0.0.1", 0)
+    services = open_services(settings)
+    if not is_new:
+        owner_token(services)
+        trust_key(services)
+        open_authority(folder)
+    else:
+        set_owner_token(services, "the one in use")
+    services.engine.dispose()
+    (folder / name).unlink(missing_ok=True)
+    WRONG[name](folder / name)
+    before = {file: file.is_file() and file.read_bytes() for file in folder.iterdir()}
+    with pytest.raises(StoreError):
+        run(settings, listening, print)
+    assert {file: file.is_file() and file.read_bytes() for file in folder.iterdir()} == before
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [("gopher://bucket/p", "wanted such as s3://"), ("s3://me:hunter2@bucket", "a password")],
+)
+def test_files_of_an_unknown_kind_or_with_a_password(
+    settings: ServerSettings, url: str, words: str
+) -> None:
+    wrong = replace(settings, files_url=url)
+    with pytest.raises(InputError, match=words) as said:
+        run(wrong, Listening("127.0.0.1", 0, plain_http=True), print)
+    assert "hunter2" not in str(said.value)
+    assert not settings.data_folder.exists()
 
 
 def test_a_server_that_cannot_listen_changes_nothing(settings: ServerSettings) -> None:

@@ -95,7 +95,7 @@ def test_a_page_without_tls_cannot_act_on_one_with(owner: TestClient) -> None:
         ("evil.floors.example.org", 421),
         ("127.0.0.1.evil.example", 421),
         ("localhost.evil.example:8443", 421),
-        ("[127.0.0.1", 200),
+        ("[127.0.0.1", 421),
         ("[evil.example]", 421),
         ("", 421),
     ],

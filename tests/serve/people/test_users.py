@@ -49,6 +49,10 @@ def test_the_owner_invites_and_deletes(owner: TestClient, services: Services) ->
     assert owner.get("/api/me", headers=theirs).status_code == 401
 
 
-def test_the_owner_cannot_be_deleted(owner: TestClient) -> None:
+def test_the_owner_cannot_be_deleted(owner: TestClient, guest: TestClient) -> None:
     mine = owner.get("/api/me").json()["id"]
-    assert owner.delete(f"/api/users/{mine}").status_code == 409
+    answer = owner.delete(f"/api/users/{mine}")
+    assert answer.status_code == 409
+    assert "delete the data folder instead" in answer.json()["detail"]
+    assert guest.delete(f"/api/users/{mine}").status_code == 403
+    assert owner.get("/api/me").json()["is_owner"] is True

@@ -56,6 +56,17 @@ def on_disk(services: Services, place: str) -> bytes:
     return (services.settings.uploads_folder / place.rpartition("/")[2]).read_bytes()
 
 
+@pytest.mark.parametrize("number", ["5_0", " 50", "+50", "5e1", "50.0", "0x32", "", "\u0665\u0660"])
+def test_a_number_is_digits_alone(owner: TestClient, place: str, number: str) -> None:
+    raw = number.encode()
+    told = {**TUS, "Upload-Metadata": f"filename {coded('walk.zip')}"}
+    begun_so = owner.post("/api/uploads", headers={**told, b"Upload-Length": raw})  # type: ignore[dict-item]
+    assert begun_so.status_code in (400, 422)
+    offset = {**PIECE, b"Upload-Offset": raw}
+    assert owner.patch(place, headers=offset, content=b"x").status_code == 422  # type: ignore[arg-type]
+    assert offset_of(owner, place) == 0
+
+
 def test_what_is_spoken_is_said(owner: TestClient) -> None:
     answer = owner.options("/api/uploads")
     assert answer.status_code == 204

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -180,6 +181,41 @@ def test_every_role_on_every_route(client_in: tuple[TestClient, str], role: str)
             assert not was_let_in(answer), case
         else:
             assert answer.status_code == 403, case
+
+
+NONSENSE = (b"", b"{", b"[]", b"\xff\xfe", b"[" * 5_000, b'{"a": NaN}')
+
+
+@pytest.mark.parametrize("token", [None, "not-known-here"])
+def test_who_is_not_known_is_told_that_first(
+    app: FastAPI, passer_by: Callable[[], TestClient], token: str | None
+) -> None:
+    client, asked = passer_by(), 0
+    headers = {"Content-Type": "application/json", "Upload-Length": "5_0"}
+    headers |= {} if token is None else {"Authorization": f"Bearer {token}"}
+    for path, methods in app.openapi()["paths"].items():
+        told = re.sub(r"\{\w+\}", "0" * 32, path)
+        for method, operation in methods.items():
+            if not operation.get("security"):
+                continue
+            for body in NONSENSE:
+                answer = client.request(method, told, content=body, headers=headers)
+                assert answer.status_code in (401, 404, 412, 415), (method, path, body, answer.text)
+                asked += 1
+    assert asked > 300
+
+
+def test_a_guest_of_a_link_is_told_what_is_wrong_with_a_body(
+    let_in: LetIn, put_map: PutMap, passer_by: Callable[[], TestClient]
+) -> None:
+    ada, client = let_in("ada"), passer_by()
+    map_id = put_map(ada)
+    ada.put(f"/api/maps/{map_id}/link", **EDIT).raise_for_status()
+    linked(ada, map_id, client)
+    json_type = {"Content-Type": "application/json"}
+    assert client.patch(f"/api/maps/{map_id}", content=b"{", headers=json_type).status_code == 400
+    other = f"/api/maps/{'0' * 32}"
+    assert client.patch(other, content=b"{", headers=json_type).status_code == 401
 
 
 def test_the_table_has_every_route_of_a_map(app: FastAPI) -> None:

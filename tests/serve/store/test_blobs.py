@@ -81,3 +81,19 @@ def test_one_at_a_time_is_alone(kept: Path) -> None:
         order.append("first")
     thread.join()
     assert order == ["first", "second"]
+
+
+def test_a_folder_in_the_place_of_a_blob_is_no_blob(kept: Path, tmp_path: Path) -> None:
+    file = written(tmp_path, "a", b"chirp")
+    blob = blobs.blob_of(file)
+    place = blobs.blob_path(kept, blob.sha256)
+    place.mkdir(parents=True)
+    with pytest.raises(FileNotFoundError):
+        blobs.found_blob(kept, blob.sha256)
+    with pytest.raises(FileNotFoundError):
+        blobs.link_into(tmp_path, kept, {"b": blob.sha256})
+    blobs.delete(kept, [blob.sha256])
+    assert place.is_dir()
+    blobs.put(kept, file)
+    assert blobs.found_blob(kept, blob.sha256).read_bytes() == b"chirp"
+    assert len(list(place.parent.iterdir())) == 2, "the folder waits to be set aside"

@@ -8,9 +8,11 @@ from datetime import UTC, timedelta
 from pathlib import Path
 
 import pytest
-from sqlalchemy import Engine, delete, func, select
-from sqlalchemy.exc import IntegrityError
+from sqlalchemy import Engine, delete, func, select, update
+from sqlalchemy.exc import IntegrityError, OperationalError
 
+from elfslam.serve.problems import is_locked
+from elfslam.serve.store import database
 from elfslam.serve.store.database import (
     Job,
     JobState,
@@ -127,6 +129,34 @@ def test_writers_wait_for_each_other(sessions: Sessions) -> None:
     assert failed == []
     with reading(sessions) as session:
         assert session.scalar(select(User.token_sha256)) == f"t{WRITERS * ROUNDS}"
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whoever waits for a lock waits a moment only; asked for before the engine."""
+    monkeypatch.setattr(database, "WAIT_S", 0.1)
+
+
+def test_who_waits_for_another_program_is_told_in_time(impatient: None, engine: Engine) -> None:
+    added_user(sessions_of(engine))
+    with transaction(sessions_of(engine)) as session:  # turns are taken within a process
+        session.execute(update(User).values(name="taken"))
+        late = sessions_of(engine)
+        with pytest.raises(OperationalError) as refused, transaction(late) as other:
+            other.execute(update(User).values(name="late"))
+    assert is_locked(refused.value)
+    with reading(sessions_of(engine)) as session:
+        assert session.scalar(select(User.name)) == "taken"
+
+
+def test_who_waits_for_their_turn_is_told_in_time(impatient: None, engine: Engine) -> None:
+    added_user(sessions_of(engine))
+    sessions = sessions_of(engine)
+    with transaction(sessions) as session:
+        session.execute(update(User).values(name="taken"))
+        with pytest.raises(OperationalError) as refused, transaction(sessions) as other:
+            other.execute(update(User).values(name="late"))
+    assert is_locked(refused.value)
 
 
 def test_a_reader_does_not_wait_for_a_writer(sessions: Sessions) -> None:

@@ -11,7 +11,7 @@ from elfslam.serve.store.database import open_database
 @pytest.mark.parametrize(
     ("url", "error", "words"),
     [
-        ("nonsense", InputError, "database of 8 characters"),
+        ("nonsense", InputError, "database nonsense"),
         ("postgresql//u:secret@host/x", InputError, "wanted such as"),
         ("postgresql+psycopg//u:secret@host/x", InputError, "wanted such as"),
         ("postgresql://u:secret@host:port/x", InputError, "wanted such as"),

@@ -5,8 +5,10 @@ Whatever is said, every file of the folder is still there.
 
 from __future__ import annotations
 
+import os
 import random
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +25,8 @@ from elfslam.serve.store.database import JobFile, JobKind, User, reading, transa
 from elfslam.serve.store.identity import STORE, files_of
 from elfslam.serve.store.opening import InUseError, alone_with, join_store, open_store
 from elfslam.serve.store.schema import VERSION_TABLE
+
+BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
 
 
 def filled(settings: ServerSettings) -> ServerSettings:
@@ -71,9 +75,6 @@ def changed(settings: ServerSettings, *statements: str) -> None:
     engine.dispose()
 
 
-BOTH = pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
-
-
 @BOTH
 def test_a_store_opens_again(store: ServerSettings) -> None:
     services = opened(store)
@@ -100,6 +101,68 @@ def test_a_database_that_was_removed(store: ServerSettings) -> None:
     (store.data_folder / "elfslam.sqlite").unlink()
     refused(store, "is missing or empty, and .* holds 1 files")
     assert not (store.data_folder / "elfslam.sqlite").exists()
+
+
+def test_a_database_that_was_removed_while_all_files_are_set_aside(store: ServerSettings) -> None:
+    for file in store.blobs_folder.glob("*/*"):
+        file.rename(store.quarantine_folder / file.name)
+    (store.data_folder / "elfslam.sqlite").unlink()
+    refused(store, "is missing or empty, and .* holds 1 files")
+
+
+@BOTH
+def test_two_versions_at_once(store: ServerSettings) -> None:
+    changed(store, f"INSERT INTO {VERSION_TABLE} VALUES ('0005')")
+    refused(store, r"has 2 versions at once \(0005, ")
+
+
+@BOTH
+@pytest.mark.parametrize("name", ["../../etc/passwd", "", "A" * 64])
+def test_a_row_that_names_no_file(store: ServerSettings, name: str) -> None:
+    changed(store, f"UPDATE job_files SET sha256 = '{name}'")
+    refused(store, "a row of table job_files names .* no name of a file")
+
+
+@pytest.mark.parametrize("name", [".lock", "jobs.lock", "blobs/.lock", STORE])
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, lambda place: place.symlink_to("/zero")])
+def test_what_is_no_file_is_not_opened(
+    store: ServerSettings, name: str, make: Callable[[Path], None]
+) -> None:
+    place = store.data_folder / name
+    place.unlink(missing_ok=True)
+    make(place)
+    refused(store, "is no plain file; move it away")
+
+
+def test_what_is_no_folder_is_not_used(store: ServerSettings) -> None:
+    store.work_folder.rmdir()
+    store.work_folder.symlink_to("nowhere")
+    refused(store, "work: is no plain folder")
+
+
+def test_a_data_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    words, wrong = "give a folder that you may write to", ServerSettings(tmp_path / "file")
+    with pytest.raises(StoreError, match=words), alone_with(wrong):
+        pass
+
+
+def test_what_else_is_wrong_is_found_before_an_upgrade(
+    store: ServerSettings, tmp_path: Path
+) -> None:
+    older = [f"ALTER TABLE stores DROP COLUMN {name}" for name in ("holder", "beat")]
+    changed(store, f"UPDATE {VERSION_TABLE} SET version_num = '0005'", *older)
+    before = {file: file.read_bytes() for file in store.data_folder.rglob("*.json")}
+
+    def examine(_engine: object) -> None:
+        raise StoreError("the key is wrong")
+
+    with pytest.raises(StoreError, match="the key is wrong"), alone_with(store):
+        open_store(store, examine)
+    assert not store.backups_folder.exists()
+    assert {file: file.read_bytes() for file in store.data_folder.rglob("*.json")} == before
+    opened(store).engine.dispose()
+    assert len(list(store.backups_folder.iterdir())) == 1
 
 
 def test_a_database_of_no_bytes(store: ServerSettings) -> None:

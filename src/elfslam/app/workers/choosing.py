@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from importlib.util import find_spec
 from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from elfslam.app.workers.here import Here
 from elfslam.app.workers.interface import Watchers, Workers
 from elfslam.app.workers.processes import Processes
 from elfslam.base.errors import InputError
+from elfslam.base.urls import shown_url
 
 if TYPE_CHECKING:
     from elfslam.app.workers.on_ray import Cluster
@@ -60,14 +62,36 @@ def check_on(on: str | None) -> None:
     """Raise InputError where `on` means nobody, or Ray where that is not installed."""
     if on is None or (on.isdecimal() and int(on) > 0):
         return
-    if not is_ray(on):
+    if not is_ray(on) or (on != RAY and not _has_host(on)):
         raise InputError(
-            f"--on {on!r}: wanted a number of processes, ray or ray://HOST:10001; choose one"
+            f"--on {shown_url(on)}: wanted a number of processes, ray or ray://HOST:10001; "
+            "choose one"
         )
     if find_spec("ray") is None:
         raise InputError(
             "--on ray: Ray is not installed; install elfslam[scale], or name a number of processes"
         )
+
+
+def why_away(on: str | None) -> str | None:
+    """Why nobody answers at the address of a cluster; None where there is no reason."""
+    if on is None or not is_ray(on) or on == RAY:
+        return None
+    from elfslam.app.workers.on_ray import knock
+
+    try:
+        knock(on)
+    except OSError as error:
+        return str(error.strerror or error)
+    return None
+
+
+def _has_host(url: str) -> bool:
+    try:
+        parts = urlsplit(url)
+        return bool(parts.hostname) and parts.port != 0 and parts.username is None
+    except ValueError:
+        return False
 
 
 def is_ray(on: str | None) -> bool:

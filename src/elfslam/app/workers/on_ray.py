@@ -33,7 +33,7 @@ def open_cluster(address: str | None) -> Iterator[Cluster]:
     ray = _ray()
     try:
         if address is not None:
-            _knock(address)
+            knock(address)
         ray.init(address, logging_level=logging.ERROR, log_to_driver=False)
     except (OSError, RuntimeError, ValueError) as cause:
         raise InputError(
@@ -99,7 +99,7 @@ class Cluster:
             ) from cause
 
 
-def _knock(address: str) -> None:
+def knock(address: str) -> None:
     """Raise OSError at once where nobody listens: Ray itself would try for half a minute."""
     place = urlsplit(address)
     with socket.create_connection((place.hostname or "", place.port or PORT), timeout=KNOCK_S):

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError, StoreError
+from elfslam.base.urls import has_secret, shown_url, without_secrets
 from elfslam.data.folders import replaced_file, sync
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
@@ -18,9 +19,12 @@ if TYPE_CHECKING:
     from fsspec import AbstractFileSystem
 
 
+CREDENTIALS = "leave it to the environment, such as AWS_SECRET_ACCESS_KEY"
+
+
 @dataclass(frozen=True)
 class Files:
-    """Where the files lie: a file system, and a folder of it."""
+    """Where the files lie: a file system, and a folder of it; `url` is what may be shown."""
 
     system: AbstractFileSystem
     root: str
@@ -39,13 +43,17 @@ def open_files(settings: ServerSettings) -> Files:
     try:
         import fsspec
 
+        if has_secret(url):
+            raise ValueError(f"a password would be seen by all; {CREDENTIALS}")
         system, root = fsspec.core.url_to_fs(url, use_listings_cache=False)
-    except (ImportError, ValueError) as error:
+    except (ImportError, OSError, ValueError) as error:
+        said = without_secrets(str(error).partition("\n")[0], url)
         raise InputError(
-            f"files at {url!r:.80}: {error}; wanted such as s3://BUCKET/PREFIX or file:///FOLDER, "
-            "with pip install 'elfslam[serve,buildings]'"
+            f"files at {shown_url(url)}: {said:.200}; wanted such as "
+            "s3://BUCKET/PREFIX, gs://, abfs://, memory:// or file:///FOLDER, with pip install "
+            "'elfslam[serve,buildings]'"
         ) from error
-    return Files(system, str(root).rstrip("/"), url)
+    return Files(system, str(root).rstrip("/"), shown_url(url))
 
 
 def put(files: Files, content: bytes) -> str:

@@ -79,7 +79,7 @@ def _of_server(
         new = _of_folder(folder, spot, scans, parameters)
     if plan is None or placed is None:
         return new
-    image = blobs.blob_path(settings.blobs_folder, plan).read_bytes()
+    image = blobs.found_blob(settings.blobs_folder, plan).read_bytes()
     return NewFloor(spot, new.floor_map, new.encoder, new.points, (image, placed))
 
 

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BaseModel, Field
 
@@ -23,7 +23,7 @@ from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Map
 from elfslam.serve.store.sending import ZIP, pieces, unfolded
 from elfslam.serve.store.zips import packed
-from elfslam.serve.texts import Line
+from elfslam.serve.texts import AsNumber, AsWhole, Line
 
 if TYPE_CHECKING:
     from elfslam.app.export import Told
@@ -48,7 +48,7 @@ class ExportOptions(BaseModel):
     """What no map knows and some formats ask for."""
 
     origin: str | None = Field(None, description="LAT,LON[,BEARING_DEG] of the map's origin")
-    resolution_m: float | None = Field(
+    resolution_m: Annotated[float | None, AsNumber] = Field(
         None, description="side of a pixel of ros", allow_inf_nan=False
     )
     name: Line | None = Field(None, description="of the venue, for imdf; so are those below")
@@ -57,7 +57,7 @@ class ExportOptions(BaseModel):
     locality: Line | None = None
     country: Line | None = None
     level: Line | None = None
-    ordinal: int | None = Field(None, ge=-100, le=1000)
+    ordinal: Annotated[int | None, AsWhole] = Field(None, ge=-100, le=1000)
     level_short_name: Line | None = None
     province: Line | None = None
     postal_code: Line | None = None

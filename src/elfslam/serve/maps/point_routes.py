@@ -118,10 +118,7 @@ def points_of(
     row = session.get(MapFile, (map_id, POINTS_OF_INTEREST))
     if row is None:
         return ()
-    file = blobs.blob_path(settings.blobs_folder, row.sha256)
-    if not file.exists():
-        raise FileNotFoundError(file)
-    return read_points_file(file)
+    return read_points_file(blobs.found_blob(settings.blobs_folder, row.sha256))
 
 
 def _of_version(session: Session, map_id: str, version: str) -> MapFile | None:

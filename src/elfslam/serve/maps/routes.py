@@ -145,7 +145,7 @@ def get_map_zip(map_id: str, asker: Asks, services: Here) -> StreamingResponse:
     """The folder of the map: `elfslam locate`, `merge`, `show` and `export` read it unpacked."""
     with _folder(services, asker, map_id) as (found, named):
         top, store = file_name(found.name), services.settings.blobs_folder
-        files = {f"{top}/{file}": blobs.blob_path(store, sha256) for file, sha256 in named.items()}
+        files = {f"{top}/{file}": blobs.found_blob(store, sha256) for file, sha256 in named.items()}
         return sent(packed(files), f"{top}.zip", ZIP)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import ipaddress
 import socket
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 
 from elfslam.base.errors import InputError
 
@@ -80,21 +81,21 @@ def checked_hosts(host: str | None, *, allow_public: bool) -> list[str]:
     return list(dict.fromkeys(found))
 
 
-def open_sockets(hosts: Sequence[str], port: int) -> list[socket.socket]:
+@contextmanager
+def listening_at(hosts: Sequence[str], port: int) -> Iterator[list[socket.socket]]:
     """Listening sockets at these addresses and one port; 0 chooses one. Raises InputError."""
-    sockets: list[socket.socket] = []
-    try:
+    with ExitStack() as stack:
+        sockets: list[socket.socket] = []
         for host in hosts:
-            sockets.append(_listening(host, port))
+            try:
+                sockets.append(stack.enter_context(_listening(host, port)))
+            except OSError as error:
+                raise InputError(
+                    f"{host} port {port}: cannot listen there ({error.strerror}); is a server "
+                    "running already? choose another --port"
+                ) from error
             port = sockets[0].getsockname()[1]
-    except OSError as error:
-        for opened in sockets:
-            opened.close()
-        raise InputError(
-            f"{host} port {port}: cannot listen there ({error.strerror}); is a server running "
-            "already? choose another --port"
-        ) from error
-    return sockets
+        yield sockets
 
 
 def url_of(host: str, port: int, *, secure: bool) -> str:

@@ -7,6 +7,7 @@ only the owner of the data folder reads it. Certificates last 825 days at most, 
 from __future__ import annotations
 
 import ipaddress
+import os
 import socket
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,13 +19,15 @@ from cryptography import x509
 from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.text_files import read_bytes
 from elfslam.data.folders import replaced_file
 
 AUTHORITY, AUTHORITY_KEY = "authority.pem", "authority.key"
 SERVER, SERVER_KEY = "server.pem", "server.key"
 LONGEST = timedelta(days=825)
 RENEWED_BEFORE = timedelta(days=30)
+MOST_PEM_BYTES = 100_000
 SLACK = timedelta(days=1)
 """Phones whose clock is late still accept a new certificate."""
 
@@ -60,18 +63,34 @@ def server_certificate(folder: Path, names: Sequence[str], now_utc: datetime) ->
 def open_authority(folder: Path) -> trustme.CA:
     """The authority of a folder, made where there is none. Raises StoreError."""
     certificate, key = folder / AUTHORITY, folder / AUTHORITY_KEY
-    if not (certificate.exists() or key.exists()):
+    if not is_there(folder):
         unit = f"authority of {socket.gethostname()}"[:60]
         made = trustme.CA(organization_name="elfslam", organization_unit_name=unit, path_length=0)
         write_private(key, made.private_key_pem.bytes())
         write_private(certificate, made.cert_pem.bytes())
     try:
-        return trustme.CA.from_pem(certificate.read_bytes(), key.read_bytes())
-    except (OSError, ValueError) as error:
+        pems = [read_bytes(file, MOST_PEM_BYTES) for file in (certificate, key)]
+        fits = x509.load_pem_x509_certificate(pems[0]).public_key()
+        if serialization.load_pem_private_key(pems[1], None).public_key() != fits:
+            raise ValueError("its key is another one's")
+        return trustme.CA.from_pem(*pems)
+    except (InputError, ValueError, TypeError, UnsupportedAlgorithm) as error:
+        said = str(error).partition(". ")[0]
         raise StoreError(
-            f"{folder}: the authority cannot be read ({error}); delete both {AUTHORITY} and "
+            f"{folder}: the authority cannot be read ({said}); delete both {AUTHORITY} and "
             f"{AUTHORITY_KEY} for a new one, which phones then install again"
         ) from error
+
+
+def check_authority(folder: Path) -> None:
+    """Raise StoreError where an authority is there and cannot be read."""
+    if is_there(folder):
+        open_authority(folder)
+
+
+def is_there(folder: Path) -> bool:
+    """Whether a folder has an authority, or a part of one."""
+    return any(os.path.lexists(folder / name) for name in (AUTHORITY, AUTHORITY_KEY))
 
 
 def fingerprint_of(file: Path) -> str:

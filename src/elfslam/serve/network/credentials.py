@@ -5,43 +5,64 @@ Looked at before anything is written: whoever lost one of them decides what happ
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
-from sqlalchemy import select
+from sqlalchemy import Engine, inspect, select
+from sqlalchemy.engine import Connection
 
 from elfslam.base.errors import StoreError
+from elfslam.base.text_files import read_bytes
 from elfslam.serve.network.authority import write_private
-from elfslam.serve.network.signing import SIGNING_KEY, fingerprint, signing_key
+from elfslam.serve.network.signing import SIGNING_KEY, fingerprint, read_key, signing_key
 from elfslam.serve.people.access import new_token, token_sha256
 from elfslam.serve.people.users import set_owner_token
 from elfslam.serve.services import Services
-from elfslam.serve.store.database import Store, User, reading, transaction
+from elfslam.serve.store.database import Store, User, answering, reading, transaction
 
 OWNER_TOKEN = "owner.token"
 MOST_TOKEN_BYTES = 1000
 
 
-def check_credentials(services: Services, *, renews_token: bool, renews_key: bool) -> None:
-    """Raise StoreError where the owner's token or the signing key is not the one in use."""
-    folder = services.settings.authority_folder
-    with reading(services.sessions) as session:
-        owner = session.scalar(select(User.token_sha256).filter_by(is_owner=True))
-        trusted = session.scalar(select(Store.signing_key))
+def check_credentials(
+    engine: Engine, folder: Path, *, renews_token: bool, renews_key: bool
+) -> None:
+    """Raise StoreError where the owner's token or the signing key is not the one in use.
+
+    `folder` is that of the authority, `engine` a database of whatever version.
+    """
+    with answering(engine), engine.connect() as connection:
+        owner = _told(connection, User.token_sha256, User.is_owner)
+        trusted = _told(connection, Store.signing_key, None)
     token = _read_token(folder / OWNER_TOKEN)
     if owner and not renews_token and (token is None or token_sha256(token) != owner):
         raise StoreError(
             f"{folder / OWNER_TOKEN}: is {'missing' if token is None else 'another one'}; restore "
             "it from a backup, or pair the owner's devices again with --new-token"
         )
+    here = read_key(folder) if os.path.lexists(folder / SIGNING_KEY) and not renews_key else None
     if not trusted or renews_key:
         return
-    here = fingerprint(signing_key(folder)) if (folder / SIGNING_KEY).exists() else None
-    if here != trusted:
+    if here is None or fingerprint(here) != trusted:
         raise StoreError(
             f"{folder / SIGNING_KEY}: is {'another one' if here else 'missing'}, and paired phones "
             "trust what it signed; restore it from a backup, or pair all phones again with "
             "--new-key"
         )
+
+
+def _told(connection: Connection, wanted: Any, condition: Any) -> str | None:
+    """The value of a column, where a database of that version has it and a row."""
+    table = wanted.class_.__tablename__
+    inspector = inspect(connection)
+    if not inspector.has_table(table):
+        return None
+    if wanted.key not in {each["name"] for each in inspector.get_columns(table)}:
+        return None
+    query = select(wanted) if condition is None else select(wanted).where(condition)
+    found: str | None = connection.execute(query).scalar()
+    return found
 
 
 def owner_token(services: Services, *, renewed: bool = False) -> str:
@@ -73,9 +94,9 @@ def trust_key(services: Services, *, renewed: bool = False) -> None:
 
 def _read_token(file: Path) -> str | None:
     """A token, None where there is none. Raises StoreError for anything else."""
-    if not file.is_file():
+    if not os.path.lexists(file):
         return None
-    text = file.read_bytes()[:MOST_TOKEN_BYTES].decode("ascii", "replace").strip()
+    text = read_bytes(file, MOST_TOKEN_BYTES).decode("ascii", "replace").strip()
     if not text or not text.replace("-", "").replace("_", "").isalnum() or not text.isascii():
         raise StoreError(
             f"{file}: is damaged; restore it from a backup, or delete it and say --new-token"

@@ -14,6 +14,8 @@ from urllib.parse import urlsplit
 from elfslam.base.errors import InputError
 
 NAME = re.compile(r"[a-z0-9]([a-z0-9.-]{0,251}[a-z0-9])?")
+HOST = re.compile(r"(\[(?P<address>[0-9a-f:.]+)\]|(?P<name>[a-z0-9._-]+))(:[0-9]{1,5})?")
+"""Of a header: an address there has no zone, which means something on one machine alone."""
 
 
 def checked_names(names: Sequence[str]) -> tuple[str, ...]:
@@ -29,15 +31,17 @@ def checked_names(names: Sequence[str]) -> tuple[str, ...]:
 
 def name_in(address: str | None) -> tuple[str, ...]:
     """The name of a host in an address or a URL that somebody gave; none in a number."""
-    host = urlsplit(address if "://" in address else f"//{address}").hostname if address else None
-    return () if host is None or is_known(host, ()) else (host,)
+    try:
+        host = urlsplit(address if "://" in address else f"//{address}").hostname if address else ""
+    except ValueError:  # what is wrong with it, `told_url` says
+        host = ""
+    return () if not host or is_known(host, ()) else (host,)
 
 
 def host_of(header: str) -> str:
-    """The name or the address in a Host header, without its port."""
-    if header.startswith("["):
-        return header[1:].partition("]")[0].lower()
-    return header.partition(":")[0].lower()
+    """The name or the address in a Host header, without its port; nothing where it is none."""
+    found = HOST.fullmatch(header.lower())
+    return (found["address"] or found["name"]) if found else ""
 
 
 def is_known(host: str, names: Collection[str]) -> bool:

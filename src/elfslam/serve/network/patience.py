@@ -7,6 +7,7 @@ as a client that is too slow is then told so.
 from __future__ import annotations
 
 import asyncio
+import re
 import time
 from collections.abc import Callable
 from functools import partial
@@ -19,6 +20,11 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from elfslam.serve.network.visitors import Visitors
 from elfslam.serve.settings import Limits
 
+LENGTHS = (b"content-length", b"transfer-encoding")
+HEAD_END = re.compile(rb"\r\n\r\n|\n\r?\n")
+AMBIGUOUS = re.compile(rb"(?<!\r)\n|\r(?!\n|\Z)|\n[ \t]")
+HEAD_BYTES = 2**14
+"""Of a request, at most."""
 HELD_BYTES = 2**16
 """What waits for somebody to read it; over TLS asyncio would hold eight times as much."""
 
@@ -72,10 +78,42 @@ class PatientLoop(asyncio.SelectorEventLoop):
         return await super().create_server(*given, **named)
 
 
+class StrictConnection(h11.Connection):
+    """HTTP/1.1 as every proxy reads it: what two could read in two ways is refused."""
+
+    def next_event(self) -> Any:
+        """As h11 has it. Raises h11.RemoteProtocolError, also for an ambiguous head."""
+        if self.their_state is h11.IDLE:
+            _refuse_ambiguous_lines(self.trailing_data[0])
+        event = super().next_event()
+        if isinstance(event, h11.Request):
+            _refuse_ambiguous_length(event)
+        return event
+
+
+def _refuse_ambiguous_lines(begun: bytes) -> None:
+    """Lines of a head end in CRLF alone, and none goes on with the one before."""
+    head = begun[: found.end()] if (found := HEAD_END.search(begun)) else begun
+    if AMBIGUOUS.search(head):
+        raise h11.RemoteProtocolError("bare LF, bare CR or folded line", error_status_hint=400)
+
+
+def _refuse_ambiguous_length(request: h11.Request) -> None:
+    """A body has one length, said in one way."""
+    names = [name for name, _ in request.headers if name in LENGTHS]
+    old = request.http_version != b"1.1" and b"transfer-encoding" in names
+    if len(names) > 1 or old:
+        raise h11.RemoteProtocolError("several lengths", error_status_hint=400)
+
+
 class PatientProtocol(H11Protocol):
     """HTTP/1.1 with ends to waiting; tells the visit of its connection whose turn it is."""
 
     config: PatientConfig
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self.conn = StrictConnection(h11.SERVER, HEAD_BYTES)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)

@@ -9,6 +9,7 @@ from urllib.parse import urlsplit
 from elfslam.base.errors import InputError
 from elfslam.serve.network.addresses import LOOPBACK, lan_addresses, url_of
 from elfslam.serve.network.authority import write_private
+from elfslam.serve.network.names import HOST
 from elfslam.serve.problems import Problem
 from elfslam.serve.settings import PORT, ServerSettings
 
@@ -21,9 +22,16 @@ ALONE = (
 
 def told_url(address: str, port: int, *, secure: bool) -> str:
     """The URL of what somebody gave as --address: a host, or a whole URL. Raises InputError."""
-    whole = address if "://" in address else url_of(address, port, secure=secure)
-    parts = urlsplit(whole)
-    if parts.scheme not in ("http", "https") or not parts.hostname or parts.query or parts.fragment:
+    host = address.strip("[]") if address.count(":") > 1 else address
+    whole = address if "://" in address else url_of(host, port, secure=secure)
+    try:
+        parts = urlsplit(whole)
+        plain = parts.scheme in ("http", "https") and HOST.fullmatch(parts.netloc.lower())
+        good = plain and parts.port != 0 and not (parts.query or parts.fragment)
+        good = good and ("://" in address or parts.path == "/")
+    except ValueError:
+        good = False
+    if not good or any(character.isspace() for character in whole):
         raise InputError(
             f"--address {address!r:.60}: wanted a host or https://HOST/, such as 192.168.1.7"
         )

@@ -3,23 +3,29 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
 
 import segno
+from sqlalchemy import Engine
 
+from elfslam.app.workers.choosing import why_away
 from elfslam.base.errors import InputError
 from elfslam.serve.app import create_app
+from elfslam.serve.buildings.files import open_files
 from elfslam.serve.network.addresses import (
     LOOPBACK,
     checked_hosts,
-    open_sockets,
+    listening_at,
     server_names,
     url_of,
 )
 from elfslam.serve.network.authority import (
     AUTHORITY,
     Certificate,
+    check_authority,
     fingerprint_of,
     server_certificate,
     utc_now,
@@ -36,15 +42,19 @@ from elfslam.serve.network.reach import (
     remember_url,
     told_url,
 )
-from elfslam.serve.network.serving import serve
+from elfslam.serve.network.serving import allow_open_files, serve
 from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.users import add_user
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import open_services
+from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PORT, ServerSettings
+from elfslam.serve.store.database import answering
+from elfslam.serve.store.holding import holding
 from elfslam.serve.store.opening import TRIES, alone_with
 from elfslam.serve.texts import plain_line
 
+OTHER_FILES = 100
+"""Of the database, jobs and uploads, beside one for each connection."""
 TRUST = "trust"
 """The page that says how a device comes to trust the server."""
 
@@ -63,34 +73,61 @@ class Listening:
 
 
 def run(settings: ServerSettings, listening: Listening, say: Callable[[str], None]) -> None:
-    """Serve until stopped: lock, identity, version, credentials, sockets, and only then writing.
+    """Serve until stopped: all that can be wrong is looked at first, and only then written.
 
     Raises InputError where it cannot listen, StoreError.
     """
-    hosts = _hosts(settings, listening)
-    with alone_with(settings, TRIES):
-        services = open_services(settings, alone=True)
-        check_credentials(services, renews_token=listening.new_token, renews_key=listening.new_key)
-        sockets = open_sockets(hosts, listening.port)
-        port, secure = sockets[0].getsockname()[1], not listening.plain_http
-        urls = [url_of(host, port, secure=secure) for host in hosts]
-        if listening.address:
-            urls.insert(0, told_url(listening.address, port, secure=secure))
-        url = urls[0]
-        app, certificate = create_app(services), _certificate(settings, hosts, listening)
-        token = owner_token(services, renewed=listening.new_token)
-        trust_key(services, renewed=listening.new_key)
-        remember_url(settings, url)
-        pairing = url + pairing_fragment(token, settings.authority_folder)
-        for line in greeting(urls, pairing, certificate):
-            say(line)
-        serve(app, sockets, settings.limits, certificate, services.stop)
+    hosts, secure = _hosts(settings, listening), not listening.plain_http
+    if listening.address:
+        told_url(listening.address, listening.port or PORT, secure=secure)
+    if settings.files_url:
+        open_files(settings)
+    allow_open_files(settings.limits.connections + OTHER_FILES)
+    with alone_with(settings, TRIES), listening_at(hosts, listening.port) as sockets:
+        examine = partial(_examine, folder=settings.authority_folder, listening=listening)
+        services = open_services(settings, alone=True, examine=examine)
+        with holding(services.sessions, settings):
+            port = sockets[0].getsockname()[1]
+            urls = [url_of(host, port, secure=secure) for host in hosts]
+            if listening.address:
+                urls.insert(0, told_url(listening.address, port, secure=secure))
+            app, certificate = create_app(services), _certificate(settings, hosts, listening)
+            for line in _begin(services, listening, urls, certificate):
+                say(line)
+            serve(app, sockets, settings.limits, certificate, services.stop)
+
+
+def _examine(engine: Engine, folder: Path, listening: Listening) -> None:
+    """Look at all keys before one of them is written. Raises StoreError, InputError."""
+    renewed = {"renews_token": listening.new_token, "renews_key": listening.new_key}
+    check_credentials(engine, folder, **renewed)
+    if not listening.plain_http:
+        check_authority(folder)
+
+
+def _begin(
+    services: Services,
+    listening: Listening,
+    urls: Sequence[str],
+    certificate: Certificate | None,
+) -> Iterator[str]:
+    """Write what pairs phones, and say what people have to know."""
+    settings = services.settings
+    token = owner_token(services, renewed=listening.new_token)
+    trust_key(services, renewed=listening.new_key)
+    remember_url(settings, urls[0])
+    pairing = urls[0] + pairing_fragment(token, settings.authority_folder)
+    yield from greeting(urls, pairing, certificate)
+    if settings.run_jobs and (why := why_away(settings.on)):
+        yield f"Jobs wait until a Ray cluster answers at {settings.on} ({why})."
 
 
 def invite(settings: ServerSettings, name: str) -> tuple[str, str]:
     """Let somebody in: their name and the address that pairs their phone. Raises InputError."""
+    services = open_services(settings)
     try:
-        user, token = add_user(open_services(settings), plain_line(name))
+        with answering(services.engine):
+            user, token = add_user(services, plain_line(name))
     except (ValueError, Problem) as error:
         raise InputError(f"{name!r:.60}: {getattr(error, 'detail', error)}") from error
     return user.name, last_url(settings) + pairing_fragment(token, settings.authority_folder)

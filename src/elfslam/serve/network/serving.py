@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import gc
+import resource
 import socket
 from collections.abc import Callable, Sequence
 
 import uvicorn
 from starlette.types import ASGIApp
 
+from elfslam.base.errors import InputError
 from elfslam.serve.network.authority import Certificate
 from elfslam.serve.network.patience import PatientConfig
 from elfslam.serve.network.visitors import Door, Visitors
@@ -55,6 +57,19 @@ def serve(
     secure = certificate is not None
     doors: list[socket.socket] = [Door(each, visitors, speaks_tls=secure) for each in sockets]
     StoppingServer(config, stopping).run(sockets=doors)
+
+
+def allow_open_files(wanted: int) -> None:
+    """Let this process open so many files at once. Raises InputError where it may not."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    unlimited = resource.RLIM_INFINITY
+    if hard != unlimited and hard < wanted:
+        raise InputError(
+            f"this process may open {hard} files at once, wanted {wanted} for connections and "
+            f"files; allow more, such as with ulimit -n {wanted}"
+        )
+    if soft != unlimited and soft < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
 
 
 class StoppingServer(uvicorn.Server):

@@ -13,24 +13,32 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.hazmat.primitives.asymmetric.utils import decode_dss_signature
 
-from elfslam.base.errors import StoreError
+from elfslam.base.errors import InputError, StoreError
+from elfslam.base.text_files import read_bytes
 from elfslam.serve.store.blobs import link_or_copy
 
 SIGNING_KEY, CURVE = "signing.key", ec.SECP256R1()
+MOST_KEY_BYTES = 100_000
 NUMBER_BYTES = 32
 """Of r and of s, which a signature consists of where browsers check it."""
 
 
 def signing_key(folder: Path) -> ec.EllipticCurvePrivateKey:
     """The key in an authority's folder, made where there is none. Raises StoreError."""
+    if not os.path.lexists(folder / SIGNING_KEY):
+        _make(folder / SIGNING_KEY)
+    return read_key(folder)
+
+
+def read_key(folder: Path) -> ec.EllipticCurvePrivateKey:
+    """The key that lies in an authority's folder. Raises StoreError, also for what is no file."""
     file = folder / SIGNING_KEY
     try:
-        if not file.exists():
-            _make(file)
-        key = serialization.load_pem_private_key(file.read_bytes(), password=None)
+        pem = read_bytes(file, MOST_KEY_BYTES)
+        key = serialization.load_pem_private_key(pem, password=None)
         if not isinstance(key, ec.EllipticCurvePrivateKey) or key.curve.name != CURVE.name:
             raise ValueError("it is of another kind")
-    except (OSError, ValueError, TypeError) as error:
+    except (InputError, ValueError, TypeError) as error:
         raise StoreError(
             f"{file}: is no key ({type(error).__name__}); restore it from a backup, or pair all "
             "phones again with --new-key"

@@ -18,6 +18,7 @@ from elfslam.serve.people.bodies import Body, too_large
 from elfslam.serve.problems import Problem, problem_response
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
+from elfslam.serve.texts import WHOLE
 
 SAFE_METHODS = ("GET", "HEAD", "OPTIONS")
 UPLOADS = "/api/uploads"
@@ -94,7 +95,7 @@ def _check(scope: Scope, services: Services, names: Collection[str]) -> None:
     if scope["method"] not in SAFE_METHODS and not same_origin(headers, scope["scheme"]):
         raise Problem(403, "this was sent by a page of another site; open the server's own page")
     length, most = headers.get("content-length", "0"), most_bytes(scope["path"], settings.limits)
-    if not (length.isascii() and length.isdigit()):
+    if length.startswith("-") or not WHOLE.fullmatch(length):
         raise Problem(400, f"Content-Length is {length!r:.30}; wanted a number of bytes")
     if int(length) > most:
         raise too_large(most)

@@ -7,6 +7,7 @@ from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from elfslam.base.errors import InputError
+from elfslam.base.urls import shown_url
 
 PORTS = {"mqtt": 1883, "mqtts": 8883}
 FORBIDDEN = "+#\0"
@@ -50,10 +51,9 @@ def parse_broker(
     prefix = unquote(parts.path).strip("/")
     good = parts.scheme in PORTS and host and prefix and not set(prefix) & set(FORBIDDEN)
     if not good or parts.query or parts.fragment or port == 0:
-        shown = f"{parts.scheme}://{host}{parts.path}" if host else "what cannot be parsed"
         raise InputError(
-            f"--mqtt: got {shown:.80}; wanted mqtt://HOST[:PORT]/PREFIX or mqtts://, the prefix "
-            "without + and #, such as mqtts://broker.example.org/elfslam"
+            f"--mqtt: got {shown_url(url):.80}; wanted mqtt://HOST[:PORT]/PREFIX or mqtts://, "
+            "the prefix without + and #, such as mqtts://broker.example.org/elfslam"
         )
     if authority is not None and not authority.is_file():
         raise InputError(f"--mqtt-authority {authority}: there is no such file; give a PEM file")

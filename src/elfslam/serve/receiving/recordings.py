@@ -19,7 +19,7 @@ from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.completing import Promised, complete
 from elfslam.serve.services import Here, Services
-from elfslam.serve.store.blobs import blob_path
+from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import (
     Recording,
     RecordingFile,
@@ -171,7 +171,7 @@ def download_recording(recording_id: str, user: Me, services: Here) -> Streaming
         raise Problem(409, "this recording is still being received; complete it first")
     folder = services.settings.blobs_folder
     try:
-        pieces = packed({file.name: blob_path(folder, file.sha256) for file in files})
+        pieces = packed({file.name: found_blob(folder, file.sha256) for file in files})
     except FileNotFoundError as error:
         raise not_found("recording") from error
     name = quote(f"{recording.name}.zip", safe="")

@@ -31,6 +31,7 @@ from elfslam.serve.services import Here, Services
 from elfslam.serve.store.database import Upload
 from elfslam.serve.store.folder_files import is_whole
 from elfslam.serve.store.holdings import upload_bytes
+from elfslam.serve.texts import AsWhole
 
 router = APIRouter(prefix="/uploads", tags=["uploads"])
 LARGEST = 2**53
@@ -60,7 +61,8 @@ async def speaks_tus(tus_resumable: Annotated[str, Header()] = "") -> None:
 
 
 SPEAKS_TUS = [Depends(speaks_tus)]
-Bytes = Annotated[int | None, Header(ge=0, le=LARGEST)]
+COUNT = Header(ge=0, le=LARGEST)
+Bytes = Annotated[int | None, AsWhole, COUNT]
 
 
 @router.options("", status_code=204, operation_id="describe_uploads")
@@ -150,7 +152,7 @@ async def append_to_upload(
     request: Request,
     user: Me,
     services: Here,
-    upload_offset: Annotated[int, Header(ge=0, le=LARGEST)],
+    upload_offset: Annotated[int, AsWhole, COUNT],
     upload_length: Bytes = None,
     upload_checksum: Annotated[str | None, Header()] = None,
     content_type: Annotated[str, Header()] = "",

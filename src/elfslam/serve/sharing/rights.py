@@ -8,10 +8,14 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Annotated
 
-from fastapi import Cookie, Depends, Security
+from fastapi import Cookie, Depends, Request, Response, Security
+from fastapi.dependencies.models import Dependant
+from fastapi.routing import APIRoute
 from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy import ColumnElement, Select, or_, select
 from sqlalchemy.orm import Session
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 
 from elfslam.serve.people.access import (
     BEARER,
@@ -25,8 +29,8 @@ from elfslam.serve.people.access import (
     unknown_token,
     user_of_token,
 )
-from elfslam.serve.problems import Problem
-from elfslam.serve.services import Here
+from elfslam.serve.problems import Problem, of_http, of_validation
+from elfslam.serve.services import Here, services_of
 from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, reading
 
@@ -156,6 +160,33 @@ def current_asker(
         raise Problem(404, WITHDRAWN) if secret else unknown_token(NOTHING_SENT)
     refuse_haste(services.token_rates.take(user.id if user else f"link {map_id}"))
     return Asker(user.id if user else None, secret if has_link else None)
+
+
+async def identify_first(request: Request, error: Exception) -> Response:
+    """The answer to a body or a query that is wrong: 401 where nobody is known who sent it.
+
+    FastAPI reads bodies before it asks who is there.
+    """
+    if not isinstance(error, Problem) and asks_who(request.scope.get("route")):
+        of_map = "map_id" in request.path_params
+        secret = request.cookies.get(LINK_COOKIE) if of_map else None
+        map_id = request.path_params.get("map_id", "")
+        given = await BEARER(request), await IN_COOKIE(request), secret
+        try:
+            await run_in_threadpool(current_asker, map_id, await services_of(request), *given)
+        except Problem as refusal:
+            return await of_http(request, refusal)
+    is_http = isinstance(error, HTTPException)
+    return await (of_http if is_http else of_validation)(request, error)
+
+
+def asks_who(route: object) -> bool:
+    """Whether a route looks at tokens."""
+
+    def asks(needed: Dependant) -> bool:
+        return needed.call is BEARER or any(map(asks, needed.dependencies))
+
+    return isinstance(route, APIRoute) and asks(route.dependant)
 
 
 Asks = Annotated[Asker, Depends(current_asker)]

@@ -8,6 +8,7 @@ is killed before the commit still has it.
 from __future__ import annotations
 
 import contextlib
+import errno
 import fcntl
 import os
 import re
@@ -45,6 +46,11 @@ def blob_path(blobs: Path, sha256: str) -> Path:
     if not SHA256.fullmatch(sha256):
         raise ValueError(f"{sha256!r:.80} is no SHA-256")
     return blobs / sha256[:2] / sha256
+
+
+def found_blob(blobs: Path, sha256: str) -> Path:
+    """Where a blob lies. Raises FileNotFoundError where it does not, or something else does."""
+    return _plain(blob_path(blobs, sha256))
 
 
 def blob_of(file: Path) -> Blob:
@@ -95,21 +101,42 @@ def place_in(folder: Path, name: str) -> Path:
 
 
 def delete(blobs: Path, sha256s: Iterable[str]) -> None:
-    """Remove blobs; those that are gone already are no error."""
+    """Remove blobs; those that are gone already, or are no files, are no error."""
     for sha256 in sha256s:
-        blob_path(blobs, sha256).unlink(missing_ok=True)
+        remove(blob_path(blobs, sha256))
+
+
+def remove(file: Path) -> None:
+    """Remove a file, if it is there and is one."""
+    if file.is_file() or file.is_symlink():
+        file.unlink(missing_ok=True)
 
 
 def link_or_copy(source: Path, target: Path) -> None:
-    """A second name of a file, or a copy where the file system has none. Raises OSError."""
+    """A second name of a file, or a copy where the file system has none.
+
+    Raises OSError: FileNotFoundError also for what is no file.
+    """
+    _plain(source)
     try:
         os.link(source, target)
     except FileExistsError:
         raise
-    except OSError as error:
-        if not source.is_file():
-            raise error
+    except OSError:
         shutil.copyfile(source, target)
+
+
+def _plain(file: Path) -> Path:
+    if not file.is_file():
+        raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(file))
+    return file
+
+
+def put_at(file: Path, kept: Path) -> None:
+    """Move a file to where it is kept; a folder that lies there is left to be set aside."""
+    if kept.is_dir():
+        kept.rename(kept.with_name(f"{secrets.token_hex(8)}.partial"))
+    os.replace(file, kept)
 
 
 def _link_whole(file: Path, kept: Path) -> None:
@@ -117,7 +144,7 @@ def _link_whole(file: Path, kept: Path) -> None:
     try:
         link_or_copy(file, partial)
         sync(partial)
-        os.replace(partial, kept)
+        put_at(partial, kept)
     finally:
         with contextlib.suppress(FileNotFoundError):
             partial.unlink()

@@ -5,9 +5,10 @@ Files lie beside it, content-addressed (`blobs.py`); rows name them by their SHA
 
 from __future__ import annotations
 
+import time
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from enum import StrEnum
 from threading import Lock
@@ -15,14 +16,21 @@ from typing import Any
 
 from sqlalchemy import JSON, BigInteger, DateTime, Dialect, Engine, ForeignKey, create_engine, event
 from sqlalchemy.engine import URL, Connection, make_url
-from sqlalchemy.exc import ArgumentError, DBAPIError
+from sqlalchemy.exc import ArgumentError, DBAPIError, OperationalError
+from sqlalchemy.exc import TimeoutError as PoolTimeout
 from sqlalchemy.orm import DeclarativeBase, Mapped, Session, mapped_column, sessionmaker
 from sqlalchemy.types import TypeDecorator
 
 from elfslam.base.errors import InputError, StoreError
+from elfslam.base.urls import shown_url, without_secrets
+from elfslam.serve.problems import is_locked
 
 Sessions = sessionmaker[Session]
 POSTGRESQL, SQLITE = "postgresql", "sqlite"
+LIBPQ = ("psycopg", "psycopg2")
+WAIT_S = 5.0
+"""How long a request waits for the database; then it is refused, and may come again."""
+WAITS = "wait_s"
 TURN = "turn"
 """Under this name a session knows what whoever writes must hold."""
 EACH_ALONE = {"isolation_level": "AUTOCOMMIT"}
@@ -209,13 +217,16 @@ class MapFile(Base):
 class Store(Base):
     """Which data folder's files this database names, and which key its phones trust.
 
-    One row. `id` is that of the folder (`identity.py`), `signing_key` the key's fingerprint.
+    One row. `id` is that of the folder (`identity.py`), `signing_key` the key's fingerprint;
+    `holder` and `beat` say who serves it (`holding.py`).
     """
 
     __tablename__ = "stores"
     id: Mapped[str] = mapped_column(primary_key=True)
     signing_key: Mapped[str | None] = mapped_column(default=None)
     created_utc: Mapped[datetime] = mapped_column(default=now_utc)
+    holder: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True), default=None)
+    beat: Mapped[str | None] = mapped_column(default=None)
 
 
 class MapPackage(Base):
@@ -244,18 +255,31 @@ def open_database(url: str) -> Engine:
     """The database at an SQLAlchemy URL; which tables it has is the caller's to look at.
 
     SQLite writes ahead and syncs every commit, so that what was acknowledged survives a kill.
+    Nobody waits for more than `WAIT_S` for a connection or for what others have locked.
     Raises InputError for a URL that is none, StoreError where the database does not answer.
     """
+    shown = shown_url(url)
     try:
-        engine = create_engine(url, pool_pre_ping=True, pool_size=CONNECTIONS)
+        told = make_url(url)
+        if "@" in (told.host or ""):
+            raise ValueError("write an @ in a user or password as %40, a / as %2F")
+        engine = create_engine(
+            told,
+            pool_pre_ping=True,
+            pool_size=CONNECTIONS,
+            pool_timeout=WAIT_S,
+            connect_args=_patience(told),
+        )
     except (ArgumentError, ModuleNotFoundError, TypeError, ValueError) as error:
         raise InputError(
-            f"database {shown_url(url)}: {_without(url, error)}; wanted such as "
+            f"database {shown}: {without_secrets(first_line(error), url)}; wanted such as "
             "postgresql+psycopg://USER@HOST/NAME"
         ) from error
     if engine.dialect.name == SQLITE:
         event.listen(engine, "connect", _as_careful_sqlite)
         event.listen(engine, "begin", _begin_sqlite)
+    elif engine.dialect.name == POSTGRESQL:
+        event.listen(engine, "connect", _as_impatient_postgresql)
     with answering(engine), engine.connect() as connection:
         connection.exec_driver_sql("SELECT 1")
     return engine
@@ -266,19 +290,23 @@ def answering(engine: Engine) -> Iterator[None]:
     """Raise StoreError, in one line, where a database does not answer or is damaged."""
     try:
         yield
-    except (DBAPIError, UnicodeDecodeError) as error:
+    except (DBAPIError, PoolTimeout, UnicodeDecodeError) as error:
+        if is_locked(error):
+            raise StoreError(
+                f"database {shown_database(engine)}: another program keeps it locked; end that "
+                "one, or wait for it and start again"
+            ) from error
+        whole = engine.url.render_as_string(hide_password=False)
+        said = without_secrets(first_line(error), whole)
         raise StoreError(
-            f"database {shown_url(engine.url)}: cannot be read ({first_line(error)}); is it "
-            "there, whole, and may you write to it?"
+            f"database {shown_database(engine)}: cannot be read ({said}); is it there, whole, and "
+            "may you write to it?"
         ) from error
 
 
-def shown_url(url: str | URL) -> str:
-    """A URL without its password; nothing of what cannot be taken apart."""
-    try:
-        return make_url(url).render_as_string(hide_password=True)
-    except (ArgumentError, ValueError):
-        return f"of {len(str(url))} characters (no URL)"
+def shown_database(engine: Engine) -> str:
+    """The URL of a database without what is secret in it."""
+    return shown_url(engine.url.render_as_string(hide_password=False))
 
 
 def first_line(error: BaseException) -> str:
@@ -287,21 +315,37 @@ def first_line(error: BaseException) -> str:
     return said.partition("\n")[0][:200]
 
 
-def _without(url: str, error: Exception) -> str:
-    """What an error says, unless it repeats the URL with its password."""
-    said = first_line(error)
-    return "cannot be parsed" if url in said or url[:40] in said else said
+def _patience(url: URL) -> dict[str, Any]:
+    """What PostgreSQL's drivers are told, where the URL does not say it."""
+    libpq = url.get_backend_name() == POSTGRESQL and url.get_driver_name() in LIBPQ
+    said = "connect_timeout" in url.query
+    return {"connect_timeout": round(WAIT_S)} if libpq and not said else {}
 
 
 def _as_careful_sqlite(connection: Any, _record: object) -> None:
     connection.isolation_level = None  # transactions begin where _begin_sqlite says so
-    for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "busy_timeout=60000"):
+    for pragma in ("synchronous=FULL", "foreign_keys=ON", f"busy_timeout={round(1000 * WAIT_S)}"):
         connection.execute(f"PRAGMA {pragma}")
+
+
+def write_ahead(engine: Engine) -> None:
+    """Let SQLite's readers wait for no writer; its file remembers that, and is changed."""
+    if engine.dialect.name == SQLITE:
+        with engine.connect() as connection:
+            connection.connection.cursor().execute("PRAGMA journal_mode=WAL")
+
+
+def _as_impatient_postgresql(connection: Any, _record: object) -> None:
+    with connection.cursor() as cursor:
+        cursor.execute(f"SET lock_timeout = {round(1000 * WAIT_S)}")
+    connection.commit()
 
 
 def _begin_sqlite(connection: Connection) -> None:
     """A transaction that will write waits for its turn now: later it could only fail."""
+    wait_s = connection.get_execution_options().get(WAITS, WAIT_S)
     writes = connection.get_execution_options().get("writes", False)
+    connection.connection.cursor().execute(f"PRAGMA busy_timeout={round(1000 * wait_s)}")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
@@ -309,11 +353,27 @@ def _begin_sqlite(connection: Connection) -> None:
 def transaction(sessions: Sessions) -> Iterator[Session]:
     """A session that may write: committed at the end, or rolled back whole.
 
-    Writers of one process take turns: SQLite would let some of many wait for ever.
+    Writers of one process take turns: SQLite would let some of many wait for ever. Raises
+    OperationalError where nobody gives way for `WAIT_S`.
     """
-    with sessions.kw["info"][TURN], sessions.begin() as session:
-        session.connection(execution_options={"writes": True})
+    until_s = time.monotonic() + WAIT_S
+    with _in_turn(sessions.kw["info"][TURN]), sessions.begin() as session:
+        left_s = max(0.0, until_s - time.monotonic())
+        session.connection(execution_options={"writes": True, WAITS: left_s})
         yield session
+
+
+@contextmanager
+def _in_turn(turn: Lock | None) -> Iterator[None]:
+    if turn is None:
+        yield
+        return
+    if not turn.acquire(timeout=WAIT_S):
+        raise OperationalError("BEGIN IMMEDIATE", None, TimeoutError("database is locked"))
+    try:
+        yield
+    finally:
+        turn.release()
 
 
 @contextmanager
@@ -335,5 +395,5 @@ def looking(engine: Engine) -> Iterator[Connection]:
 
 def sessions_of(engine: Engine) -> Sessions:
     """Makes sessions; what they loaded stays readable after the commit."""
-    turn = Lock() if engine.dialect.name == SQLITE else nullcontext()
+    turn = Lock() if engine.dialect.name == SQLITE else None
     return sessionmaker(engine, expire_on_commit=False, info={TURN: turn})

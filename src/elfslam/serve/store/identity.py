@@ -6,6 +6,7 @@ A server that took another database for its own would find that nobody names its
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,18 +14,27 @@ from sqlalchemy import Engine, inspect, select, text
 from sqlalchemy.engine import Connection
 
 from elfslam.base.errors import StoreError
+from elfslam.base.urls import shown_url
 from elfslam.data.folders import replaced_file
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
-from elfslam.serve.store.database import Sessions, Store, answering, new_id, shown_url, transaction
+from elfslam.serve.store.database import (
+    Sessions,
+    Store,
+    answering,
+    new_id,
+    shown_database,
+    transaction,
+)
 
 STORE = "store.json"
+ID = re.compile(r"[0-9a-f]{32}")
 NAMING = {
-    "recording_files": "sha256",
-    "map_files": "sha256",
-    "map_parts": "sha256",
-    "job_files": "sha256",
-    "uploads": "id",
+    "recording_files": ("sha256", SHA256),
+    "map_files": ("sha256", SHA256),
+    "map_parts": ("sha256", SHA256),
+    "job_files": ("sha256", SHA256),
+    "uploads": ("id", ID),
 }
 """Columns whose values are the names of files in the data folder, in every version."""
 ANOTHER = "name the right one with --database, or the right folder with --data"
@@ -63,9 +73,10 @@ def write_identity(folder: Path, identity: Identity) -> None:
 
 
 def files_of(settings: ServerSettings) -> set[str]:
-    """The names of all blobs and uploads in a data folder."""
+    """The names of all blobs and uploads in a data folder, those that were set aside among them."""
     kept = {file.name for file in settings.blobs_folder.glob("*/*") if SHA256.fullmatch(file.name)}
-    return kept | {file.name for file in settings.uploads_folder.glob("*")}
+    others = (settings.uploads_folder, settings.quarantine_folder)
+    return kept | {file.name for folder in others for file in folder.glob("*")}
 
 
 def refuse_lost_database(settings: ServerSettings, *, is_empty: bool) -> None:
@@ -74,7 +85,7 @@ def refuse_lost_database(settings: ServerSettings, *, is_empty: bool) -> None:
     if not count:
         return
     known = read_identity(settings.data_folder)
-    before = f"; the folder was last used with {known.database}" if known else ""
+    before = f"; the folder was last used with {shown_url(known.database)}" if known else ""
     raise StoreError(
         f"database {shown_url(settings.url)}: is missing or empty, and {settings.data_folder} "
         f"holds {count} files that it should name{before}; {ANOTHER}, or restore it from "
@@ -91,8 +102,8 @@ def refuse_another(engine: Engine, settings: ServerSettings) -> None:
     folder, known = settings.data_folder, read_identity(settings.data_folder)
     with answering(engine), engine.connect() as connection:
         theirs, named = _id_in(connection), _named_in(connection)
-    shown, files = shown_url(engine.url), files_of(settings)
-    before = f", which was last used with {known.database}" if known else ""
+    shown, files = shown_database(engine), files_of(settings)
+    before = f", which was last used with {shown_url(known.database)}" if known else ""
     if theirs and not (known.id == theirs if known else named & files):
         raise StoreError(
             f"database {shown}: belongs to another data folder than {folder}{before}; {ANOTHER}"
@@ -123,7 +134,15 @@ def _id_in(connection: Connection) -> str | None:
 
 
 def _named_in(connection: Connection) -> set[str]:
-    """Every file that a database of whatever version names."""
-    tables = set(inspect(connection).get_table_names())
-    queries = [f"SELECT {column} FROM {name}" for name, column in NAMING.items() if name in tables]
-    return {str(name) for query in queries for name in connection.execute(text(query)).scalars()}
+    """Every file that a database of whatever version names. Raises StoreError for a bad name."""
+    tables, named = set(inspect(connection).get_table_names()), set[str]()
+    for table, (column, pattern) in NAMING.items():
+        query = text(f"SELECT {column} FROM {table}")
+        told = set(connection.execute(query).scalars()) if table in tables else set()
+        if wrong := [name for name in told if not pattern.fullmatch(str(name))]:
+            raise StoreError(
+                f"database {shown_database(connection.engine)}: a row of table {table} names "
+                f"{str(wrong[0])!r:.60}, which is no name of a file here; restore a backup"
+            )
+        named |= told
+    return named

@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from elfslam.serve.store.blobs import SHA256, blob_path
+from elfslam.serve.store.blobs import SHA256, blob_path, put_at
 
 IsNamed = Callable[[str], bool]
 
@@ -35,5 +35,5 @@ def put_back(quarantine: Path, blobs: Path, is_named: IsNamed) -> int:
     for file in wanted:
         kept = blob_path(blobs, file.name)
         kept.parent.mkdir(exist_ok=True, mode=0o700)
-        os.replace(file, kept)
+        put_at(file, kept)
     return len(wanted)

@@ -14,15 +14,15 @@ from alembic import command
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
-from sqlalchemy import Engine, inspect
+from sqlalchemy import Engine, inspect, select
 from sqlalchemy.engine import Connection
 
 import elfslam.serve.buildings.tables
 import elfslam.serve.positions.tables
 import elfslam.serve.sharing.tables  # noqa: F401
 from elfslam.base.errors import StoreError
-from elfslam.serve.store.backups import back_up
-from elfslam.serve.store.database import Base, answering, shown_url
+from elfslam.serve.store.backups import ROWS, back_up
+from elfslam.serve.store.database import SQLITE, Base, answering, shown_database, write_ahead
 
 MIGRATIONS = Path(__file__).parent / "migrations"
 VERSION_TABLE = "schema_version"
@@ -46,9 +46,15 @@ def newest_version() -> str:
 
 
 def version_of(connection: Connection) -> str | None:
-    """The version of a database; None where none was kept."""
+    """The version of a database; None where none was kept. Raises StoreError for several."""
     context = MigrationContext.configure(connection, opts={"version_table": VERSION_TABLE})
-    return context.get_current_revision()
+    told = context.get_current_heads()
+    if len(told) > 1:
+        raise StoreError(
+            f"database {shown_database(connection.engine)}: has {len(told)} versions at once "
+            f"({', '.join(sorted(told)):.60}); it was changed by hand, restore a backup"
+        )
+    return next(iter(told), None)
 
 
 def state_of(engine: Engine) -> State:
@@ -58,15 +64,16 @@ def state_of(engine: Engine) -> State:
     if not tables:
         return State.EMPTY
     if not tables >= OURS:
+        others = tables - {VERSION_TABLE, *Base.metadata.tables}
         raise StoreError(
-            f"database {shown_url(engine.url)}: holds tables of another program "
-            f"({min(tables - OURS)}); give an empty one, or that of this server"
+            f"database {shown_database(engine)}: holds tables of another program "
+            f"({min(others or tables)}); give an empty one, or that of this server"
         )
     if version == newest_version():
         return State.CURRENT
     if version is not None and version not in _known_versions():
         raise StoreError(
-            f"database {shown_url(engine.url)}: has version {version:.20}, this program knows up "
+            f"database {shown_database(engine)}: has version {version:.20}, this program knows up "
             f"to {newest_version()}; install the newer elfslam that wrote it"
         )
     return State.OLDER
@@ -78,13 +85,14 @@ def upgrade(engine: Engine, backups: Path) -> Path | None:
     An empty one has no backup. Raises StoreError where its tables are none of ours.
     """
     backup = None if state_of(engine) is State.EMPTY else back_up(engine, backups)
+    write_ahead(engine)
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     try:
         with answering(engine), _writing(engine) as connection:
             config.attributes["connection"] = connection
             command.upgrade(config, "head")
-            check_columns(connection)
+            check_tables(connection)
     except BaseException:
         if backup is not None:  # of a database that stayed as it was
             backup.unlink()
@@ -99,18 +107,42 @@ def _writing(engine: Engine) -> Iterator[Connection]:
         yield connection
 
 
-def check_columns(connection: Connection) -> None:
-    """Raise StoreError where a table or a column is not there that this program reads."""
+def check_tables(connection: Connection) -> None:
+    """Raise StoreError where a table, a column or a row is not there that this program reads."""
+    _check_columns(connection)
+    if connection.engine.dialect.name == SQLITE:
+        _check_rows(connection)
+
+
+def _check_columns(connection: Connection) -> None:
     inspector = inspect(connection)
     for table in Base.metadata.sorted_tables:
         found = inspector.get_columns(table.name) if inspector.has_table(table.name) else []
         lacks = {column.name for column in table.columns} - {each["name"] for each in found}
         if lacks:
             raise StoreError(
-                f"database {shown_url(connection.engine.url)}: table {table.name} lacks "
+                f"database {shown_database(connection.engine)}: table {table.name} lacks "
                 f"{min(lacks)}; it was changed by hand or is of an unknown version, restore a "
                 "backup"
             )
+
+
+def _check_rows(connection: Connection) -> None:
+    """Rows of a SQLite file whose pages are whole may still hold what no column can.
+
+    Numbers alone cannot be told from others: tables of nothing else are passed over.
+    """
+    for table in Base.metadata.sorted_tables:
+        if all(column.type.python_type in (int, float) for column in table.columns):
+            continue
+        try:
+            for _ in connection.execute(select(table)).partitions(ROWS):
+                pass
+        except (ValueError, TypeError) as error:
+            raise StoreError(
+                f"database {shown_database(connection.engine)}: a row of table {table.name} is "
+                f"damaged ({type(error).__name__}); restore a backup"
+            ) from error
 
 
 def _known_versions() -> set[str]:

@@ -52,9 +52,10 @@ def sent_blob(
     settings: ServerSettings, sha256: str, what: str, media_type: str, **more: Any
 ) -> FileResponse:
     """A blob as a response. Raises Problem 404 where it is gone, whoever names it."""
-    file = blobs.blob_path(settings.blobs_folder, sha256)
-    if not file.is_file():
-        raise not_found(what)
+    try:
+        file = blobs.found_blob(settings.blobs_folder, sha256)
+    except FileNotFoundError as error:
+        raise not_found(what) from error
     return FileResponse(file, media_type=media_type, **more)
 
 

@@ -73,7 +73,7 @@ def expire(services: Services, passed_s: float) -> list[str]:
     ages = grown(read_ages(settings.data_folder), sizes_bytes, passed_s)
     write_ages(settings.data_folder, ages)
     for name in older_than(_of(ages, ASIDE), limits.quarantine_days):
-        (settings.quarantine_folder / name).unlink(missing_ok=True)
+        blobs.remove(settings.quarantine_folder / name)
     expired = []
     for upload_id in older_than(_of(ages, UPLOAD), limits.upload_days):
         with suppress(Problem), services.busy.alone([upload_id]):

@@ -1,0 +1,205 @@
+"""Which data folder holds a database: one at a time, and never a copy beside its original.
+
+The row of the store names the folder that was last used with it, and carries a beat, which whoever
+serves the folder changes again and again. Another folder listens before it takes the database over:
+so clocks need not agree, and what a killed server left behind is silent.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from sqlalchemy import Engine, inspect, select
+from sqlalchemy.exc import SQLAlchemyError
+
+from elfslam.base.errors import StoreError
+from elfslam.base.urls import shown_url
+from elfslam.serve.problems import LOG
+from elfslam.serve.settings import ServerSettings
+from elfslam.serve.store.database import (
+    Sessions,
+    Store,
+    answering,
+    new_id,
+    shown_database,
+    transaction,
+)
+from elfslam.serve.store.identity import read_identity
+
+BOOT = Path("/proc/sys/kernel/random/boot_id")
+BEAT_S = 5.0
+LISTEN_S = 3 * BEAT_S
+LOOK_S = 0.5
+Wait = Callable[[float], object]
+
+
+@dataclass(frozen=True)
+class Holder:
+    """A data folder as no copy of it has it, that of a cloned machine not either."""
+
+    host: str
+    folder: str
+    inode: str
+    boot: str = ""
+
+
+@dataclass(frozen=True)
+class Held:
+    """What a database says of who holds it."""
+
+    holder: Holder | None = None
+    beat: str | None = None
+
+
+def holder_of(folder: Path) -> Holder:
+    """The data folder of this machine, since it was started."""
+    place = folder.resolve()
+    told, boot = place.stat(), BOOT.read_text().strip() if BOOT.is_file() else ""
+    return Holder(socket.gethostname(), str(place), f"{told.st_dev}:{told.st_ino}", boot)
+
+
+def read_held(engine: Engine) -> Held:
+    """Who holds a database of whatever version."""
+    with answering(engine), engine.connect() as connection:
+        inspector = inspect(connection)
+        if not inspector.has_table(Store.__tablename__):
+            return Held()
+        if Store.holder.key not in {each["name"] for each in inspector.get_columns("stores")}:
+            return Held()
+        row = connection.execute(select(Store.holder, Store.beat)).first()
+    return Held() if row is None else _held_of(row.holder, row.beat)
+
+
+def _held_of(told: Mapping[str, str] | None, beat: str | None) -> Held:
+    """What a row says. Raises StoreError."""
+    try:
+        return Held(None if told is None else Holder(**told), beat)
+    except TypeError as error:
+        raise StoreError(
+            f"database: says {told!r:.60} of who holds it, wanted host and folder; restore a backup"
+        ) from error
+
+
+def free_to_take(engine: Engine, settings: ServerSettings, wait: Wait = time.sleep) -> Held:
+    """Who held a database that this folder may take now. Raises StoreError where another has it.
+
+    A folder that was moved takes its database along, once nobody serves it where it was.
+    """
+    held, mine = read_held(engine), holder_of(settings.data_folder)
+    if held.holder is None or held.holder == mine:
+        return held
+    if not _lies_in(engine, settings.data_folder) and _is_there(held.holder, mine, settings):
+        raise _held_by(engine, held.holder, settings, "is there as well: one of them is a copy")
+    listened_s = 0.0
+    while held.beat is not None and listened_s < LISTEN_S:
+        wait(LOOK_S)
+        listened_s += LOOK_S
+        if read_held(engine) != held:
+            raise _held_by(engine, held.holder, settings, "is being served")
+    return held
+
+
+def take(sessions: Sessions, settings: ServerSettings, before: Held) -> None:
+    """Let a folder hold its database. Raises StoreError where another was quicker."""
+    with transaction(sessions) as session:
+        row = session.scalars(select(Store).with_for_update()).one()
+        if _held_of(row.holder, row.beat) != before:
+            raise StoreError(
+                f"database {shown_url(settings.url)}: another server begins with it at this "
+                "moment; choose one"
+            )
+        row.holder, row.beat = asdict(holder_of(settings.data_folder)), None
+
+
+@contextmanager
+def holding(
+    sessions: Sessions,
+    settings: ServerSettings,
+    *,
+    lost: Callable[[], None] = lambda: signal.raise_signal(signal.SIGTERM),
+    beat_s: float = BEAT_S,
+) -> Iterator[None]:
+    """Tell others, as long as this lasts, that the folder is served.
+
+    `lost` is called where another folder has taken the database. Raises StoreError where one did
+    so already. A database inside the folder is held by the folder's lock.
+    """
+    if _lies_in(sessions.kw["bind"], settings.data_folder):
+        yield
+        return
+    mine, stop = holder_of(settings.data_folder), threading.Event()
+    if not _beats(sessions, mine, new_id()):
+        raise StoreError(
+            f"database {shown_url(settings.url)}: was taken by another folder just now; choose one"
+        )
+    thread = threading.Thread(target=_beat_on, args=(sessions, mine, stop, lost, beat_s))
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join()
+        try:
+            _beats(sessions, mine, None)
+        except SQLAlchemyError as error:
+            LOG.warning("the database was not told that nobody serves it any more: %s", error)
+
+
+def _beat_on(
+    sessions: Sessions,
+    mine: Holder,
+    stop: threading.Event,
+    lost: Callable[[], None],
+    beat_s: float,
+) -> None:
+    while not stop.wait(beat_s):
+        try:
+            if not _beats(sessions, mine, new_id()):
+                LOG.error("another data folder was given this database; stopping")
+                lost()
+                return
+        except SQLAlchemyError as error:
+            LOG.warning("the database was not told that this folder is served: %s", error)
+
+
+def _beats(sessions: Sessions, mine: Holder, beat: str | None) -> bool:
+    """Whether the folder still holds the database, which then has its next beat."""
+    with transaction(sessions) as session:
+        row = session.scalars(select(Store).with_for_update()).one()
+        if row.holder != asdict(mine):
+            return False
+        row.beat = beat
+        return True
+
+
+def _lies_in(engine: Engine, folder: Path) -> bool:
+    """Whether a database is a file of the folder, which is copied with it."""
+    file = engine.url.database if engine.dialect.name == "sqlite" else None
+    return bool(file) and Path(os.path.realpath(str(file))).parent == folder.resolve()
+
+
+def _is_there(holder: Holder, mine: Holder, settings: ServerSettings) -> bool:
+    """Whether the folder of a holder lies on this machine, and is not where we are."""
+    if holder.host != mine.host or holder.folder == mine.folder:
+        return False
+    try:
+        theirs, ours = read_identity(Path(holder.folder)), read_identity(settings.data_folder)
+    except StoreError:
+        return True
+    return theirs is not None and ours is not None and theirs.id == ours.id
+
+
+def _held_by(engine: Engine, holder: Holder, settings: ServerSettings, why: str) -> StoreError:
+    return StoreError(
+        f"database {shown_database(engine)}: belongs to the data folder {holder.folder} on "
+        f"{holder.host}, which {why}; serve that one, or to hand the database over to "
+        f"{settings.data_folder} stop it and move or delete it first"
+    )
