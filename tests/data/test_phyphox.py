@@ -121,7 +121,7 @@ def export(folder: Path, content: dict[str, str]) -> Path:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_every_way_to_write_it_gives_the_same(tmp_path: Path, variant: Variant) -> None:
-    recording = read_phyphox(export(tmp_path, files(variant)))
+    recording = read_phyphox(export(tmp_path, files(variant))).recording
     assert (recording.name, recording.device) == ("walk", "Google Pixel 9a")
     np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-9)
     np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.81 * UP, rtol=1e-9)
@@ -134,7 +134,7 @@ def test_every_way_to_write_it_gives_the_same(tmp_path: Path, variant: Variant) 
 
 
 def test_the_chirps_of_the_experiment_are_heard_in_its_export(tmp_path: Path) -> None:
-    audio = read_phyphox(export(tmp_path, files())).audio
+    audio = read_phyphox(export(tmp_path, files())).recording.audio
     echoes = cut_echoes(audio, make_chirp(ChirpParameters(), 48_000), EchoParameters())
     assert len(echoes.t_s) >= 28
     np.testing.assert_allclose(np.diff(echoes.t_s), 0.1, atol=1e-4)
@@ -160,7 +160,7 @@ def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str,
             (f"{quantity}{each}{axis}", np.full(60, value[k])) for k, each in enumerate("xyz")
         ]
         content[f"{file}.csv"] = table([("Time (s)", T_S), *columns, ("Absolute", T_S)])
-    recording = read_phyphox(export(tmp_path, content))
+    recording = read_phyphox(export(tmp_path, content)).recording
     np.testing.assert_allclose(recording.imu.accel_mps2[0], 9.81 * UP, rtol=1e-6)
     assert recording.device == "unknown"
     assert recording.audio is None
@@ -174,15 +174,17 @@ def test_acceleration_without_g_is_not_taken_for_the_one_with(tmp_path: Path) ->
         "Linear Accelerometer.csv": linear.replace("Linear ", ""),
         **files(),
     }
-    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).imu.accel_mps2[0], 9.81 * UP)
+    np.testing.assert_allclose(
+        read_phyphox(export(tmp_path, content)).recording.imu.accel_mps2[0], 9.81 * UP
+    )
     del content["Accelerometer.csv"]
-    with pytest.raises(InputError, match="has no columns of an accelerometer with g"):
+    with pytest.raises(InputError, match="gravity is missing"):
         read_phyphox(export(tmp_path, content))
 
 
 def test_a_sensor_that_the_phone_lacks_is_left_out(tmp_path: Path) -> None:
     empty = files()["Magnetometer.csv"].splitlines()[0] + "\n"
-    recording = read_phyphox(export(tmp_path, {**files(), "Magnetometer.csv": empty}))
+    recording = read_phyphox(export(tmp_path, {**files(), "Magnetometer.csv": empty})).recording
     assert recording.magnetometer is None
 
 
@@ -190,7 +192,7 @@ def test_a_shorter_buffer_ends_in_nan(tmp_path: Path) -> None:
     columns = sensor("Acceleration", "m/s^2", 9.81 * UP)
     columns[3] = (columns[3][0], columns[3][1][:-2])
     content = {**files(), "Accelerometer.csv": table(columns)}
-    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).imu.t_s, T_S[:-2])
+    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).recording.imu.t_s, T_S[:-2])
 
 
 def without(name: str) -> dict[str, str]:
@@ -263,7 +265,7 @@ def test_numbers_come_back_whatever_the_variant(
     text = table([("Time (s)", [*t_s, *[9.0] * lacking]), *axes], variant)
     folder = tmp_path_factory.mktemp("export")
     content = {**silent_files(variant), "Magnetometer.csv": text}
-    read = read_phyphox(export(folder, content)).magnetometer
+    read = read_phyphox(export(folder, content)).recording.magnetometer
     assert read is not None
     np.testing.assert_allclose(read.t_s, t_s, atol=1e-9)
     np.testing.assert_allclose(read.field_ut, field, rtol=1e-9, atol=1e-300)

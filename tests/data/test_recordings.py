@@ -364,7 +364,7 @@ def test_values_beyond_belief_are_refused(motion: Path, name: str, value: str) -
 @pytest.mark.parametrize("strength", [0.0, 1.0, 40.0])
 def test_accelerations_without_gravity_are_refused(motion: Path, strength: float) -> None:
     (motion / "accelerometer.csv").write_text(timed(T_S, (0, 0, strength)))
-    with pytest.raises(InputError, match=r"median strength is .* m/s2, wanted 5 to 15"):
+    with pytest.raises(InputError, match=r"gravity .* is .* m/s2, wanted 5 to 15"):
         read_recording(motion)
 
 

@@ -63,7 +63,7 @@ def log(folder: Path, files: dict[str, str | bytes]) -> Path:
 
 
 def test_android(tmp_path: Path) -> None:
-    recording = read_sensorlogger(log(tmp_path, ANDROID))
+    recording = read_sensorlogger(log(tmp_path, ANDROID)).recording
     assert (recording.name, recording.device) == ("walk", "Test Phone")
     np.testing.assert_allclose(recording.imu.t_s, T_S)
     np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.80665 * UP, atol=1e-8)
@@ -72,7 +72,7 @@ def test_android(tmp_path: Path) -> None:
 
 
 def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
-    imu = read_sensorlogger(log(tmp_path, IOS)).imu
+    imu = read_sensorlogger(log(tmp_path, IOS)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[7], 9.80665 * UP + [0.5, 0, 0], atol=1e-8)
     np.testing.assert_allclose(imu.gyro_radps[7], [0.1, 0.2, 0.3])
 
@@ -93,14 +93,14 @@ def test_ios_standardised_or_not(
     still = {"Gravity.csv": table(9.80665 * gravity), "Accelerometer.csv": table(np.zeros(3))}
     files = {**IOS, **still, "Metadata.csv": metadata("iOS", standardisation)}
     del files["Orientation.csv"]
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
 
 
 def test_uncalibrated_ios_acceleration_is_in_g_and_flipped(tmp_path: Path) -> None:
     files = {name: IOS[name] for name in ("Metadata.csv", "Gyroscope.csv")}
     files["AccelerometerUncalibrated.csv"] = table(-UP)
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
 
 
@@ -110,7 +110,9 @@ def test_rows_from_before_the_start_are_kept(tmp_path: Path) -> None:
         "TotalAcceleration.csv": table(9.80665 * UP, t_s=early),
         "Gyroscope.csv": table(np.zeros(3), t_s=early),
     }
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, early, atol=1e-4)
+    np.testing.assert_allclose(
+        read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, early, atol=1e-4
+    )
 
 
 def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
@@ -122,7 +124,7 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
             (1.5, "", "aa", -55),
         ]
     )
-    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).wifi
+    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).recording.wifi
     assert wifi.bssids == ("aa", "bb")
     np.testing.assert_array_equal(wifi.rssi_dbm, [[-50, -60], [-55, np.nan]])
     for bad in (",x,", ",nan,", ",,"):
@@ -133,7 +135,7 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
 
 def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
     files = {**ANDROID, "TotalAcceleration.csv": table(UP)}
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
 
 
@@ -141,13 +143,13 @@ def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
 def test_gravity_decides_which_way_the_quaternion_turns(
     tmp_path: Path, files: dict[str, str]
 ) -> None:
-    attitude = read_sensorlogger(log(tmp_path, files)).orientation.world_from_phone
+    attitude = read_sensorlogger(log(tmp_path, files)).recording.orientation.world_from_phone
     np.testing.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
 
 
 def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
     sideways = table(np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]), "qw,qz,qy,qx")
-    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways}))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways})).recording
     assert recording.orientation is None
 
 
@@ -155,14 +157,16 @@ def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
 def test_only_sound_with_the_chirp_band_is_kept(tmp_path: Path, rate_hz: int, kept: bool) -> None:
     sound = io.BytesIO()
     soundfile.write(sound, np.zeros(1000), rate_hz, format="WAV")
-    audio = read_sensorlogger(log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})).audio
+    audio = read_sensorlogger(
+        log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})
+    ).recording.audio
     assert (audio is not None) == kept
 
 
 def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
     rows = ANDROID["Gyroscope.csv"].splitlines()
     files = {**ANDROID, "Gyroscope.csv": "\n".join([*rows[:9], rows[8], rows[5], *rows[9:]])}
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, T_S)
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, T_S)
 
 
 def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
@@ -170,7 +174,7 @@ def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
     cells = rows[9].split(",")
     rows[9] = ",".join([cells[0], "3600.0", *cells[2:]])
     files = {**ANDROID, "Magnetometer.csv": "\n".join(rows)}
-    t_s = read_sensorlogger(log(tmp_path, files)).magnetometer.t_s
+    t_s = read_sensorlogger(log(tmp_path, files)).recording.magnetometer.t_s
     np.testing.assert_allclose(t_s, np.delete(T_S, 8))
 
 
@@ -198,12 +202,12 @@ def test_a_pause_of_the_gyroscope_is_kept(tmp_path: Path) -> None:
         "TotalAcceleration.csv": table(9.80665 * UP, t_s=t_s),
         "Gyroscope.csv": table(np.zeros(3), t_s=t_s[kept]),
     }
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, t_s[kept])
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, t_s[kept])
 
 
 def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
     files = {f"folder/{name}": ANDROID[name] for name in ("TotalAcceleration.csv", "Gyroscope.csv")}
-    recording = read_sensorlogger(log(tmp_path, files))
+    recording = read_sensorlogger(log(tmp_path, files)).recording
     assert recording.device == "unknown"
     assert recording.magnetometer is None
 
@@ -211,7 +215,8 @@ def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
 @pytest.mark.parametrize("absent", ["Gyroscope.csv", "Gravity.csv", "Accelerometer.csv"])
 def test_missing_motion_sensors_are_refused(tmp_path: Path, absent: str) -> None:
     files = {name: content for name, content in IOS.items() if name != absent}
-    with pytest.raises(InputError, match=r"walk\.zip: motion sensors are missing"):
+    what = "gravity is missing" if absent == "Gravity.csv" else "motion sensors are missing"
+    with pytest.raises(InputError, match=rf"walk\.zip: {what}"):
         read_sensorlogger(log(tmp_path, files))
 
 

@@ -36,11 +36,15 @@ class Chirp(Value):
 
 @dataclass(frozen=True, eq=False)
 class Audio(Value):
-    """Recorded sound in [-1, 1], a row per channel; frames that are timed lack no samples."""
+    """Recorded sound in [-1, 1], a row per channel; frames that are timed lack no samples.
+
+    `notes` say what was done to it when it was read.
+    """
 
     samples: F32 = array("c", "n", dtype=np.float32)
     rate_hz: int
     is_timed: bool = False
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,6 +121,7 @@ class Recording:
 
     `played_t_s` (n) says when chirps began to be played, up to the way of the sound, `gain_db` (n)
     how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
+    `notes` say what was not as it should be and what was done about it.
     """
 
     name: str
@@ -133,6 +138,7 @@ class Recording:
     gain_db: F64 | None = None
     kept_s: tuple[float, float] | None = None
     checkpoints: Checkpoints | None = None
+    notes: tuple[str, ...] = ()
 
     __repr__ = summary
 

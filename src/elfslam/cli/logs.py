@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from elfslam.app.console import print_rows, progress_bar, say
+from elfslam.app.console import print_rows, progress_bar, say, say_notes
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
@@ -20,10 +20,16 @@ from elfslam.cli.options import (
     say_refused,
 )
 from elfslam.data.folders import new_file
-from elfslam.data.importing import LogFormat, Refused, declared_start, read_logs, takes_many
+from elfslam.data.importing import (
+    LogFormat,
+    Refused,
+    declared_start,
+    read_logs,
+    recognise,
+    takes_many,
+)
 from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
-from elfslam.data.recognising import recognise
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
 
@@ -59,6 +65,7 @@ def import_command(
             folder = out / item.recording.name if takes_many(known, path) else out
             recording = declared_start(item) if declare_start else item.recording
             write_recording(recording, folder, truth=item.truth)
+            say_notes(recording)
             count, damaged = count + 1, damaged + item.damaged_lines
     refuse_if_none("imported", path, refused, count)
     summary = {"format": str(known), "recordings": count, "damaged_lines": damaged}

@@ -11,6 +11,7 @@ import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -138,6 +139,7 @@ def _manifest(
         "chirp": None if chirp is None else dict(chirp),
         "audio": sound,
         "software": f"elfslam {__version__}",
+        "notes": list(recording.notes),
     }
 
 
@@ -160,6 +162,11 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         gain_db=gain_db,
         checkpoints=read_checkpoints(folder),
     )
+    notes = (
+        *_notes(folder / MANIFEST, manifest),
+        *(recording.audio.notes if recording.audio else ()),
+    )
+    recording = replace(recording, notes=tuple(dict.fromkeys(notes)))
     _check_clocks(folder, recording)
     return recording
 
@@ -208,6 +215,14 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
         raise InputError(f"{file}: start_pose {given!r:.60} is not finite; give three numbers")
     x_m, y_m, heading_rad = map(float, [*given, math.nan][: len(POSE)])
     return x_m, y_m, heading_rad
+
+
+def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
+    """What was said of the recording when it was taken up."""
+    notes = manifest.get("notes", [])
+    if not isinstance(notes, list) or not all(isinstance(note, str) for note in notes):
+        raise InputError(f"{file}: notes are {notes!r:.60}, wanted a list of texts; repair it")
+    return notes
 
 
 def _declared(start: tuple[float, float, float] | None) -> list[float] | None:

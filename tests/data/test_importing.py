@@ -15,8 +15,7 @@ from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Recording
-from elfslam.data.importing import Imported, LogFormat, Refused, read_logs, takes_many
-from elfslam.data.recognising import recognise
+from elfslam.data.importing import Imported, LogFormat, Refused, read_logs, recognise, takes_many
 from elfslam.data.recordings import write_recording
 
 MALL = "".join(
@@ -173,8 +172,6 @@ RONIN = LOGS[LogFormat.RONIN]()
         ({"a.txt": MALL, "b.txt": GETSENSORDATA}, "wanted one of them"),
         ({"a.txt": MALL + GETSENSORDATA}, "wanted one of them"),
         ({"recording.json": "{}", **SENSORLOGGER}, "a recording of elfslam (recording.json)"),
-        ({**under("a", SENSORLOGGER), **under("b", SENSORLOGGER)}, "holds several recordings"),
-        ({**under("a", PHYPHOX), **under("b", PHYPHOX)}, "holds several recordings"),
         ({"xl/workbook.xml": "<x/>", "[Content_Types].xml": ""}, "is an Excel file"),
         ({"one.zip": b"PK\x03\x04", "two.zip": b"PK\x03\x04"}, "holds other .zip files"),
         ({"a.csv": "t_s,x,y,z\n0,1,2,3\n"}, "holds a.csv, which are of no known log"),
@@ -241,7 +238,21 @@ def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_archive_of_something_else_is_refused(tmp_path: Path) -> None:
-    refuse(tarred(tmp_path / "a.tar.xz", {"a.txt": "hello\n"}), "archive without walks")
+    refuse(
+        tarred(tmp_path / "a.tar.xz", {"a.txt": "hello\n"}),
+        "holds a.txt, which are of no known log",
+    )
+
+
+@pytest.mark.parametrize("log_format", PACKED)
+def test_two_recordings_in_one_zip_are_refused_whoever_named_the_format(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    files = LOGS[log_format]()
+    path = zipped(tmp_path / "walk.zip", {**under("a", files), **under("b", files)})
+    assert recognise(path) is log_format
+    with pytest.raises(InputError, match=r"holds several recordings .a/"):
+        imported(log_format, path)
 
 
 @pytest.mark.parametrize("log_format", LOGS)
