@@ -277,3 +277,91 @@ def known(path: Path) -> str:
     except InputError as refused:
         said = str(refused)
         return next(each for each in ("of no known log", "holds no file") if each in said)
+
+
+@pytest.mark.parametrize("log_format", PACKED)
+def test_folders_of_a_zip_may_be_parted_as_windows_does(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    files = {f"my walk/{name}": text for name, text in LOGS[log_format]().items()}
+    there = {name.replace("/", "\\"): text for name, text in files.items()}
+    path = zipped(tmp_path / "walk.zip", {"my walk\\": "", **there})
+    assert recognise(path) is log_format
+    (item,) = imported(log_format, path)
+    (same,) = imported(log_format, zipped(tmp_path / "same.zip", files))
+    np.testing.assert_array_equal(item.recording.imu.accel_mps2, same.recording.imu.accel_mps2)
+
+
+def savetxt(text: str) -> str:
+    """As numpy writes it unasked."""
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    content = io.StringIO()
+    np.savetxt(content, np.array([row.split() for row in rows], dtype=float))
+    return content.getvalue()
+
+
+def spreadsheet(text: str) -> str:
+    return text.replace(",", ";").replace(".", ",")
+
+
+WAYS: dict[str, tuple[LogFormat, Mapping[str, str]]] = {
+    "numpy.savetxt": (
+        LogFormat.RONIN,
+        {name: savetxt(text) for name, text in RONIN.items() if name.endswith(".txt")},
+    ),
+    "from zero": (LogFormat.RONIN, {name: text for name, text in RONIN.items() if ".txt" in name}),
+    "capitals": (LogFormat.RONIN, {name.upper(): text for name, text in RONIN.items()}),
+    "small letters": (
+        LogFormat.SENSORLOGGER,
+        {name.lower(): text for name, text in SENSORLOGGER.items()},
+    ),
+    "decimal commas": (
+        LogFormat.SENSORLOGGER,
+        {name: spreadsheet(text) for name, text in SENSORLOGGER.items() if name != "WiFi.csv"},
+    ),
+    "deep": (LogFormat.PHYPHOX, under("a/b", PHYPHOX)),
+    "ending in capitals": (
+        LogFormat.PHYPHOX,
+        {name.replace(".csv", ".CSV"): text for name, text in PHYPHOX.items()},
+    ),
+    "decimal commas of phyphox": (
+        LogFormat.PHYPHOX,
+        {
+            name: spreadsheet(text)
+            for name, text in PHYPHOX.items()
+            if "," in text and not name.startswith("meta")
+        },
+    ),
+    "spaces": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace(";", " ; ")}),
+    "indented": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace("\n", "\n  ")}),
+    "old Mac": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace("\n", "\r")}),
+    "no header": (LogFormat.MALL, {"a.txt": MALL}),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("as_zip", [True, False])
+def test_what_a_named_reader_takes_is_recognised_however_it_is_written(
+    tmp_path: Path, way: str, as_zip: bool
+) -> None:
+    log_format, files = WAYS[way]
+    path = tmp_path / ("walk.zip" if as_zip else "walk")
+    if as_zip:
+        zipped(path, files)
+    for name, text in {}.items() if as_zip else files.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_bytes(text.encode())
+    assert recognise(path) is log_format
+    (item,) = imported(log_format, path)
+    np.testing.assert_allclose(item.recording.imu.t_s, T_S, atol=1e-5)
+
+
+def test_what_no_reader_takes_is_not_recognised(tmp_path: Path) -> None:
+    """Seconds in place of nanoseconds, a header that is no comment, cells that commas part."""
+    for change in (
+        lambda text: text.replace("0000000 ", " "),
+        lambda text: "t x y z\n" + text,
+        lambda text: text.replace(" ", ","),
+    ):
+        files = {name: change(text) for name, text in RONIN.items()}
+        refuse(zipped(tmp_path / "walk.zip", files), "of no known log")

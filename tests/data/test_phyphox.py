@@ -310,3 +310,84 @@ def test_the_experiment_follows_the_chirp_parameters() -> None:
     np.testing.assert_array_equal(played[:480].astype(np.float32), tone)
     with pytest.raises(ParameterError, match=r"chirp\.period_s: 0\.100001 s is 4800\.05 samples"):
         phyphox_experiment(ChirpParameters(period_s=0.100001), 1.0)
+
+
+LANGUAGES = {
+    "French": ("Temps (s)", "Accéléromètre", "Accélération selon", "Accélération linéaire"),
+    "Italian": ("Tempo (s)", "Accelerometro", "Accelerazione", "Accelerazione"),
+    "Japanese": ("時間 (s)", "加速度計", "加速度", "線形加速度"),
+    "Chinese": ("时间\uff08s\uff09", "加速度传感器", "加速度", "加速度"),
+    "German": ("Zeit (s)", "Beschleunigungssensor", "Beschleunigung", "Lineare Beschleunigung"),
+}
+
+
+def stepping(gravity: np.ndarray, strength: float = 3.0) -> np.ndarray:
+    """Two pushes a second, of that strength, on top of gravity."""
+    push = np.sin(2 * np.pi * 2 * T_S)[:, None] * np.array([0.3, 0.5, 0.8])
+    return gravity + strength * push
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_gravity_is_told_by_the_data_in_any_language(tmp_path: Path, language: str) -> None:
+    time, with_it, whole, linear = LANGUAGES[language]
+    between = " " if whole.isascii() or language == "French" else ""
+    meant = stepping(9.81 * UP)
+    content = silent_files()
+    del content["Accelerometer.csv"]
+    for file, quantity, values in (
+        (f"A {linear}", linear, stepping(np.zeros(3))),
+        (with_it, whole, meant),
+    ):
+        columns = [
+            (f"{quantity}{between}{axis} (m/s²)", values[:, k]) for k, axis in enumerate("xyz")
+        ]
+        content[f"{file}.csv"] = table([(time, T_S), *columns])
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, meant, atol=1e-6)
+    del content[f"{with_it}.csv"]
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_phyphox(export(tmp_path, content))
+
+
+@pytest.mark.parametrize("strength", [0.3, 1.0, 1.6, 9.8, 16.0])
+def test_a_stated_unit_is_never_guessed(tmp_path: Path, strength: float) -> None:
+    """Motion free of gravity, gentle or wild, is neither multiplied nor taken for gravity."""
+    content = silent_files()
+    content["Accelerometer.csv"] = table(
+        sensor("Acceleration", "m/s^2", stepping(np.zeros(3), strength))
+    )
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_phyphox(export(tmp_path, content))
+
+
+def test_gravity_and_motion_in_tables_of_their_own_are_added_up(tmp_path: Path) -> None:
+    content = silent_files()
+    content["Accelerometer.csv"] = table(
+        sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
+    )
+    content["Gravity.csv"] = table(sensor("Gravity", "m/s^2", 9.81 * UP))
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
+
+
+def test_several_sensors_in_one_table_are_told_apart(tmp_path: Path) -> None:
+    content = silent_files()
+    linear = sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
+    whole = sensor("Acceleration", "m/s^2", stepping(9.81 * UP))
+    content["Accelerometer.csv"] = table([*linear, *whole[1:]])
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
+
+
+def test_a_clock_that_starts_anew_costs_no_row(tmp_path: Path) -> None:
+    anew_s = np.concatenate([T_S[:30], T_S[:30]])
+    content = silent_files()
+    for name, quantity, unit, values in (
+        ("Accelerometer.csv", "Acceleration", "m/s^2", 9.81 * UP),
+        ("Gyroscope.csv", "Gyroscope", "rad/s", np.ones(3)),
+    ):
+        content[name] = table([("Time (s)", anew_s), *sensor(quantity, unit, values)[1:]])
+    found = read_phyphox(export(tmp_path, content))
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-9)
+    assert found.damaged_lines == 0
+    assert "was put back by 1.45 s at 1.45 s" in found.recording.notes[0]

@@ -55,6 +55,9 @@ IOS = {
 }
 
 
+SENSOR_FILES = [name for name in ANDROID if name != "Metadata.csv"]
+
+
 def log(folder: Path, files: dict[str, str | bytes]) -> Path:
     with zipfile.ZipFile(folder / "walk.zip", "w") as archive:
         for name, content in files.items():
@@ -231,3 +234,142 @@ def test_damaged_logs_are_refused(tmp_path: Path) -> None:
         read_sensorlogger(file)
     with pytest.raises(InputError, match=r"is no file"):
         read_sensorlogger(tmp_path / "none.zip")
+
+
+def saved_again(text: str, separator: str, point: str, *, quoted: bool = False) -> str:
+    """As a spreadsheet saves it: another separator and decimal mark, and its own line ends."""
+    rows = [[cell.replace(".", point) for cell in line.split(",")] for line in text.splitlines()]
+    mark = '"' if quoted else ""
+    return "\ufeff" + "".join(
+        separator.join(f"{mark}{cell}{mark}" for cell in row) + "\r\n" for row in rows
+    )
+
+
+@pytest.mark.parametrize(
+    ("separator", "point", "quoted"),
+    [(";", ",", False), ("\t", ",", False), ("\t", ".", False), (";", ".", True), (",", ",", True)],
+)
+def test_what_a_spreadsheet_saved_again_reads_the_same(
+    tmp_path: Path, separator: str, point: str, quoted: bool
+) -> None:
+    wifi = "time,seconds_elapsed,ssid,bssid,frequency,level\n1,0.25,home,aa,2412,-50.5\n"
+    whole = {**ANDROID, "WiFi.csv": wifi}
+    again = {
+        name: saved_again(text, separator, point, quoted=quoted) for name, text in whole.items()
+    }
+    wanted = read_sensorlogger(log(tmp_path, whole)).recording
+    found = read_sensorlogger(log(tmp_path, again)).recording
+    assert found.device == wanted.device
+    np.testing.assert_array_equal(found.imu.accel_mps2, wanted.imu.accel_mps2)
+    np.testing.assert_array_equal(found.imu.t_s, wanted.imu.t_s)
+    np.testing.assert_array_equal(found.magnetometer.field_ut, wanted.magnetometer.field_ut)
+    np.testing.assert_array_equal(found.wifi.rssi_dbm, wanted.wifi.rssi_dbm)
+    np.testing.assert_array_equal(found.wifi.t_s, wanted.wifi.t_s)
+
+
+def test_decimal_commas_between_commas_are_refused_and_not_guessed(tmp_path: Path) -> None:
+    bad = saved_again(ANDROID["Gyroscope.csv"], ",", ",")
+    with pytest.raises(InputError, match=r"row 2 has 9 cells for 5 columns"):
+        read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": bad}))
+
+
+@pytest.mark.parametrize("change", [str.lower, str.upper])
+def test_files_are_found_however_their_names_are_written(
+    tmp_path: Path, change: Callable[[str], str]
+) -> None:
+    recording = read_sensorlogger(
+        log(tmp_path, {change(name): text for name, text in ANDROID.items()})
+    ).recording
+    assert recording.device == "Test Phone"
+    assert recording.magnetometer is not None
+
+
+def annotations(*taps: tuple[float, str]) -> str:
+    rows = [f'{1718030736872695300 + int(t * 1e9)},{t},"{text}",80\n' for t, text in taps]
+    return "time,seconds_elapsed,text,millisecond_press_duration\n" + "".join(rows)
+
+
+def test_taps_with_a_text_are_checkpoints(tmp_path: Path) -> None:
+    taps = annotations((0.1, "door"), (0.3, " the  window "), (0.2, ""), (0.3, "again"))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    assert recording.checkpoints.names == ("door", "the window")
+    np.testing.assert_array_equal(recording.checkpoints.t_s, [0.1, 0.3])
+    assert recording.checkpoints.xy_m is None
+    assert [note[:39] for note in recording.notes] == ["annotations that are no checkpoints: 2;"]
+
+
+@pytest.mark.parametrize(
+    "texts", [("1.5, -2.0", "door", "12;0"), ("+1.5 ,-2", "door", " 12 ; 0.0")]
+)
+def test_two_numbers_are_a_place_on_the_plan(tmp_path: Path, texts: tuple[str, ...]) -> None:
+    taps = annotations(*zip((0.1, 0.2, 0.3), texts, strict=True))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    places = [[1.5, -2], [np.nan, np.nan], [12, 0]]
+    np.testing.assert_array_equal(recording.checkpoints.xy_m, places)
+    assert recording.notes == ("annotations taken as places on a plan, x and y in metres: 2",)
+
+
+def test_annotations_that_say_nothing_are_none(tmp_path: Path) -> None:
+    for taps in ([], [(0.1, "")]):
+        files = {**ANDROID, "Annotation.csv": annotations(*taps)}
+        recording = read_sensorlogger(log(tmp_path, files)).recording
+        assert recording.checkpoints is None
+        assert len(recording.notes) == len(taps)
+    bad = log(tmp_path, {**ANDROID, "Annotation.csv": annotations((0.1, "a")).replace("0.1", "x")})
+    with pytest.raises(InputError, match=r"Annotation\.csv: .* is no time"):
+        read_sensorlogger(bad)
+
+
+def put_back(text: str, back_s: float, *, whole: bool) -> str:
+    """From half of the rows on the app's seconds are less; `whole`: the phone's clock too."""
+    head, *lines = text.splitlines()
+    rows = [line.split(",") for line in lines]
+    for row in rows[len(rows) // 2 :]:
+        row[1] = f"{float(row[1]) - back_s:.4f}"
+        row[0] = str(int(row[0]) - round(back_s * 1e9) * whole)
+    return "\n".join([head, *map(",".join, rows)]) + "\n"
+
+
+@pytest.mark.parametrize("back_s", [3600.0, 0.25])
+def test_a_clock_that_was_put_back_costs_no_row(tmp_path: Path, back_s: float) -> None:
+    taps = annotations((0.2, "door"), (0.3 - back_s, "window"))
+    jumped = {name: put_back(ANDROID[name], back_s, whole=True) for name in SENSOR_FILES}
+    files = {**ANDROID, **jumped, "Annotation.csv": taps}
+    found = read_sensorlogger(log(tmp_path, files))
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(found.recording.magnetometer.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(found.recording.checkpoints.t_s, [0.2, 0.3], atol=1e-3)
+    assert found.damaged_lines == 0
+    (note,) = found.recording.notes
+    assert note.startswith(f"the clock was put back by {back_s - 0.01:.2f} s at 0.24 s")
+
+
+def test_where_the_phones_own_clock_ran_on_that_one_is_taken(tmp_path: Path) -> None:
+    """A restart of the app's seconds is then as long as it was, and nothing is to be told."""
+    taps = annotations((0.1, "door"), (0.4, "window")).replace(",0.4,", ",0.1,")
+    jumped = {name: put_back(ANDROID[name], 0.25, whole=False) for name in SENSOR_FILES}
+    recording = read_sensorlogger(
+        log(tmp_path, {**ANDROID, **jumped, "Annotation.csv": taps})
+    ).recording
+    np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(recording.checkpoints.t_s, [0.1, 0.4], atol=1e-3)
+    assert recording.notes == ()
+
+
+def test_a_row_that_leaps_is_left_out_and_counted(tmp_path: Path) -> None:
+    lines = ANDROID["Gyroscope.csv"].splitlines()
+    lines[20] = lines[20].replace(",0.1900,", ",900.0,")
+    found = read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": "\n".join(lines)}))
+    assert (found.damaged_lines, found.recording.notes) == (1, ())
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
+
+
+def test_only_linear_acceleration_is_refused_and_not_scaled(tmp_path: Path) -> None:
+    steps = np.column_stack([np.cos(12 * T_S), np.sin(12 * T_S), np.cos(12 * T_S)])
+    rows = [
+        f"{t:.4f}," + ",".join(f"{v:.6f}" for v in row) for t, row in zip(T_S, steps, strict=True)
+    ]
+    linear = "seconds_elapsed,z,y,x\n" + "\n".join(rows)
+    files = {"Accelerometer.csv": linear, "Gyroscope.csv": ANDROID["Gyroscope.csv"]}
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_sensorlogger(log(tmp_path, files))

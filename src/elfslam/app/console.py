@@ -18,7 +18,6 @@ from rich.table import Table
 from elfslam.base.errors import ElfslamError, NoAnswerError, ParameterError
 from elfslam.base.extras import extra_with
 from elfslam.base.progress import Announce
-from elfslam.base.values import Recording
 
 DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
 
@@ -99,12 +98,6 @@ def say(message: str) -> None:
     """A line for the person at the terminal, apart from the output proper."""
     with suppress(OSError):
         print(" ".join(message.split("\n")), file=sys.stderr)
-
-
-def say_notes(recording: Recording) -> None:
-    """What was not as it should be with a recording, a line each."""
-    for note in recording.notes:
-        say(f"{recording.name}: {note}")
 
 
 def run_app(typed: typer.Typer, arguments: Sequence[str], name: str) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from elfslam.app.console import print_rows, progress_bar, say, say_notes
+from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
@@ -65,7 +65,8 @@ def import_command(
             folder = out / item.recording.name if takes_many(known, path) else out
             recording = declared_start(item) if declare_start else item.recording
             write_recording(recording, folder, truth=item.truth)
-            say_notes(recording)
+            for note in recording.notes:
+                say(f"{recording.name}: {note}")
             count, damaged = count + 1, damaged + item.damaged_lines
     refuse_if_none("imported", path, refused, count)
     summary = {"format": str(known), "recordings": count, "damaged_lines": damaged}

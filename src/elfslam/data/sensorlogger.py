@@ -29,7 +29,7 @@ from elfslam.base.values import (
     Recording,
     WifiScans,
 )
-from elfslam.data.audio_files import read_audio
+from elfslam.data.audio_files import at_accepted_rate, read_audio
 from elfslam.data.checkpoint_files import LONGEST_NAME, MOST
 from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
 from elfslam.data.points_of_interest_files import FARTHEST_M
@@ -225,12 +225,14 @@ def _checkpoints(
     kept = [named[k] for k in np.unique(t_s[named], return_index=True)[1][:MOST]]
     left_out = len(rows) - len(kept)
     wanted = f"{MOST} at most, each at its own time, with a text of up to {LONGEST_NAME} letters"
-    said = (f"{left_out} annotations are no checkpoints; wanted {wanted}",) if left_out else ()
+    said = [f"annotations that are no checkpoints: {left_out}; wanted {wanted}"] if left_out else []
     if not kept:
-        return None, said
+        return None, tuple(said)
     names = tuple(texts[k] for k in kept)
     xy_m = np.array([_place(name) for name in names])
-    return Checkpoints(t_s[kept], names, None if np.isnan(xy_m).all() else xy_m), said
+    if count := int(np.isfinite(xy_m[:, 0]).sum()):
+        said.append(f"annotations taken as places on a plan, x and y in metres: {count}")
+    return Checkpoints(t_s[kept], names, xy_m if count else None), tuple(said)
 
 
 def _place(text: str) -> tuple[float, float]:
@@ -243,4 +245,4 @@ def _place(text: str) -> tuple[float, float]:
 def _sound(files: Mapping[str, Path]) -> Audio | None:
     file = next((files[name] for name in SOUND_FILES if name in files), None)
     audio = read_audio(file) if file else None
-    return audio if audio and audio.rate_hz >= LOWEST_RATE_HZ else None
+    return at_accepted_rate(audio) if audio and audio.rate_hz >= LOWEST_RATE_HZ else None

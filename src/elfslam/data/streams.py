@@ -21,7 +21,7 @@ MOST_DAMAGED_ROWS, LOOKED_AT_ROWS = 10, 32
 """So many rows out of order, among those before and behind a step back, are damage; where both
 sides have more of them the clock itself was put back."""
 MOST_JUMPS = 100
-LONG_PAUSE_S = 10.0
+LONG_PAUSE_S, MOST_PAUSES_TOLD = 10.0, 10
 LARGEST_TILT_RAD = 0.5
 """An attitude whose vertical is further from the measured one is not understood."""
 CONJUGATE = np.array([-1.0, -1.0, -1.0, 1.0])
@@ -109,6 +109,8 @@ def _pauses(t_s: F64) -> list[str]:
     """What is told of long steps ahead, which are kept as gaps."""
     kept_s = t_s[in_order(t_s)]
     gaps_s = np.diff(kept_s)
+    if (count := int(np.sum(gaps_s > LONG_PAUSE_S))) > MOST_PAUSES_TOLD:
+        return [f"nothing was measured for over {LONG_PAUSE_S:g} s, {count} times; all is kept"]
     return [
         f"nothing was measured for {gaps_s[k]:.1f} s from {kept_s[k] - t_s[0]:.2f} s on, or the "
         "clock was put forward; both parts are kept, with that gap"
