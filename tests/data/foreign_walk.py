@@ -15,8 +15,9 @@ from elfslam.data.importing import read_logs, recognise
 from elfslam.data.log_files import Imported
 
 T_S = np.arange(1200) * 0.01
-"""Twelve seconds, two steps in each."""
-PUSH = 3.0 * np.sin(4 * np.pi * T_S)[:, None] * np.array([0.2, 0.4, 0.9])
+"""Twelve seconds, with 1.7 steps in each and a slow sway."""
+BEAT = 3.0 * np.sin(3.4 * np.pi * T_S) + np.sin(0.6 * np.pi * T_S)
+PUSH = BEAT[:, None] * np.array([0.2, 0.4, 0.9])
 UP = np.array([0.1, 4.9, 8.5])
 ACCEL_MPS2, TURN_RADPS = UP + PUSH, 0.1 * np.cos(T_S)[:, None] * np.array([0.1, 0.2, 1.0])
 EPOCH_NS = 1_764_000_000_000_000_000

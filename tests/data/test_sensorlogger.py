@@ -299,7 +299,7 @@ def test_taps_with_a_text_are_checkpoints(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "texts", [("1.5, -2.0", "door", "12;0"), ("+1.5 ,-2", "door", " 12 ; 0.0")]
+    "texts", [("1.5, -2.0", "door", "12;0"), ("+1,5 ;-2", "door", " 12 ; 0,0")]
 )
 def test_two_numbers_are_a_place_on_the_plan(tmp_path: Path, texts: tuple[str, ...]) -> None:
     taps = annotations(*zip((0.1, 0.2, 0.3), texts, strict=True))

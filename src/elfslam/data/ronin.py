@@ -61,8 +61,17 @@ def is_ronin(name: PurePosixPath, lines: Sequence[str]) -> bool:
     """Whether a file is called as the recorder's are, and its first rows are times and values."""
     if name.name.lower() not in LARGEST:
         return False
-    rows = [numbers_in(line) for line in lines if line.strip() and not line.startswith("#")][:2]
+    rows = [numbers_in(line) for line in lines[_comments(lines) :][:2]]
     return bool(rows) and all(len(row) > 3 for row in rows) and rows[-1][0] > LEAST_NS
+
+
+def _comments(lines: Sequence[str]) -> int:
+    """How many lines stand before the rows: comments, or names of columns."""
+    return next((k for k, line in enumerate(lines) if _is_row(line)), len(lines))
+
+
+def _is_row(line: str) -> bool:
+    return not line.startswith("#") and any(numbers_in(cell) for cell in line.split())
 
 
 def _read_folder(root: Path, name: str) -> Imported:
@@ -94,7 +103,7 @@ def _read_folder(root: Path, name: str) -> Imported:
 def _sensor(file: Path, largest: float, unit: str) -> Stream:
     """Nanoseconds (n) and values (n, 3), of an attitude (n, 4)."""
     lines = read_lines(file)
-    comments = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    comments = _comments(lines)
     if comments == len(lines):
         raise InputError(f"{file}: has comments and no rows; delete it if the sensor was off")
     columns = range(5 if file.name.lower() in ATTITUDES else 4)

@@ -236,8 +236,8 @@ def _checkpoints(
 
 
 def _place(text: str) -> tuple[float, float]:
-    """The metres that a text gives; NaN where it is a name."""
-    found = PLACE.fullmatch(text)
+    """The metres that a text gives, 1.5, 2.0 or 1,5; 2,0; NaN where it is a name."""
+    found = PLACE.fullmatch(text.replace(",", ".") if ";" in text else text)
     x_m, y_m = map(float, found.groups()) if found else (math.nan, math.nan)
     return (x_m, y_m) if max(abs(x_m), abs(y_m)) <= FARTHEST_M else (math.nan, math.nan)
 

@@ -11,10 +11,10 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import rotation_from_quaternion
 from elfslam.base.values import Imu, Orientation
-from elfslam.data.sensor_files import CLOCK_SLACK_S, GRAVITY_MPS2, steady_strength
+from elfslam.data.sensor_files import CLOCK_SLACK_S, GRAVITY_MPS2, gravity_in
 from elfslam.data.tables import in_order
 
-STANDARD_GRAVITY_MPS2 = 9.80665
+STANDARD_GRAVITY_MPS2, GRAVITY_G = 9.80665, (0.8, 1.25)
 GRAVITY_ALONE_MPS2 = 0.01
 """What is less unsteady in strength is no measurement of a walk but a phone's idea of gravity."""
 MOST_DAMAGED_ROWS, LOOKED_AT_ROWS = 10, 32
@@ -163,9 +163,11 @@ def with_gravity(streams: Sequence[Stream], unit_mps2: float | None = None) -> S
 def _unit_mps2(stream: Stream, stated: float | None) -> float | None:
     """The unit of an acceleration in which its gravity is one; None where it has none."""
     low, high = GRAVITY_MPS2
-    units = (1.0, STANDARD_GRAVITY_MPS2) if stated is None else (stated,)
-    strength = steady_strength(*stream)
-    return next((unit for unit in units if low <= strength * unit <= high), None)
+    strength = gravity_in(*stream)
+    if stated is None and GRAVITY_G[0] <= strength <= GRAVITY_G[1]:
+        return STANDARD_GRAVITY_MPS2
+    unit = stated or 1.0
+    return unit if low <= strength * unit <= high else None
 
 
 def attitude_that_agrees(t_s: F64, candidates: Sequence[F64], imu: Imu) -> Orientation | None:
