@@ -115,6 +115,8 @@ def walking(gravity: F64, *, pushed: bool = True) -> Stream:
 
 
 WHOLE, LINEAR = walking(GRAVITY_MPS2), walking(np.zeros(3))
+NOISY = TRUE_S, WHOLE[1] - LINEAR[1] * 1.05
+"""Gravity as a phone reckons it, with a little of the steps in it."""
 ALONE = walking(GRAVITY_MPS2, pushed=False)
 
 
@@ -137,6 +139,11 @@ def test_acceleration_without_gravity_is_never_scaled(
     t_s, steps = LINEAR
     npt.assert_array_equal(with_gravity([(t_s, strength * steps)], unit_mps2)[1], strength * steps)
     assert gravity_in(t_s, strength * steps) == 0
+
+
+def test_gravity_that_is_not_quite_steady_is_still_gravity_alone() -> None:
+    found = with_gravity([LINEAR, NOISY], 1.0)[1]
+    npt.assert_allclose(found, LINEAR[1] + NOISY[1], atol=1e-9)
 
 
 def test_a_unit_is_found_by_gravity_only_where_none_is_stated() -> None:

@@ -85,7 +85,7 @@ class LogFile:
 
 
 @dataclass(frozen=True)
-class Format:
+class LogReader:
     """How logs of one program are known and read.
 
     `is_mine` tells one of its files, which end in `ending`. `walks` gives the files, each of one
@@ -101,42 +101,42 @@ class Format:
     plays_chirps: bool = False
 
 
-FORMATS: Mapping[LogFormat, Format] = {
-    LogFormat.MALL: Format(
+FORMATS: Mapping[LogFormat, LogReader] = {
+    LogFormat.MALL: LogReader(
         "a walk of the mall data set",
         ".txt",
         lambda file: is_walk(file.lines),
         lambda path, _: read_walk(path),
         walks=walks_in,
     ),
-    LogFormat.MAGNETIC: Format(
+    LogFormat.MAGNETIC: LogReader(
         "a magnetic walk",
         ".mat",
         lambda file: file.is_magnetic,
         lambda path, generator: Imported(*read_magnetic(path, generator)),
         walks=partial(files_in, ending=".mat"),
     ),
-    LogFormat.SENSORLOGGER: Format(
+    LogFormat.SENSORLOGGER: LogReader(
         "a recording of Sensor Logger",
         ".csv",
         lambda file: is_sensorlogger(file.columns),
         lambda path, _: read_sensorlogger(path),
     ),
-    LogFormat.PHYPHOX: Format(
+    LogFormat.PHYPHOX: LogReader(
         "an export of phyphox",
         ".csv",
         lambda file: is_phyphox(file.columns),
         lambda path, _: read_phyphox(path),
         plays_chirps=True,
     ),
-    LogFormat.GETSENSORDATA: Format(
+    LogFormat.GETSENSORDATA: LogReader(
         "a log of GetSensorData",
         ".txt",
         lambda file: is_getsensordata(file.lines),
         lambda path, _: read_getsensordata(path),
         walks=partial(files_in, ending=".txt"),
     ),
-    LogFormat.RONIN: Format(
+    LogFormat.RONIN: LogReader(
         "a log of RoNIN",
         ".txt",
         lambda file: is_ronin(file.name, file.lines),

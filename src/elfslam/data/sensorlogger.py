@@ -155,8 +155,9 @@ def _stream(text: CsvText, sensor: str, times: Times) -> Stream:
 
 
 def _imu(folder: Path, streams: Mapping[str, Stream], facts: dict[str, str]) -> Imu:
-    found = [streams[sensor] for sensor in ACCELERATIONS if sensor in streams]
-    t_s, accel = with_gravity(found)
+    calibrated = {"totalacceleration", "gravity"} & streams.keys()
+    wanted = ACCELERATIONS[:-1] if calibrated else ACCELERATIONS
+    t_s, accel = with_gravity([streams[sensor] for sensor in wanted if sensor in streams])
     upright = -accel if _is_flipped(accel, facts) else accel
     return imu_on_accelerometer_clock(str(folder), t_s, upright, *streams["gyroscope"])
 

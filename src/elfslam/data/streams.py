@@ -15,8 +15,8 @@ from elfslam.data.sensor_files import CLOCK_SLACK_S, GRAVITY_MPS2, gravity_in
 from elfslam.data.tables import in_order
 
 STANDARD_GRAVITY_MPS2, GRAVITY_G = 9.80665, (0.8, 1.25)
-GRAVITY_ALONE_MPS2 = 0.01
-"""What is less unsteady in strength is no measurement of a walk but a phone's idea of gravity."""
+STEPS_SHARE = 0.4
+"""Of the steps along an axis; what varies less in strength than by that is gravity alone."""
 MOST_DAMAGED_ROWS, LOOKED_AT_ROWS = 10, 32
 """So many rows out of order, among those before and behind a step back, are damage; where both
 sides have more of them the clock itself was put back."""
@@ -139,25 +139,30 @@ def on_one_clock(streams: Mapping[str, Stream], clock: Clock) -> tuple[dict[str,
 
 
 def with_gravity(streams: Sequence[Stream], unit_mps2: float | None = None) -> Stream:
-    """Of the accelerations of one phone, at least one, the first with gravity and steps, in m/s2.
+    """Of the accelerations of one phone, at least one, that with gravity and steps, in m/s2.
 
     No name tells it: apps measure it with gravity, without, and gravity alone, in any language.
     The latter two are added up where nothing else is there. `unit_mps2` is the unit that is
     stated; else g is meant where gravity is then as strong as it is. What has no gravity anywhere
     is given as it came: `imu_on_accelerometer_clock` refuses it.
     """
-    units = [(stream, _unit_mps2(stream, unit_mps2)) for stream in streams]
-    light = [stream for stream, unit in units if unit is None]
-    heavy = [(stream, unit) for stream, unit in units if unit is not None]
-    for (t_s, values), unit in heavy:
-        if np.std(np.linalg.norm(values * unit, axis=1)) > GRAVITY_ALONE_MPS2:
-            return t_s, values * unit
-        if light:
-            moving_t_s, moving = light[0]
-            there = [np.interp(moving_t_s, t_s, axis) for axis in values.T]
-            return moving_t_s, (moving + np.column_stack(there)) * unit
-    (t_s, values), unit = heavy[0] if heavy else (streams[0], 1.0)
+    units = [_unit_mps2(stream, unit_mps2) for stream in streams]
+    heavy = [(each, unit) for each, unit in zip(streams, units, strict=True) if unit is not None]
+    light = [each for each, unit in zip(streams, units, strict=True) if unit is None]
+    if not heavy:
+        return streams[0]
+    (t_s, values), unit = max(heavy, key=lambda each: _unsteadiness(each[0][1]) * each[1])
+    if light and _unsteadiness(values) < STEPS_SHARE * float(np.sqrt(np.mean(light[0][1] ** 2))):
+        gravity, (t_s, steps) = (t_s, values), light[0]
+        values = steps + np.column_stack(
+            [np.interp(t_s, gravity[0], axis) for axis in gravity[1].T]
+        )
     return t_s, values * unit
+
+
+def _unsteadiness(values: F64) -> float:
+    """By how much the strength of an acceleration varies: that of gravity alone does not."""
+    return float(np.std(np.linalg.norm(values, axis=1)))
 
 
 def _unit_mps2(stream: Stream, stated: float | None) -> float | None:
