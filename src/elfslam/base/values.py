@@ -168,7 +168,7 @@ class FrameFacts(Value):
     `t_due_s` is when its direct sound was due and `late_s` how much later it came, NaN where it
     did not. Of the envelope of the matched filter: `level` of the direct sound, `before` the
     largest in the quiet stretch before it over `level`, `noise` the typical there. `clipped` is the
-    share of its samples at full scale, `gain_db` how loud it was played, up to a constant, if known.
+    share of its samples at full scale, `gain_db` how loud it was played up to a constant, if known.
     """
 
     t_due_s: F64 = array("n")

@@ -87,9 +87,10 @@ def read_csv(file: Path) -> CsvText:
         rows = (cells_of(file, line, separator) for line in lines_of(body, file))
         body, separator = "\n".join(map("\t".join, rows)), "\t"
     # One column alone needs no separator: then a comma is that of its decimals.
-    if separator != "," or len(names) == 1:
+    first_row = body.partition("\n")[0]
+    if separator != "," or (len(names) == 1 and "." not in first_row):
         body = body.replace(",", ".").replace(separator, ",")
-    elif (cells := len(body.partition("\n")[0].rstrip(",").split(","))) > len(names):
+    elif 1 < len(names) < (cells := len(first_row.rstrip(",").split(","))) - 1:
         raise InputError(
             f"{file}: row 2 has {cells} cells for {len(names)} columns; where the comma is "
             "decimal part cells by semicolons, save it again"
