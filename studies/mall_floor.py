@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
@@ -23,7 +23,9 @@ from elfslam.baselines.floor_walks import (
     solved,
     turned,
 )
-from elfslam.data.mall import MallWalk, read_walk, walks_in
+from elfslam.data.importing import declared_start
+from elfslam.data.log_files import Imported
+from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import MotionParameters
 from elfslam.scoring.figures import DEAD_RECKONING, SLAM
 from elfslam.scoring.page import Page, Panel, rows_table
@@ -87,15 +89,13 @@ def measure_mall_floor(
 def surveyed_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:
     """The walks of a floor with two waypoints or more, headed by their phones."""
     walks = [read_walk(path) for path in islice(walks_in(archive), most)]
-    return [surveyed(walk) for walk in walks if len(walk.truth.t_s) > 1]
+    return [_surveyed(walk, walk.truth) for walk in walks if walk.truth and len(walk.truth.t_s) > 1]
 
 
-def surveyed(walk: MallWalk) -> SurveyedWalk:
+def _surveyed(walk: Imported, truth: Truth) -> SurveyedWalk:
     """The walk from its first waypoint."""
-    x_m, y_m = walk.truth.world_from_body[0, :2]
-    started = replace(walk.recording, start_pose=(float(x_m), float(y_m), float("nan")))
-    known = floor_walk(started, MotionParameters())
-    return SurveyedWalk(known.recording, known.nodes, known.by_compass, walk.truth)
+    known = floor_walk(declared_start(walk), MotionParameters())
+    return SurveyedWalk(known.recording, known.nodes, known.by_compass, truth)
 
 
 def _solved(walks: Sequence[SurveyedWalk], by: Sequence[Modality]) -> tuple[list[F64], float]:

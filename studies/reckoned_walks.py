@@ -53,7 +53,9 @@ def _read(path: Path) -> list[ReckonedWalk]:
     """The walk of a file, if it has a truth to compare with."""
     found = read_walk(path)
     recording, truth = found.recording, found.truth
-    if recording.imu is None or recording.orientation is None or len(truth.t_s) < 2:
+    if recording.imu is None or recording.orientation is None:
+        return []
+    if truth is None or len(truth.t_s) < 2:
         return []
     attitude = Rotation.from_quat(recording.orientation.world_from_phone)
     top = attitude.apply([0.0, 1.0, 0.0])

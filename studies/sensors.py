@@ -139,7 +139,11 @@ def _mall(data: Path, count: int) -> Iterator[Floor]:
         raise InputError(f"{data}: holds no mall_walks/*.tar.xz; wanted the real mall walks")
     for archive in archives:
         walks = [read_walk(path) for path in islice(walks_in(archive), count)]
-        yield [(walk.recording, walk.truth) for walk in walks if len(walk.truth.t_s) > 1]
+        yield [
+            (walk.recording, truth)
+            for walk in walks
+            if (truth := walk.truth) and len(truth.t_s) > 1
+        ]
 
 
 def _gait(recordings: Sequence[Recording]) -> Statistics:

@@ -53,6 +53,12 @@ def test_files_come_out_as_they_went_in(tmp_path: Path, method: int) -> None:
             assert packed.content(entry) == files[str(name)]
 
 
+def test_folders_parted_as_windows_does_come_out_as_folders(tmp_path: Path) -> None:
+    path = zipped(tmp_path / "a.zip", ("b\\", b""), ("b\\c d\\e.csv", b"x"), ("f.csv", b"y"))
+    assert unpacked(path, tmp_path / "out") == {"b/c d/e.csv": b"x", "f.csv": b"y"}
+    assert "twice" in refusal(zipped(tmp_path / "b.zip", ("b\\c", b"x"), ("b/c", b"y")))
+
+
 def test_an_overwritten_zip_is_refused_whatever_byte_it_was(tmp_path: Path) -> None:
     """The name as the archive's index says it is not the name beside the file's own bytes."""
     whole = zipped(
@@ -83,7 +89,9 @@ def test_a_zip_that_was_cut_off_or_is_none_is_refused(tmp_path: Path) -> None:
     assert "is no file" in refusal(tmp_path / "folder.zip")
 
 
-@pytest.mark.parametrize("name", ["../a", "/a", "a/../../b", "..\\a", "C:/a", "", "./"])
+@pytest.mark.parametrize(
+    "name", ["../a", "/a", "a/../../b", "..\\a", "a\\..\\..\\b", "\\a", "C:/a", "C:\\a", "", "./"]
+)
 def test_names_that_lead_out_are_refused(tmp_path: Path, name: str) -> None:
     path = zipped(tmp_path / "w.zip", ("good", b"x"), (name or zipfile.ZipInfo(""), b"x"))
     assert "leads out" in refusal(path)

@@ -25,6 +25,7 @@ from elfslam.line.chirp import ChirpParameters
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.scoring.truth import read_truth
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE
+from tests.data.foreign_walk import packed, put_back
 
 SENSORS = ("ACCELEROMETER", "GYROSCOPE")
 Outcome = tuple[int, str, str]
@@ -490,6 +491,18 @@ def test_a_log_is_imported_as_what_it_is(
     assert (code, err) == (0, "")
     assert json.loads(out)[0] == {"format": log_format, "recordings": 1, "damaged_lines": 0}
     assert read_recording(tmp_path / "walk").imu is not None
+
+
+def test_what_was_noted_at_the_import_is_said_there_and_by_every_map(
+    tmp_path: Path, elfslam: Elfslam
+) -> None:
+    log, walk, run = packed(put_back(60), tmp_path / "log.zip"), tmp_path / "walk", tmp_path / "run"
+    said = "the clock was put back by 59.99 s at 7.99 s"
+    code, _, err = elfslam("import", "auto", log, walk)
+    assert (code, err.count("\n")) == (0, 1)
+    assert err.startswith(f"log: {said}")
+    assert said in elfslam("map", walk, run, "--by", "motion")[2]
+    assert json.loads((run / "run.json").read_text())["notes"][0].startswith(said)
 
 
 QUICK = tuple(

@@ -16,7 +16,12 @@ from hypothesis.extra.numpy import arrays
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
-from elfslam.data.audio_files import read_audio, read_recorded_sound, write_audio
+from elfslam.data.audio_files import (
+    at_accepted_rate,
+    read_audio,
+    read_recorded_sound,
+    write_audio,
+)
 
 RATE_HZ = 44_100
 
@@ -128,3 +133,49 @@ def test_sound_that_is_not_finite_is_refused(tmp_path: Path) -> None:
 
 def test_a_folder_without_sound_has_none(tmp_path: Path) -> None:
     assert read_recorded_sound(tmp_path) is None
+
+
+@pytest.mark.parametrize("bits", [16, 24, 32])
+def test_floats_in_the_scale_of_whole_numbers_are_divided_and_it_is_said(
+    tmp_path: Path, bits: int
+) -> None:
+    noise = np.random.default_rng(0).uniform(-0.9, 0.9, (900, 2))
+    file, scale = tmp_path / "audio.wav", 2 ** (bits - 1)
+    soundfile.write(file, noise * scale, RATE_HZ, subtype="FLOAT")
+    audio = read_audio(file)
+    np.testing.assert_allclose(audio.samples, noise.T, atol=1e-6)
+    (note,) = audio.notes
+    assert note.endswith(f"it was divided by {scale}")
+
+
+@pytest.mark.parametrize("peak", [0.5, 1.0, 1.4, 7.9])
+def test_floats_about_full_scale_are_left_as_they_are(tmp_path: Path, peak: float) -> None:
+    file = tmp_path / "audio.wav"
+    soundfile.write(file, np.array([0.1, -peak]), RATE_HZ, subtype="FLOAT")
+    audio = read_audio(file)
+    np.testing.assert_allclose(audio.samples, [[0.1, -peak]], rtol=1e-6)
+    assert audio.notes == ()
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "wanted_hz"),
+    [(88_200, 44_100), (96_000, 48_000), (176_400, 44_100), (192_000, 48_000), (44_100, 44_100)],
+)
+def test_multiples_of_the_rates_are_resampled_true_in_the_chirp_band(
+    rate_hz: int, wanted_hz: int
+) -> None:
+    def tones(at_hz: int) -> np.ndarray:
+        t_s = np.arange(at_hz // 5) / at_hz
+        return np.array([np.sin(2 * np.pi * hz * t_s) for hz in (15_000, 20_000)])
+
+    audio = at_accepted_rate(Audio(tones(rate_hz), rate_hz, notes=("before",)))
+    assert audio.rate_hz == wanted_hz
+    inside = slice(500, -500)
+    np.testing.assert_allclose(audio.samples[:, inside], tones(wanted_hz)[:, inside], atol=2e-3)
+    wanted = f"the sound was resampled from {rate_hz} to {wanted_hz} Hz"
+    assert audio.notes[1:] == (() if rate_hz == wanted_hz else (wanted,))
+
+
+def test_any_other_rate_is_left_to_be_refused_where_chirps_are_looked_for() -> None:
+    audio = Audio(np.zeros((1, 100)), 32_000)
+    assert at_accepted_rate(audio) is audio

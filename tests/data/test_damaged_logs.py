@@ -13,8 +13,7 @@ import pytest
 from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
-from elfslam.data.importing import Imported, LogFormat, read_logs
-from elfslam.data.recognising import recognise
+from elfslam.data.importing import Imported, LogFormat, read_logs, recognise
 from elfslam.data.recordings import read_recording, write_recording
 
 ROUNDS = 60

@@ -156,7 +156,7 @@ def test_without_start_time_the_first_record_is_zero(tmp_path: Path) -> None:
 
 def test_a_walk_may_lack_waypoints_and_wifi(tmp_path: Path) -> None:
     walk = read_walk(walk_file(tmp_path, BODY[1:10]))
-    assert len(walk.truth.t_s) == 0
+    assert walk.truth is None
     assert walk.recording.wifi is None
 
 
@@ -238,3 +238,20 @@ def test_real_walks_are_whole_and_plausible(shared_data: Path) -> None:
         assert walk.truth.t_s[-1] <= imu.t_s[-1] + 1
         assert np.nanmin(recording.wifi.age_s) >= 0
     assert count == 3
+
+
+def test_a_clock_that_was_put_back_costs_no_line(tmp_path: Path) -> None:
+    kinds = {"ACCELEROMETER": (0.1, 0.2, 9.8, 3), "GYROSCOPE": (1.0, 0.0, 0.0, 3)}
+    times_ms = [20 * k - 3_600_000 * (k >= 60) for k in range(100)]
+    body = [record(t_ms, kind, *cells) for t_ms in times_ms for kind, cells in kinds.items()]
+    body.insert(20, record(200, "WAYPOINT", 1, 2))
+    body += [
+        network(1900 - 3_600_000, "aa:bb", -50, 400),
+        record(1900 - 3_600_000, "WAYPOINT", 3, 4),
+    ]
+    found = read_walk(walk_file(tmp_path, body))
+    np.testing.assert_allclose(found.recording.imu.t_s, 0.02 * np.arange(100), atol=1e-9)
+    np.testing.assert_allclose(found.truth.t_s, [0.2, 1.9], atol=1e-9)
+    np.testing.assert_allclose(found.recording.wifi.t_s, [1.9], atol=1e-9)
+    assert found.damaged_lines == 0
+    assert "was put back by 3599.98 s at 1.18 s" in found.recording.notes[0]

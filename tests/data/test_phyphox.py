@@ -121,7 +121,7 @@ def export(folder: Path, content: dict[str, str]) -> Path:
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_every_way_to_write_it_gives_the_same(tmp_path: Path, variant: Variant) -> None:
-    recording = read_phyphox(export(tmp_path, files(variant)))
+    recording = read_phyphox(export(tmp_path, files(variant))).recording
     assert (recording.name, recording.device) == ("walk", "Google Pixel 9a")
     np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-9)
     np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.81 * UP, rtol=1e-9)
@@ -134,7 +134,7 @@ def test_every_way_to_write_it_gives_the_same(tmp_path: Path, variant: Variant) 
 
 
 def test_the_chirps_of_the_experiment_are_heard_in_its_export(tmp_path: Path) -> None:
-    audio = read_phyphox(export(tmp_path, files())).audio
+    audio = read_phyphox(export(tmp_path, files())).recording.audio
     echoes = cut_echoes(audio, make_chirp(ChirpParameters(), 48_000), EchoParameters())
     assert len(echoes.t_s) >= 28
     np.testing.assert_allclose(np.diff(echoes.t_s), 0.1, atol=1e-4)
@@ -160,7 +160,7 @@ def test_exports_of_other_experiments_are_read(tmp_path: Path, names: tuple[str,
             (f"{quantity}{each}{axis}", np.full(60, value[k])) for k, each in enumerate("xyz")
         ]
         content[f"{file}.csv"] = table([("Time (s)", T_S), *columns, ("Absolute", T_S)])
-    recording = read_phyphox(export(tmp_path, content))
+    recording = read_phyphox(export(tmp_path, content)).recording
     np.testing.assert_allclose(recording.imu.accel_mps2[0], 9.81 * UP, rtol=1e-6)
     assert recording.device == "unknown"
     assert recording.audio is None
@@ -174,15 +174,17 @@ def test_acceleration_without_g_is_not_taken_for_the_one_with(tmp_path: Path) ->
         "Linear Accelerometer.csv": linear.replace("Linear ", ""),
         **files(),
     }
-    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).imu.accel_mps2[0], 9.81 * UP)
+    np.testing.assert_allclose(
+        read_phyphox(export(tmp_path, content)).recording.imu.accel_mps2[0], 9.81 * UP
+    )
     del content["Accelerometer.csv"]
-    with pytest.raises(InputError, match="has no columns of an accelerometer with g"):
+    with pytest.raises(InputError, match="gravity is missing"):
         read_phyphox(export(tmp_path, content))
 
 
 def test_a_sensor_that_the_phone_lacks_is_left_out(tmp_path: Path) -> None:
     empty = files()["Magnetometer.csv"].splitlines()[0] + "\n"
-    recording = read_phyphox(export(tmp_path, {**files(), "Magnetometer.csv": empty}))
+    recording = read_phyphox(export(tmp_path, {**files(), "Magnetometer.csv": empty})).recording
     assert recording.magnetometer is None
 
 
@@ -190,7 +192,7 @@ def test_a_shorter_buffer_ends_in_nan(tmp_path: Path) -> None:
     columns = sensor("Acceleration", "m/s^2", 9.81 * UP)
     columns[3] = (columns[3][0], columns[3][1][:-2])
     content = {**files(), "Accelerometer.csv": table(columns)}
-    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).imu.t_s, T_S[:-2])
+    np.testing.assert_allclose(read_phyphox(export(tmp_path, content)).recording.imu.t_s, T_S[:-2])
 
 
 def without(name: str) -> dict[str, str]:
@@ -263,7 +265,7 @@ def test_numbers_come_back_whatever_the_variant(
     text = table([("Time (s)", [*t_s, *[9.0] * lacking]), *axes], variant)
     folder = tmp_path_factory.mktemp("export")
     content = {**silent_files(variant), "Magnetometer.csv": text}
-    read = read_phyphox(export(folder, content)).magnetometer
+    read = read_phyphox(export(folder, content)).recording.magnetometer
     assert read is not None
     np.testing.assert_allclose(read.t_s, t_s, atol=1e-9)
     np.testing.assert_allclose(read.field_ut, field, rtol=1e-9, atol=1e-300)
@@ -308,3 +310,84 @@ def test_the_experiment_follows_the_chirp_parameters() -> None:
     np.testing.assert_array_equal(played[:480].astype(np.float32), tone)
     with pytest.raises(ParameterError, match=r"chirp\.period_s: 0\.100001 s is 4800\.05 samples"):
         phyphox_experiment(ChirpParameters(period_s=0.100001), 1.0)
+
+
+LANGUAGES = {
+    "French": ("Temps (s)", "Accéléromètre", "Accélération selon", "Accélération linéaire"),
+    "Italian": ("Tempo (s)", "Accelerometro", "Accelerazione", "Accelerazione"),
+    "Japanese": ("時間 (s)", "加速度計", "加速度", "線形加速度"),
+    "Chinese": ("时间\uff08s\uff09", "加速度传感器", "加速度", "加速度"),
+    "German": ("Zeit (s)", "Beschleunigungssensor", "Beschleunigung", "Lineare Beschleunigung"),
+}
+
+
+def stepping(gravity: np.ndarray, strength: float = 3.0) -> np.ndarray:
+    """Two pushes a second, of that strength, on top of gravity."""
+    push = np.sin(2 * np.pi * 2 * T_S)[:, None] * np.array([0.3, 0.5, 0.8])
+    return gravity + strength * push
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_gravity_is_told_by_the_data_in_any_language(tmp_path: Path, language: str) -> None:
+    time, with_it, whole, linear = LANGUAGES[language]
+    between = " " if whole.isascii() or language == "French" else ""
+    meant = stepping(9.81 * UP)
+    content = silent_files()
+    del content["Accelerometer.csv"]
+    for file, quantity, values in (
+        (f"A {linear}", linear, stepping(np.zeros(3))),
+        (with_it, whole, meant),
+    ):
+        columns = [
+            (f"{quantity}{between}{axis} (m/s²)", values[:, k]) for k, axis in enumerate("xyz")
+        ]
+        content[f"{file}.csv"] = table([(time, T_S), *columns])
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, meant, atol=1e-6)
+    del content[f"{with_it}.csv"]
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_phyphox(export(tmp_path, content))
+
+
+@pytest.mark.parametrize("strength", [0.3, 1.0, 1.6, 9.8, 16.0])
+def test_a_stated_unit_is_never_guessed(tmp_path: Path, strength: float) -> None:
+    """Motion free of gravity, gentle or wild, is neither multiplied nor taken for gravity."""
+    content = silent_files()
+    content["Accelerometer.csv"] = table(
+        sensor("Acceleration", "m/s^2", stepping(np.zeros(3), strength))
+    )
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_phyphox(export(tmp_path, content))
+
+
+def test_gravity_and_motion_in_tables_of_their_own_are_added_up(tmp_path: Path) -> None:
+    content = silent_files()
+    content["Accelerometer.csv"] = table(
+        sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
+    )
+    content["Gravity.csv"] = table(sensor("Gravity", "m/s^2", 9.81 * UP))
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
+
+
+def test_several_sensors_in_one_table_are_told_apart(tmp_path: Path) -> None:
+    content = silent_files()
+    linear = sensor("Linear acceleration", "m/s^2", stepping(np.zeros(3)))
+    whole = sensor("Acceleration", "m/s^2", stepping(9.81 * UP))
+    content["Accelerometer.csv"] = table([*linear, *whole[1:]])
+    imu = read_phyphox(export(tmp_path, content)).recording.imu
+    np.testing.assert_allclose(imu.accel_mps2, stepping(9.81 * UP), atol=1e-6)
+
+
+def test_a_clock_that_starts_anew_costs_no_row(tmp_path: Path) -> None:
+    anew_s = np.concatenate([T_S[:30], T_S[:30]])
+    content = silent_files()
+    for name, quantity, unit, values in (
+        ("Accelerometer.csv", "Acceleration", "m/s^2", 9.81 * UP),
+        ("Gyroscope.csv", "Gyroscope", "rad/s", np.ones(3)),
+    ):
+        content[name] = table([("Time (s)", anew_s), *sensor(quantity, unit, values)[1:]])
+    found = read_phyphox(export(tmp_path, content))
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-9)
+    assert found.damaged_lines == 0
+    assert "was put back by 1.45 s at 1.45 s" in found.recording.notes[0]

@@ -364,7 +364,7 @@ def test_values_beyond_belief_are_refused(motion: Path, name: str, value: str) -
 @pytest.mark.parametrize("strength", [0.0, 1.0, 40.0])
 def test_accelerations_without_gravity_are_refused(motion: Path, strength: float) -> None:
     (motion / "accelerometer.csv").write_text(timed(T_S, (0, 0, strength)))
-    with pytest.raises(InputError, match=r"median strength is .* m/s2, wanted 5 to 15"):
+    with pytest.raises(InputError, match=r"gravity .* is .* m/s2, wanted 5 to 15"):
         read_recording(motion)
 
 
@@ -483,3 +483,29 @@ def test_a_start_without_a_heading_leaves_it_to_the_compass(folder: Path, tmp_pa
     np.testing.assert_array_equal(read.start_pose, (1.5, -2.0, np.nan))
     write_recording(read, tmp_path / "again")
     np.testing.assert_array_equal(read_recording(tmp_path / "again").start_pose, read.start_pose)
+
+
+def test_notes_make_a_round_trip(tmp_path: Path) -> None:
+    notes = ("the clock was put back", "größer als sonst")
+    write_recording(Recording("hall", "phone", notes=notes), tmp_path / "hall")
+    assert read_recording(tmp_path / "hall").notes == notes
+
+
+@pytest.mark.parametrize("notes", ["text", [1], {"a": "b"}, ["x" * 501], ["x"] * 201])
+def test_notes_that_are_none_are_refused(folder: Path, notes: object) -> None:
+    said(folder, notes=notes)
+    with pytest.raises(InputError, match=r"recording\.json: notes are"):
+        read_recording(folder)
+
+
+@pytest.mark.parametrize(("rate_hz", "kept_hz"), [(96_000, 48_000), (88_200, 44_100)])
+def test_sound_at_a_multiple_of_the_rates_is_taken_up(
+    tmp_path: Path, rate_hz: int, kept_hz: int
+) -> None:
+    """What recording.json promises is of the file, before it is resampled."""
+    write_recording(Recording("hall", "phone"), tmp_path / "hall")
+    soundfile.write(tmp_path / "hall" / "audio.wav", np.zeros((rate_hz, 2)), rate_hz)
+    said(tmp_path / "hall", audio={"rate_hz": rate_hz, "channels": 2, "samples": rate_hz})
+    recording = read_recording(tmp_path / "hall")
+    assert (recording.audio.samples.shape, recording.audio.rate_hz) == ((2, kept_hz), kept_hz)
+    assert recording.notes == (f"the sound was resampled from {rate_hz} to {kept_hz} Hz",)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import zipfile
 from pathlib import Path
 
@@ -46,7 +47,7 @@ def folder_of(root: Path, files: dict[str, str]) -> Path:
 
 
 def test_sensors_are_read_on_one_clock(tmp_path: Path) -> None:
-    recording = read_ronin(folder_of(tmp_path, FILES))
+    recording = read_ronin(folder_of(tmp_path, FILES)).recording
     assert (recording.name, recording.device) == ("a001_1", "asus4")
     np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-6)
     np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.81 * UP, atol=1e-8)
@@ -58,7 +59,7 @@ def test_sensors_are_read_on_one_clock(tmp_path: Path) -> None:
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [3, 0, 1, 2]], ids=["w last", "w first"])
 def test_gravity_decides_where_the_w_stands(tmp_path: Path, order: list[int]) -> None:
     files = {**FILES, "rv.txt": text(WORLD_FROM_PHONE[order])}
-    attitude = read_ronin(folder_of(tmp_path, files)).orientation.world_from_phone
+    attitude = read_ronin(folder_of(tmp_path, files)).recording.orientation.world_from_phone
     np.testing.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
 
 
@@ -66,14 +67,14 @@ def test_a_zip_is_read_like_its_folder(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
         for name, content in FILES.items():
             archive.writestr(f"a001_1/{name}", content)
-    recording = read_ronin(tmp_path / "walk.zip")
+    recording = read_ronin(tmp_path / "walk.zip").recording
     assert (recording.name, recording.device) == ("walk", "asus4")
     np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-6)
 
 
 def test_only_motion_is_needed(tmp_path: Path) -> None:
     files = {name: FILES[name].split("\n", 1)[1] for name in ("acce.txt", "gyro.txt")}
-    recording = read_ronin(folder_of(tmp_path, files))
+    recording = read_ronin(folder_of(tmp_path, files)).recording
     assert recording.device == "unknown"
     assert recording.magnetometer is None
     assert recording.orientation is None
@@ -87,8 +88,8 @@ def in_seconds(content: str) -> str:
 @pytest.mark.parametrize(
     ("change", "says"),
     [
-        ({"acce.txt": None}, "holds 0 recordings with acce.txt"),
-        ({"gyro.txt": None}, "wanted one, with gyro.txt beside it"),
+        ({"acce.txt": None}, "holds no acce.txt"),
+        ({"gyro.txt": None}, "with gyro.txt beside it"),
         ({"acce.txt": FILES["acce.txt"][:-20]}, r"acce\.txt: row 101 has 3 cells"),
         ({"acce.txt": "# Created\n"}, "has comments and no rows"),
         ({"acce.txt": ""}, "is empty"),
@@ -108,7 +109,7 @@ def test_what_is_missing_or_damaged_is_named(
     files = {name: content for name, content in {**FILES, **change}.items() if content is not None}
     folder = folder_of(tmp_path, files)
     if says is None:
-        assert read_ronin(folder).device == "unknown"
+        assert read_ronin(folder).recording.device == "unknown"
         return
     with pytest.raises(InputError, match=says):
         read_ronin(folder)
@@ -118,5 +119,25 @@ def test_two_recordings_at_once_are_refused(tmp_path: Path) -> None:
     for name in ("a", "b"):
         (tmp_path / name).mkdir()
         folder_of(tmp_path / name, FILES)
-    with pytest.raises(InputError, match="holds 2 recordings"):
+    with pytest.raises(InputError, match="holds several recordings"):
         read_ronin(tmp_path)
+
+
+def test_a_clock_that_starts_anew_costs_no_row(tmp_path: Path) -> None:
+    def restarted(content: str) -> str:
+        comment, *rows = content.splitlines()
+        half = len(rows) // 2
+        again = [re.sub(r"^\d+", lambda ns: str(int(ns[0]) - BOOT_NS), row) for row in rows[half:]]
+        return "\n".join([comment, *rows[:half], *again]) + "\n"
+
+    files = {name: restarted(text) for name, text in FILES.items() if name != "info.json"}
+    found = read_ronin(folder_of(tmp_path, files))
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-5)
+    np.testing.assert_allclose(found.recording.magnetometer.t_s, T_S + 0.001, atol=1e-5)
+    assert found.damaged_lines == 0
+    assert "the clock was put back by" in found.recording.notes[0]
+
+
+def test_files_may_be_called_in_capitals(tmp_path: Path) -> None:
+    files = {name.upper(): content for name, content in FILES.items()}
+    assert read_ronin(folder_of(tmp_path, files)).recording.magnetometer is not None

@@ -55,6 +55,9 @@ IOS = {
 }
 
 
+SENSOR_FILES = [name for name in ANDROID if name != "Metadata.csv"]
+
+
 def log(folder: Path, files: dict[str, str | bytes]) -> Path:
     with zipfile.ZipFile(folder / "walk.zip", "w") as archive:
         for name, content in files.items():
@@ -63,7 +66,7 @@ def log(folder: Path, files: dict[str, str | bytes]) -> Path:
 
 
 def test_android(tmp_path: Path) -> None:
-    recording = read_sensorlogger(log(tmp_path, ANDROID))
+    recording = read_sensorlogger(log(tmp_path, ANDROID)).recording
     assert (recording.name, recording.device) == ("walk", "Test Phone")
     np.testing.assert_allclose(recording.imu.t_s, T_S)
     np.testing.assert_allclose(recording.imu.accel_mps2[7], 9.80665 * UP, atol=1e-8)
@@ -72,7 +75,7 @@ def test_android(tmp_path: Path) -> None:
 
 
 def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
-    imu = read_sensorlogger(log(tmp_path, IOS)).imu
+    imu = read_sensorlogger(log(tmp_path, IOS)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[7], 9.80665 * UP + [0.5, 0, 0], atol=1e-8)
     np.testing.assert_allclose(imu.gyro_radps[7], [0.1, 0.2, 0.3])
 
@@ -93,14 +96,14 @@ def test_ios_standardised_or_not(
     still = {"Gravity.csv": table(9.80665 * gravity), "Accelerometer.csv": table(np.zeros(3))}
     files = {**IOS, **still, "Metadata.csv": metadata("iOS", standardisation)}
     del files["Orientation.csv"]
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], sign * 9.80665 * UP, atol=1e-8)
 
 
 def test_uncalibrated_ios_acceleration_is_in_g_and_flipped(tmp_path: Path) -> None:
     files = {name: IOS[name] for name in ("Metadata.csv", "Gyroscope.csv")}
     files["AccelerometerUncalibrated.csv"] = table(-UP)
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
 
 
@@ -110,7 +113,9 @@ def test_rows_from_before_the_start_are_kept(tmp_path: Path) -> None:
         "TotalAcceleration.csv": table(9.80665 * UP, t_s=early),
         "Gyroscope.csv": table(np.zeros(3), t_s=early),
     }
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, early, atol=1e-4)
+    np.testing.assert_allclose(
+        read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, early, atol=1e-4
+    )
 
 
 def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
@@ -122,7 +127,7 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
             (1.5, "", "aa", -55),
         ]
     )
-    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).wifi
+    wifi = read_sensorlogger(log(tmp_path, {**ANDROID, "WiFi.csv": rows})).recording.wifi
     assert wifi.bssids == ("aa", "bb")
     np.testing.assert_array_equal(wifi.rssi_dbm, [[-50, -60], [-55, np.nan]])
     for bad in (",x,", ",nan,", ",,"):
@@ -133,7 +138,7 @@ def test_networks_are_read_whatever_their_names(tmp_path: Path) -> None:
 
 def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
     files = {**ANDROID, "TotalAcceleration.csv": table(UP)}
-    imu = read_sensorlogger(log(tmp_path, files)).imu
+    imu = read_sensorlogger(log(tmp_path, files)).recording.imu
     np.testing.assert_allclose(imu.accel_mps2[0], 9.80665 * UP, atol=1e-7)
 
 
@@ -141,13 +146,13 @@ def test_accelerations_in_g_become_metres(tmp_path: Path) -> None:
 def test_gravity_decides_which_way_the_quaternion_turns(
     tmp_path: Path, files: dict[str, str]
 ) -> None:
-    attitude = read_sensorlogger(log(tmp_path, files)).orientation.world_from_phone
+    attitude = read_sensorlogger(log(tmp_path, files)).recording.orientation.world_from_phone
     np.testing.assert_allclose(rotation_from_quaternion(attitude[0]) @ UP, [0, 0, 1], atol=1e-6)
 
 
 def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
     sideways = table(np.array([0.0, np.sqrt(0.5), 0.0, np.sqrt(0.5)]), "qw,qz,qy,qx")
-    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways}))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Orientation.csv": sideways})).recording
     assert recording.orientation is None
 
 
@@ -155,14 +160,16 @@ def test_an_attitude_against_gravity_is_left_out(tmp_path: Path) -> None:
 def test_only_sound_with_the_chirp_band_is_kept(tmp_path: Path, rate_hz: int, kept: bool) -> None:
     sound = io.BytesIO()
     soundfile.write(sound, np.zeros(1000), rate_hz, format="WAV")
-    audio = read_sensorlogger(log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})).audio
+    audio = read_sensorlogger(
+        log(tmp_path, {**ANDROID, "Microphone.wav": sound.getvalue()})
+    ).recording.audio
     assert (audio is not None) == kept
 
 
 def test_repeated_rows_are_left_out(tmp_path: Path) -> None:
     rows = ANDROID["Gyroscope.csv"].splitlines()
     files = {**ANDROID, "Gyroscope.csv": "\n".join([*rows[:9], rows[8], rows[5], *rows[9:]])}
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, T_S)
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, T_S)
 
 
 def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
@@ -170,7 +177,7 @@ def test_a_row_that_leaps_in_time_costs_no_other(tmp_path: Path) -> None:
     cells = rows[9].split(",")
     rows[9] = ",".join([cells[0], "3600.0", *cells[2:]])
     files = {**ANDROID, "Magnetometer.csv": "\n".join(rows)}
-    t_s = read_sensorlogger(log(tmp_path, files)).magnetometer.t_s
+    t_s = read_sensorlogger(log(tmp_path, files)).recording.magnetometer.t_s
     np.testing.assert_allclose(t_s, np.delete(T_S, 8))
 
 
@@ -198,12 +205,12 @@ def test_a_pause_of_the_gyroscope_is_kept(tmp_path: Path) -> None:
         "TotalAcceleration.csv": table(9.80665 * UP, t_s=t_s),
         "Gyroscope.csv": table(np.zeros(3), t_s=t_s[kept]),
     }
-    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).imu.t_s, t_s[kept])
+    np.testing.assert_allclose(read_sensorlogger(log(tmp_path, files)).recording.imu.t_s, t_s[kept])
 
 
 def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
     files = {f"folder/{name}": ANDROID[name] for name in ("TotalAcceleration.csv", "Gyroscope.csv")}
-    recording = read_sensorlogger(log(tmp_path, files))
+    recording = read_sensorlogger(log(tmp_path, files)).recording
     assert recording.device == "unknown"
     assert recording.magnetometer is None
 
@@ -211,7 +218,8 @@ def test_without_metadata_and_extras_it_still_reads(tmp_path: Path) -> None:
 @pytest.mark.parametrize("absent", ["Gyroscope.csv", "Gravity.csv", "Accelerometer.csv"])
 def test_missing_motion_sensors_are_refused(tmp_path: Path, absent: str) -> None:
     files = {name: content for name, content in IOS.items() if name != absent}
-    with pytest.raises(InputError, match=r"walk\.zip: motion sensors are missing"):
+    what = "gravity is missing" if absent == "Gravity.csv" else "motion sensors are missing"
+    with pytest.raises(InputError, match=rf"walk\.zip: {what}"):
         read_sensorlogger(log(tmp_path, files))
 
 
@@ -226,3 +234,142 @@ def test_damaged_logs_are_refused(tmp_path: Path) -> None:
         read_sensorlogger(file)
     with pytest.raises(InputError, match=r"is no file"):
         read_sensorlogger(tmp_path / "none.zip")
+
+
+def saved_again(text: str, separator: str, point: str, *, quoted: bool = False) -> str:
+    """As a spreadsheet saves it: another separator and decimal mark, and its own line ends."""
+    rows = [[cell.replace(".", point) for cell in line.split(",")] for line in text.splitlines()]
+    mark = '"' if quoted else ""
+    return "\ufeff" + "".join(
+        separator.join(f"{mark}{cell}{mark}" for cell in row) + "\r\n" for row in rows
+    )
+
+
+@pytest.mark.parametrize(
+    ("separator", "point", "quoted"),
+    [(";", ",", False), ("\t", ",", False), ("\t", ".", False), (";", ".", True), (",", ",", True)],
+)
+def test_what_a_spreadsheet_saved_again_reads_the_same(
+    tmp_path: Path, separator: str, point: str, quoted: bool
+) -> None:
+    wifi = "time,seconds_elapsed,ssid,bssid,frequency,level\n1,0.25,home,aa,2412,-50.5\n"
+    whole = {**ANDROID, "WiFi.csv": wifi}
+    again = {
+        name: saved_again(text, separator, point, quoted=quoted) for name, text in whole.items()
+    }
+    wanted = read_sensorlogger(log(tmp_path, whole)).recording
+    found = read_sensorlogger(log(tmp_path, again)).recording
+    assert found.device == wanted.device
+    np.testing.assert_array_equal(found.imu.accel_mps2, wanted.imu.accel_mps2)
+    np.testing.assert_array_equal(found.imu.t_s, wanted.imu.t_s)
+    np.testing.assert_array_equal(found.magnetometer.field_ut, wanted.magnetometer.field_ut)
+    np.testing.assert_array_equal(found.wifi.rssi_dbm, wanted.wifi.rssi_dbm)
+    np.testing.assert_array_equal(found.wifi.t_s, wanted.wifi.t_s)
+
+
+def test_decimal_commas_between_commas_are_refused_and_not_guessed(tmp_path: Path) -> None:
+    bad = saved_again(ANDROID["Gyroscope.csv"], ",", ",")
+    with pytest.raises(InputError, match=r"row 2 has 9 cells for 5 columns"):
+        read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": bad}))
+
+
+@pytest.mark.parametrize("change", [str.lower, str.upper])
+def test_files_are_found_however_their_names_are_written(
+    tmp_path: Path, change: Callable[[str], str]
+) -> None:
+    recording = read_sensorlogger(
+        log(tmp_path, {change(name): text for name, text in ANDROID.items()})
+    ).recording
+    assert recording.device == "Test Phone"
+    assert recording.magnetometer is not None
+
+
+def annotations(*taps: tuple[float, str]) -> str:
+    rows = [f'{1718030736872695300 + int(t * 1e9)},{t},"{text}",80\n' for t, text in taps]
+    return "time,seconds_elapsed,text,millisecond_press_duration\n" + "".join(rows)
+
+
+def test_taps_with_a_text_are_checkpoints(tmp_path: Path) -> None:
+    taps = annotations((0.1, "door"), (0.3, " the  window "), (0.2, ""), (0.3, "again"))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    assert recording.checkpoints.names == ("door", "the window")
+    np.testing.assert_array_equal(recording.checkpoints.t_s, [0.1, 0.3])
+    assert recording.checkpoints.xy_m is None
+    assert [note[:39] for note in recording.notes] == ["annotations that are no checkpoints: 2;"]
+
+
+@pytest.mark.parametrize(
+    "texts", [("1.5, -2.0", "door", "12;0"), ("+1,5 ;-2", "door", " 12 ; 0,0")]
+)
+def test_two_numbers_are_a_place_on_the_plan(tmp_path: Path, texts: tuple[str, ...]) -> None:
+    taps = annotations(*zip((0.1, 0.2, 0.3), texts, strict=True))
+    recording = read_sensorlogger(log(tmp_path, {**ANDROID, "Annotation.csv": taps})).recording
+    places = [[1.5, -2], [np.nan, np.nan], [12, 0]]
+    np.testing.assert_array_equal(recording.checkpoints.xy_m, places)
+    assert recording.notes == ("annotations taken as places on a plan, x and y in metres: 2",)
+
+
+def test_annotations_that_say_nothing_are_none(tmp_path: Path) -> None:
+    for taps in ([], [(0.1, "")]):
+        files = {**ANDROID, "Annotation.csv": annotations(*taps)}
+        recording = read_sensorlogger(log(tmp_path, files)).recording
+        assert recording.checkpoints is None
+        assert len(recording.notes) == len(taps)
+    bad = log(tmp_path, {**ANDROID, "Annotation.csv": annotations((0.1, "a")).replace("0.1", "x")})
+    with pytest.raises(InputError, match=r"Annotation\.csv: .* is no time"):
+        read_sensorlogger(bad)
+
+
+def put_back(text: str, back_s: float, *, whole: bool) -> str:
+    """From half of the rows on the app's seconds are less; `whole`: the phone's clock too."""
+    head, *lines = text.splitlines()
+    rows = [line.split(",") for line in lines]
+    for row in rows[len(rows) // 2 :]:
+        row[1] = f"{float(row[1]) - back_s:.4f}"
+        row[0] = str(int(row[0]) - round(back_s * 1e9) * whole)
+    return "\n".join([head, *map(",".join, rows)]) + "\n"
+
+
+@pytest.mark.parametrize("back_s", [3600.0, 0.25])
+def test_a_clock_that_was_put_back_costs_no_row(tmp_path: Path, back_s: float) -> None:
+    taps = annotations((0.2, "door"), (0.3 - back_s, "window"))
+    jumped = {name: put_back(ANDROID[name], back_s, whole=True) for name in SENSOR_FILES}
+    files = {**ANDROID, **jumped, "Annotation.csv": taps}
+    found = read_sensorlogger(log(tmp_path, files))
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(found.recording.magnetometer.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(found.recording.checkpoints.t_s, [0.2, 0.3], atol=1e-3)
+    assert found.damaged_lines == 0
+    (note,) = found.recording.notes
+    assert note.startswith(f"the clock was put back by {back_s - 0.01:.2f} s at 0.24 s")
+
+
+def test_where_the_phones_own_clock_ran_on_that_one_is_taken(tmp_path: Path) -> None:
+    """A restart of the app's seconds is then as long as it was, and nothing is to be told."""
+    taps = annotations((0.1, "door"), (0.4, "window")).replace(",0.4,", ",0.1,")
+    jumped = {name: put_back(ANDROID[name], 0.25, whole=False) for name in SENSOR_FILES}
+    recording = read_sensorlogger(
+        log(tmp_path, {**ANDROID, **jumped, "Annotation.csv": taps})
+    ).recording
+    np.testing.assert_allclose(recording.imu.t_s, T_S, atol=1e-4)
+    np.testing.assert_allclose(recording.checkpoints.t_s, [0.1, 0.4], atol=1e-3)
+    assert recording.notes == ()
+
+
+def test_a_row_that_leaps_is_left_out_and_counted(tmp_path: Path) -> None:
+    lines = ANDROID["Gyroscope.csv"].splitlines()
+    lines[20] = lines[20].replace(",0.1900,", ",900.0,")
+    found = read_sensorlogger(log(tmp_path, {**ANDROID, "Gyroscope.csv": "\n".join(lines)}))
+    assert (found.damaged_lines, found.recording.notes) == (1, ())
+    np.testing.assert_allclose(found.recording.imu.t_s, T_S, atol=1e-4)
+
+
+def test_only_linear_acceleration_is_refused_and_not_scaled(tmp_path: Path) -> None:
+    steps = np.column_stack([np.cos(12 * T_S), np.sin(12 * T_S), np.cos(12 * T_S)])
+    rows = [
+        f"{t:.4f}," + ",".join(f"{v:.6f}" for v in row) for t, row in zip(T_S, steps, strict=True)
+    ]
+    linear = "seconds_elapsed,z,y,x\n" + "\n".join(rows)
+    files = {"Accelerometer.csv": linear, "Gyroscope.csv": ANDROID["Gyroscope.csv"]}
+    with pytest.raises(InputError, match="gravity is missing"):
+        read_sensorlogger(log(tmp_path, files))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import tracemalloc
 from collections.abc import Sequence
 from functools import cache
 
@@ -15,7 +16,15 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Chirp, Echoes
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes, envelope, to_echo_rate
+from elfslam.line.echo import (
+    EchoParameters,
+    best_channel,
+    cut_echoes,
+    envelope,
+    resampled,
+    sound,
+    to_echo_rate,
+)
 
 RATE_HZ = 44_100
 FRAME = 4_410
@@ -115,10 +124,52 @@ def test_a_frame_that_ends_early_gives_no_echo() -> None:
     assert len(cut(samples[: end - 1]).t_s) == 24
 
 
-def test_only_the_first_channel_is_heard() -> None:
-    samples = stream(grid(25), 2.5)
-    both = Audio(np.stack([samples, samples[::-1]]), RATE_HZ)
-    npt.assert_array_equal(cut_echoes(both, chirp_at(), PARAMETERS).samples, cut(samples).samples)
+@pytest.mark.parametrize("rate_hz", [44_100, 48_000])
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_the_channel_that_hears_the_chirps_is_cut_wherever_it_is(rate_hz: int, place: int) -> None:
+    """Beside it one that is dead, and one that is loud and hears everything but chirps."""
+    samples = stream(grid(25), 2.5, rate_hz=rate_hz)
+    noise = 0.2 * np.random.default_rng(0).standard_normal(len(samples))
+    rows = np.insert(np.stack([noise, np.zeros_like(noise)]), place, samples, axis=0)
+    found = cut_echoes(Audio(rows, rate_hz), chirp_at(rate_hz), PARAMETERS)
+    npt.assert_array_equal(found.samples, cut(samples, rate_hz=rate_hz).samples)
+
+
+@pytest.mark.parametrize("quiet_s", [0.0, 9.0])
+def test_of_two_channels_the_clearer_is_cut_though_it_is_softer(quiet_s: float) -> None:
+    """Also where most of the sound is silence, as outside a stretch that was chosen."""
+    clear, hoarse = (
+        stream(grid(25), 2.5, level=a, noise=b) for a, b in ((0.05, 1e-5), (0.4, 0.02))
+    )
+    rows = np.pad(np.stack([hoarse, clear]), ((0, 0), (round(quiet_s * RATE_HZ), 0)))
+    npt.assert_array_equal(best_channel(Audio(rows, RATE_HZ), chirp_at()).samples[0], rows[1])
+
+
+def test_choosing_a_channel_needs_no_more_memory_for_a_longer_walk() -> None:
+    peaks = [_peak_of_choice(seconds) for seconds in (30, 300)]
+    row_bytes = 270 * RATE_HZ * 4
+    assert peaks[1] - peaks[0] < 1.5 * row_bytes  # the channel that is handed on
+
+
+def _peak_of_choice(seconds: int) -> int:
+    """Bytes, beyond the sound itself."""
+    audio = Audio(np.tile(stream(grid(10), 1.0), (2, seconds)), RATE_HZ)
+    tracemalloc.start()
+    best_channel(audio, chirp_at())
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    return peak
+
+
+@pytest.mark.parametrize(("up", "down"), [(147, 160), (1, 2), (1, 4)])
+def test_resampling_block_by_block_is_resampling_at_once(
+    up: int, down: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    samples = np.random.default_rng(1).standard_normal(20_001).astype(np.float32)
+    whole = resampled(samples, up, down)
+    monkeypatch.setattr(sound, "RESAMPLED_AT_ONCE", 3_000)
+    npt.assert_array_equal(resampled(samples, up, down), whole)
+    assert len(whole) == -(-20_001 * up // down)
 
 
 def test_resampling_agrees_with_the_fft_and_is_flat_in_the_band() -> None:

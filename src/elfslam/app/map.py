@@ -21,7 +21,7 @@ from elfslam.base.errors import InputError, NoAnswerError, ParameterError, Store
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
-from elfslam.data.facts import BY_TAPS, FACTS, MISSING
+from elfslam.data.facts import BY_TAPS, FACTS, MISSING, NOTES
 from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
@@ -181,6 +181,7 @@ def mapped_run(
         "heading": made.heading,
         **({"finetuning": made.finetuning} if made.finetuning else {}),
         **({"kept_s": list(job.kept_s)} if job.kept_s else {}),
+        **({NOTES: list(recording.notes)} if recording.notes else {}),
         **({MISSING: [asdict(each) for each in made.missing]} if made.missing else {}),
         **_verdict(made.run),
     }

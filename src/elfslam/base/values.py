@@ -41,6 +41,7 @@ class Audio(Value):
     samples: F32 = array("c", "n", dtype=np.float32)
     rate_hz: int
     is_timed: bool = False
+    notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,8 +116,8 @@ class Odometry(Value):
 class Recording:
     """Everything a phone brought home from one walk; never the truth.
 
-    `played_t_s` (n) says when chirps began to be played, up to the way of the sound, `gain_db` (n)
-    how loud; else they came once per period and alike. `kept_s` is the stretch that counts.
+    `played_t_s` (n): when chirps began to be played, up to the way of the sound; `gain_db` (n): how
+    loud; else once per period and alike. `kept_s` is what counts, `notes` what was not right.
     """
 
     name: str
@@ -133,6 +134,7 @@ class Recording:
     gain_db: F64 | None = None
     kept_s: tuple[float, float] | None = None
     checkpoints: Checkpoints | None = None
+    notes: tuple[str, ...] = ()
 
     __repr__ = summary
 
@@ -166,8 +168,7 @@ class FrameFacts(Value):
     `t_due_s` is when its direct sound was due and `late_s` how much later it came, NaN where it
     did not. Of the envelope of the matched filter: `level` of the direct sound, `before` the
     largest in the quiet stretch before it over `level`, `noise` the typical there. `clipped` is the
-    share of its samples at full scale, and `gain_db` how loud it was played, up to a constant; None
-    where nobody says.
+    share of its samples at full scale, `gain_db` how loud it was played up to a constant, if known.
     """
 
     t_due_s: F64 = array("n")

@@ -148,10 +148,12 @@ def _checked(path: Path, archive: zipfile.ZipFile) -> dict[PurePosixPath, zipfil
         )
     files: dict[PurePosixPath, zipfile.ZipInfo] = {}
     for entry in entries:
-        _check_entry(path, entry)
-        if entry.is_dir():
+        # Some packers of Windows part folders as their system does.
+        written = entry.filename.replace("\\", "/")
+        name = PurePosixPath(written)
+        _check_entry(path, entry, name)
+        if written.endswith("/"):
             continue
-        name = PurePosixPath(entry.filename)
         if name in files:
             raise InputError(f"{path}: the .zip holds {entry.filename!r:.60} twice; pack it again")
         files[name] = entry
@@ -161,11 +163,10 @@ def _checked(path: Path, archive: zipfile.ZipFile) -> dict[PurePosixPath, zipfil
     return files
 
 
-def _check_entry(path: Path, entry: zipfile.ZipInfo) -> None:
+def _check_entry(path: Path, entry: zipfile.ZipInfo, name: PurePosixPath) -> None:
     """Refuse an entry that is a trick, or packed as nobody packs."""
-    name, shown = PurePosixPath(entry.filename), f"{entry.filename!r:.60}"
-    leads_out = name.is_absolute() or ".." in name.parts or "\\" in entry.filename
-    if leads_out or not name.parts or DRIVE.match(name.parts[0]):
+    shown = f"{entry.filename!r:.60}"
+    if name.is_absolute() or ".." in name.parts or not name.parts or DRIVE.match(name.parts[0]):
         raise InputError(f"{path}: the .zip holds {shown}, which leads out of it; refused")
     if len(name.parts) > MOST_DEPTH:
         raise InputError(f"{path}: the .zip holds {shown}, folders too deep; pack it flat")

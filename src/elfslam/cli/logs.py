@@ -21,10 +21,16 @@ from elfslam.cli.options import (
     say_refused,
 )
 from elfslam.data.folders import new_file, refuse_occupied
-from elfslam.data.importing import LogFormat, Refused, declared_start, read_logs, takes_many
+from elfslam.data.importing import (
+    LogFormat,
+    Refused,
+    declared_start,
+    read_logs,
+    recognise,
+    takes_many,
+)
 from elfslam.data.marks import read_marks, stood_on
 from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
-from elfslam.data.recognising import recognise
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
 
@@ -62,6 +68,8 @@ def import_command(
             folder = out / item.recording.name if takes_many(known, path) else out
             recording = declared_start(item) if declare_start else item.recording
             write_recording(recording, folder, truth=item.truth)
+            for note in recording.notes:
+                say(f"{recording.name}: {note}")
             count, damaged = count + 1, damaged + item.damaged_lines
     refuse_if_none("imported", path, refused, count)
     summary = {"format": str(known), "recordings": count, "damaged_lines": damaged}

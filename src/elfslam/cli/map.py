@@ -33,7 +33,7 @@ from elfslam.cli.options import (
     refuse_if_none,
     say_refused,
 )
-from elfslam.data.facts import MISSING, read_facts
+from elfslam.data.facts import MISSING, NOTES, read_facts
 from elfslam.slam.coverage import Missing
 
 
@@ -85,6 +85,8 @@ def _say_mapped(run: Run, out: Path) -> None:
     facts = read_facts(out)
     for line in [] if run.echoes is None else breaks(run.echoes):
         say(line)
+    for note in facts.get(NOTES, []):
+        say(note)
     for each in facts.get(MISSING, []):
         say(str(Missing(**each)))
     if "finetuning" in facts:

@@ -5,22 +5,31 @@ from __future__ import annotations
 import io
 import os
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import soundfile
 
+from elfslam.base.arrays import F32
 from elfslam.base.bounds import check_claim
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
 from elfslam.data.baseband import from_baseband
 from elfslam.data.baseband_files import IQ, SPARSEST_FRAMES, read_baseband
 from elfslam.data.tables import read_timed_table
+from elfslam.line.chirp import ACCEPTED_RATES_HZ
+from elfslam.line.echo import resampled
 
 FLAC, WAV = "audio.flac", "audio.wav"
 FRAMES, FRAME_TIMES = ("frames.flac", "frames.wav"), "frames.csv"
 UNKNOWN_WAV_SIZES = (0, 0xFFFFFFFF)
 """What programs write that stream a WAV and never come back to say how long it became."""
+
+
+LARGEST_FLOAT = 8.0
+"""Floats that were made louder than full scale stay below."""
+WHOLE_SCALES = (2.0**15, 2.0**23, 2.0**31)
 
 
 def write_audio(audio: Audio, file: Path) -> None:
@@ -31,7 +40,10 @@ def write_audio(audio: Audio, file: Path) -> None:
 
 
 def read_audio(file: Path) -> Audio:
-    """Audio with one row per channel. Raises InputError where unreadable or cut off."""
+    """Audio with one row per channel; floats in the scale of whole numbers are put into [-1, 1].
+
+    Raises InputError where unreadable or cut off.
+    """
     try:
         with soundfile.SoundFile(os.fsencode(file)) as sound:
             promised, rate_hz = sound.frames, sound.samplerate
@@ -43,7 +55,28 @@ def read_audio(file: Path) -> Audio:
         raise InputError(f"{file}: is cut off; copy the file again")
     if not np.isfinite(samples).all():
         raise InputError(f"{file}: has samples that are not finite; write it again as FLAC")
-    return Audio(samples.T, rate_hz)
+    return _in_unit_scale(samples, rate_hz)
+
+
+def _in_unit_scale(samples: F32, rate_hz: int) -> Audio:
+    """Samples (n, c) as audio: whoever writes floats may write those of an integer's scale."""
+    peak = float(max(samples.max(initial=0.0), -samples.min(initial=0.0)))
+    if peak <= LARGEST_FLOAT:
+        return Audio(samples.T, rate_hz)
+    scale = next((each for each in WHOLE_SCALES if peak <= each), WHOLE_SCALES[-1])
+    note = f"the sound reaches {peak:.0f}, as whole numbers do; it was divided by {scale:.0f}"
+    return Audio(samples.T / np.float32(scale), rate_hz, notes=(note,))
+
+
+def at_accepted_rate(audio: Audio) -> Audio:
+    """The sound at 44.1 or 48 kHz where its rate is a multiple of that, else as it is."""
+    rate_hz = next((each for each in ACCEPTED_RATES_HZ if audio.rate_hz % each == 0), audio.rate_hz)
+    down = audio.rate_hz // rate_hz
+    if down == 1:
+        return audio
+    samples = np.array([resampled(row, 1, down) for row in audio.samples])
+    note = f"the sound was resampled from {audio.rate_hz} to {rate_hz} Hz"
+    return replace(audio, samples=samples, rate_hz=rate_hz, notes=(*audio.notes, note))
 
 
 def _check_length(file: Path, source: Path, samples: float) -> None:
@@ -97,4 +130,4 @@ def _read_frames(folder: Path, name: str) -> Audio:
     line = np.zeros((channels, length), dtype=np.float32)
     for k, start in enumerate(starts):
         line[:, start : start + frames.shape[2]] = frames[:, k]
-    return Audio(line, sound.rate_hz, is_timed=True)
+    return replace(sound, samples=line, is_timed=True)

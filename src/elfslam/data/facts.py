@@ -11,8 +11,9 @@ from elfslam.base.text_files import read_json
 FACTS, ENCODER = "run.json", "encoder.onnx"
 BY_TAPS = "by taps on a floor plan"
 """The `heading` of a walk that lies where its walker tapped."""
-MISSING = "missing"
-"""Under this name run.json lists the stretches in which the recording lacked sound or motion."""
+MISSING, NOTES = "missing", "notes"
+"""Under these names run.json lists the stretches in which the recording lacked sound or motion,
+and what else was not as it should be."""
 
 
 def read_facts(folder: Path) -> dict[str, Any]:

@@ -28,16 +28,26 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
 from elfslam.data.geographic import HIGHEST_DEG, Origin, from_lon_lat
+from elfslam.data.log_files import Imported
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import attitude_that_agrees, forward, in_mps2
-from elfslam.data.tables import in_order, lines_of
+from elfslam.data.streams import (
+    Clock,
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    ordered,
+    rising,
+    with_gravity,
+)
+from elfslam.data.tables import in_order, lines_of, number_in
 from elfslam.data.wifi_table import scans_from_rows
 
+PLACES = "POSI"
 KIND = re.compile(r"[A-Z][A-Z0-9]{3}")
 ADDRESS = re.compile(r"[0-9a-fA-F]{2}([:-][0-9a-fA-F]{2}){5}")
 LARGEST = {
@@ -46,7 +56,7 @@ LARGEST = {
     "MAGN": LARGEST_FIELD_UT,
     "AHRS": 1.01,
     "WIFI": 200.0,
-    "POSI": 360.0,
+    PLACES: 360.0,
 }
 """No whole record has a larger value: m/s2, rad/s, microtesla, 1, dBm, degrees."""
 LONGEST_S = 24 * 3600.0
@@ -58,15 +68,6 @@ Row = tuple[float, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class GetSensorDataLog:
-    """The recording, its landmarks as truth (no rows where none was passed), damaged lines."""
-
-    recording: Recording
-    truth: Truth
-    damaged_lines: int
-
-
-@dataclass(frozen=True, eq=False)
 class Records:
     """Rows by kind, (app s, sensor s, values...), and the Wi-Fi rows (s, address, dBm)."""
 
@@ -75,7 +76,7 @@ class Records:
     damaged: int
 
 
-def read_getsensordata(path: Path) -> GetSensorDataLog:
+def read_getsensordata(path: Path) -> Imported:
     """The walk in a log; t = 0 is its first acceleration, x east and y north of the first landmark.
 
     Landmarks on another floor than most are left out: the line knows one plane. Raises
@@ -89,21 +90,35 @@ def read_getsensordata(path: Path) -> GetSensorDataLog:
             f"{path}: has no {missing[0]} lines; wanted a text log of GetSensorData with "
             "accelerometer and gyroscope"
         )
-    start_s = min(row[0] for row in records.rows["ACCE"])
-    t_s, accel = _stream(records.rows["ACCE"], start_s)
-    imu = imu_on_accelerometer_clock(
-        str(path), t_s, in_mps2(accel), *_stream(records.rows["GYRO"], start_s)
-    )
-    field, attitude = records.rows["MAGN"], records.rows["AHRS"]
+    tables = {kind: np.array(rows, dtype=np.float64) for kind, rows in records.rows.items() if rows}
+    clock = clock_of(str(path), tables["ACCE"][:, 0])
+    kept = {kind: ordered(table[:, 0], table[:, 1:], clock) for kind, table in tables.items()}
+    start_s = kept["ACCE"][0][0][0]
+    streams = {
+        kind: _on_sensor_clock(t_s - start_s, values)
+        for kind, ((t_s, values), _) in kept.items()
+        if kind != PLACES
+    }
+    accel = with_gravity([streams["ACCE"]])
+    imu = imu_on_accelerometer_clock(str(path), *accel, *streams["GYRO"])
     recording = Recording(
         name=path.stem,
         device=_device(lines),
         imu=imu,
-        orientation=_orientation(*_stream(attitude, start_s), imu) if attitude else None,
-        magnetometer=Magnetometer(*_stream(field, start_s)) if field else None,
-        wifi=_wifi(path, records.wifi, start_s),
+        orientation=_orientation(*streams["AHRS"], imu) if "AHRS" in streams else None,
+        magnetometer=Magnetometer(*streams["MAGN"]) if "MAGN" in streams else None,
+        wifi=_wifi(path, records.wifi, start_s, clock),
+        notes=clock.notes,
     )
-    return GetSensorDataLog(recording, _truth(records.rows["POSI"], start_s), records.damaged)
+    truth = _truth(*kept[PLACES][0], start_s) if PLACES in kept else None
+    damaged = records.damaged + sum(left_out for _, left_out in kept.values())
+    return Imported(recording, truth, damaged)
+
+
+def is_getsensordata(lines: Sequence[str]) -> bool:
+    """Whether one of the lines is a whole record with a value."""
+    records = _sort([line for line in lines if not line.startswith("%")])
+    return any(records.rows.values()) or bool(records.wifi)
 
 
 def _lines(path: Path) -> list[str]:
@@ -118,12 +133,12 @@ def _device(lines: Sequence[str]) -> str:
 
 
 def _sort(body: Sequence[str]) -> Records:
-    """Records by kind, in order of the app's time; what is not whole is counted."""
+    """Records by kind, as they come; what is not whole is counted."""
     rows: dict[str, list[Row]] = defaultdict(list)
     wifi: list[tuple[float, str, float]] = []
     damaged = 0
     for line in body:
-        cells = [cell.strip() for cell in line.rstrip(";").split(";")]
+        cells = [cell.strip() for cell in line.strip().rstrip(";").split(";")]
         try:
             if cells[0] == "WIFI":
                 wifi.append(_seen(cells))
@@ -133,10 +148,6 @@ def _sort(body: Sequence[str]) -> Records:
                 _check(whole=KIND.fullmatch(cells[0]) is not None)
         except (ValueError, IndexError):
             damaged += 1
-    for kind, found in rows.items():
-        kept = in_order([row[0] for row in found])
-        rows[kind] = [row for row, good in zip(found, kept, strict=True) if good]
-        damaged += len(found) - len(rows[kind])
     return Records(rows, wifi, damaged)
 
 
@@ -148,29 +159,22 @@ def _check(*, whole: bool) -> None:
 def _row(cells: Sequence[str]) -> Row:
     """Times and values of a record. Raises ValueError or IndexError if it is not whole."""
     kind = cells[0]
-    if kind == "POSI":
-        t_s, _, latitude, longitude = (_number(cell) for cell in cells[1:5])
+    if kind == PLACES:
+        t_s, _, latitude, longitude = (number_in(cell) for cell in cells[1:5])
         _check(whole=abs(latitude) <= HIGHEST_DEG and abs(longitude) <= 180)
-        floor = tuple(_number(cell) for cell in cells[5:7])
+        floor = tuple(number_in(cell) for cell in cells[5:7])
         return _time(t_s), latitude, longitude, *floor, *(0.0,) * (2 - len(floor))
-    values = [_number(cell) for cell in (cells[6:9] if kind == "AHRS" else cells[3:6])]
+    values = [number_in(cell) for cell in (cells[6:9] if kind == "AHRS" else cells[3:6])]
     _check(whole=len(values) == 3 and max(map(abs, values)) <= LARGEST[kind])
-    return _time(_number(cells[1])), _number(cells[2]), *values
+    return _time(number_in(cells[1])), number_in(cells[2]), *values
 
 
 def _seen(cells: Sequence[str]) -> tuple[float, str, float]:
     """When, which network, how strong: read from the end, where the network's name is not."""
     address = max(k for k in range(3, len(cells)) if ADDRESS.fullmatch(cells[k]))
-    level_dbm = _number(cells[-1])
+    level_dbm = number_in(cells[-1])
     _check(whole=address < len(cells) - 1 and abs(level_dbm) <= LARGEST["WIFI"])
-    return _time(_number(cells[1])), cells[address].lower(), level_dbm
-
-
-def _number(cell: str) -> float:
-    """Some phones write a decimal comma. Raises ValueError."""
-    number = float(cell.replace(",", "."))
-    _check(whole=math.isfinite(number))
-    return number
+    return _time(number_in(cells[1])), cells[address].lower(), level_dbm
 
 
 def _time(t_s: float) -> float:
@@ -178,14 +182,14 @@ def _time(t_s: float) -> float:
     return t_s
 
 
-def _stream(rows: Sequence[Row], start_s: float) -> tuple[F64, F64]:
-    """Times since `start_s` on the app's clock, and values."""
-    table = np.array(rows, dtype=np.float64)
-    ahead_s = table[:, 0] - table[:, 1]
+def _on_sensor_clock(t_s: F64, values: F64) -> Stream:
+    """Rows (app's time, sensor's time and values) at the sensor's times, moved onto the app's."""
+    ahead_s = t_s - values[:, 0]
     moved_s = np.median(ahead_s)
     alike = np.quantile(np.abs(ahead_s - moved_s), 0.95) < MOST_APART_S
-    t_s = table[:, 1] + moved_s if alike else table[:, 0]
-    return forward(t_s - start_s, table[:, 2:])
+    measured_s = values[:, 0] + moved_s if alike else t_s
+    kept = in_order(measured_s)
+    return rising(measured_s[kept], values[kept, 1:])
 
 
 def _orientation(t_s: F64, xyz: F64, imu: Imu) -> Orientation | None:
@@ -193,22 +197,22 @@ def _orientation(t_s: F64, xyz: F64, imu: Imu) -> Orientation | None:
     return attitude_that_agrees(t_s, [np.column_stack([xyz, w])], imu)
 
 
-def _wifi(path: Path, seen: Sequence[tuple[float, str, float]], start_s: float) -> WifiScans | None:
+def _wifi(
+    path: Path, seen: Sequence[tuple[float, str, float]], start_s: float, clock: Clock
+) -> WifiScans | None:
     if not seen:
         return None
     t_s, addresses, rssi_dbm = zip(*seen, strict=True)
-    since_s = [time_s - start_s for time_s in t_s]
+    since_s = clock.running(np.array(t_s)) - start_s
     return scans_from_rows(path, since_s, addresses, rssi_dbm, [math.nan] * len(seen))
 
 
-def _truth(rows: Sequence[Row], start_s: float) -> Truth:
-    """Landmarks (t, latitude, longitude, floor, building) of the floor that has most of them."""
-    if not rows:
-        return Truth(np.empty(0), np.empty((0, 3)))
-    floors = Counter(row[3:] for row in rows)
+def _truth(t_s: F64, places: F64, start_s: float) -> Truth:
+    """Landmarks (latitude, longitude, floor, building) of the floor that has most of them."""
+    floors = Counter(tuple(row) for row in places[:, 2:])
     [(floor, _)] = floors.most_common(1)
-    table = np.array([row[:3] for row in rows if row[3:] == floor])
-    t_s, degrees = forward(table[:, 0] - start_s, table[:, 1:])
+    there = (places[:, 2:] == floor).all(axis=1)
+    t_s, degrees = rising(t_s[there] - start_s, places[there, :2])
     origin = Origin(*(float(number) for number in degrees[0]))
     xy_m = from_lon_lat(origin, degrees[:, ::-1])
     return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]))

@@ -3,16 +3,27 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import readable
+from elfslam.base.values import Recording, Truth
 from elfslam.base.zips import opened_zip, unpack_zip
 
 ZIP_START, XZ_START = b"PK", b"\xfd7zXZ\x00"
 MACOSX = "__MACOSX"
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """One recording, its truth where the log has it, and how many lines were damaged."""
+
+    recording: Recording
+    truth: Truth | None = None
+    damaged_lines: int = 0
 
 
 def starts_with(path: Path, start: bytes) -> bool:
@@ -36,6 +47,27 @@ def is_clutter(name: PurePosixPath) -> bool:
 def name_of(path: Path) -> str:
     """What the recording of a log is called: as its folder or its file, without the ending."""
     return readable(path.name if path.is_dir() else path.stem)
+
+
+def one_of_each(folder: Path, endings: Collection[str]) -> dict[str, Path]:
+    """The files of these endings in the folder of one log, by their names in small letters.
+
+    Programs write a file per sensor, whatever folders are packed around them: two of one name
+    are of two recordings. Raises InputError then.
+    """
+    found: dict[str, Path] = {}
+    for file in sorted(folder.rglob("*")):
+        name, inside = file.name.lower(), PurePosixPath(file.relative_to(folder))
+        if file.suffix.lower() not in endings or is_clutter(inside) or not file.is_file():
+            continue
+        if name in found:
+            twice = [f"{each!s:.60}" for each in (found[name].relative_to(folder), inside)]
+            raise InputError(
+                f"{folder}: holds several recordings ({', '.join(twice)}), wanted one; give each "
+                "alone"
+            )
+        found[name] = file
+    return found
 
 
 @contextmanager

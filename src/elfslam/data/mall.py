@@ -12,23 +12,22 @@ import re
 import tempfile
 from collections import defaultdict
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import numpy as np
 
-from elfslam.base.arrays import F64
+from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
-from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
-from elfslam.data.log_files import XZ_START, files_in, starts_with
+from elfslam.base.values import Magnetometer, Orientation, Recording, Truth, WifiScans
+from elfslam.data.log_files import XZ_START, Imported, files_in, starts_with
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
+from elfslam.data.streams import Clock, Stream, clock_of, rising
 from elfslam.data.tables import in_order, lines_of
 from elfslam.data.tars import check_archive, texts_in
 from elfslam.data.wifi_table import scans_from_rows
@@ -53,26 +52,14 @@ Records = dict[str, list[tuple[int, Row]]]
 """By type: the number of the line, and the row with t_s first."""
 WifiRow = tuple[float, str, float, float]
 """t_s, bssid, rssi_dbm, age_s."""
-AnyRow = TypeVar("AnyRow", Row, WifiRow)
 
 
-@dataclass(frozen=True, eq=False)
-class MallWalk:
-    """One surveyed walk; the truth has waypoints without heading, and no rows if there are none.
-
-    `damaged_lines` counts lines that were not one whole record in its place.
-    """
-
-    recording: Recording
-    truth: Truth
-    damaged_lines: int
-
-
-def read_walk(path: Path) -> MallWalk:
+def read_walk(path: Path) -> Imported:
     """The walk in a .txt file; t = 0 is its startTime, or the first record where that is absent.
 
     The gyroscope is moved to the accelerometer's times; of records with the same time the first
-    counts. Raises InputError where the file is no walk.
+    counts. Damaged lines are those that were not one whole record in its place. The truth has no
+    heading, and is none without waypoints. Raises InputError where the file is no walk.
     """
     text = read_bytes(path).decode("utf-8", errors="replace")
     lines = [line for line in lines_of(text, path) if line.strip()]
@@ -82,15 +69,26 @@ def read_walk(path: Path) -> MallWalk:
     absent = [kind for kind in VECTORS[:2] if len(records[kind]) < 2]
     if absent:
         raise InputError(f"{path}: has no {absent[0]} records; wanted a walk of the mall data set")
+    clock = clock_of(str(path), np.array([row[0] for _, row in records[VECTORS[0]]]))
+    streams = {kind: _stream(rows, clock, damaged) for kind, rows in records.items() if rows}
+    motion = (*streams[VECTORS[0]], *streams[VECTORS[1]])
+    field, attitude, places = (streams.get(kind) for kind in (*VECTORS[2:], WAYPOINT))
     recording = Recording(
         name=path.stem.strip(".") or "walk",
         device=_device(header),
-        imu=_imu(path, records),
-        orientation=_orientation(records["TYPE_ROTATION_VECTOR"]),
-        magnetometer=_magnetometer(records["TYPE_MAGNETIC_FIELD"]),
-        wifi=_wifi(path, wifi_rows),
+        imu=imu_on_accelerometer_clock(str(path), *motion),
+        orientation=_orientation(*attitude) if attitude else None,
+        magnetometer=Magnetometer(*field) if field else None,
+        wifi=_wifi(path, wifi_rows, clock, damaged) if wifi_rows else None,
+        notes=clock.notes,
     )
-    return MallWalk(recording, _truth(records[WAYPOINT]), damaged)
+    return Imported(recording, _truth(*places) if places else None, len(damaged))
+
+
+def is_walk(lines: Sequence[str]) -> bool:
+    """Whether one of the lines is a whole record with a value."""
+    records, wifi_rows, _ = _sort_records(lines, _start_ms(lines, lines))
+    return any(records.values()) or bool(wifi_rows)
 
 
 def walks_in(path: Path) -> Iterator[Path]:
@@ -142,8 +140,8 @@ def _device(header: Sequence[str]) -> str:
 
 def _sort_records(
     body: Sequence[str], start_ms: int
-) -> tuple[dict[str, list[Row]], list[WifiRow], int]:
-    """Records by type with t_s first, Wi-Fi rows, and how many lines were damaged."""
+) -> tuple[Records, list[tuple[int, WifiRow]], set[int]]:
+    """Records by type with t_s first, Wi-Fi rows, and the numbers of damaged lines."""
     records: Records = defaultdict(list)
     wifi_rows: list[tuple[int, WifiRow]] = []
     damaged: set[int] = set()
@@ -155,15 +153,23 @@ def _sort_records(
                 _place(number, piece.split("\t"), start_ms, records, wifi_rows)
             except (ValueError, IndexError):
                 damaged.add(number)
-    ordered = {kind: _ordered(rows, damaged) for kind, rows in records.items()}
-    return defaultdict(list, ordered), _ordered(wifi_rows, damaged), len(damaged)
+    return records, wifi_rows, damaged
 
 
-def _ordered(numbered: Sequence[tuple[int, AnyRow]], damaged: set[int]) -> list[AnyRow]:
-    """The rows whose time is in order; the lines of the others are added to `damaged`."""
-    kept = in_order([float(row[0]) for _, row in numbered])
+def _kept(
+    numbered: Sequence[tuple[int, Row | WifiRow]], clock: Clock, damaged: set[int]
+) -> tuple[F64, I64]:
+    """Times on that clock and indices of the rows in order; other lines are added to `damaged`."""
+    t_s = clock.running(np.array([row[0] for _, row in numbered], dtype=np.float64))
+    kept = in_order(t_s)
     damaged.update(number for (number, _), good in zip(numbered, kept, strict=True) if not good)
-    return [row for (_, row), good in zip(numbered, kept, strict=True) if good]
+    return t_s[kept], np.flatnonzero(kept)
+
+
+def _stream(numbered: Sequence[tuple[int, Row]], clock: Clock, damaged: set[int]) -> Stream:
+    """Times and values; of rows with one time the first counts."""
+    t_s, kept = _kept(numbered, clock, damaged)
+    return rising(t_s, np.array([numbered[k][1][1:] for k in kept]))
 
 
 def _pieces(line: str) -> list[str]:
@@ -213,38 +219,20 @@ def _number(text: str, kind: str) -> float:
     return number
 
 
-def _forward(rows: Sequence[Row]) -> tuple[F64, F64]:
-    """Times and values; of rows with one time the first counts."""
-    table = np.array(rows, dtype=float)
-    kept = np.diff(table[:, 0], prepend=-np.inf) > 0
-    return table[kept, 0], table[kept, 1:]
-
-
-def _imu(path: Path, records: dict[str, list[Row]]) -> Imu:
-    accelerometer, gyroscope = (_forward(records[kind]) for kind in VECTORS[:2])
-    return imu_on_accelerometer_clock(str(path), *accelerometer, *gyroscope)
-
-
-def _magnetometer(rows: Sequence[Row]) -> Magnetometer | None:
-    return Magnetometer(*_forward(rows)) if rows else None
-
-
-def _orientation(rows: Sequence[Row]) -> Orientation | None:
+def _orientation(t_s: F64, xyz: F64) -> Orientation:
     """Android's rotation vector is the quaternion without its w, which is never negative."""
-    if not rows:
-        return None
-    t_s, xyz = _forward(rows)
     w = np.sqrt(np.maximum(0, 1 - (xyz**2).sum(axis=1)))
     quaternion = np.column_stack([xyz, w])
     return Orientation(t_s, quaternion / np.linalg.norm(quaternion, axis=1, keepdims=True))
 
 
-def _wifi(path: Path, rows: Sequence[WifiRow]) -> WifiScans | None:
-    return scans_from_rows(path, *map(list, zip(*rows, strict=True))) if rows else None
+def _wifi(
+    path: Path, numbered: Sequence[tuple[int, WifiRow]], clock: Clock, damaged: set[int]
+) -> WifiScans:
+    t_s, kept = _kept(numbered, clock, damaged)
+    _, bssids, rssi_dbm, age_s = zip(*(numbered[k][1] for k in kept), strict=True)
+    return scans_from_rows(path, t_s, bssids, rssi_dbm, age_s)
 
 
-def _truth(rows: Sequence[Row]) -> Truth:
-    if not rows:
-        return Truth(np.empty(0), np.empty((0, 3)))
-    t_s, xy_m = _forward(rows)
+def _truth(t_s: F64, xy_m: F64) -> Truth:
     return Truth(t_s, np.column_stack([xy_m, np.full(len(t_s), np.nan)]))

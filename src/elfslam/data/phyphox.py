@@ -1,28 +1,26 @@
 """Exports of phyphox (RWTH Aachen): a .zip with one CSV per set of buffers, and meta/.
 
-Five ways to write a CSV can be chosen: cells parted by comma, tab or semicolon with a decimal
-point, by tab or semicolon with a decimal comma; names stand in quotes, numbers as 1.2E0, and a
-shorter buffer is filled up with NaN. Times are seconds of the experiment, which stands still
-while it is paused; meta/time.csv says when it was started and paused. Sensors are told apart by
-the units in the names of their columns, so that our own experiment, the app's and those of its
-users can be read. Sound is a buffer of samples, in a set of its own, its rate in another.
+Names stand in quotes, numbers as 1.2E0, and a shorter buffer is filled up with NaN. Times are
+seconds of the experiment, which stands still while it is paused; meta/time.csv says when it was
+started and paused. Sensors are told apart by the units in the names of their columns, which are
+in the language of the phone, so that our own experiment, the app's and those of its users can be
+read. Sound is a buffer of samples, in a set of its own, its rate in another.
 """
 
 from __future__ import annotations
 
-import csv
 import io
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import is_clutter, log_folder, name_of
+from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
 from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, RATE_COLUMN, SOUND_COLUMN
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
@@ -30,19 +28,27 @@ from elfslam.data.sensor_files import (
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import attitude_that_agrees, forward, in_mps2
-from elfslam.data.tables import parse_rows, read_lines, read_text
+from elfslam.data.streams import (
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    on_one_clock,
+    with_gravity,
+)
+from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
 from elfslam.line.chirp import ACCEPTED_RATES_HZ
 
-SEPARATORS = (",", "\t", ";")
-META = "meta"
-TIME = re.compile(r".*\(s\)$")
-AXIS = re.compile(r"\b([xyz])\b", re.IGNORECASE)
-WITHOUT_GRAVITY = re.compile(r"linear|without g|gravity", re.IGNORECASE)
+DEVICE, EVENTS = "device.csv", "time.csv"
+"""The app's own files, in meta/."""
+TIME = re.compile(".*[(\uff08]s[)\uff09]$")
+AXIS = re.compile(r"(?<![a-z])([xyz])(?![a-z])", re.IGNORECASE)
+ACCELERATION, GYROSCOPE, FIELD, ATTITUDE = "acceleration", "gyroscope", "field", "attitude"
+MPS2 = 1.0
+"""The unit of an acceleration as its columns state it: metres per second squared."""
 UNITS = {
-    "accelerometer": (re.compile(r"m/s(\^2|²|2)"), LARGEST_ACCEL_MPS2),
-    "gyroscope": (re.compile(r"rad/s"), LARGEST_TURN_RADPS),
-    "magnetometer": (re.compile(r"[µμu]T"), LARGEST_FIELD_UT),
+    ACCELERATION: (re.compile(r"m/s(\^2|²|2)"), LARGEST_ACCEL_MPS2),
+    GYROSCOPE: (re.compile(r"rad/s"), LARGEST_TURN_RADPS),
+    FIELD: (re.compile(r"[µμu]T"), LARGEST_FIELD_UT),
 }
 """What tells a sensor's columns, and beyond what it cannot be believed."""
 LEAST_SOUND_SHARE = 0.9
@@ -59,64 +65,59 @@ class SensorTable:
     numbers: F64
 
 
-def read_phyphox(path: Path) -> Recording:
+def read_phyphox(path: Path) -> Imported:
     """The recording in a .zip of CSVs, or in their folder, t = 0 where the experiment was started.
 
     Raises InputError naming what is missing or bad, for an export as Excel, and for an
     experiment that was paused and went on.
     """
     with log_folder(path) as folder:
-        return _read_folder(_folder_of_tables(folder), name_of(path))
+        return _read_folder(folder, name_of(path))
 
 
-def _folder_of_tables(folder: Path) -> Path:
-    """Where the CSVs lie: whoever packs an export again packs the folder around them."""
-    inside = [each for each in folder.iterdir() if not is_clutter(PurePosixPath(each.name))]
-    alone = len(inside) == 1 and inside[0].is_dir() and inside[0].name != META
-    return inside[0] if alone else folder
+def is_phyphox(columns: Sequence[str]) -> bool:
+    """Whether the columns of a table are a time and what a sensor measures, in its unit."""
+    measured = any(unit.search(name) for unit, _ in UNITS.values() for name in columns)
+    return measured and any(map(TIME.match, columns))
 
 
-def _read_folder(folder: Path, name: str) -> Recording:
+def _read_folder(folder: Path, name: str) -> Imported:
     if (folder / "xl").is_dir():
         raise InputError(f"{folder}: is an Excel file; export as CSV, with any separator")
-    _check_one_run(folder / META / "time.csv")
-    tables = [_read_table(file) for file in sorted(folder.glob("*.csv"))]
-    found = {kind: _sensor(tables, kind) for kind in UNITS}
-    accelerometer, gyroscope, magnetometer = found.values()
-    if accelerometer is None or gyroscope is None:
-        missing = "an accelerometer with g" if accelerometer is None else "a gyroscope"
+    files = one_of_each(folder, (".csv",))
+    meta = {key: _meta(files.pop(key)) for key in (DEVICE, EVENTS) if key in files}
+    _check_one_run(folder, meta.get(EVENTS, []))
+    tables = [_read_table(file) for file in files.values()]
+    accelerations, gyroscopes, fields = (_streams(tables, *each) for each in UNITS.values())
+    if not accelerations or not gyroscopes:
+        missing = "an accelerometer" if not accelerations else "a gyroscope"
         raise InputError(
             f"{folder}: has no columns of {missing}; wanted Time (s) and x, y, z in m/s^2 and "
             "rad/s; record with the experiment of `elfslam phyphox`"
         )
-    accel = accelerometer[0], in_mps2(accelerometer[1])
-    imu = imu_on_accelerometer_clock(str(folder), *accel, *gyroscope)
-    return Recording(
+    read = {f"{ACCELERATION} {k}": stream for k, stream in enumerate(accelerations)}
+    read |= {GYROSCOPE: gyroscopes[0]} | dict(zip([FIELD], fields, strict=False))
+    if (attitude := _named(tables, QUATERNION_COLUMNS)) is not None and len(attitude):
+        read[ATTITUDE] = attitude[:, 0], attitude[:, 1:]
+    clock = clock_of(str(folder), accelerations[0][0])
+    streams, damaged = on_one_clock(read, clock)
+    accel = with_gravity([streams[key] for key in streams if key.startswith(ACCELERATION)], MPS2)
+    imu = imu_on_accelerometer_clock(str(folder), *accel, *streams[GYROSCOPE])
+    recording = Recording(
         name=name,
-        device=_device(folder / META / "device.csv"),
+        device=_device(meta.get(DEVICE, [])),
         audio=_sound(folder, tables, imu),
         imu=imu,
-        orientation=_orientation(tables, imu),
-        magnetometer=magnetometer and Magnetometer(*magnetometer),
+        orientation=_orientation(streams.get(ATTITUDE), imu),
+        magnetometer=Magnetometer(*streams[FIELD]) if FIELD in streams else None,
+        notes=clock.notes,
     )
+    return Imported(recording, damaged_lines=damaged)
 
 
 def _read_table(file: Path) -> SensorTable:
-    head, _, body = read_text(file).rstrip().partition("\n")
-    separator = next((each for each in SEPARATORS[1:] if len(_cells(file, head, each)) > 1), ",")
-    names = tuple(name.strip() for name in _cells(file, head, separator))
-    first_row = body.partition("\n")[0]
-    # One column alone needs no separator: then a comma is that of its decimals.
-    if (separator != "," or len(names) == 1) and "," in first_row:
-        body = body.replace(",", ".")
-    return SensorTable(file, names, _numbers(file, body.replace(separator, ","), len(names)))
-
-
-def _cells(file: Path, line: str, separator: str) -> list[str]:
-    try:
-        return next(csv.reader([line], delimiter=separator), [])
-    except csv.Error as cause:
-        raise InputError(f"{file}: cannot be read as CSV ({cause}); export it again") from cause
+    text = read_csv(file)
+    return SensorTable(file, text.names, _numbers(file, text.body, len(text.names)))
 
 
 def _numbers(file: Path, body: str, columns: int) -> F64:
@@ -154,38 +155,35 @@ def _columns(table: SensorTable, wanted: Sequence[int]) -> F64:
     return np.asarray(values[:count])
 
 
-def _sensor(tables: Sequence[SensorTable], kind: str) -> tuple[F64, F64] | None:
-    """Times and values of a sensor, from the first set that has it."""
-    unit, largest = UNITS[kind]
-    for table in tables:
-        columns = _axes(table, unit)
-        if columns is None:
-            continue
-        values = _columns(table, columns)
-        if len(values) < 2:
-            continue
-        worst = float(np.abs(values[:, 1:]).max())
-        if worst > largest:
-            raise InputError(
-                f"{table.file}: has {worst:g} in {table.names[columns[1]]}, wanted at most "
-                f"{largest:g}; the file is damaged, export it again"
-            )
-        return forward(values[:, 0], values[:, 1:])
-    return None
+def _streams(tables: Sequence[SensorTable], unit: re.Pattern[str], largest: float) -> list[Stream]:
+    """Times and values of every sensor that measures in a unit."""
+    return [
+        _stream(table, columns, largest)
+        for table in tables
+        for columns in _axes(table.names, unit)
+        if len(_columns(table, columns)) > 1
+    ]
 
 
-def _axes(table: SensorTable, unit: re.Pattern[str]) -> list[int] | None:
-    """Which columns hold the time and x, y, z in that unit; None where not all are there."""
-    if WITHOUT_GRAVITY.search(table.file.stem):
-        return None
-    found: dict[str, int] = {}
-    for k, name in enumerate(table.names):
-        axis = AXIS.search(name)
-        if TIME.match(name):
-            found.setdefault("t", k)
-        elif axis and unit.search(name) and not WITHOUT_GRAVITY.search(name):
-            found.setdefault(axis[1].lower(), k)
-    return [found[key] for key in "txyz"] if len(found) == 4 else None
+def _stream(table: SensorTable, columns: Sequence[int], largest: float) -> Stream:
+    values = _columns(table, columns)
+    worst = float(np.abs(values[:, 1:]).max())
+    if worst > largest:
+        raise InputError(
+            f"{table.file}: has {worst:g} in {table.names[columns[1]]}, wanted at most "
+            f"{largest:g}; the file is damaged, export it again"
+        )
+    return values[:, 0], values[:, 1:]
+
+
+def _axes(names: Sequence[str], unit: re.Pattern[str]) -> list[list[int]]:
+    """Which columns hold the time and x, y, z in that unit: once for each sensor of a table."""
+    times = [k for k, name in enumerate(names) if TIME.match(name)]
+    axes: dict[str, list[int]] = {axis: [] for axis in "xyz"}
+    for k, name in enumerate(names):
+        if k not in times and unit.search(name) and (axis := AXIS.search(name)):
+            axes[axis[1].lower()].append(k)
+    return [[times[0], *xyz] for xyz in zip(*axes.values(), strict=False) if times]
 
 
 def _named(tables: Sequence[SensorTable], names: Sequence[str]) -> F64 | None:
@@ -217,32 +215,27 @@ def _sound(folder: Path, tables: Sequence[SensorTable], imu: Imu) -> Audio | Non
     return Audio(np.clip(samples.T, -1, 1), nearest)
 
 
-def _orientation(tables: Sequence[SensorTable], imu: Imu) -> Orientation | None:
-    attitude = _named(tables, QUATERNION_COLUMNS)
-    if attitude is None or not len(attitude):
-        return None
-    t_s, quaternion = forward(attitude[:, 0], attitude[:, 1:])
-    return attitude_that_agrees(t_s, [quaternion], imu)
+def _orientation(attitude: Stream | None, imu: Imu) -> Orientation | None:
+    return attitude and attitude_that_agrees(attitude[0], [attitude[1]], imu)
 
 
 def _meta(file: Path) -> list[list[str]]:
-    """Rows of a file of meta/, its header left out; none where it is not there."""
-    lines = read_lines(file) if file.is_file() else [""]
-    separator = next((each for each in SEPARATORS if each in lines[0]), ",")
-    return [_cells(file, line, separator) for line in lines[1:]]
+    """Rows of a file of meta/, its header left out."""
+    lines = read_lines(file)
+    return [cells_of(file, line, separator_of(lines[0])) for line in lines[1:]]
 
 
-def _device(file: Path) -> str:
-    facts = {row[0]: row[1] for row in _meta(file) if len(row) > 1}
+def _device(rows: Sequence[Sequence[str]]) -> str:
+    facts = {row[0]: row[1] for row in rows if len(row) > 1}
     names = [facts.get(key, "") for key in ("deviceBrand", "deviceModel")]
     return " ".join(name for name in names if name) or "unknown"
 
 
-def _check_one_run(file: Path) -> None:
+def _check_one_run(folder: Path, rows: Sequence[Sequence[str]]) -> None:
     """Refuse an experiment that went on after a pause: its clock stood still."""
-    events = [row[0].strip().upper() for row in _meta(file) if row]
+    events = [row[0].strip().upper() for row in rows if row]
     if events.count("START") > 1:
         raise InputError(
-            f"{file}: the experiment was started {events.count('START')} times, wanted one run "
+            f"{folder}: the experiment was started {events.count('START')} times, wanted one run "
             "without a pause; clear the data before each walk"
         )

@@ -11,6 +11,7 @@ import math
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +22,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
-from elfslam.data.audio_files import FLAC, read_recorded_sound, write_audio
+from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
@@ -50,6 +51,7 @@ FARTHEST_M = 1e6
 MOST_LOST_SHARE = 0.1
 """A stream may lose some samples, which echo cutting recovers; more is a file that was cut off."""
 MANIFEST = "recording.json"
+MOST_NOTES, LONGEST_NOTE = 200, 500
 
 
 def write_recording(
@@ -138,6 +140,7 @@ def _manifest(
         "chirp": None if chirp is None else dict(chirp),
         "audio": sound,
         "software": f"elfslam {__version__}",
+        "notes": list(recording.notes),
     }
 
 
@@ -145,11 +148,12 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
     manifest = _read_manifest(folder / MANIFEST)
     wifi = folder / "wifi.csv"
     played_t_s, gain_db = read_schedule(folder)
+    audio = _read_sound(folder, manifest, chirp)
     recording = Recording(
         name=str(manifest.get("name") or name),
         device=str(manifest.get("device") or "unknown"),
         start_pose=_start_pose(folder / MANIFEST, manifest),
-        audio=_read_sound(folder, manifest, chirp),
+        audio=audio and at_accepted_rate(audio),
         imu=read_imu(folder),
         orientation=read_orientation(folder / "orientation.csv"),
         odometry=read_odometry(folder),
@@ -160,6 +164,11 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         gain_db=gain_db,
         checkpoints=read_checkpoints(folder),
     )
+    notes = (
+        *_notes(folder / MANIFEST, manifest),
+        *(recording.audio.notes if recording.audio else ()),
+    )
+    recording = replace(recording, notes=tuple(dict.fromkeys(notes)))
     _check_clocks(folder, recording)
     return recording
 
@@ -208,6 +217,18 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
         raise InputError(f"{file}: start_pose {given!r:.60} is not finite; give three numbers")
     x_m, y_m, heading_rad = map(float, [*given, math.nan][: len(POSE)])
     return x_m, y_m, heading_rad
+
+
+def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
+    """What was said of the recording when it was taken up."""
+    notes = manifest.get("notes", [])
+    texts = isinstance(notes, list) and all(isinstance(note, str) for note in notes)
+    if not texts or len(notes) > MOST_NOTES or any(len(note) > LONGEST_NOTE for note in notes):
+        raise InputError(
+            f"{file}: notes are {notes!r:.60}, wanted a list of at most {MOST_NOTES} texts of up "
+            f"to {LONGEST_NOTE} characters; repair it"
+        )
+    return list(notes)
 
 
 def _declared(start: tuple[float, float, float] | None) -> list[float] | None:

@@ -2,12 +2,14 @@
 
 Lines are `nanoseconds x y z`, parted by white space, after comments that start with `#`:
 acce.txt (m/s2 with gravity), gyro.txt (rad/s), magnet.txt (microtesla), and rv.txt or
-game_rv.txt (`nanoseconds x y z w`). The nanoseconds count from any origin, one for all files.
+game_rv.txt (`nanoseconds x y z w`). The nanoseconds count from any origin, one for all files;
+they and all else may be written as whole numbers or as 1.2e+18.
 """
 
 from __future__ import annotations
 
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from pathlib import Path, PurePosixPath
 
 import numpy as np
 
@@ -15,26 +17,38 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import log_folder, name_of
+from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import attitude_that_agrees, forward, in_mps2
-from elfslam.data.tables import check_size, parse_rows, read_lines
+from elfslam.data.streams import (
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    on_one_clock,
+    with_gravity,
+)
+from elfslam.data.tables import check_size, numbers_in, parse_rows, read_lines
 
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = "acce.txt", "gyro.txt", "magnet.txt"
 ATTITUDES = ("rv.txt", "game_rv.txt", "orientation.txt")
-NANOSECONDS = 1e9
+LARGEST = {
+    ACCELEROMETER: (LARGEST_ACCEL_MPS2, "m/s2"),
+    GYROSCOPE: (LARGEST_TURN_RADPS, "rad/s"),
+    MAGNETOMETER: (LARGEST_FIELD_UT, "microtesla"),
+    **dict.fromkeys(ATTITUDES, (1.01, "")),
+}
+NANOSECOND_S = 1e-9
 STEP_S = (1e-4, 1.0)
 """Between these lies the median step of a sensor's times, if they are nanoseconds."""
+LEAST_NS = 1e4
+"""A later first time tells nanoseconds from seconds; who counts from 0 is known by the second."""
 
-Table = tuple[F64, F64]
 
-
-def read_ronin(path: Path) -> Recording:
+def read_ronin(path: Path) -> Imported:
     """The recording in a folder of such files or a .zip of one, t = 0 at its first acceleration.
 
     Raises InputError naming what is missing or bad.
@@ -43,76 +57,81 @@ def read_ronin(path: Path) -> Recording:
         return _read_folder(folder, name_of(path))
 
 
-def _read_folder(root: Path, name: str) -> Recording:
-    folder = _folder_of_one(root)
-    accelerometer, gyroscope = folder / ACCELEROMETER, folder / GYROSCOPE
-    start_ns, accel = _sensor(accelerometer, LARGEST_ACCEL_MPS2, "m/s2")
-    start = float(start_ns[0])
-    turns = _sensor(gyroscope, LARGEST_TURN_RADPS, "rad/s")
-    imu = imu_on_accelerometer_clock(
-        str(folder), _since(start_ns, start), in_mps2(accel), _since(turns[0], start), turns[1]
-    )
-    return Recording(
-        name=name,
-        device=_device(folder),
-        imu=imu,
-        orientation=_orientation(folder, start, imu),
-        magnetometer=_magnetometer(folder / MAGNETOMETER, start),
-    )
+def is_ronin(name: PurePosixPath, lines: Sequence[str]) -> bool:
+    """Whether a file is called as the recorder's are, and its first rows are times and values."""
+    if name.name.lower() not in LARGEST:
+        return False
+    rows = [numbers_in(line) for line in lines[_comments(lines) :][:2]]
+    return bool(rows) and all(len(row) > 3 for row in rows) and rows[-1][0] > LEAST_NS
 
 
-def _folder_of_one(root: Path) -> Path:
-    found = sorted(file.parent for file in root.rglob(ACCELEROMETER))
-    if len(found) != 1 or not (found[0] / GYROSCOPE).is_file():
+def _comments(lines: Sequence[str]) -> int:
+    """How many lines stand before the rows: comments, or names of columns."""
+    return next((k for k, line in enumerate(lines) if _is_row(line)), len(lines))
+
+
+def _is_row(line: str) -> bool:
+    return not line.startswith("#") and any(numbers_in(cell) for cell in line.split())
+
+
+def _read_folder(root: Path, name: str) -> Imported:
+    files = one_of_each(root, (".txt",))
+    if ACCELEROMETER not in files or GYROSCOPE not in files:
         raise InputError(
-            f"{root}: holds {len(found)} recordings with {ACCELEROMETER}, wanted one, "
-            f"with {GYROSCOPE} beside it; give its folder"
+            f"{root}: holds no {ACCELEROMETER} with {GYROSCOPE} beside it; give the folder of "
+            "one recording"
         )
-    return found[0]
+    read = {each: _sensor(files[each], *LARGEST[each]) for each in LARGEST if each in files}
+    start_ns = read[ACCELEROMETER][0][0]
+    since = {each: ((t - start_ns) * NANOSECOND_S, values) for each, (t, values) in read.items()}
+    clock = clock_of(str(root), since[ACCELEROMETER][0])
+    streams, damaged = on_one_clock(since, clock)
+    accel = with_gravity([streams[ACCELEROMETER]])
+    imu = imu_on_accelerometer_clock(str(root), *accel, *streams[GYROSCOPE])
+    field = streams.get(MAGNETOMETER)
+    recording = Recording(
+        name=name,
+        device=_device(files[ACCELEROMETER].parent),
+        imu=imu,
+        orientation=_orientation(streams, imu),
+        magnetometer=Magnetometer(*field) if field else None,
+        notes=clock.notes,
+    )
+    return Imported(recording, damaged_lines=damaged)
 
 
-def _sensor(file: Path, largest: float, unit: str, columns: int = 3) -> Table:
-    """Nanoseconds (n) and values (n, columns) of a file."""
+def _sensor(file: Path, largest: float, unit: str) -> Stream:
+    """Nanoseconds (n) and values (n, 3), of an attitude (n, 4)."""
     lines = read_lines(file)
-    comments = next((k for k, line in enumerate(lines) if not line.startswith("#")), len(lines))
+    comments = _comments(lines)
     if comments == len(lines):
         raise InputError(f"{file}: has comments and no rows; delete it if the sensor was off")
-    cells = range(columns + 1)
-    table = parse_rows(file, lines[comments:], cells, first_row=comments + 1, comma=False)
+    columns = range(5 if file.name.lower() in ATTITUDES else 4)
+    table = parse_rows(file, lines[comments:], columns, first_row=comments + 1, comma=False)
     check_size(file, table[:, 1:], largest, unit)
-    time_ns, values = forward(table[:, 0], table[:, 1:])
-    _check_unit(file, time_ns)
-    return time_ns, values
+    _check_unit(file, table[:, 0])
+    return table[:, 0], table[:, 1:]
 
 
 def _check_unit(file: Path, time_ns: F64) -> None:
-    step_s = float(np.median(np.diff(time_ns))) / NANOSECONDS if len(time_ns) > 1 else STEP_S[0]
-    if not STEP_S[0] <= step_s <= STEP_S[1]:
+    steps_ns = np.diff(time_ns)
+    step_s = (
+        float(np.median(steps_ns[steps_ns > 0])) * NANOSECOND_S if (steps_ns > 0).any() else 0.0
+    )
+    if len(time_ns) > 1 and not STEP_S[0] <= step_s <= STEP_S[1]:
         raise InputError(
-            f"{file}: times step by {step_s * NANOSECONDS:.4g}, wanted nanoseconds; "
+            f"{file}: times step by {step_s / NANOSECOND_S:.4g}, wanted nanoseconds; "
             "is this a log of another program?"
         )
 
 
-def _since(time_ns: F64, start_ns: float) -> F64:
-    return np.asarray((time_ns - start_ns) / NANOSECONDS)
-
-
-def _magnetometer(file: Path, start_ns: float) -> Magnetometer | None:
-    if not file.is_file():
-        return None
-    time_ns, field = _sensor(file, LARGEST_FIELD_UT, "microtesla")
-    return Magnetometer(_since(time_ns, start_ns), field)
-
-
-def _orientation(folder: Path, start_ns: float, imu: Imu) -> Orientation | None:
+def _orientation(streams: Mapping[str, Stream], imu: Imu) -> Orientation | None:
     """Versions differ in where w stands: gravity decides."""
-    file = next((folder / name for name in ATTITUDES if (folder / name).is_file()), None)
-    if file is None:
+    found = next((streams[each] for each in ATTITUDES if each in streams), None)
+    if found is None:
         return None
-    time_ns, values = _sensor(file, 1.01, "", columns=4)
-    both = [values, values[:, [1, 2, 3, 0]]]
-    return attitude_that_agrees(_since(time_ns, start_ns), both, imu)
+    t_s, values = found
+    return attitude_that_agrees(t_s, [values, values[:, [1, 2, 3, 0]]], imu)
 
 
 def _device(folder: Path) -> str:

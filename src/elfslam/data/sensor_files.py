@@ -31,7 +31,10 @@ radians per move below which no phone's odometry is trusted."""
 LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT = 500.0, 100.0, 5000.0
 """Beyond the range of any phone's sensor."""
 GRAVITY_MPS2 = (5.0, 15.0)
-"""Between these lies the median strength of an acceleration with gravity, in m/s2."""
+"""Between these lies the steady part of an acceleration with gravity."""
+STEADY_S, LEAST_STEADY_SHARE = 1.0, 0.6
+"""Over two steps or so their accelerations and brakings are over: gravity is left, by far the
+most of what was measured, and without it a quarter."""
 CLOCK_SLACK_S = 2.0
 """Sensors of one recording start within this of each other."""
 LEAST_SHARED_S = 2.0
@@ -119,7 +122,7 @@ def imu_on_accelerometer_clock(
     Raises InputError, starting with `source`, where the accelerometer lacks gravity, the
     gyroscope is too slow, or they did not run at the same time.
     """
-    _check_gravity(source, accel_mps2)
+    _check_gravity(source, accel_t_s, accel_mps2)
     check_shared_time(source, ("accelerometer", accel_t_s), ("gyroscope", gyro_t_s))
     _check_gyroscope_rate(source, accel_t_s, gyro_t_s)
     both = _running(gyro_t_s, accel_t_s)
@@ -151,13 +154,33 @@ def check_shared_time(
         )
 
 
-def _check_gravity(source: str, accel_mps2: F64) -> None:
-    strength_mps2 = float(np.median(np.linalg.norm(accel_mps2, axis=1)))
+def gravity_in(t_s: F64, accel: F64) -> float:
+    """How strong the gravity in an acceleration (n, 3) is, in its unit: 0 where it has none.
+
+    It stays when a second is averaged, and is then most of what there was; of steps little is.
+    """
+    strength = float(np.median(np.linalg.norm(accel, axis=1)))
+    steady = _steady_strength(t_s, accel)
+    return steady if steady >= LEAST_STEADY_SHARE * strength else 0.0
+
+
+def _steady_strength(t_s: F64, accel: F64) -> float:
+    steps_s = np.diff(t_s)
+    step_s = float(np.median(steps_s[steps_s > 0])) if (steps_s > 0).any() else STEADY_S
+    rows = min(max(round(STEADY_S / step_s), 1), len(accel))
+    whole = accel[: len(accel) // rows * rows].reshape(-1, rows, 3)
+    return float(np.median(np.linalg.norm(whole.mean(axis=1), axis=1)))
+
+
+def _check_gravity(source: str, t_s: F64, accel_mps2: F64) -> None:
+    strength_mps2 = gravity_in(t_s, accel_mps2)
     low, high = GRAVITY_MPS2
     if not low <= strength_mps2 <= high:
+        steady_mps2 = _steady_strength(t_s, accel_mps2)
+        what = "gravity is missing" if strength_mps2 < low else "its gravity is too strong"
         raise InputError(
-            f"{source}: the accelerometer's median strength is {strength_mps2:.3g} m/s2, wanted "
-            f"{low:g} to {high:g}; give m/s2 with gravity left in"
+            f"{source}: {what}: the steady part of the acceleration is {steady_mps2:.3g} m/s2, "
+            f"wanted {low:g} to {high:g}, and most of it; give m/s2 with gravity left in"
         )
 
 

@@ -1,25 +1,38 @@
 """Logs of the Sensor Logger app (Kelvin Choi): a .zip with one CSV per sensor.
 
 Conventions, from the app's own pages on units, coordinates and platforms: `seconds_elapsed`
-counts from the start and may begin below zero, accelerations are in m/s2 (in g where
-uncalibrated on iOS), turn rates in rad/s, the field in microtesla. On iOS acceleration and
-gravity have the opposite sign unless "Standardise Units & Frames" was on, which Metadata.csv
-says in `standardisation`. Only Android writes an acceleration with gravity.
+counts from the start and may begin below zero, `time` are nanoseconds since 1970, accelerations
+are in m/s2 (in g where uncalibrated on iOS), turn rates in rad/s, the field in microtesla. On iOS
+acceleration and gravity have the opposite sign unless "Standardise Units & Frames" was on, which
+Metadata.csv says in `standardisation`. Only Android writes an acceleration with gravity. Taps on
+the annotation button stand in Annotation.csv with the text that was given to them.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording, WifiScans
-from elfslam.data.audio_files import read_audio
-from elfslam.data.log_files import log_folder, name_of
+from elfslam.base.values import (
+    Audio,
+    Checkpoints,
+    Imu,
+    Magnetometer,
+    Orientation,
+    Recording,
+    WifiScans,
+)
+from elfslam.data.audio_files import at_accepted_rate, read_audio
+from elfslam.data.checkpoint_files import LONGEST_NAME, MOST
+from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
+from elfslam.data.points_of_interest_files import FARTHEST_M
 from elfslam.data.sensor_files import (
     AXES,
     LARGEST_ACCEL_MPS2,
@@ -28,23 +41,53 @@ from elfslam.data.sensor_files import (
     QUATERNION,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import attitude_that_agrees, find_file, forward, in_mps2
-from elfslam.data.tables import check_size, read_named_rows, read_table
+from elfslam.data.streams import (
+    Clock,
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    on_one_clock,
+    with_gravity,
+)
+from elfslam.data.tables import CsvText, check_size, number_in, read_csv, read_named_rows
 from elfslam.data.wifi_table import scans_from_rows
 
+ELAPSED, TIME = "seconds_elapsed", "time"
+NANOSECOND_S = 1e-9
 LOWEST_RATE_HZ = 44_100
 """The app's lossy sound has less than this, and nothing in the chirp band."""
-SOUND_FILES = ("Microphone.wav", "Microphone.flac")
-LARGEST = {
-    "Gyroscope": (LARGEST_TURN_RADPS, "rad/s"),
-    "Magnetometer": (LARGEST_FIELD_UT, "microtesla"),
-    "Orientation": (1.01, ""),
+ENDINGS = (".csv", ".wav", ".flac")
+SOUND_FILES = ("microphone.wav", "microphone.flac")
+ACCELERATIONS = ("totalacceleration", "accelerometer", "gravity", "accelerometeruncalibrated")
+SENSORS = {
+    **dict.fromkeys(ACCELERATIONS, (AXES, LARGEST_ACCEL_MPS2, "m/s2")),
+    "gyroscope": (AXES, LARGEST_TURN_RADPS, "rad/s"),
+    "magnetometer": (AXES, LARGEST_FIELD_UT, "microtesla"),
+    "orientation": (QUATERNION, 1.01, ""),
 }
-"""What a sensor can read, with its unit; the rest are accelerations."""
-Table = tuple[F64, F64]
+"""The columns of a sensor, and what it can read at most, with its unit."""
+PLACE = re.compile(r"\s*([-+]?\d+(?:\.\d+)?)\s*[,;]\s*([-+]?\d+(?:\.\d+)?)\s*")
+"""Metres x and y, which people give a tap as its text."""
 
 
-def read_sensorlogger(path: Path) -> Recording:
+@dataclass(frozen=True)
+class Times:
+    """Which column tells the time of all files, its unit, and what is added to have seconds."""
+
+    column: str = ELAPSED
+    unit_s: float = 1.0
+    origin_s: float = 0.0
+
+    def of_table(self, text: CsvText) -> F64:
+        """The times of a table's rows (n)."""
+        return np.asarray(text.numbers([self.column])[:, 0] * self.unit_s + self.origin_s)
+
+    def of_row(self, row: Mapping[str, str]) -> float:
+        """The time of a row. Raises KeyError without it, ValueError for no number."""
+        return number_in(row[self.column]) * self.unit_s + self.origin_s
+
+
+def read_sensorlogger(path: Path) -> Imported:
     """The recording in a .zip of the app, or in its folder, t = 0 where the app began.
 
     Sound is kept only where lossless at 44.1 kHz or more (the app itself plays no chirps), the
@@ -54,60 +97,69 @@ def read_sensorlogger(path: Path) -> Recording:
         return _read_folder(folder, name_of(path))
 
 
-def _read_folder(folder: Path, name: str) -> Recording:
-    facts = _metadata(folder)
-    acceleration, gyroscope = _acceleration(folder, facts), _sensor(folder, "Gyroscope")
-    if acceleration is None or gyroscope is None:
+def is_sensorlogger(columns: Sequence[str]) -> bool:
+    """Whether the columns of a table are the app's."""
+    return ELAPSED in columns
+
+
+def _read_folder(folder: Path, name: str) -> Imported:
+    files = one_of_each(folder, ENDINGS)
+    tables = {
+        sensor: read_csv(files[f"{sensor}.csv"]) for sensor in SENSORS if f"{sensor}.csv" in files
+    }
+    accelerations = [sensor for sensor in ACCELERATIONS if sensor in tables]
+    if set(accelerations) <= {"gravity"} or "gyroscope" not in tables:
         wanted = "TotalAcceleration.csv (or Accelerometer.csv and Gravity.csv) and Gyroscope.csv"
         raise InputError(f"{folder}: motion sensors are missing; wanted {wanted}")
-    imu = imu_on_accelerometer_clock(str(folder), *acceleration, *gyroscope)
-    magnetometer = _sensor(folder, "Magnetometer")
-    return Recording(
+    times = _times(tables[accelerations[0]])
+    read = {sensor: _stream(table, sensor, times) for sensor, table in tables.items()}
+    clock = clock_of(str(folder), read[accelerations[0]][0])
+    streams, damaged = on_one_clock(read, clock)
+    imu = _imu(folder, streams, _metadata(files))
+    audio = _sound(files)
+    checkpoints, said = _checkpoints(files, times, clock)
+    recording = Recording(
         name=name,
-        device=facts.get("device name") or "unknown",
-        audio=_sound(folder),
+        device=_metadata(files).get("device name") or "unknown",
+        audio=audio,
         imu=imu,
-        orientation=_orientation(folder, imu),
-        magnetometer=magnetometer and Magnetometer(*magnetometer),
-        wifi=_wifi(folder),
+        orientation=_orientation(streams, imu),
+        magnetometer=Magnetometer(*streams["magnetometer"]) if "magnetometer" in streams else None,
+        wifi=_wifi(files, times, clock),
+        checkpoints=checkpoints,
+        notes=(*clock.notes, *said, *(audio.notes if audio else ())),
     )
+    return Imported(recording, damaged_lines=damaged)
 
 
-def _metadata(folder: Path) -> dict[str, str]:
-    file = find_file(folder, "Metadata.csv")
+def _metadata(files: Mapping[str, Path]) -> dict[str, str]:
+    file = files.get("metadata.csv")
     return next(iter(read_named_rows(file, ())), {}) if file else {}
 
 
-def _sensor(folder: Path, name: str, columns: tuple[str, ...] = AXES) -> Table | None:
-    """Times and values of a sensor; rows that repeat a time or are out of order are left out."""
-    file = find_file(folder, f"{name}.csv")
-    if file is None:
-        return None
-    table = read_table(file, ["seconds_elapsed", *columns])
-    check_size(file, table[:, 1:], *LARGEST.get(name, (LARGEST_ACCEL_MPS2, "m/s2")))
-    return forward(table[:, 0], table[:, 1:])
+def _times(text: CsvText) -> Times:
+    """The app's seconds, or where those were put back and its other clock ran on, that one's."""
+    elapsed_s = Times().of_table(text)
+    if TIME not in text.names or (np.diff(elapsed_s) >= 0).all():
+        return Times()
+    time_s = Times(TIME, NANOSECOND_S).of_table(text)
+    ran_on = bool((np.diff(time_s) >= 0).all())
+    return Times(TIME, NANOSECOND_S, float(elapsed_s[0] - time_s[0])) if ran_on else Times()
 
 
-def _acceleration(folder: Path, facts: dict[str, str]) -> Table | None:
-    total = (
-        _sensor(folder, "TotalAcceleration")
-        or _summed_acceleration(folder)
-        or _sensor(folder, "AccelerometerUncalibrated")
-    )
-    if total is None:
-        return None
-    t_s, values = total[0], in_mps2(total[1])
-    return t_s, -values if _is_flipped(values, facts) else values
+def _stream(text: CsvText, sensor: str, times: Times) -> Stream:
+    columns, largest, unit = SENSORS[sensor]
+    values = text.numbers(columns)
+    check_size(text.file, values, largest, unit)
+    return times.of_table(text), values
 
 
-def _summed_acceleration(folder: Path) -> Table | None:
-    moving, gravity = _sensor(folder, "Accelerometer"), _sensor(folder, "Gravity")
-    if moving is None or gravity is None:
-        return None
-    t_s, values = moving
-    return t_s, values + np.column_stack(
-        [np.interp(t_s, gravity[0], axis) for axis in gravity[1].T]
-    )
+def _imu(folder: Path, streams: Mapping[str, Stream], facts: dict[str, str]) -> Imu:
+    calibrated = {"totalacceleration", "gravity"} & streams.keys()
+    wanted = ACCELERATIONS[:-1] if calibrated else ACCELERATIONS
+    t_s, accel = with_gravity([streams[sensor] for sensor in wanted if sensor in streams])
+    upright = -accel if _is_flipped(accel, facts) else accel
+    return imu_on_accelerometer_clock(str(folder), t_s, upright, *streams["gyroscope"])
 
 
 def _is_flipped(values: F64, facts: dict[str, str]) -> bool:
@@ -120,20 +172,22 @@ def _is_flipped(values: F64, facts: dict[str, str]) -> bool:
     return bool(values[:, 2].mean() < 0)
 
 
-def _orientation(folder: Path, imu: Imu) -> Orientation | None:
+def _orientation(streams: Mapping[str, Stream], imu: Imu) -> Orientation | None:
     """Platforms and versions differ in which way the quaternion turns: gravity decides."""
-    attitude = _sensor(folder, "Orientation", QUATERNION)
-    return attitude and attitude_that_agrees(attitude[0], [attitude[1]], imu)
+    if "orientation" not in streams:
+        return None
+    t_s, quaternion = streams["orientation"]
+    return attitude_that_agrees(t_s, [quaternion], imu)
 
 
-def _wifi(folder: Path) -> WifiScans | None:
+def _wifi(files: Mapping[str, Path], times: Times, clock: Clock) -> WifiScans | None:
     """Rows `seconds_elapsed, bssid, level`; a network's name may hold anything, commas too."""
-    file = find_file(folder, "WiFi.csv")
+    file = files.get("wifi.csv")
     if file is None:
         return None
     seen: list[tuple[float, str, float]] = []
     for number, row in enumerate(read_named_rows(file, ()), start=2):
-        cells = _seen(row)
+        cells = _seen(row, times)
         if cells is None:
             raise InputError(
                 f"{file}: row {number} lacks a number in seconds_elapsed or level, or a bssid; "
@@ -143,20 +197,53 @@ def _wifi(folder: Path) -> WifiScans | None:
     if not seen:
         return None
     t_s, bssids, rssi_dbm = zip(*seen, strict=True)
-    return scans_from_rows(file, t_s, bssids, rssi_dbm, [math.nan] * len(seen))
+    running_s = clock.running(np.array(t_s))
+    return scans_from_rows(file, running_s, bssids, rssi_dbm, [math.nan] * len(seen))
 
 
-def _seen(row: Mapping[str, str]) -> tuple[float, str, float] | None:
+def _seen(row: Mapping[str, str], times: Times) -> tuple[float, str, float] | None:
     """When, which network and how strong; None where a cell is missing or no number."""
     bssid = row.get("bssid")
     try:
-        t_s, level_dbm = float(row["seconds_elapsed"]), float(row["level"])
+        t_s, level_dbm = times.of_row(row), number_in(row["level"])
     except (ValueError, KeyError):
         return None
-    return (t_s, bssid, level_dbm) if bssid and math.isfinite(t_s + level_dbm) else None
+    return (t_s, bssid, level_dbm) if bssid else None
 
 
-def _sound(folder: Path) -> Audio | None:
-    file = next(filter(None, (find_file(folder, name) for name in SOUND_FILES)), None)
+def _checkpoints(
+    files: Mapping[str, Path], times: Times, clock: Clock
+) -> tuple[Checkpoints | None, tuple[str, ...]]:
+    """What was tapped with a text, two numbers being metres on a plan; what there is to tell."""
+    file = files.get("annotation.csv")
+    rows = read_named_rows(file, (times.column,)) if file else []
+    try:
+        t_s = np.round(clock.running(np.array([times.of_row(row) for row in rows])), 3)
+    except ValueError as cause:
+        raise InputError(f"{file}: {cause!s:.60} is no time; repair that row") from cause
+    texts = [" ".join((row.get("text") or "").split()) for row in rows]
+    named = [k for k, text in enumerate(texts) if 0 < len(text) <= LONGEST_NAME]
+    kept = [named[k] for k in np.unique(t_s[named], return_index=True)[1][:MOST]]
+    left_out = len(rows) - len(kept)
+    wanted = f"{MOST} at most, each at its own time, with a text of up to {LONGEST_NAME} letters"
+    said = [f"annotations that are no checkpoints: {left_out}; wanted {wanted}"] if left_out else []
+    if not kept:
+        return None, tuple(said)
+    names = tuple(texts[k] for k in kept)
+    xy_m = np.array([_place(name) for name in names])
+    if count := int(np.isfinite(xy_m[:, 0]).sum()):
+        said.append(f"annotations taken as places on a plan, x and y in metres: {count}")
+    return Checkpoints(t_s[kept], names, xy_m if count else None), tuple(said)
+
+
+def _place(text: str) -> tuple[float, float]:
+    """The metres that a text gives, 1.5, 2.0 or 1,5; 2,0; NaN where it is a name."""
+    found = PLACE.fullmatch(text.replace(",", ".") if ";" in text else text)
+    x_m, y_m = map(float, found.groups()) if found else (math.nan, math.nan)
+    return (x_m, y_m) if max(abs(x_m), abs(y_m)) <= FARTHEST_M else (math.nan, math.nan)
+
+
+def _sound(files: Mapping[str, Path]) -> Audio | None:
+    file = next((files[name] for name in SOUND_FILES if name in files), None)
     audio = read_audio(file) if file else None
-    return audio if audio and audio.rate_hz >= LOWEST_RATE_HZ else None
+    return at_accepted_rate(audio) if audio and audio.rate_hz >= LOWEST_RATE_HZ else None

@@ -1,4 +1,8 @@
-"""Tables of numbers as CSV files; whatever is wrong is named with its file and row."""
+"""Tables of numbers as CSV files; whatever is wrong is named with its file and row.
+
+Five ways to write a CSV are read alike: cells parted by comma, tab or semicolon with a decimal
+point, by tab or semicolon with a decimal comma, as spreadsheets of half the world save it.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import csv
 import math
 from bisect import bisect_right
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +27,32 @@ MOST_LINES = 5_000_000
 """Seven hours at 200 Hz; each is an object of its own, a hundred bytes if not more."""
 LONGEST_LINE = 100_000
 """Characters of a row of numbers; thousands of columns have fewer."""
+SEPARATORS = (";", "\t", ",")
+
+
+@dataclass(frozen=True, eq=False)
+class CsvText:
+    """The names of a CSV's columns; its rows, whose cells commas part, with decimal points."""
+
+    file: Path
+    names: tuple[str, ...]
+    body: str
+
+    def numbers(self, columns: Sequence[str]) -> F64:
+        """The named columns (rows, columns). Raises InputError as `read_table`."""
+        missing = [name for name in columns if name not in self.names]
+        if missing:
+            raise InputError(
+                f"{self.file}: column {missing[0]} is missing, got {','.join(self.names)[:80]}"
+            )
+        if not self.body:
+            raise InputError(
+                f"{self.file}: has a header and no rows; delete it if the sensor was off"
+            )
+        lines = lines_of(self.body, self.file)
+        return parse_rows(
+            self.file, lines, [self.names.index(name) for name in columns], first_row=2
+        )
 
 
 def read_text(file: Path) -> str:
@@ -47,12 +78,47 @@ def lines_of(text: str, file: Path) -> list[str]:
     return text.splitlines()
 
 
+def read_csv(file: Path) -> CsvText:
+    """A CSV in any of the five ways. Raises InputError as `read_text`, and where it is none."""
+    head, _, body = read_text(file).rstrip().partition("\n")
+    separator = separator_of(head)
+    names = tuple(name.strip() for name in cells_of(file, head, separator))
+    if '"' in body:
+        rows = (cells_of(file, line, separator) for line in lines_of(body, file))
+        body, separator = "\n".join(map("\t".join, rows)), "\t"
+    # One column alone needs no separator: then a comma is that of its decimals.
+    first_row = body.partition("\n")[0]
+    if separator != "," or (len(names) == 1 and "." not in first_row):
+        body = body.replace(",", ".").replace(separator, ",")
+    elif 1 < len(names) < (cells := len(first_row.rstrip(",").split(","))) - 1:
+        raise InputError(
+            f"{file}: row 2 has {cells} cells for {len(names)} columns; where the comma is "
+            "decimal part cells by semicolons, save it again"
+        )
+    return CsvText(file, names, body)
+
+
+def separator_of(head: str) -> str:
+    """What parts the cells of a CSV with that first line."""
+    bare = "".join(head.split('"')[::2])
+    return next((each for each in SEPARATORS if each in bare), ",")
+
+
+def cells_of(file: Path, line: str, separator: str) -> list[str]:
+    """The cells of a line, some perhaps in quotes. Raises InputError."""
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error as cause:
+        raise InputError(f"{file}: cannot be read as CSV ({cause}); export it again") from cause
+
+
 def read_named_rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
     """The rows of a CSV file by column name; cells may be in quotes, absent ones are empty.
 
     Raises InputError for a missing column, and as `read_lines`.
     """
-    rows = csv.DictReader(read_lines(file), restval="")
+    lines = read_lines(file)
+    rows = csv.DictReader(lines, restval="", delimiter=separator_of(lines[0]))
     try:
         missing = [name for name in columns if name not in (rows.fieldnames or ())]
         if missing:
@@ -62,9 +128,26 @@ def read_named_rows(file: Path, columns: Sequence[str]) -> list[dict[str, str]]:
         raise InputError(f"{file}: cannot be read as CSV ({cause}); check the file") from cause
 
 
+def number_in(cell: str) -> float:
+    """A finite number, its decimal mark a point or a comma. Raises ValueError."""
+    number = float(cell.replace(",", "."))
+    if not math.isfinite(number):
+        raise ValueError(cell)
+    return number
+
+
+def numbers_in(line: str) -> list[float]:
+    """The numbers of a line that white space parts; none where one of them is no number."""
+    try:
+        return [float(cell) for cell in line.split()]
+    except ValueError:
+        return []
+
+
 def read_header(file: Path) -> tuple[str, ...]:
-    """The column names of a CSV file. Raises InputError as `read_lines`."""
-    return tuple(name.strip() for name in read_lines(file)[0].split(","))
+    """The column names of a CSV file. Raises InputError as `read_csv`."""
+    head = read_text(file).partition("\n")[0]
+    return tuple(name.strip() for name in cells_of(file, head, separator_of(head)))
 
 
 def read_table(file: Path, columns: Sequence[str]) -> F64:
@@ -73,14 +156,7 @@ def read_table(file: Path, columns: Sequence[str]) -> F64:
     Raises InputError for a missing column, a cell that is no finite number, a row with too few
     cells, and a table without rows; the message names the row, the header being row 1.
     """
-    lines = read_lines(file)
-    header = [name.strip() for name in lines[0].split(",")]
-    missing = [name for name in columns if name not in header]
-    if missing:
-        raise InputError(f"{file}: column {missing[0]} is missing, got {','.join(header)[:80]}")
-    if len(lines) == 1:
-        raise InputError(f"{file}: has a header and no rows; delete it if the sensor was off")
-    return parse_rows(file, lines[1:], [header.index(name) for name in columns], first_row=2)
+    return read_csv(file).numbers(columns)
 
 
 def parse_rows(

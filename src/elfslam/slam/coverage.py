@@ -104,9 +104,9 @@ def _gaps(what: str, spans: F64, from_s: float, until_s: float, least_s: float) 
 
 
 def _sounding(audio: Audio, gap_s: float) -> F64:
-    """From when until when there is anything but digital silence, to a block."""
+    """From when until when any channel has more than digital silence, to a block."""
     block = round(BLOCK_S * audio.rate_hz)
-    samples = audio.samples[0]
+    samples = np.asarray(audio.samples.any(axis=0))
     padded = np.pad(samples, (0, -len(samples) % block)).reshape(-1, block)
     loud = np.flatnonzero(padded.any(axis=1))
     found = stretches(np.asarray(loud * BLOCK_S, dtype=np.float64), gap_s + BLOCK_S)

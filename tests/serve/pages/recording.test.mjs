@@ -80,6 +80,8 @@ test("facts come with rates once the sensors are read", () => {
   const before = factsOf(recording, null, shared);
   assert.deepEqual(before, [["Duration", "1:00"], ["Footsteps", "80"], ["Size", "2 MB"], ["Recorded with", "Sensor Logger"], ["Motion", "…"], ["Wi-Fi scans", "…"]]);
   const look = { sensors: [{ name: "audio", readings: 9, rate_hz: 44100 }, { name: "imu", readings: 9, rate_hz: 99.7 }, { name: "wifi", readings: 12, rate_hz: 0.4 }], curves: [], chirps_played: 600, chirps_heard_share: 0.997 };
+  const noted = { facts: { ...recording.facts, notes: ["the clock was put back", "two taps"] } };
+  assert.deepEqual(factsOf(noted, null, shared)[4], ["Noted when it was read", "the clock was put back; two taps"]);
   const after = factsOf(recording, look, shared).slice(4);
   assert.deepEqual(after, [["Chirps played", "600"], ["Chirps heard", "99 %"], ["Sound", "44.1 kHz"], ["Motion", "100 Hz"], ["Wi-Fi scans", "12"]]);
   assert.equal(rateText(0.83), "0.83 Hz");

@@ -21,6 +21,7 @@ from elfslam.serve.receiving.reading import Walk, walks_apart
 from elfslam.serve.services import Services
 from elfslam.serve.settings import Limits
 from elfslam.serve.store.folder_files import FILE_NAMES
+from tests.data.foreign_walk import put_back
 
 TUS = {"Tus-Resumable": "1.0.0"}
 PIECE = {**TUS, "Content-Type": "application/offset+octet-stream"}
@@ -144,6 +145,13 @@ def test_a_log_of_another_program_becomes_a_recording(
     assert {"recording.json", "accelerometer.csv", "gyroscope.csv"} <= kept <= FILE_NAMES
     left = [file for file in (tmp_path / "out").iterdir() if file.name != walk.place]
     assert left == [], "nothing that was unpacked stays"
+
+
+def test_what_was_noted_of_a_log_is_told_with_its_recording(tmp_path: Path) -> None:
+    packed(tmp_path / "walk.zip", put_back(60))
+    (walk,) = read(tmp_path)
+    assert walk.found.facts["damaged_lines"] == 0
+    assert walk.found.facts["notes"][0].startswith("the clock was put back by 59.99 s at 7.99 s")
 
 
 @pytest.mark.parametrize(

@@ -5,18 +5,20 @@ then looked for where it is due. `frame_facts` tells what else was heard around 
 """
 
 from elfslam.line.echo.arrivals import Arrivals, find_arrivals
+from elfslam.line.echo.channels import best_channel
 from elfslam.line.echo.cut import cut_echoes, echoes_of
 from elfslam.line.echo.envelope import matched_envelope
 from elfslam.line.echo.facts import frame_facts
 from elfslam.line.echo.frames import Frames, find_frames
 from elfslam.line.echo.parameters import EchoParameters
 from elfslam.line.echo.schedule import find_scheduled
-from elfslam.line.echo.sound import check_audio, to_echo_rate
+from elfslam.line.echo.sound import check_audio, resampled, to_echo_rate
 
 __all__ = [
     "Arrivals",
     "EchoParameters",
     "Frames",
+    "best_channel",
     "check_audio",
     "cut_echoes",
     "echoes_of",
@@ -25,5 +27,6 @@ __all__ = [
     "find_scheduled",
     "frame_facts",
     "matched_envelope",
+    "resampled",
     "to_echo_rate",
 ]

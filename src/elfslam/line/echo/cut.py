@@ -26,7 +26,7 @@ def cut_echoes(
     duration_s: float | None = None,
     played_t_s: F64 | None = None,
 ) -> Echoes:
-    """Aligned echo traces (n, 2352), one per chirp that was found; channel 0 is used.
+    """Aligned echo traces (n, 2352), one per chirp that was found in the best channel.
 
     `duration_s` is how long the other sensors ran: it tells how much sound was lost where the
     stream jumps, which the phase of the chirps gives only up to whole periods. `played_t_s` (m)

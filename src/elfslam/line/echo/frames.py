@@ -9,6 +9,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import ECHO_RATE_HZ, Audio, Chirp
 from elfslam.line.echo.arrivals import Arrivals, find_arrivals
+from elfslam.line.echo.channels import best_channel
 from elfslam.line.echo.envelope import matched_envelope
 from elfslam.line.echo.parameters import EchoParameters
 from elfslam.line.echo.schedule import find_scheduled
@@ -35,10 +36,12 @@ class Frames:
 def find_frames(
     audio: Audio, chirp: Chirp, parameters: EchoParameters, played_t_s: F64 | None = None
 ) -> Frames:
-    """The frames of a recording's sound; `played_t_s` (m) says when each chirp was played.
+    """The frames of the channel that hears the chirps best.
 
-    Raises InputError and ParameterError as `cut_echoes`.
+    `played_t_s` (m) says when each chirp was played. Raises InputError and ParameterError as
+    `cut_echoes`.
     """
+    audio = best_channel(audio, chirp)
     check_audio(audio, parameters)
     samples = to_echo_rate(audio)
     envelope = matched_envelope(samples, chirp)

@@ -11,6 +11,10 @@ from elfslam.base.values import ECHO_RATE_HZ, Audio
 from elfslam.line.echo.parameters import EchoParameters
 
 RESAMPLED_RATE_HZ = 48_000
+HALF_SUPPORT = 96
+"""Samples of the lower rate on either side."""
+RESAMPLED_AT_ONCE = 1 << 20
+"""Samples: what resampling needs of memory does not grow with the walk."""
 
 
 def check_audio(audio: Audio, parameters: EchoParameters) -> None:
@@ -33,7 +37,7 @@ def check_audio(audio: Audio, parameters: EchoParameters) -> None:
 
 
 def to_echo_rate(audio: Audio) -> F32:
-    """Channel 0 at 44.1 kHz, resampled from 48 kHz by a long filter, flat from 15 to 20 kHz."""
+    """Channel 0 at 44.1 kHz, resampled from 48 kHz, flat from 15 to 20 kHz."""
     samples: F32 = audio.samples[0]
     if audio.rate_hz == ECHO_RATE_HZ:
         return samples
@@ -42,6 +46,17 @@ def to_echo_rate(audio: Audio) -> F32:
             f"audio: wanted {ECHO_RATE_HZ} or {RESAMPLED_RATE_HZ} Hz, got {audio.rate_hz}; "
             "record again at one of the two"
         )
-    up, down = 147, 160
-    taps = signal.firwin(96 * 2 * down + 1, 1.0 / down, window=("kaiser", 10.0))
-    return np.asarray(signal.resample_poly(samples, up, down, window=taps), dtype=np.float32)
+    return resampled(samples, 147, 160)
+
+
+def resampled(samples: F32, up: int, down: int) -> F32:
+    """Samples (n) at `up / down` of their rate by a long filter, flat to 0.95 of the new band."""
+    taps = signal.firwin(2 * HALF_SUPPORT * down + 1, 1.0 / down, window=("kaiser", 10.0))
+    margin, step = (HALF_SUPPORT + 1) * down, RESAMPLED_AT_ONCE // down * down
+    made = np.empty(-(-len(samples) * up // down), dtype=np.float32)
+    for first in range(0, len(samples), step):
+        start, at = max(first - margin, 0), first // down * up
+        block = signal.resample_poly(samples[start : first + step + margin], up, down, window=taps)
+        inside = block[(first - start) // down * up :][: step // down * up]
+        made[at : at + len(inside)] = inside[: len(made) - at]
+    return made

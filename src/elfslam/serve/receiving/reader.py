@@ -61,6 +61,8 @@ def facts_of(recording: Recording) -> dict[str, Any]:
         facts["start_pose"] = list(recording.start_pose)
     spans = spans_of(recording, MotionParameters())
     facts["spans_s"] = {what: _listed(each) for what, each in spans.items()}
+    if recording.notes:
+        facts["notes"] = list(recording.notes)
     if (footsteps := _footsteps(recording)) is not None:
         facts["footsteps"] = footsteps
     return facts

@@ -93,17 +93,17 @@ def _yaw_rate(imu: Imu) -> tuple[F64, F64] | None:
 
 
 def loudness(audio: Audio) -> tuple[F64, F64]:
-    """Times and levels of the first channel, decibels of full scale, per chirp period."""
+    """Times and levels of the loudest channel, decibels of full scale, per chirp period."""
     size = max(1, round(LOUDNESS_S * audio.rate_hz))
-    sound = audio.samples[0]
-    starts = range(0, len(sound), size)
-    power = np.array([_mean_power(sound[first : first + size]) for first in starts])
+    sound = audio.samples
+    starts = range(0, sound.shape[1], size)
+    power = np.array([_mean_power(sound[:, first : first + size]) for first in starts])
     level_db = 10 * np.log10(np.maximum(power, 10 ** (SILENCE_DB / 10)))
     return (np.arange(len(power)) + 0.5) * size / audio.rate_hz, level_db
 
 
 def _mean_power(samples: F32) -> float:
-    return float(np.mean(np.square(samples, dtype=np.float64)))
+    return float(np.square(samples, dtype=np.float64).mean(axis=1).max())
 
 
 def curve(name: str, unit: str, t_s: F64, values: F64) -> Curve:

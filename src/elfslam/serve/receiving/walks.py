@@ -16,9 +16,8 @@ import numpy as np
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.zips import opened_zip
-from elfslam.data.importing import CHIRPING, Imported, LogFormat, Refused, read_logs
-from elfslam.data.log_files import is_zip
-from elfslam.data.recognising import recognise
+from elfslam.data.importing import FORMATS, LogFormat, Refused, read_logs, recognise
+from elfslam.data.log_files import Imported, is_zip
 from elfslam.data.recordings import write_recording
 from elfslam.serve.parsing.child import without_places
 from elfslam.serve.receiving.reader import find
@@ -126,7 +125,7 @@ def _read_back(place: Path, log_format: LogFormat, item: Imported) -> ReadFolder
         facts={
             **found.facts,
             "imported": str(log_format),
-            "chirps": log_format in CHIRPING,
+            "chirps": FORMATS[log_format].plays_chirps,
             "damaged_lines": item.damaged_lines,
         },
     )

@@ -61,6 +61,7 @@ export function factsOf({ facts }, look, { duration, bytes, count }) {
     [t("Size"), bytes],
     [t("Recorded with"), facts?.imported ? (PROGRAMS[facts.imported] ?? String(facts.imported)) : null],
     [t("Damaged lines left out"), facts?.damaged_lines > 0 ? count(facts.damaged_lines) : null],
+    [t("Noted when it was read"), facts?.notes?.length ? facts.notes.join("; ") : null],
     [t("Chirps played"), look?.chirps_played ? count(look.chirps_played) : null],
     [t("Chirps heard"), heardText(look?.chirps_heard_share ?? null)],
     ...rates(facts, look),

@@ -15,8 +15,7 @@ from planted_logs import LOGS, T_S
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Recording
-from elfslam.data.importing import Imported, LogFormat, Refused, read_logs, takes_many
-from elfslam.data.recognising import recognise
+from elfslam.data.importing import Imported, LogFormat, Refused, read_logs, recognise, takes_many
 from elfslam.data.recordings import write_recording
 
 MALL = "".join(
@@ -173,8 +172,6 @@ RONIN = LOGS[LogFormat.RONIN]()
         ({"a.txt": MALL, "b.txt": GETSENSORDATA}, "wanted one of them"),
         ({"a.txt": MALL + GETSENSORDATA}, "wanted one of them"),
         ({"recording.json": "{}", **SENSORLOGGER}, "a recording of elfslam (recording.json)"),
-        ({**under("a", SENSORLOGGER), **under("b", SENSORLOGGER)}, "holds several recordings"),
-        ({**under("a", PHYPHOX), **under("b", PHYPHOX)}, "holds several recordings"),
         ({"xl/workbook.xml": "<x/>", "[Content_Types].xml": ""}, "is an Excel file"),
         ({"one.zip": b"PK\x03\x04", "two.zip": b"PK\x03\x04"}, "holds other .zip files"),
         ({"a.csv": "t_s,x,y,z\n0,1,2,3\n"}, "holds a.csv, which are of no known log"),
@@ -241,7 +238,21 @@ def test_what_is_not_there_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_archive_of_something_else_is_refused(tmp_path: Path) -> None:
-    refuse(tarred(tmp_path / "a.tar.xz", {"a.txt": "hello\n"}), "archive without walks")
+    refuse(
+        tarred(tmp_path / "a.tar.xz", {"a.txt": "hello\n"}),
+        "holds a.txt, which are of no known log",
+    )
+
+
+@pytest.mark.parametrize("log_format", PACKED)
+def test_two_recordings_in_one_zip_are_refused_whoever_named_the_format(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    files = LOGS[log_format]()
+    path = zipped(tmp_path / "walk.zip", {**under("a", files), **under("b", files)})
+    assert recognise(path) is log_format
+    with pytest.raises(InputError, match=r"holds several recordings .a/"):
+        imported(log_format, path)
 
 
 @pytest.mark.parametrize("log_format", LOGS)
@@ -266,3 +277,94 @@ def known(path: Path) -> str:
     except InputError as refused:
         said = str(refused)
         return next(each for each in ("of no known log", "holds no file") if each in said)
+
+
+@pytest.mark.parametrize("log_format", PACKED)
+def test_folders_of_a_zip_may_be_parted_as_windows_does(
+    tmp_path: Path, log_format: LogFormat
+) -> None:
+    files = {f"my walk/{name}": text for name, text in LOGS[log_format]().items()}
+    there = {name.replace("/", "\\"): text for name, text in files.items()}
+    path = zipped(tmp_path / "walk.zip", {"my walk\\": "", **there})
+    assert recognise(path) is log_format
+    (item,) = imported(log_format, path)
+    (same,) = imported(log_format, zipped(tmp_path / "same.zip", files))
+    np.testing.assert_array_equal(item.recording.imu.accel_mps2, same.recording.imu.accel_mps2)
+
+
+def savetxt(text: str) -> str:
+    """As numpy writes it unasked."""
+    rows = [line for line in text.splitlines() if not line.startswith("#")]
+    content = io.StringIO()
+    np.savetxt(content, np.array([row.split() for row in rows], dtype=float))
+    return content.getvalue()
+
+
+def spreadsheet(text: str) -> str:
+    return text.replace(",", ";").replace(".", ",")
+
+
+WAYS: dict[str, tuple[LogFormat, Mapping[str, str]]] = {
+    "numpy.savetxt": (
+        LogFormat.RONIN,
+        {name: savetxt(text) for name, text in RONIN.items() if name.endswith(".txt")},
+    ),
+    "names of columns": (
+        LogFormat.RONIN,
+        {name: "t x y z\n" + text for name, text in RONIN.items() if ".txt" in name},
+    ),
+    "from zero": (LogFormat.RONIN, {name: text for name, text in RONIN.items() if ".txt" in name}),
+    "capitals": (LogFormat.RONIN, {name.upper(): text for name, text in RONIN.items()}),
+    "small letters": (
+        LogFormat.SENSORLOGGER,
+        {name.lower(): text for name, text in SENSORLOGGER.items()},
+    ),
+    "decimal commas": (
+        LogFormat.SENSORLOGGER,
+        {name: spreadsheet(text) for name, text in SENSORLOGGER.items() if name != "WiFi.csv"},
+    ),
+    "deep": (LogFormat.PHYPHOX, under("a/b", PHYPHOX)),
+    "ending in capitals": (
+        LogFormat.PHYPHOX,
+        {name.replace(".csv", ".CSV"): text for name, text in PHYPHOX.items()},
+    ),
+    "decimal commas of phyphox": (
+        LogFormat.PHYPHOX,
+        {
+            name: spreadsheet(text)
+            for name, text in PHYPHOX.items()
+            if "," in text and not name.startswith("meta")
+        },
+    ),
+    "spaces": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace(";", " ; ")}),
+    "indented": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace("\n", "\n  ")}),
+    "old Mac": (LogFormat.GETSENSORDATA, {"a.txt": GETSENSORDATA.replace("\n", "\r")}),
+    "no header": (LogFormat.MALL, {"a.txt": MALL}),
+}
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("as_zip", [True, False])
+def test_what_a_named_reader_takes_is_recognised_however_it_is_written(
+    tmp_path: Path, way: str, as_zip: bool
+) -> None:
+    log_format, files = WAYS[way]
+    path = tmp_path / ("walk.zip" if as_zip else "walk")
+    if as_zip:
+        zipped(path, files)
+    for name, text in {}.items() if as_zip else files.items():
+        (path / name).parent.mkdir(parents=True, exist_ok=True)
+        (path / name).write_bytes(text.encode())
+    assert recognise(path) is log_format
+    (item,) = imported(log_format, path)
+    np.testing.assert_allclose(item.recording.imu.t_s, T_S, atol=1e-5)
+
+
+def test_what_no_reader_takes_is_not_recognised(tmp_path: Path) -> None:
+    """Seconds in place of nanoseconds, cells that commas part."""
+    for change in (
+        lambda text: text.replace("0000000 ", " "),
+        lambda text: text.replace(" ", ","),
+    ):
+        files = {name: change(text) for name, text in RONIN.items()}
+        refuse(zipped(tmp_path / "walk.zip", files), "of no known log")
