@@ -13,6 +13,7 @@ from elfslam.app.console import say
 from elfslam.app.follow import Start, follow_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.cli.options import ParameterFile, Setting
@@ -20,9 +21,6 @@ from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, Placement
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""
-
-
-FARTHEST_M = 1e6
 
 
 def anchor_command(

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
@@ -19,8 +20,6 @@ MAP = "map.npz"
 SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
 AGEING = ("weight", "changed")
 """What maps of one walk may lack."""
-FARTHEST_M = 1e8
-"""Maps may lie in the frame of a country."""
 OWN = "-own"
 """Behind an encoder's name: its features have lost what the echoes of a walk have in common. Those
 of earlier versions have not and cannot be compared with them."""

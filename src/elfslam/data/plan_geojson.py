@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon
 from elfslam.base.text_files import read_json
@@ -21,7 +22,6 @@ from elfslam.data.geographic import Origin, from_lon_lat
 MOST_CORNERS = 100_000
 WIDEST_M, WIDEST_DEG = 2000.0, 0.1
 NARROWEST_M = 1.0
-FARTHEST_M = 1e6
 LINES = {"LineString": False, "MultiLineString": True}
 POLYGONS = {"Polygon": False, "MultiPolygon": True}
 """By kind, whether there are several in one."""

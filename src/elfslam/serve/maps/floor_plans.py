@@ -8,6 +8,7 @@ from fastapi import APIRouter, Depends, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.data.plan_pictures import PlanKind
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
@@ -29,7 +30,6 @@ PICTURES = (PlanKind.PNG, PlanKind.JPEG)
 """What a plan is kept and sent as, whatever it came as."""
 ALSO = "application/json"
 """What browsers call GeoJSON."""
-FARTHEST_M = 1e6
 
 
 class ImagePlacement(BaseModel):
