@@ -14,7 +14,7 @@ from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.folders import new_file
-from elfslam.data.npz import check_covariances, read_npz, write_npz
+from elfslam.data.npz import read_npz, write_npz
 
 MAP = "map.npz"
 SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
@@ -46,7 +46,6 @@ def read_map(path: Path) -> FloorMap:
     arrays = read_npz(file, [*SPOTS, *LABELS])
     try:
         _check_places(arrays["xy_m"])
-        check_covariances("covariance_m2", arrays["covariance_m2"])
         kinds, labels = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},
