@@ -25,7 +25,7 @@ TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 
 def anchor_command(
     source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be placed.")],
-    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson.")],
+    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson[:LEVEL].")],
     out: Annotated[Path, typer.Argument(help="The map folder, in the frame of the plan.")],
     start: Annotated[
         str | None, typer.Option(help="X,Y[,HEADING_RAD] of the first walk's start, m.")

@@ -59,10 +59,10 @@ def kind_of(content: bytes) -> PlanKind | None:
     return PlanKind.GEOJSON if start.startswith((b"{", b"[")) else None
 
 
-def drawn_picture(file: Path) -> PlanPicture:
-    """The first page of a PDF, an SVG or the shapes of a GeoJSON file as a PNG.
+def drawn_picture(file: Path, level: str | None = None) -> PlanPicture:
+    """The first page of a PDF, an SVG or the shapes of a level of a GeoJSON file as a PNG.
 
-    Raises InputError, also for what is none of them.
+    Raises InputError, also for what is none of them, as LevelError where a `level` is to be chosen.
     """
     content = read_bytes(file)
     kind = kind_of(content)
@@ -71,7 +71,7 @@ def drawn_picture(file: Path) -> PlanPicture:
     if kind is PlanKind.SVG:
         return PlanPicture(_of_svg(content, file))
     if kind is PlanKind.GEOJSON:
-        return picture_of_shapes(read_plan_shapes(file))
+        return picture_of_shapes(read_plan_shapes(file, level=level))
     raise InputError(f"{file}: is no PDF, SVG or GeoJSON; save the plan as one of these")
 
 
