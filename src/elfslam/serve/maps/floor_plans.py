@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 
@@ -28,6 +28,7 @@ router = APIRouter(
 """Nobody's plan is read before it is known who asks."""
 PICTURES = (PlanKind.PNG, PlanKind.JPEG)
 """What a plan is kept and sent as, whatever it came as."""
+PlanLevel = Annotated[str | None, Query(max_length=80)]
 ALSO = "application/json"
 """What browsers call GeoJSON."""
 
@@ -63,17 +64,22 @@ async def image_body(request: Request) -> bytes:
     },
 )
 def put_floor_plan(
-    map_id: str, image: Annotated[bytes, Depends(image_body)], asker: Asks, services: Here
+    map_id: str,
+    image: Annotated[bytes, Depends(image_body)],
+    asker: Asks,
+    services: Here,
+    level: PlanLevel = None,
 ) -> MapBody:
     """Put a plan below a map; an older one goes, its placement stays.
 
     PNG and JPEG are kept as they are; the first page of a PDF, an SVG and GeoJSON (degrees or
-    metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is.
+    metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is. Of GeoJSON
+    with several levels one is chosen by its name: without `level` the refusal lists the `levels`.
     """
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
         refuse_full(services, session, found.user_id)
-    image, facts = picture_of(services.settings, image)
+    image, facts = picture_of(services.settings, image, level)
     store = services.settings.blobs_folder
     with scratch_file(services.settings, image) as file, blobs.locked(store):
         blob = blobs.put(store, file)

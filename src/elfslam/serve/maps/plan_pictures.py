@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from dataclasses import replace
 from threading import BoundedSemaphore
 from typing import Any
@@ -31,27 +32,31 @@ ORIENTATION, ON_ITS_SIDE = 0x0112, (5, 6, 7, 8)
 """Of EXIF: browsers turn such images by a quarter."""
 
 
-def picture_of(settings: ServerSettings, content: bytes) -> tuple[bytes, dict[str, Any]]:
+def picture_of(
+    settings: ServerSettings, content: bytes, level: str | None = None
+) -> tuple[bytes, dict[str, Any]]:
     """A plan as a PNG or JPEG, with its type, size in pixels, and its width in metres if known.
 
-    Raises Problem 422 for what is no plan.
+    Raises Problem 422 for what is no plan, with the levels where a `level` is to be chosen.
     """
     kind, width_m = kind_of(content), None
     if kind in (PlanKind.PDF, PlanKind.SVG, PlanKind.GEOJSON):
-        content, width_m = _drawn(settings, content)
+        content, width_m = _drawn(settings, content, level)
     return content, {**facts_of_image(content), "width_m": width_m}
 
 
-def _drawn(settings: ServerSettings, content: bytes) -> tuple[bytes, float | None]:
+def _drawn(
+    settings: ServerSettings, content: bytes, level: str | None
+) -> tuple[bytes, float | None]:
     """What a process of its own draws."""
     limits = replace(settings.limits, reading_s=DRAWING_S, reading_bytes=DRAWING_BYTES)
     with AT_ONCE, scratch_file(settings, content) as file:
         try:
-            told = run_apart(DRAWER, limits, str(file))
+            told = run_apart(DRAWER, limits, str(file), json.dumps(level))
         except InputError as late:
             raise Problem(422, f"drawing the plan takes too long ({late})") from late
         if "refusal" in told:
-            raise Problem(422, told["refusal"])
+            raise Problem(422, told["refusal"], levels=told.get("levels", ()))
         return file.read_bytes(), told["width_m"]
 
 
