@@ -348,7 +348,9 @@ def test_of_a_plan_with_several_levels_one_is_chosen(
     page.get_by_role("button", name="Put it below the map").click()
     page.locator("input[name=plan-width]").wait_for()
     page.get_by_text("Saved", exact=True).wait_for()
-    assert asked(page, f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(9.2, abs=0.1)
+    assert asked(page, f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(
+        9.2, abs=0.1
+    )
 
 
 def test_a_removed_plan_is_gone(page: Any, map_id: str, floor_plan: Path, asked: Any) -> None:
