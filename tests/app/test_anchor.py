@@ -11,7 +11,15 @@ import numpy.testing as npt
 import pytest
 from PIL import Image
 
-from elfslam.app.anchor import anchor_into, drawn, is_plan_file, moved_map, place_on, read_plan
+from elfslam.app.anchor import (
+    anchor_into,
+    drawn,
+    drawn_plan,
+    is_plan_file,
+    moved_map,
+    place_on,
+    read_plan,
+)
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.geometry import inverse
 from elfslam.base.grid import walked_grid
@@ -122,6 +130,24 @@ def test_an_image_needs_its_width(text: str) -> None:
         read_plan(text)
 
 
+def test_a_level_of_a_plan_stands_behind_its_file(tmp_path: Path) -> None:
+    rooms = []
+    for level, side_m in (("0", 6.0), ("1", 9.0)):
+        ring = [[0, 0], [side_m, 0], [side_m, 4], [0, 4], [0, 0]]
+        rooms.append(feature({"type": "Polygon", "coordinates": [ring]}, {"level": level}))
+    file = tmp_path / "plan.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
+    widths_m = [np.ptp(drawn(read_plan(f"{file}:{k}").ground).outline[:, 0]) for k in (0, 1)]
+    assert widths_m == pytest.approx([6.0, 9.0], abs=0.2)
+    for text, said in (
+        (f"{file}", "has the levels 0, 1; choose one, such as"),
+        (f"{file}:2", "has no level '2', wanted one of 0, 1, such as"),
+    ):
+        with pytest.raises(InputError, match=said) as refused:
+            drawn_plan(text)
+        assert str(refused.value).endswith(f", such as {file}:0")
+
+
 def test_files_are_told_from_worlds() -> None:
-    named = ["studio", "a/plan.png:12", "a/plan.PNG", "plan.geojson", "my.toml"]
-    assert [is_plan_file(text) for text in named] == [False, True, True, True, False]
+    named = ["studio", "a/plan.png:12", "a/plan.PNG", "plan.geojson", "p.json:-1", "my.toml"]
+    assert [is_plan_file(text) for text in named] == [False, True, True, True, True, False]

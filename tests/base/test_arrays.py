@@ -22,6 +22,7 @@ class Walk(Value):
     name: str
     facing: F32 | None = array("n", 2, dtype=np.float32, unit_rows=True, optional=True)
     count: I64 | None = array("m+1", dtype=np.int64, optional=True)
+    spread: F64 | None = array("n", 2, 2, finite=False, covariance=True, optional=True)
 
 
 def walk(**changes: object) -> Walk:
@@ -130,6 +131,40 @@ def test_rows_must_have_length_one_where_declared() -> None:
     assert walk(facing=good * 1.0005).facing is not None
     with pytest.raises(InputError, match=r"Walk.facing: wanted rows of length 1.*normalise"):
         walk(facing=good * [[1], [1], [1.01], [1]])
+
+
+@pytest.mark.parametrize("field", ["t_s", "pose", "moves", "gain", "facing"])
+@pytest.mark.parametrize("far", [1e300, -1e16])
+def test_what_nobody_measures_is_named_before_it_is_squared(field: str, far: float) -> None:
+    good = walk(facing=[[0, 1]] * 4)
+    rows = np.array(getattr(good, field), dtype=np.float64)
+    rows[-1] = far
+    with pytest.raises(InputError, match=rf"Walk.{field}: (row \d is beyond 1e\+15|wanted)"):
+        walk(**{field: rows})
+
+
+@pytest.mark.parametrize(
+    ("spread", "why"),
+    [
+        ([[1.0, 0.5], [0.4, 1.0]], "not symmetric"),
+        ([[1.0, 2.0], [2.0, 1.0]], "not positive"),
+        ([[-1.0, 0.0], [0.0, 1.0]], "not positive"),
+        ([[1e-4, 0.0], [0.0, -1e-6]], "not positive"),
+    ],
+)
+def test_a_matrix_that_is_no_covariance_is_named_with_its_row(
+    spread: list[list[float]], why: str
+) -> None:
+    nobody = np.full((2, 2), np.nan)
+    given = np.array([nobody, np.eye(2), spread, np.eye(2)])
+    with pytest.raises(InputError, match=rf"Walk.spread: row 2 is no covariance, as it is {why}"):
+        walk(spread=given)
+
+
+def test_a_covariance_may_be_of_less_than_full_rank_up_to_rounding() -> None:
+    way = np.array([[0.3, 0.7], [1e-5, 3.0], [1e4, 1e-4], [0.0, 0.0]], dtype=np.float32)
+    spread = (way[:, :, None] * way[:, None, :]).astype(np.float64)
+    assert walk(spread=spread).spread is not None
 
 
 def test_optional_arrays_may_be_absent_and_others_may_not() -> None:

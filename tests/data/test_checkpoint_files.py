@@ -22,8 +22,9 @@ def test_names_come_back_as_they_were(tmp_path: Path) -> None:
 
 
 def test_places_on_a_plan_come_back_and_others_stay_without(tmp_path: Path) -> None:
-    xy_m = np.array([[3.25, -7.5], [np.nan, np.nan]])
-    write_checkpoints(Checkpoints(np.array([1.0, 2.0]), ("Door", "Stairs"), xy_m), tmp_path)
+    xy_m = np.array([[3.25, -7.5], [np.nan, np.nan], [500_000.125, 5_000_000.25]])
+    names = ("Door", "Stairs", "by UTM")
+    write_checkpoints(Checkpoints(np.array([1.0, 2.0, 3.0]), names, xy_m), tmp_path)
     assert (tmp_path / CHECKPOINTS).read_text().splitlines()[2] == "2.000,Stairs,,"
     read = read_checkpoints(tmp_path)
     assert read is not None

@@ -105,6 +105,8 @@ def test_a_missing_map_is_refused(tmp_path: Path) -> None:
         ("xy_m", np.full((5, 2), 2e8)),
         ("xy_m", np.full((5, 2), np.nan)),
         ("covariance_m2", np.tile(-np.eye(2), (5, 1, 1))),
+        ("covariance_m2", np.tile([[1.0, 0.5], [0.4, 1.0]], (5, 1, 1))),
+        ("covariance_m2", np.tile([[1.0, 2.0], [2.0, 1.0]], (5, 1, 1))),
         ("covariance_m2", np.array(["a"] * 5)),
         ("heading_rad", np.array(["north"] * 5)),
         ("weight", np.zeros(3)),

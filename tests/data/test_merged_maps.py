@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +11,7 @@ import numpy.testing as npt
 
 from elfslam.base.values import Run
 from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged
+from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged, write_quality
 from elfslam.data.tum import read_tum
 from elfslam.line.quality import MapQuality
 
@@ -42,6 +43,13 @@ def test_a_folder_holds_map_trajectories_quality_and_facts(tmp_path: Path, run: 
     npt.assert_allclose(poses, run.trajectory.world_from_body, atol=1e-6)
     assert json.loads((folder / "merge.json").read_text()) == {"walks": ["day/one"]}
     assert (folder / "encoder.onnx").read_bytes() == b"onnx"
+
+
+def test_squares_of_a_map_in_a_countrys_grid_keep_their_places(tmp_path: Path) -> None:
+    far = replace(QUALITY, xy_m=np.add(QUALITY.xy_m, [500_000.0, 5_000_000.0]))
+    write_quality(far, tmp_path / "quality.csv")
+    table = np.genfromtxt(tmp_path / "quality.csv", delimiter=",", skip_header=1)
+    npt.assert_array_equal(table[:, :2], far.xy_m)
 
 
 def test_an_error_that_nobody_knows_stays_empty(tmp_path: Path, run: Run) -> None:

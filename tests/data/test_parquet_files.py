@@ -19,7 +19,7 @@ MAP = FloorMap(
     RANDOM.normal(size=4),
     np.array([0, 0, 1, 1]),
     np.array([0, 1, 0, 1]),
-    RANDOM.normal(size=(4, 2, 2)),
+    np.array([[[2.0, 0.5], [0.5, 1.0]], [[1.0, -0.3], [-0.3, 4.0]], np.eye(2), 0.1 * np.eye(2)]),
     (PAYLOAD,),
     "abc",
     ("Zürich", "b"),

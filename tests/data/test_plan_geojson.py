@@ -14,7 +14,8 @@ from elfslam.base.errors import InputError
 from elfslam.data.floor_plans import read_plan_geojson
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import feature, polygon_of
-from elfslam.data.plan_geojson import read_plan_shapes
+from elfslam.data.plan_geojson import LevelError, PlanShapes, read_plan_shapes
+from elfslam.data.plan_pictures import drawn_picture
 
 ORIGIN = Origin(47.3769, 8.5417, 90.0)
 SQUARE = [[2.0, 1.0], [26.5, 1.0], [26.5, 19.0], [2.0, 19.0], [2.0, 1.0]]
@@ -76,7 +77,7 @@ def test_walls_alone_enclose_the_ground(tmp_path: Path, kind: str) -> None:
     ("shapes", "words"),
     [
         ([("LineString", WALL, True)], "enclose no ground"),
-        ([("LineString", [[0, 0]], True)], "cannot be read as GeoJSON"),
+        ([("LineString", [[0, 0]], True)], "a ring needs three corners or more and a line two"),
         ([("LineString", 3, True)], "cannot be read as GeoJSON"),
         ([("LineString", [[0, 0], [1e9, 0]], True)], "cannot be read as GeoJSON"),
         ([("LineString", [[0, 0], [5000, 0]], True)], "5000 m across, wanted 1 to 2000"),
@@ -92,3 +93,133 @@ def test_what_is_no_floor_is_refused_in_one_line(
     with pytest.raises(InputError, match=words) as refused:
         read_plan_geojson(written(tmp_path / "p.geojson", *shapes))
     assert str(refused.value).startswith(str(tmp_path / "p.geojson"))
+
+
+GRIDS = {
+    "UTM 32N": [691_000.25, 5_335_000.5],
+    "LV95": [2_600_000.0, 1_200_000.0],
+    "British National Grid": [530_000.5, 180_000.25],
+    "Gauss-Krueger": [4_468_000.0, 5_333_000.0],
+}
+
+
+@pytest.mark.parametrize("corner_m", GRIDS.values(), ids=GRIDS)
+def test_a_plan_in_the_grid_of_a_country_is_in_metres_and_stays_there(
+    tmp_path: Path, corner_m: list[float]
+) -> None:
+    moved = [("Polygon", [np.add(SQUARE, corner_m).tolist()], True)]
+    moved.append(("LineString", np.add(WALL, corner_m).tolist(), True))
+    here, _ = read_plan_geojson(
+        written(tmp_path / "p.geojson", ("Polygon", [SQUARE], True), ("LineString", WALL, True))
+    )
+    there, origin = read_plan_geojson(written(tmp_path / "q.geojson", *moved))
+    assert origin is None
+    npt.assert_array_equal(there.free, here.free)
+    npt.assert_allclose(there.corner_m - here.corner_m, corner_m, atol=1e-6)
+
+
+def room(left_m: float, **stated: Any) -> dict[str, Any]:
+    """A room 4 m wide with what is stated of it."""
+    ring = [[left_m, 0], [left_m + 4, 0], [left_m + 4, 5], [left_m, 5], [left_m, 0]]
+    return feature({"type": "Polygon", "coordinates": [ring]}, stated)
+
+
+def lefts_m(shapes: PlanShapes) -> list[float]:
+    return sorted(float(polygon[0][:, 0].min()) for polygon in shapes.ground)
+
+
+HOUSE = [
+    room(0, level="0"),
+    room(10, level=1),
+    room(20, level="0;1"),
+    room(30, level="-1-1"),
+    room(40, level="1", repeat_on="2-3"),
+    room(50, building="yes"),
+]
+
+
+def in_file(file: Path, features: list[dict[str, Any]]) -> Path:
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return file
+
+
+@pytest.mark.parametrize(
+    ("level", "lefts"),
+    [("-1", [30]), ("0", [0, 20, 30]), ("1", [10, 20, 30, 40]), ("1.0", [10, 20, 30, 40]),
+     ("3", [40])],
+)  # fmt: skip
+def test_a_level_is_read_alone(tmp_path: Path, level: str, lefts: list[float]) -> None:
+    """What states none, as the outline of the building, is on none of them."""
+    house = in_file(tmp_path / "house.geojson", HOUSE)
+    assert lefts_m(read_plan_shapes(house, level=level)) == lefts
+
+
+def test_levels_are_never_mixed(tmp_path: Path) -> None:
+    house = in_file(tmp_path / "house.geojson", HOUSE)
+    with pytest.raises(LevelError, match=r"has the levels -1, 0, 1, 2, 3; choose one") as refused:
+        read_plan_shapes(house)
+    assert refused.value.levels == ("-1", "0", "1", "2", "3")
+    with pytest.raises(LevelError, match=r"has no level '7', wanted one of -1, 0, 1, 2, 3"):
+        read_plan_geojson(house, level="7")
+    with pytest.raises(LevelError, match="choose one"):
+        drawn_picture(house)
+    assert drawn_picture(house, "0").width_m == pytest.approx(34.2, abs=0.01)
+
+
+def test_levels_may_have_names(tmp_path: Path) -> None:
+    named = [room(0, level_id="ground"), room(10, level_id="8f2e"), room(20, level="EG")]
+    with pytest.raises(LevelError, match="has the levels 8f2e, EG, ground; choose one"):
+        read_plan_shapes(in_file(tmp_path / "imdf.geojson", named))
+    found = read_plan_shapes(tmp_path / "imdf.geojson", level="ground")
+    assert lefts_m(found) == [0]
+
+
+def test_a_plan_of_one_level_or_none_needs_no_choice(tmp_path: Path) -> None:
+    one = in_file(tmp_path / "one.geojson", [room(0, level="4"), room(10, level=4), room(20)])
+    assert lefts_m(read_plan_shapes(one)) == [0, 10, 20]
+    assert lefts_m(read_plan_shapes(one, level="4")) == [0, 10]
+    none = in_file(tmp_path / "none.geojson", [room(0), room(10, level=None)])
+    assert lefts_m(read_plan_shapes(none)) == [0, 10]
+    with pytest.raises(LevelError, match="names no level, got '4'; leave it out"):
+        read_plan_shapes(none, level="4")
+
+
+@pytest.mark.parametrize("level", ["0-9999", "-9999-9999", {"a": 1}, ["0", "1"], True])
+def test_odd_levels_are_refused(tmp_path: Path, level: object) -> None:
+    odd = in_file(tmp_path / "odd.geojson", [room(0, level=level), room(10, level="0")])
+    with pytest.raises(InputError, match=r"odd\.geojson: cannot be read as GeoJSON .*level"):
+        read_plan_shapes(odd)
+
+
+@pytest.mark.parametrize("level", ["", ";;", None])
+def test_an_empty_level_is_none(tmp_path: Path, level: object) -> None:
+    odd = in_file(tmp_path / "odd.geojson", [room(0, level=level), room(10, level="0")])
+    assert lefts_m(read_plan_shapes(odd)) == [0, 10]
+
+
+def test_levels_of_one_file_lie_in_one_frame(tmp_path: Path) -> None:
+    house = [room(0, level="0"), room(10, level="1")]
+    for each in house:
+        ring = np.array(each["geometry"]["coordinates"][0], dtype=float)
+        each["geometry"] = polygon_of(ORIGIN, (ring[:-1],))
+    file = in_file(tmp_path / "house.geojson", house)
+    low, high = (read_plan_shapes(file, level=level) for level in ("0", "1"))
+    assert low.origin == high.origin
+    npt.assert_allclose(high.ground[0][0] - low.ground[0][0], [[10, 0]] * 4, atol=0.02)
+
+
+def test_a_plan_of_the_openstreetmap_indoor_scheme_is_read_level_by_level(
+    shared_cases: Path,
+) -> None:
+    folder = shared_cases / "08-plan-levels"
+    with pytest.raises(LevelError, match="has the levels 0, 1, 2; choose one"):
+        read_plan_geojson(folder / "plan.geojson")
+    areas_m2 = []
+    for level in ("0", "1", "2"):
+        ground, _ = read_plan_geojson(folder / "plan.geojson", level=level)
+        areas_m2.append(ground.free.sum() * ground.cell_m**2)
+    alone, _ = read_plan_geojson(folder / "level0.geojson")
+    stairs_m2 = 5.0 * 20.0
+    assert areas_m2[0] == pytest.approx(alone.free.sum() * alone.cell_m**2 + stairs_m2, rel=0.03)
+    assert areas_m2[1] == pytest.approx(30.0 * 4.0 + 7.0 * 10.0 + stairs_m2 - 5.0 * 4.0, rel=0.02)
+    assert areas_m2[2] == pytest.approx(7.0 * 10.0 + stairs_m2, rel=0.02)

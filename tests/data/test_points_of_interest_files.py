@@ -37,7 +37,7 @@ def test_a_map_without_them_has_none(tmp_path: Path) -> None:
         ("Door,gate,1,2", "row 2 has kind 'gate', wanted room, door, stairs, lift, other"),
         ("Door,door,here,2", "row 2 has 'here', wanted metres"),
         ("Door,door,1,nan", "row 2 has 'nan', wanted metres"),
-        ("Door,door,1,2e6", "row 2 has '2e6', wanted metres up to 1e+06"),
+        ("Door,door,1,2e8", "row 2 has '2e8', wanted metres up to 1e+08"),
         ("Door,door,1", "row 2 has '', wanted metres"),
         ("Door,door,1,2\n" * (MOST + 1), f"wanted at most {MOST}"),
     ],

@@ -272,6 +272,23 @@ def test_broken_zip_is_refused(tmp_path: Path, folder: Path) -> None:
             read_recording(made)
 
 
+@pytest.mark.parametrize(
+    ("name", "rows", "said"),
+    [
+        ("emr.csv", "t_s,h1\n0,1\n1,1e300\n", r"emr\.csv: row 3 has 1e\+300 microvolts"),
+        ("wifi.csv", "t_s,bssid,rssi_dbm,age_s\n0,a,-1e300,\n", r"wifi\.csv: row 2 has -1e\+300"),
+        ("magnetometer.csv", "t_s,x,y,z\n0,1,1e300,1\n", r"magnetometer\.csv: row 2 has 1e\+300"),
+        ("odometry.tum", "0 1e300 0 0 0 0 0 1\n", r"odometry\.tum: row 1 has 1e\+300 m"),
+    ],
+)
+def test_what_would_overflow_is_named_with_its_row(
+    folder: Path, name: str, rows: str, said: str
+) -> None:
+    (folder / name).write_text(rows)
+    with pytest.raises(InputError, match=said):
+        read_recording(folder)
+
+
 def test_errors_within_a_zip_name_the_zip(tmp_path: Path, folder: Path) -> None:
     (folder / "emr.csv").write_text("t_s,h1\n0,a\n")
     made = Path(shutil.make_archive(str(tmp_path / "walk"), "zip", folder))

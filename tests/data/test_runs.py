@@ -137,6 +137,21 @@ def test_every_cut_off_file_is_refused(folder: Path, name: str) -> None:
     assert "\n" not in str(refused.value)
 
 
+@pytest.mark.parametrize("name", ["trajectory_covariance", "closure_covariance"])
+@pytest.mark.parametrize(
+    ("cell", "why"), [((1, 0, 1), "not symmetric"), ((1, 2, 2), "not positive")]
+)
+def test_a_covariance_that_is_none_is_named_with_its_row(
+    folder: Path, name: str, cell: tuple[int, int, int], why: str
+) -> None:
+    with np.load(folder / "uncertainty.npz") as stored:
+        arrays = dict(stored)
+    arrays[name][cell] = -5.0
+    np.savez(folder / "uncertainty.npz", **arrays)
+    with pytest.raises(StoreError, match=rf"covariance: row 1 is no covariance, as it is {why}"):
+        read_run(folder)
+
+
 def test_files_of_different_runs_are_refused(folder: Path) -> None:
     rows = (folder / "trajectory.tum").read_text().splitlines(keepends=True)
     (folder / "trajectory.tum").write_text("".join(rows[:-1]))

@@ -63,10 +63,18 @@ def test_the_scale_is_found_within_what_is_allowed() -> None:
     assert exact.scale == pytest.approx(1.0)
 
 
-def test_moving_the_plan_moves_the_answer() -> None:
-    moved = FloorGrid(PLAN.free, PLAN.corner_m + np.array([40.0, -7.0]), PLAN.cell_m)
-    here, there = (anchor([seen(CORRIDOR)], plan, KNOWN) for plan in (PLAN, moved))
-    npt.assert_allclose(there.plan_from_map - here.plan_from_map, [40, -7, 0], atol=1e-6)
+@pytest.mark.parametrize("by_m", [[40.0, -7.0], [5e5, 5e6]])
+def test_moving_the_plan_or_the_map_moves_the_answer(by_m: list[float]) -> None:
+    moved = FloorGrid(PLAN.free, PLAN.corner_m + by_m, PLAN.cell_m)
+    walk = seen(CORRIDOR)
+    here, there = (anchor([walk], plan, KNOWN) for plan in (PLAN, moved))
+    npt.assert_allclose(there.plan_from_map - here.plan_from_map, [*by_m, 0], atol=1e-6)
+    npt.assert_allclose(there.covariance, here.covariance, atol=1e-6)
+    far = anchor([walk + by_m], PLAN, KNOWN)
+    pairs = (walk, here), (walk + by_m, far)
+    lies, laid = (placed(each, found.plan_from_map, found.scale) for each, found in pairs)
+    npt.assert_allclose(laid, lies, atol=1e-6)
+    npt.assert_allclose(far.covariance, here.covariance, atol=1e-6)
 
 
 def test_a_plan_that_looks_the_same_turned_gives_both_and_decides_nothing() -> None:

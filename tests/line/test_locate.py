@@ -121,6 +121,18 @@ def test_the_covariance_holds_the_spread_the_spots_own_and_a_floor() -> None:
     npt.assert_allclose(across @ extra @ across, 0, atol=1e-9)
 
 
+@pytest.mark.parametrize("by_m", [[1e3, 1e3], [5e5, 5e6]], ids=["1 km", "UTM"])
+def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[float]) -> None:
+    vectors = place_vectors()
+    floor_map, heard = made_map(vectors), heard_at(vectors, [3, 17, 30, 44])
+    far = dataclasses.replace(floor_map, xy_m=floor_map.xy_m + by_m)
+    # No two spots lie just so far apart.
+    known = dataclasses.replace(PARAMETERS, near_m=1.1)
+    here, there = (locate_one_shot(heard, each, known) for each in (floor_map, far))
+    npt.assert_allclose(there.xy_m - by_m, here.xy_m, atol=1e-6)
+    npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
+
+
 def test_two_far_places_that_sound_the_same_are_ambiguous() -> None:
     vectors = place_vectors().copy()
     vectors[40] = vectors[10]

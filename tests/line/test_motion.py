@@ -23,7 +23,7 @@ from elfslam.line.motion import (
 )
 from elfslam.line.motion.heading import smooth_heading
 from elfslam.line.motion.lengths import lengths_between
-from elfslam.line.motion.level import evenly_sampled, level, rate_of, still_bias
+from elfslam.line.motion.level import evenly_sampled, level, offset_by_gravity, rate_of, still_bias
 
 PARAMETERS = MotionParameters()
 TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
@@ -101,6 +101,40 @@ def test_a_square_turns_three_corners_and_comes_home(rate_hz):
     assert heading_rad[-1] - heading_rad[0] == pytest.approx(1.5 * np.pi, abs=np.radians(2))
     end = dead_reckon(imu, PARAMETERS).world_from_body[-1]
     assert np.hypot(*end[:2]) < 2.0
+
+
+@pytest.mark.parametrize("mounting", [LEVEL, TILTED])
+def test_gravity_tells_an_offset_of_the_gyroscope_but_for_its_vertical_part(mounting):
+    planted = np.array([0.1, -0.06, 0.08])
+    found = offset_by_gravity(level(square(20, mounting=mounting, bias_radps=planted), PARAMETERS))
+    up = mounting.inv().apply([0.0, 0.0, 1.0])
+    np.testing.assert_allclose(found, planted - up * (up @ planted), atol=0.01)
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("mounting", [LEVEL, TILTED])
+def test_a_gyroscope_that_cannot_be_right_is_refused(mounting, axis):
+    imu = square(20, mounting=mounting, bias_radps=2.0 * np.eye(3)[axis])
+    with pytest.raises(InputError, match="gyroscope: turns by") as refused:
+        dead_reckon(imu, PARAMETERS)
+    assert "\n" not in str(refused.value)
+    assert "calibrate it" in str(refused.value)
+
+
+@pytest.mark.parametrize("offset_radps", [0.02, 0.17])
+def test_an_offset_that_data_sheets_allow_is_taken(offset_radps):
+    for axis in np.eye(3):
+        dead_reckon(square(20, mounting=TILTED, bias_radps=offset_radps * axis), PARAMETERS)
+
+
+def test_no_walk_of_the_mall_contradicts_its_gyroscope(shared_data):
+    walks = islice(walks_in(shared_data / "mall_walks" / "site1-F4.tar.xz"), 40)
+    levelled = [level(read_walk(file).recording.imu, PARAMETERS) for file in walks]
+    offsets_radps = [np.linalg.norm(offset_by_gravity(each)) for each in levelled]
+    assert len(offsets_radps) == 40
+    assert max(offsets_radps) < 0.3 * PARAMETERS.most_offset_radps
+    turning = [np.mean(np.sum(each.gyro_radps * each.up, axis=1)) for each in levelled]
+    assert np.abs(turning).max() < 0.5 * PARAMETERS.most_turning_radps
 
 
 def test_each_corner_turns_by_the_planted_angle():

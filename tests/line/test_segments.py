@@ -54,6 +54,18 @@ def test_a_walk_is_found_wherever_its_reckoning_starts_and_however_long_its_step
     assert len(fixes.t_s) == len(poses) - PARAMETERS.footsteps
 
 
+@pytest.mark.parametrize("by_m", [[1e3, 1e3], [5e5, 5e6]], ids=["1 km", "UTM"])
+def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[float]) -> None:
+    floor_map, poses = made_map(loop(0.14)), loop(STEP_M)
+    far = dataclasses.replace(floor_map, xy_m=floor_map.xy_m + by_m)
+    here, there = (
+        locate_by_segments(walked(poses), heard(poses, floor_map), each, PARAMETERS)
+        for each in (floor_map, far)
+    )
+    npt.assert_allclose(there.xy_m - by_m, here.xy_m, atol=1e-6)
+    npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
+
+
 def test_a_walk_the_other_way_is_found_too_and_told_from_the_mapped_way() -> None:
     floor_map, back = made_map(loop(0.14)), loop(STEP_M)[::-1]
     back = np.column_stack([back[:, :2], back[:, 2] + np.pi])

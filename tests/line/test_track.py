@@ -57,6 +57,17 @@ def test_it_starts_anywhere_whatever_the_heading_and_the_length_of_steps(scale: 
     npt.assert_allclose(fixes.t_s, 0.5 * np.arange(1, len(POSES)))
 
 
+@pytest.mark.parametrize("by_m", [[1e3, 1e3], [5e5, 5e6]], ids=["1 km", "UTM"])
+def test_moving_the_map_moves_the_fixes_and_leaves_every_covariance(by_m: list[float]) -> None:
+    far = replace(FLOOR, xy_m=FLOOR.xy_m + by_m)
+    here, there = (
+        tracker(each).follow(walked(POSES), heard(POSES, FLOOR)) for each in (FLOOR, far)
+    )
+    npt.assert_array_equal(there.status, here.status)
+    npt.assert_allclose(there.xy_m - here.xy_m, np.tile(by_m, (len(here.t_s), 1)), atol=1e-6)
+    npt.assert_allclose(there.covariance_m2, here.covariance_m2, atol=1e-6)
+
+
 def test_the_covariance_is_that_of_the_particles_and_the_map_and_a_floor() -> None:
     def covariance_m2(floor_map: FloorMap, floor_m: float, reach_m: float = 1.0) -> F64:
         known = replace(PARAMETERS, sigma_floor_m=floor_m)

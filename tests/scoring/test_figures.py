@@ -60,6 +60,13 @@ def test_a_plan_has_equal_axes() -> None:
     assert figures.plan([]).layout.yaxis.scaleanchor == "x"
 
 
+@pytest.mark.parametrize("by_m", [[0.0, 0.0], [5e5, 5e6]], ids=["here", "UTM"])
+def test_a_walk_is_drawn_to_the_millimetre_wherever_it_lies(by_m: list[float]) -> None:
+    walk = np.array([[0.0, 0.0], [0.123, 0.456], [3.0, 0.0], [7.891, 5.25]]) + by_m
+    path, *_ = figures.walk_traces(walk, name="walk", color="black")
+    np.testing.assert_allclose(np.column_stack([path.x, path.y]), walk, rtol=0, atol=6e-4)
+
+
 def test_a_flat_outline_is_refused() -> None:
     with pytest.raises(InputError, match="outline"):
         figures.FloorPlan(outline=np.zeros(4))

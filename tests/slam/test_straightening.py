@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import between, compose
-from elfslam.base.values import NO_CLOSURES, Checkpoints, Odometry, Trajectory
+from elfslam.base.geometry import between, compose, shifted
+from elfslam.base.values import NO_CLOSURES, Checkpoints, Closures, Odometry, Trajectory
 from elfslam.line.checkpoints import CheckpointParameters, lies_on_plan, on_plan
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.straightening import straighten
@@ -16,6 +18,7 @@ PARAMETERS = Parameters()
 LAP, STEP_M = 40, 0.7
 PLAN_FROM_WALK = np.array([31.0, -12.0, 2.1])
 NOBODY = np.zeros(0, dtype=bool)
+FAR_M = np.array([[1e3, 1e3], [5e5, 5e6]])
 
 
 def square(bent_rad: float = 0.0) -> Odometry:
@@ -97,6 +100,41 @@ def test_otherwise_the_walk_stays_in_the_frame_of_its_start(told: Checkpoints | 
     assert not lies_on_plan(told, made, PARAMETERS.checkpoint)
 
 
+@pytest.mark.parametrize("off_m", FAR_M, ids=["1 km", "UTM"])
+def test_moving_the_plan_moves_the_walk_and_leaves_every_covariance(off_m: F64) -> None:
+    told, bent = tapped([3, 13, 23, 33]), square(bent_rad=0.01)
+    assert told.xy_m is not None
+    here = straightened(bent, told)
+    there = straightened(bent, replace(told, xy_m=told.xy_m + off_m))
+    np.testing.assert_allclose(
+        there.world_from_body - here.world_from_body,
+        np.tile([*off_m, 0.0], (LAP + 1, 1)),
+        atol=1e-6,
+    )
+    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
+    assert there.status == here.status == "OK"
+
+
+@pytest.mark.parametrize("off_m", FAR_M, ids=["1 km", "UTM"])
+def test_moving_the_start_moves_the_walk_and_leaves_every_covariance(off_m: F64) -> None:
+    """Of a walk that closes its loop by what it heard."""
+    bent = square(bent_rad=0.01)
+    covariance = np.diag([0.01, 0.01, 0.01])[None]
+    home = Closures(
+        np.array([0]), np.array([LAP]), np.ones(1), between(TRUE[:1], TRUE[LAP:]), covariance
+    )  # fmt: skip
+    believed = np.ones(1, dtype=bool)
+    far = replace(bent, world_from_body=shifted(bent.world_from_body, off_m))
+    here, there = (straighten(nodes, home, believed, None, PARAMETERS)[1] for nodes in (bent, far))
+    assert here.closure_weights.tolist() == [1.0]
+    np.testing.assert_allclose(
+        there.world_from_body - here.world_from_body,
+        np.tile([*off_m, 0.0], (LAP + 1, 1)),
+        atol=1e-6,
+    )
+    np.testing.assert_allclose(there.covariance, here.covariance, rtol=1e-5, atol=1e-9)
+
+
 def test_a_wrong_tap_among_right_ones_is_not_believed() -> None:
     off_m = np.zeros((4, 2))
     off_m[2] = [8.0, -5.0]
@@ -108,6 +146,8 @@ def test_the_first_guess_is_the_best_rigid_fit() -> None:
     plan = on_plan(tapped([3, 13, 23]), square(), CheckpointParameters())
     assert plan is not None
     np.testing.assert_allclose(plan.nodes.world_from_body[1:], TRUE, atol=1e-9)
-    np.testing.assert_array_equal(plan.nodes.world_from_body[0], 0)
+    led_from, tapped_m = plan.nodes.world_from_body[0], TRUE[[3, 13, 23], :2]
+    np.testing.assert_array_equal(led_from, [*np.median(tapped_m, axis=0), 0.0])
+    np.testing.assert_allclose(compose(led_from, plan.closures.i_from_j)[:, :2], tapped_m)
     assert plan.closures.i.tolist() == [0, 0, 0]
     assert plan.closures.j.tolist() == [4, 14, 24]

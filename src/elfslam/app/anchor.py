@@ -21,12 +21,14 @@ from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
+from elfslam.data.plan_geojson import LevelError
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
 from elfslam.scoring.figures import FloorPlan
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 
 ANCHOR = "anchor.json"
+WIDTH = re.compile(r"\d{1,9}(\.\d{0,9})?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,28 +40,35 @@ class Plan:
 
 
 def is_plan_file(text: str) -> bool:
-    """Whether a text names a plan in a file: it ends like one, or like one and a width."""
-    return Path(text.rpartition(":")[0] or text).suffix.lower() in (*IMAGES, *GEOJSON)
+    """Whether a text names a plan in a file: it ends like one, or like one and what of it."""
+    return _plan_file(text)[0].suffix.lower() in (*IMAGES, *GEOJSON)
+
+
+def _plan_file(text: str) -> tuple[Path, str | None]:
+    """The file of a plan, and the width or the level that stands behind it."""
+    name, colon, told = text.rpartition(":")
+    known = Path(text).suffix.lower() in (*IMAGES, *GEOJSON)
+    return (Path(text), None) if known or not colon else (Path(name), told)
 
 
 def read_plan(text: str) -> Plan:
     """The plan of "plan.png:24.5" (an image and its width in metres) or "plan.geojson".
 
-    Raises InputError.
+    "plan.geojson:1" is its level 1. Raises InputError.
     """
-    if Path(text).suffix.lower() in GEOJSON:
-        return Plan(*read_plan_geojson(Path(text)))
-    named = re.fullmatch(r"(.+):([0-9.]+)", text)
-    if named is None or Path(named[1]).suffix.lower() not in IMAGES:
+    file, told = _plan_file(text)
+    if file.suffix.lower() in GEOJSON:
+        try:
+            return Plan(*read_plan_geojson(file, level=told))
+        except LevelError as error:
+            such = f", such as {file}:{error.levels[0]}" if error.levels else ""
+            raise InputError(f"{error}{such}") from error
+    if told is None or file.suffix.lower() not in IMAGES or not WIDTH.fullmatch(told):
         raise InputError(
             f"{text}: wanted an image with its width in metres, such as plan.png:24.5, "
             "or plan.geojson"
         )
-    try:
-        width_m = float(named[2])
-    except ValueError:
-        width_m = np.nan
-    return Plan(read_plan_image(Path(named[1]), width_m))
+    return Plan(read_plan_image(file, float(told)))
 
 
 def drawn(ground: FloorGrid) -> FloorPlan:

@@ -16,6 +16,7 @@ from elfslam import __version__
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import unit_key
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
     from elfslam.scoring.figures import FloorPlan
 
-FARTHEST_M = 1e6
 FINETUNE_SEED = 0
 Pose = tuple[float, float, float]
 

@@ -17,6 +17,10 @@ F32 = npt.NDArray[np.float32]
 I64 = npt.NDArray[np.int64]
 Bool = npt.NDArray[np.bool_]
 Dimension = int | str
+LARGEST = np.float64(1e15)
+"""Beyond anything that is measured or counted; it can still be squared."""
+ROUNDING = 1e-6
+"""How far, relative to its largest variance, rounding may take a covariance from being one."""
 
 
 @dataclass(frozen=True)
@@ -28,6 +32,8 @@ class ArraySpec:
     finite: bool
     increasing: bool
     unit_rows: bool
+    covariance: bool
+    largest: float
 
 
 def array(
@@ -36,10 +42,16 @@ def array(
     finite: bool = True,
     increasing: bool = False,
     unit_rows: bool = False,
+    covariance: bool = False,
+    largest: float = LARGEST,
     optional: bool = False,
 ) -> Any:
-    """A dataclass field that holds an array of the declared shape."""
-    metadata = {"array": ArraySpec(shape, dtype, finite, increasing, unit_rows)}
+    """A dataclass field that holds an array of the declared shape.
+
+    A `covariance` holds symmetric matrices without a negative variance in any direction.
+    """
+    spec = ArraySpec(shape, dtype, finite, increasing, unit_rows, covariance, largest)
+    metadata = {"array": spec}
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
@@ -74,6 +86,10 @@ def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> n
     if spec.finite and made.dtype.kind == "f" and not np.isfinite(made).all():
         row = int(np.argwhere(~np.isfinite(made))[0][0])
         raise InputError(f"{name}: row {row} is not finite; remove or repair the rows with NaN")
+    if made.dtype.kind == "f":
+        _check_largest(name, made, spec.largest)
+    if spec.covariance:
+        _check_covariance(name, made)
     if spec.increasing:
         _check_increasing(name, made)
     if spec.unit_rows and not np.allclose(np.linalg.norm(made, axis=-1), 1.0, atol=1e-3):
@@ -105,6 +121,27 @@ def _size_agrees(size: int, dimension: Dimension, sizes: dict[str, int]) -> bool
     offset = int(match[2] or 0)
     known = sizes.setdefault(match[1], max(size - offset, 0))
     return size == max(known + offset, 0)
+
+
+def _check_largest(name: str, made: npt.NDArray[Any], largest: float) -> None:
+    # Two passes without a copy; NaN is beyond nothing.
+    highest, lowest = (each.reduce(made, axis=None, initial=0) for each in (np.fmax, np.fmin))
+    if max(highest, -lowest) <= largest:
+        return
+    row = int(np.argwhere(np.abs(made) > largest)[0][0])
+    raise InputError(f"{name}: row {row} is beyond {largest:g}; remove or repair it")
+
+
+def _check_covariance(name: str, matrices: npt.NDArray[Any]) -> None:
+    told = np.flatnonzero(np.isfinite(matrices).all(axis=(-2, -1)))
+    known = matrices[told]
+    allowed = ROUNDING * np.abs(known).max(axis=(-2, -1), initial=0.0)
+    skew = np.abs(known - np.swapaxes(known, -2, -1)).max(axis=(-2, -1), initial=0.0)
+    least = np.linalg.eigvalsh(known).min(axis=-1, initial=0.0)
+    for wrong, why in ((skew > allowed, "not symmetric"), (least < -allowed, "not positive")):
+        if wrong.any():
+            row = told[int(np.argmax(wrong))]
+            raise InputError(f"{name}: row {row} is no covariance, as it is {why}; make it again")
 
 
 def _check_increasing(name: str, t: npt.NDArray[Any]) -> None:

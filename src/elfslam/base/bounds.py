@@ -17,6 +17,8 @@ FREE_BYTES = 64 * MEBIBYTE
 """Any file may claim these."""
 RATIO = 100
 """And so many for each byte that it has: honest files hold fewer."""
+FARTHEST_M = 1e8
+"""No coordinate is larger: those of a country's grid are, with the number of their zone, less."""
 
 
 def most_bytes(file_bytes: int) -> int:

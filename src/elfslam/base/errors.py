@@ -18,6 +18,9 @@ class ElfslamError(Exception):
 class InputError(ElfslamError):
     """Input that cannot be used: a file, a recording, a value of the wrong shape."""
 
+    choices: tuple[str, ...] = ()
+    """What there is to choose from, where one is to be named."""
+
 
 class ParameterError(ElfslamError):
     """A parameter that does not exist or has a value of the wrong type or range."""

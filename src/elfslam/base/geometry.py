@@ -31,8 +31,17 @@ def inverse(a_from_b: F64) -> F64:
 
 
 def between(world_from_a: F64, world_from_b: F64) -> F64:
-    """a_from_b, the move that leads from pose a to pose b."""
-    return compose(inverse(world_from_a), world_from_b)
+    """a_from_b, the move that leads from pose a to pose b, alike wherever both lie."""
+    a, b = np.broadcast_arrays(np.asarray(world_from_a, float), np.asarray(world_from_b, float))
+    cos, sin = np.cos(a[..., 2]), np.sin(a[..., 2])
+    # Differences come first: far from the origin a rotation about it would lose digits.
+    east, north, turn = np.moveaxis(b - a, -1, 0)
+    return np.stack([cos * east + sin * north, cos * north - sin * east, wrap_angle(turn)], axis=-1)
+
+
+def shifted(poses: F64, by_m: F64) -> F64:
+    """Poses (..., 3) with all positions moved by `by_m` (2)."""
+    return np.asarray(poses + np.append(by_m, 0.0))
 
 
 def chain(start: F64, moves: F64) -> F64:

@@ -249,7 +249,7 @@ class Closures(Value):
     j: I64 = array("k", dtype=np.int64)
     score: F64 = array("k")
     i_from_j: F64 = array("k", 3)
-    covariance: F64 = array("k", 3, 3)
+    covariance: F64 = array("k", 3, 3, covariance=True)
 
     def chosen(self, rows: Bool) -> Closures:
         """Those of some rows."""
@@ -271,7 +271,7 @@ class PoseGraph(Value):
     initial: F64 = array("n", 3)
     edges: I64 = array("e", 2, dtype=np.int64)
     measurements: F64 = array("e", 3)
-    information: F64 = array("e", 3, 3)
+    information: F64 = array("e", 3, 3, largest=np.inf)
     is_closure: Bool = array("e", dtype=np.bool_)
     scale_sigma: float = 0.0
 
@@ -309,7 +309,7 @@ class Trajectory(Value):
 
     t_s: F64 = array("n", increasing=True)
     world_from_body: F64 = array("n", 3)
-    covariance: F64 = array("n", 3, 3)
+    covariance: F64 = array("n", 3, 3, covariance=True)
     closure_weights: F64 = array("k")
     status: str
     verdict: Verdict | None = None
@@ -336,7 +336,7 @@ class FloorMap(Value, Plotted):
     heading_rad: F64 = array("m")
     walk: I64 = array("m", dtype=np.int64)
     order: I64 = array("m", dtype=np.int64)
-    covariance_m2: F64 = array("m", 2, 2)
+    covariance_m2: F64 = array("m", 2, 2, covariance=True)
     payloads: tuple[Payload, ...]
     parameters_digest: str
     sources: tuple[str, ...]
@@ -376,7 +376,7 @@ class Fixes(Value, Plotted):
     t_s: F64 = array("n", increasing=True)
     xy_m: F64 = array("n", 2, finite=False)
     heading_rad: F64 = array("n", finite=False)
-    covariance_m2: F64 = array("n", 2, 2, finite=False)
+    covariance_m2: F64 = array("n", 2, 2, finite=False, covariance=True)
     score: F64 = array("n", finite=False)
     status: I64 = array("n", dtype=np.int64)
 

@@ -13,6 +13,7 @@ from elfslam.app.console import say
 from elfslam.app.follow import Start, follow_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.cli.options import ParameterFile, Setting
@@ -22,12 +23,9 @@ TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""
 
 
-FARTHEST_M = 1e6
-
-
 def anchor_command(
     source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be placed.")],
-    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson.")],
+    plan: Annotated[str, typer.Argument(help="plan.png:WIDTH_M or plan.geojson[:LEVEL].")],
     out: Annotated[Path, typer.Argument(help="The map folder, in the frame of the plan.")],
     start: Annotated[
         str | None, typer.Option(help="X,Y[,HEADING_RAD] of the first walk's start, m.")

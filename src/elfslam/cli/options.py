@@ -24,7 +24,9 @@ On = Annotated[
 Force = Annotated[bool, typer.Option("--force", help="Replace an older result.")]
 Plan = Annotated[
     str | None,
-    typer.Option("--floor-plan", help="Drawn below: plan.png:WIDTH_M, plan.geojson or a world."),
+    typer.Option(
+        "--floor-plan", help="Drawn below: plan.png:WIDTH_M, plan.geojson[:LEVEL] or a world."
+    ),
 ]
 
 

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.values import Checkpoints
-from elfslam.data.points_of_interest_files import FARTHEST_M
 from elfslam.data.tables import check_size, read_named_rows
 
 CHECKPOINTS = "checkpoints.csv"

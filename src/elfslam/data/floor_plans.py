@@ -50,13 +50,15 @@ def read_plan_image(file: Path, width_m: float) -> FloorGrid:
     return FloorGrid(ground[::-1], np.zeros(2), width_m / pixels)
 
 
-def read_plan_geojson(file: Path, origin: Origin | None = None) -> tuple[FloorGrid, Origin | None]:
+def read_plan_geojson(
+    file: Path, origin: Origin | None = None, level: str | None = None
+) -> tuple[FloorGrid, Origin | None]:
     """Accessible ground of the polygons of a GeoJSON file, and where on the Earth its frame lies.
 
     Lines are walls; without polygons the ground is what they enclose. No origin is known of a
-    file in metres. Raises InputError.
+    file in metres. Raises InputError, as LevelError where a `level` is to be chosen.
     """
-    shapes = read_plan_shapes(file, origin)
+    shapes = read_plan_shapes(file, origin, level)
     cell_m = max(CELL_M, float(np.ptp(shapes.corners_m, axis=0).max()) / MOST_CELLS)
     walls = [wall for line in shapes.lines for wall in _walls(line, WALL_CELLS * cell_m)]
     blocked = [*shapes.blocked, *walls]

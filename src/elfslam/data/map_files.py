@@ -9,17 +9,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.npz import check_covariances, read_npz, write_npz
+from elfslam.data.npz import read_npz, write_npz
 
 MAP = "map.npz"
 SPOTS = ("xy_m", "heading_rad", "walk", "order", "covariance_m2")
 AGEING = ("weight", "changed")
 """What maps of one walk may lack."""
-FARTHEST_M = 1e8
-"""Maps may lie in the frame of a country."""
 OWN = "-own"
 """Behind an encoder's name: its features have lost what the echoes of a walk have in common. Those
 of earlier versions have not and cannot be compared with them."""
@@ -45,7 +44,6 @@ def read_map(path: Path) -> FloorMap:
     arrays = read_npz(file, [*SPOTS, *LABELS])
     try:
         _check_places(arrays["xy_m"])
-        check_covariances("covariance_m2", arrays["covariance_m2"])
         kinds, labels = _texts(arrays, "payload_kinds"), _texts(arrays, "payload_encoders")
         return FloorMap(
             **{name: arrays[name] for name in (*SPOTS, *AGEING) if name in arrays},

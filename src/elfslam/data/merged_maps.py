@@ -78,5 +78,5 @@ def write_quality(quality: MapQuality, file: Path) -> None:
     counts = [quality.walks, quality.spots]
     metres = [quality.weight, quality.sigma_m, quality.error_m, quality.changed]
     table = np.column_stack([quality.xy_m, *counts, *metres])
-    rows = [",".join("" if np.isnan(value) else f"{value:.6g}" for value in row) for row in table]
+    rows = [",".join("" if np.isnan(value) else f"{value:.9g}" for value in row) for row in table]
     file.write_text("\n".join([",".join(QUALITY_COLUMNS), *rows]) + "\n", encoding="utf-8")

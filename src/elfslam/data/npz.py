@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from elfslam.base.arrays import LARGEST
 from elfslam.base.bounds import MEBIBYTE, check_claim
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.zips import opened_zip
@@ -26,8 +27,6 @@ HEADER = re.compile(
     rb"'shape': \(((?:\d{1,18}(?:, ?|(?=\)))){0,8})\), \} *\n"
 )
 """Truth values, numbers and texts; no objects."""
-LARGEST = np.float64(1e15)
-"""Beyond anything that is measured or counted; it can still be squared."""
 MOST_TEXT_BYTES = 16 * MEBIBYTE
 LAST_LETTER, HALVES = 0x10FFFF, (0xD800, 0xE000)
 """Of Unicode; the surrogates are no letters."""
@@ -55,12 +54,6 @@ def read_npz(file: Path, names: Sequence[str]) -> dict[str, npt.NDArray[Any]]:
     if missing:
         raise StoreError(f"{file}: lacks the array {missing[0]}; make it again")
     return arrays
-
-
-def check_covariances(name: str, given: npt.NDArray[Any]) -> None:
-    """Raises ValueError where matrices (n, k, k) hold a variance below zero."""
-    if given.ndim == 3 and not (np.diagonal(given, axis1=1, axis2=2) >= 0).all():
-        raise ValueError(f"{name} has a variance below zero, or none")
 
 
 def _array(name: str, content: bytearray) -> npt.NDArray[Any]:

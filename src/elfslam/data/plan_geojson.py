@@ -1,11 +1,16 @@
 """Floor plans in GeoJSON: polygons and lines, in longitude and latitude or in metres.
 
 Which of both they are is told by how far the plan reaches: a floor is less than a tenth of a degree
-across, and more than a metre.
+across, and more than a metre. Metres may be those of a country's grid (UTM, LV95): they stay.
+
+Of a plan with several levels one is read. Levels are told as in OpenStreetMap's Simple Indoor
+Tagging, `level` and `repeat_on` ("0", "-1", "0;2", "0-2"), or as in IMDF, by `level_id`.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.grid import Polygon
 from elfslam.base.text_files import read_json
@@ -21,10 +27,27 @@ from elfslam.data.geographic import Origin, from_lon_lat
 MOST_CORNERS = 100_000
 WIDEST_M, WIDEST_DEG = 2000.0, 0.1
 NARROWEST_M = 1.0
-FARTHEST_M = 1e6
 LINES = {"LineString": False, "MultiLineString": True}
 POLYGONS = {"Polygon": False, "MultiPolygon": True}
 """By kind, whether there are several in one."""
+LEVEL_KEYS = ("level", "repeat_on", "level_id")
+RANGE = re.compile(r"(-?\d{1,4})-(-?\d{1,4})")
+MOST_LEVELS = 300
+
+
+class LevelError(InputError):
+    """A plan of several `levels` of which none was chosen, or one that is not there."""
+
+    def __init__(self, file: Path, levels: tuple[str, ...], chosen: str | None) -> None:
+        named = ", ".join(levels)
+        if chosen is None:
+            said = f"has the levels {named}; choose one"
+        elif levels:
+            said = f"has no level {chosen!r:.40}, wanted one of {named}"
+        else:
+            said = f"names no level, got {chosen!r:.40}; leave it out"
+        super().__init__(f"{file}: {said}")
+        self.choices = levels
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,16 +69,29 @@ class PlanShapes:
         return np.concatenate([*outer, *self.lines])
 
 
-def read_plan_shapes(file: Path, origin: Origin | None = None) -> PlanShapes:
-    """The polygons and lines of a GeoJSON file.
+@dataclass(frozen=True, eq=False)
+class _Feature:
+    """Polygons, and whether each is accessible; lines; and the levels that they are on."""
+
+    polygons: list[tuple[Polygon, bool]]
+    lines: list[F64]
+    levels: set[str]
+
+
+def read_plan_shapes(
+    file: Path, origin: Origin | None = None, level: str | None = None
+) -> PlanShapes:
+    """The polygons and lines of a GeoJSON file, of one `level` where it has several.
 
     Polygons whose property `accessible` is false are walls or furniture. In degrees, without an
-    origin, that is the middle of all corners, x to the east. Raises InputError.
+    origin, that is the middle of all corners, x to the east: levels of one file share a frame.
+    Raises InputError, as LevelError where a level is to be chosen.
     """
-    found = _shapes(file)
+    every = _features(file)
+    found = _shapes(file, _on_level(file, every, level))
     corners = found.corners_m
     if np.ptp(corners, axis=0).max() < WIDEST_DEG and (np.abs(corners) <= [180, 90]).all():
-        found = _in_metres(found, origin or _middle(corners))
+        found = _in_metres(found, origin or _middle(_shapes(file, every).corners_m))
     size_m = float(np.ptp(found.corners_m, axis=0).max())
     if not NARROWEST_M <= size_m <= WIDEST_M:
         raise InputError(
@@ -82,17 +118,22 @@ def _in_metres(degrees: PlanShapes, origin: Origin) -> PlanShapes:
     )
 
 
-def _shapes(file: Path) -> PlanShapes:
+def _features(file: Path) -> list[_Feature]:
     """What a file holds, in its own unit."""
     content = read_json(file)
-    polygons: list[tuple[Polygon, bool]] = []
-    lines: list[F64] = []
     try:
-        for feature in content.get("features", [content]):
-            polygons += _polygons_of(feature)
-            lines += _lines_of(feature)
+        return [
+            _Feature(_polygons_of(each), _lines_of(each), _levels_of(each))
+            for each in content.get("features", [content])
+        ]
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as cause:
         raise InputError(f"{file}: cannot be read as GeoJSON ({cause!r:.80}); check it") from cause
+
+
+def _shapes(file: Path, features: list[_Feature]) -> PlanShapes:
+    """What is drawn by some features of a file."""
+    polygons = [polygon for each in features for polygon in each.polygons]
+    lines = [line for each in features for line in each.lines]
     if not polygons and not lines:
         raise InputError(
             f"{file}: holds no Polygon and no LineString; wanted the accessible ground as "
@@ -107,6 +148,57 @@ def _shapes(file: Path) -> PlanShapes:
         tuple(lines),
         None,
     )
+
+
+def _on_level(file: Path, features: list[_Feature], level: str | None) -> list[_Feature]:
+    """The features of a level, of the only one where none is chosen.
+
+    What states no level is on none of several: a building's outline would open all of its floors.
+    Raises LevelError.
+    """
+    levels = tuple(sorted({name for each in features for name in each.levels}, key=_height))
+    if level is None and len(levels) < 2:
+        return features
+    wanted = None if level is None else _level_name(level)
+    if wanted not in levels:
+        raise LevelError(file, levels, level)
+    return [each for each in features if wanted in each.levels]
+
+
+def _levels_of(feature: dict[str, Any]) -> set[str]:
+    """The names of the levels that a feature states it is on, or that it is repeated on."""
+    properties = feature.get("properties") or {}
+    stated = [properties[key] for key in LEVEL_KEYS if properties.get(key) is not None]
+    if odd := [each for each in stated if type(each) not in (str, int, float)]:
+        raise ValueError(f"the level {odd[0]!r:.30} is no text")
+    parts = [part.strip() for each in stated for part in str(each).split(";")]
+    return {name for part in parts for name in _named(part)}
+
+
+def _named(part: str) -> Iterator[str]:
+    """The levels of "1", of the range "0-2", or of a name. Raises ValueError for far too many."""
+    if ends := RANGE.fullmatch(part):
+        first, last = sorted(map(int, ends.groups()))
+        if last - first >= MOST_LEVELS:
+            raise ValueError(f"the levels {part} are no building's")
+        yield from map(str, range(first, last + 1))
+    elif part:
+        yield _level_name(part)
+
+
+def _level_name(text: str) -> str:
+    """A level as it is compared: 0, "0" and "0.0" are one."""
+    try:
+        return f"{float(text):g}"
+    except ValueError:
+        return text.strip()
+
+
+def _height(level: str) -> tuple[float, str]:
+    try:
+        return float(level), level
+    except ValueError:
+        return np.inf, level
 
 
 def _parts(feature: dict[str, Any], kinds: dict[str, bool]) -> list[Any]:
@@ -137,6 +229,9 @@ def _rings(rings: list[Any]) -> Polygon:
 def _positions(positions: list[Any], least: int) -> F64:
     """Corners (n, 2) of a ring, which ends where it began, or of a line."""
     found = np.array([position[:2] for position in positions], dtype=np.float64)
-    if found.ndim != 2 or len(found) < least or not (np.abs(found) <= FARTHEST_M).all():
-        raise ValueError("a ring needs three corners or more and a line two, near enough")
+    if found.ndim != 2 or len(found) < least:
+        raise ValueError("a ring needs three corners or more and a line two")
+    # NaN fails the comparison.
+    if not (np.abs(found) <= FARTHEST_M).all():
+        raise ValueError(f"a corner is beyond {FARTHEST_M:g} m")
     return found

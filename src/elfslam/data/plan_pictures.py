@@ -96,10 +96,10 @@ def opened_picture(content: bytes, file: Path, formats: tuple[str, ...]) -> Iter
         ) from cause
 
 
-def drawn_picture(file: Path) -> PlanPicture:
-    """The first page of a PDF, an SVG or the shapes of a GeoJSON file as a PNG.
+def drawn_picture(file: Path, level: str | None = None) -> PlanPicture:
+    """The first page of a PDF, an SVG or the shapes of a level of a GeoJSON file as a PNG.
 
-    Raises InputError, also for what is none of them.
+    Raises InputError, also for what is none of them, as LevelError where a `level` is to be chosen.
     """
     from elfslam.data.plan_geojson import read_plan_shapes
 
@@ -110,7 +110,7 @@ def drawn_picture(file: Path) -> PlanPicture:
     if kind is PlanKind.SVG:
         return PlanPicture(_of_svg(content, file))
     if kind is PlanKind.GEOJSON:
-        return picture_of_shapes(read_plan_shapes(file))
+        return picture_of_shapes(read_plan_shapes(file, level=level))
     raise InputError(f"{file}: is no PDF, SVG or GeoJSON; save the plan as one of these")
 
 

@@ -8,6 +8,7 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.data.tables import read_named_rows
@@ -17,7 +18,6 @@ COLUMNS = ("name", "kind", "x_m", "y_m")
 LONGEST_NAME = 80
 MOST = 1_000
 """Named by hand, one by one."""
-FARTHEST_M = 1e6
 
 
 def write_points(points: Sequence[PointOfInterest], folder: Path) -> None:

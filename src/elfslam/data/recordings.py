@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from elfslam import __version__
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
@@ -47,7 +48,6 @@ FORMAT_VERSION = 1
 MACOSX = "__MACOSX"
 """Where the Mac's zip program puts its own files."""
 POSE = ("x_m", "y_m", "heading_rad")
-FARTHEST_M = 1e6
 MOST_LOST_SHARE = 0.1
 """A stream may lose some samples, which echo cutting recovers; more is a file that was cut off."""
 MANIFEST = "recording.json"

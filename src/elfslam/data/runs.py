@@ -29,7 +29,7 @@ from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
 from elfslam.data.folders import new_folder, sha256_of
 from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
-from elfslam.data.npz import check_covariances, read_npz, write_npz
+from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
@@ -113,8 +113,6 @@ def digest_of(path: Path) -> str:
 def _read_run(folder: Path) -> Run:
     facts, timings = read_facts(folder), read_object(folder / TIMINGS)
     spread = read_npz(folder / "uncertainty.npz", UNCERTAINTY)
-    for name in ("trajectory_covariance", "closure_covariance"):
-        check_covariances(name, spread[name])
     trajectory_t_s, trajectory_poses = read_tum(folder / "trajectory.tum")
     closures = _read_closures(folder / "closures.csv", spread["closure_covariance"])
     if (np.concatenate([closures.i, closures.j, [0]]) >= len(trajectory_t_s)).any():

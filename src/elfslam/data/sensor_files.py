@@ -29,6 +29,7 @@ ODOMETRY_SIGMA_FLOOR = (0.005, 0.005, 0.005)
 """Assumed of odometry that comes without its own sigmas: 2 % of the distance, and metres and
 radians per move below which no phone's odometry is trusted."""
 LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT = 500.0, 100.0, 5000.0
+LARGEST_EMR_UV = 1e9
 """Beyond the range of any phone's sensor."""
 GRAVITY_MPS2 = (5.0, 15.0)
 """Between these lies the steady part of an acceleration with gravity."""
@@ -209,7 +210,9 @@ def read_emr(file: Path) -> Emr | None:
     if not file.is_file():
         return None
     harmonics = [name for name in read_header(file) if name != "t_s"]
-    return Emr(*read_timed_table(file, harmonics))
+    t_s, amplitude = read_timed_table(file, harmonics)
+    check_size(file, amplitude, LARGEST_EMR_UV, "microvolts")
+    return Emr(t_s, amplitude)
 
 
 def read_odometry(folder: Path) -> Odometry | None:

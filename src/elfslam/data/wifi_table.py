@@ -14,9 +14,11 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_text
 from elfslam.base.values import WifiScans
+from elfslam.data.tables import check_size
 
 MOST_CELLS = 10_000_000
 """Of a table of scans by access points, most of it empty: hours in a mall have a tenth."""
+LARGEST_DBM = 200.0
 HEADER = ("t_s", "bssid", "rssi_dbm", "frequency_mhz", "age_s")
 
 
@@ -85,6 +87,7 @@ def read_wifi(file: Path) -> WifiScans:
         raise InputError(f"{file}: has a header and no rows; delete it if the sensor was off")
     table = np.array(numbers).reshape(-1, 3)
     _check_order(file, table[:, 0])
+    check_size(file, table[:, 1:2], LARGEST_DBM, "dBm")
     return scans_from_rows(file, table[:, 0], bssids, table[:, 1], table[:, 2])
 
 

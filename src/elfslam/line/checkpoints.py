@@ -18,7 +18,7 @@ ANY_HEADING_RAD = 6.0
 SURE = 1.0
 """The likeness of a place to itself."""
 ANYWHERE = np.array([1e3, 1e3, np.pi])
-"""Sigmas (m, m, rad) of where a plan's origin is, seen from the first footstep: nobody knows."""
+"""Sigmas (m, m, rad) of where the plan is, seen from the first footstep: nobody knows."""
 LEAST_APART_M = 2.0
 """Two taps nearer to each other say no heading."""
 BEYOND_CHANCE = 0.99
@@ -76,9 +76,10 @@ def places_visited(
 
 @dataclass(frozen=True, eq=False)
 class OnPlan:
-    """A walk led by one more pose, the plan's origin, and a closure from there to each tap.
+    """A walk led by one more pose, the middle of the taps, and a closure from there to each tap.
 
-    Those `believed` (k) at first are no slips of the finger.
+    That pose is headed as the plan is, and near: a plan's origin may lie a country away, and the
+    walk would turn about it. Those `believed` (k) at first are no slips of the finger.
     """
 
     nodes: Odometry
@@ -99,16 +100,17 @@ def on_plan(
         return None
     frame, off_m = found
     laid = compose(frame, nodes.world_from_body)
+    middle = np.append(np.median(xy_m, axis=0), 0.0)
     led = replace(
         nodes,
         t_s=np.concatenate([[nodes.t_s[0] - 1.0], nodes.t_s]),
-        world_from_body=np.vstack([np.zeros((1, 3)), laid]),
+        world_from_body=np.vstack([middle, laid]),
         step_sigma=np.vstack([ANYWHERE, nodes.step_sigma]),
         # The plan knows how long things are.
         scale_sigma=0.0,
     )
-    from_plan = np.column_stack([xy_m, laid[at, 2]])
-    taps = _known_places(np.zeros_like(at), at + 1, from_plan, parameters)
+    from_middle = np.column_stack([xy_m - middle[:2], laid[at, 2]])
+    taps = _known_places(np.zeros_like(at), at + 1, from_middle, parameters)
     return OnPlan(led, taps, off_m <= CLEARLY_OFF * max(np.median(off_m), LEAST_OFF_M))
 
 

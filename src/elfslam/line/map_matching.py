@@ -59,7 +59,7 @@ class Followed(Value):
     """The walk as the plan allows it, and the share of footsteps off the ground all the same."""
 
     poses: F64 = array("n", 3)
-    covariance: F64 = array("n", 3, 3)
+    covariance: F64 = array("n", 3, 3, covariance=True)
     off_share: float
 
 

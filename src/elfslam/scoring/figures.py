@@ -31,6 +31,8 @@ GRID = "rgba(127,127,127,0.18)"
 LINES_AT_MOST = 3000
 LIFT = 0.9
 DEPTH = 0.3, 0.35
+SINGLE_M = 8192.0
+"""Nearer to the origin than this, single precision holds a millimetre."""
 ELLIPSES_AT_MOST = 40
 ELLIPSE_CORNERS = 25
 REJECTED = "rejected"
@@ -252,7 +254,9 @@ def _broken(lines: F64) -> F64:
 
 
 def _scatter(xy_m: F64, *, skip: bool = False, **look: object) -> go.Scatter:
-    """Coordinates to the millimetre in single precision: half the bytes of a page."""
-    x, y = np.round(np.asarray(xy_m, float), 3).astype(np.float32).T
+    """Coordinates to the millimetre, if they can in single precision: half the bytes of a page."""
+    rounded = np.round(np.asarray(xy_m, float), 3)
+    near = float(np.nanmax(np.abs(rounded), initial=0.0)) < SINGLE_M
+    x, y = rounded.astype(np.float32 if near else np.float64).T
     hover = {"hoverinfo": "skip"} if skip else {}
     return go.Scatter(x=x, y=y, **hover, **look)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from http import HTTPStatus
 from typing import Any
 
@@ -31,10 +31,21 @@ LOG = logging.getLogger("elfslam.serve")
 
 
 class Problem(HTTPException):
-    """An answer that is a refusal: status, and one line that says what to do."""
+    """An answer that is a refusal: status, and one line that says what to do.
 
-    def __init__(self, status: int, detail: str, headers: Mapping[str, str] | None = None) -> None:
+    `levels` are those of a plan, of which one is to be chosen.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        headers: Mapping[str, str] | None = None,
+        *,
+        levels: Sequence[str] = (),
+    ) -> None:
         super().__init__(status, detail, dict(headers or {}))
+        self.levels = levels
 
 
 class ProblemBody(BaseModel):
@@ -44,6 +55,7 @@ class ProblemBody(BaseModel):
     title: str
     status: int
     detail: str
+    levels: list[str] | None = None
 
 
 def title_of(status: int) -> str:
@@ -65,11 +77,16 @@ EVERYWHERE = problems(400, 401, 403, 404, 408, 413, 421, 422, 429, 503, 507)
 
 
 def problem_response(
-    status: int, detail: str, headers: Mapping[str, str] | None = None
+    status: int,
+    detail: str,
+    headers: Mapping[str, str] | None = None,
+    levels: Sequence[str] = (),
 ) -> JSONResponse:
     """A refusal as a response."""
-    body = ProblemBody(title=title_of(status), status=status, detail=detail).model_dump()
-    return JSONResponse(body, status, dict(headers or {}), MEDIA_TYPE)
+    choice = list(levels) or None
+    body = ProblemBody(title=title_of(status), status=status, detail=detail, levels=choice)
+    told = body.model_dump(exclude_none=True)
+    return JSONResponse(told, status, dict(headers or {}), MEDIA_TYPE)
 
 
 def disk_full() -> Problem:
@@ -114,7 +131,8 @@ def install_problems(app: FastAPI) -> None:
 async def of_http(_request: Request, error: Exception) -> JSONResponse:
     """The answer to what was refused."""
     assert isinstance(error, HTTPException)
-    return problem_response(error.status_code, str(error.detail), error.headers)
+    levels = error.levels if isinstance(error, Problem) else ()
+    return problem_response(error.status_code, str(error.detail), error.headers, levels)
 
 
 async def of_validation(_request: Request, error: Exception) -> JSONResponse:

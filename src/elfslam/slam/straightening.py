@@ -37,7 +37,7 @@ def straighten(
 
 
 def _on_plan(plan: OnPlan, closures: Closures, by_hand: Bool, parameters: Parameters) -> Trajectory:
-    """The footsteps of a pose graph that begins at the plan's origin and bends to the taps."""
+    """The footsteps of a pose graph that begins amid the taps on the plan and bends to them."""
     own = replace(closures, i=closures.i + 1, j=closures.j + 1)
     graph = build_graph(plan.nodes, joined([own, plan.closures]))
     taps_too = np.concatenate([by_hand, plan.believed])

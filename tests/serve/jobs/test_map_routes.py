@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.testing as npt
 import pytest
+from httpx import Response
 from PIL import Image
 from starlette.testclient import TestClient
 
@@ -241,6 +242,33 @@ def test_what_is_no_picture_is_drawn_as_one(
         assert drawn.format == "PNG"
         assert {each for _, each in drawn.convert("L").getcolors(256) or []} >= {0, 255}
     assert list(services.settings.work_folder.iterdir()) == []
+
+
+def test_a_level_of_a_plan_is_chosen_from_those_that_the_refusal_lists(
+    owner: TestClient, keep_map: Keep
+) -> None:
+    place = f"/api/maps/{keep_map(owner, 'one')}/floor-plan"
+    rooms = []
+    for level, side_m in (("0", 6), ("-1", 9)):
+        ring = [[0, 0], [side_m, 0], [side_m, 4], [0, 4], [0, 0]]
+        shape = {"type": "Polygon", "coordinates": [ring]}
+        rooms.append({"type": "Feature", "properties": {"level": level}, "geometry": shape})
+    house = json.dumps({"type": "FeatureCollection", "features": rooms})
+
+    def answer(level: str | None) -> Response:
+        params = {} if level is None else {"level": level}
+        return owner.put(
+            place, content=house, params=params, headers={"Content-Type": "application/geo+json"}
+        )
+
+    refused = answer(None)
+    assert (refused.status_code, refused.json()["levels"]) == (422, ["-1", "0"])
+    assert refused.json()["detail"] == "the plan has the levels -1, 0; choose one"
+    assert answer("7").json()["levels"] == ["-1", "0"]
+    assert owner.get(place).status_code == 404
+    widths_m = [answer(level).json()["floor_plan"]["width_m"] for level in ("0", "-1")]
+    assert widths_m == pytest.approx([6.2, 9.2], abs=0.02)
+    assert answer("x" * 81).status_code == 422
 
 
 def test_nobody_else_sees_a_map(owner: TestClient, guest: TestClient, keep_map: Keep) -> None:

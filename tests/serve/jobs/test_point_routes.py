@@ -59,7 +59,7 @@ def test_who_changed_another_version_is_told_and_changes_nothing(
         {"name": "\u0958" * LONGEST_NAME},
         {"kind": "gate"},
         {"x_m": "here"},
-        {"y_m": 2e6},
+        {"y_m": 2e8},
     ],
 )
 def test_what_cannot_be_meant_is_refused(

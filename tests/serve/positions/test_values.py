@@ -79,7 +79,7 @@ def test_who_is_nowhere_has_no_latitude() -> None:
         {"x_m": 1.0},
         {"y_m": 1.0},
         {"x_m": float("nan"), "y_m": 0},
-        {"x_m": 1e7, "y_m": 0},
+        {"x_m": 1e9, "y_m": 0},
         {"age_s": 61},
         {"age_s": -0.1},
         {"sigma_m": -1},

@@ -7,15 +7,17 @@ from dataclasses import replace
 
 import numpy as np
 import numpy.testing as npt
+import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.base.geometry import between, chain, compose
+from elfslam.base.geometry import between, chain, compose, shifted
 from elfslam.base.values import Checkpoints
 from elfslam.slam.merging import MappedWalk, MergeParameters
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
 from elfslam.slam.merging.members import links_between, middles, side_of
 
 KNOWN = MergeParameters()
+FAR_M = np.array([[1e3, 1e3], [5e5, 5e6]])
 
 
 def bent(walk: MappedWalk, drift_rad: float) -> MappedWalk:
@@ -94,6 +96,42 @@ def test_taps_hold_a_walk_better_than_a_declared_start(walker: Callable, here: C
         )
     assert max(missed_m[0]) < 0.5 * min(missed_m[1])
     assert max(missed_m[0]) < KNOWN.checkpoint.sigma_m
+
+
+def moved(walk: MappedWalk, by_m: F64) -> MappedWalk:
+    """The same walk elsewhere: its dead reckoning, its trajectory, and what was tapped."""
+    told = walk.checkpoints
+    odometry, trajectory = (
+        replace(each, world_from_body=shifted(each.world_from_body, by_m))
+        for each in (walk.odometry, walk.trajectory)
+    )
+    if told is not None and told.xy_m is not None:
+        told = replace(told, xy_m=told.xy_m + by_m)
+    return replace(walk, odometry=odometry, trajectory=trajectory, checkpoints=told)
+
+
+@pytest.mark.parametrize("by_m", FAR_M, ids=["1 km", "UTM"])
+@pytest.mark.parametrize("taps", [[], [2, 15, 30, 45]], ids=["starts", "taps"])
+def test_moving_the_frame_moves_the_walks_and_leaves_every_covariance(
+    walker: Callable, here: Callable, taps: list[int], by_m: F64
+) -> None:
+    walks = [walker(here, str(k), start=[2.0 * k, 0.0, 0.0]) for k in range(2)]
+    walks = [tapped(walk, taps) if taps else walk for walk in walks]
+    links = {(0, 1): links_between(*(side_of(walk, KNOWN) for walk in walks), KNOWN)}
+    far = [moved(walk, by_m) for walk in walks]
+    made, there = (
+        joined_walks(each, [np.zeros(3)] * 2, links, KNOWN, known_starts=True)
+        for each in (walks, far)
+    )
+    spots = side_of(walks[0], KNOWN).poses
+    made.append(against_map(walks[1], np.zeros(3), spots, links[0, 1], KNOWN, known_start=True))
+    spots = shifted(spots, by_m)
+    there.append(against_map(far[1], np.zeros(3), spots, links[0, 1], KNOWN, known_start=True))
+    for one, other in zip(made, there, strict=True):
+        npt.assert_allclose(
+            other.world_from_body[:, :2] - one.world_from_body[:, :2] - by_m, 0, atol=1e-5
+        )
+        npt.assert_allclose(other.covariance, one.covariance, rtol=1e-4, atol=1e-8)
 
 
 def test_no_start_in_a_known_frame_is_surer_than_another(walker: Callable, here: Callable) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +11,7 @@ from scipy.sparse.linalg import splu
 
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
-from elfslam.base.geometry import between
+from elfslam.base.geometry import between, shifted
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Closures, Odometry, PoseGraph
 
@@ -95,6 +95,11 @@ def closure_edges(poses: F64, closures: Closures) -> PoseGraph:
     edges = np.column_stack([closures.i, closures.j])
     every = np.ones(len(edges), dtype=bool)
     return PoseGraph(poses, edges, closures.i_from_j, information, every)
+
+
+def seen_from_start(graph: PoseGraph) -> PoseGraph:
+    """The same graph in a frame whose origin is at its first pose: only there are levers short."""
+    return replace(graph, initial=shifted(graph.initial, -graph.initial[0, :2]))
 
 
 def edges_of(graph: PoseGraph, chosen: I64 | Bool) -> PoseGraph:

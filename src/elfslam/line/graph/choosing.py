@@ -33,6 +33,7 @@ from elfslam.line.graph.building import (
     covariance_of_edges,
     edges_of,
     rotation_first,
+    seen_from_start,
 )
 from elfslam.line.graph.uncertainty import (
     SETTLING_STEPS,
@@ -90,6 +91,7 @@ def agreeing(graph: PoseGraph, further: Closures, parameters: GraphParameters) -
     """
     if not graph.is_closure.any():
         return np.ones(len(further.i), dtype=bool)
+    graph = seen_from_start(graph)
     poses, kept = choose_closures(graph, parameters)
     asked = closure_edges(graph.initial, further)
     poses, equations = _settled(graph, kept, poses, asked.edges, parameters)

@@ -10,8 +10,14 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import NoAnswerError
+from elfslam.base.geometry import shifted
 from elfslam.base.values import PoseGraph, Trajectory
-from elfslam.line.graph.building import GraphParameters, believing, rotation_first
+from elfslam.line.graph.building import (
+    GraphParameters,
+    believing,
+    rotation_first,
+    seen_from_start,
+)
 from elfslam.line.graph.choosing import choose_closures
 from elfslam.line.graph.uncertainty import (
     judge,
@@ -38,6 +44,7 @@ def optimise(
     Raises NoAnswerError where the solver finds no trajectory: the edges are degenerate; and
     InputError where closures are to be rejected and the steps are no chain.
     """
+    begin_m, graph = graph.initial[0, :2], seen_from_start(graph)
     with solving(graph):
         poses, kept = graph.initial, np.ones(int(graph.is_closure.sum()), dtype=bool)
         if parameters.robust and len(kept):
@@ -52,7 +59,8 @@ def optimise(
             raise RuntimeError("the result is not finite")
         verdict = judge(graph, poses, kept, parameters) if len(kept) else None
     status = "OK" if kept.any() else "NO_CLOSURES"
-    return Trajectory(t_s, poses, covariance, kept.astype(np.float64), status, verdict)
+    weights, poses = kept.astype(np.float64), shifted(poses, begin_m)
+    return Trajectory(t_s, poses, covariance, weights, status, verdict)
 
 
 @contextmanager

@@ -14,6 +14,8 @@ from elfslam.base.values import Imu
 from elfslam.line.motion.parameters import MotionParameters
 
 GRAVITY_MPS2 = 9.81
+OFFSET_WINDOW_S = 1.0
+"""A stride: its mean acceleration is gravity."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,6 +97,38 @@ def check_imu(imu: Imu, parameters: MotionParameters) -> None:
             f"inertial data: got {rate_of(imu.t_s):.1f} samples/s, wanted at least "
             f"{parameters.least_rate_hz:g}; choose a faster sensor rate"
         )
+
+
+def check_gyroscope(levelled: Level, parameters: MotionParameters) -> None:
+    """Raises InputError where the rate of turn is no walker's, or none that gravity bears out."""
+    offset_radps = float(np.linalg.norm(offset_by_gravity(levelled)))
+    if offset_radps > parameters.most_offset_radps:
+        raise InputError(
+            f"gyroscope: turns by {offset_radps:.2g} rad/s more than gravity does in the phone, "
+            f"wanted at most {parameters.most_offset_radps:g}; calibrate it, and check that it is "
+            "in rad/s and has the accelerometer's axes"
+        )
+    yaw_radps = float(np.mean(np.sum(levelled.gyro_radps * levelled.up, axis=1)))
+    duration_s = len(levelled.t_s) / levelled.rate_hz
+    if abs(yaw_radps) > parameters.most_turning_radps + 2 * np.pi / duration_s:
+        raise InputError(
+            f"gyroscope: turns by {yaw_radps:.2g} rad/s about the vertical all along, wanted at "
+            f"most {parameters.most_turning_radps:g} of a walk; calibrate it, and check that it is "
+            "in rad/s"
+        )
+
+
+def offset_by_gravity(levelled: Level) -> F64:
+    """The gyroscope's offset (3), rad/s, as far as gravity contradicts it: not about the vertical.
+
+    In the phone the direction g of gravity obeys dg/dt = -turn x g; what an offset adds to the
+    turn is left over: offset x g, and g x (offset x g) is the offset without its part along g.
+    """
+    seen = averaged(levelled.accel_mps2, OFFSET_WINDOW_S, levelled.rate_hz)
+    g = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-9)
+    turn_radps = averaged(levelled.gyro_radps, OFFSET_WINDOW_S, levelled.rate_hz)
+    left_over = np.gradient(g, 1 / levelled.rate_hz, axis=0) + np.cross(turn_radps, g)
+    return np.asarray(np.cross(g, left_over).mean(axis=0))
 
 
 def is_enough(t_s: F64, parameters: MotionParameters) -> bool:

@@ -106,6 +106,20 @@ class MotionParameters:
         low=0.2,
         high=30.0,
     )
+    most_offset_radps: float = parameter(
+        0.25,
+        "rad/s",
+        "a gyroscope that contradicts gravity by more is refused; data sheets allow 0.02 to 0.17",
+        low=0.0,
+        high=100.0,
+    )
+    most_turning_radps: float = parameter(
+        1.0,
+        "rad/s",
+        "nobody turns by more all along a walk, on average, and once round besides",
+        low=0.0,
+        high=100.0,
+    )
     field_sigma_ut: float = parameter(
         6.0, "uT", "how far a building bends the magnetic field", low=0.1, high=100.0
     )

@@ -15,7 +15,7 @@ from elfslam.base.values import Imu, Odometry
 from elfslam.line.motion.footsteps import footfalls
 from elfslam.line.motion.heading import smooth_heading, turned_since_rest
 from elfslam.line.motion.lengths import lengths_between
-from elfslam.line.motion.level import Level
+from elfslam.line.motion.level import Level, check_gyroscope
 from elfslam.line.motion.parameters import MotionParameters, check_motion
 from elfslam.line.motion.pieces import bridge, levelled_pieces
 
@@ -41,11 +41,15 @@ def dead_reckon(
     where the phone did not rest then, the first footstep is there. Over an interruption of the
     sensors the way is unknown: the sigma of that move says so.
 
-    Raises InputError where the recording is too short, too slow, in pieces too short, or holds
-    too few footsteps, ParameterError where two parameters contradict each other.
+    Raises InputError where the recording is too short, too slow, in pieces too short, holds too
+    few footsteps or a gyroscope that cannot be right, ParameterError where two parameters
+    contradict each other.
     """
     check_motion(parameters)
-    found = [(each, footfalls(each, parameters)) for each in levelled_pieces(imu, parameters)]
+    pieces = levelled_pieces(imu, parameters)
+    for each in pieces:
+        check_gyroscope(each, parameters)
+    found = [(each, footfalls(each, parameters)) for each in pieces]
     walked = [_stretch(*each, parameters) for each in found if len(each[1]) > 1]
     _check_enough(sum(len(each.footsteps_t_s) for each in walked), parameters)
     begin, begin_s = walked[0], float(walked[0].footsteps_t_s[0])

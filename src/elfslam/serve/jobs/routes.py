@@ -12,6 +12,7 @@ from pydantic import BaseModel, Field, field_validator, model_validator
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.choices import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
@@ -37,7 +38,6 @@ from elfslam.serve.store.sending import sent_blob
 from elfslam.serve.texts import Line
 
 router = APIRouter(tags=["jobs"])
-FARTHEST_M = 1e6
 MOST_MAPS = 100
 Id = Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Request, Response
+from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.data.plan_pictures import PlanKind
 from elfslam.serve.jobs.routes import refuse_full
@@ -35,9 +36,9 @@ router = APIRouter(
 DRAWER = "elfslam.serve.maps.plan_drawing"
 SHARING_S, FILE_FACTOR = 180.0, 4
 """How long a child may wait for a processor in all; what it draws may be larger than what came."""
+PlanLevel = Annotated[str | None, Query(max_length=80)]
 ALSO = "application/json"
 """What browsers call GeoJSON."""
-FARTHEST_M = 1e6
 
 
 class ImagePlacement(BaseModel):
@@ -70,11 +71,14 @@ async def sends_plan(request: Request) -> None:
         }
     },
 )
-async def put_floor_plan(map_id: str, request: Request, asker: Asks, services: Here) -> MapBody:
+async def put_floor_plan(
+    map_id: str, request: Request, asker: Asks, services: Here, level: PlanLevel = None
+) -> MapBody:
     """Put a plan below a map; an older one goes, its placement stays.
 
     PNG and JPEG are kept as they are; the first page of a PDF, an SVG and GeoJSON (degrees or
-    metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is.
+    metres) are drawn as a PNG. `width_m` is told where the plan says how wide it is. Of GeoJSON
+    with several levels one is chosen by its name: without `level` the refusal lists the `levels`.
     """
     await run_in_threadpool(_refuse, services, asker, map_id)
     limits, user = services.settings.limits, asker.user_id or map_id
@@ -82,7 +86,7 @@ async def put_floor_plan(map_id: str, request: Request, asker: Asks, services: H
         file = folder / "plan"
         room = Quota(limits.floor_plan_bytes, limits.free_bytes)
         await append(file, request.receive, room, None)
-        return await services.drawing.run(user, partial(_put, services, asker, map_id, file))
+        return await services.drawing.run(user, partial(_put, services, asker, map_id, file, level))
 
 
 def _refuse(services: Services, asker: Asker, map_id: str) -> None:
@@ -92,9 +96,9 @@ def _refuse(services: Services, asker: Asker, map_id: str) -> None:
         refuse_full(services, session, found.user_id)
 
 
-def _put(services: Services, asker: Asker, map_id: str, file: Path) -> MapBody:
+def _put(services: Services, asker: Asker, map_id: str, file: Path, level: str | None) -> MapBody:
     """Draw the plan in a file and put it below a map."""
-    facts = _drawn(services, file)
+    facts = _drawn(services, file, level)
     store = services.settings.blobs_folder
     with blobs.locked(store):
         blob = blobs.put(store, file)
@@ -113,13 +117,16 @@ def _put(services: Services, asker: Asker, map_id: str, file: Path) -> MapBody:
     return answer
 
 
-def _drawn(services: Services, file: Path) -> dict[str, Any]:
-    """Type and size of the picture that a child makes of a plan. Raises Problem 422."""
+def _drawn(services: Services, file: Path, level: str | None) -> dict[str, Any]:
+    """Type and size of the picture that a child makes of a plan.
+
+    Raises Problem 422, with the levels where one is to be chosen.
+    """
     try:
         bounds = bounds_of(services.settings.limits)
-        return dict(services.children.parse(DRAWER, bounds, file=str(file)))
+        return dict(services.children.parse(DRAWER, bounds, file=str(file), level=level))
     except InputError as refused:
-        raise Problem(422, f"the plan {refused}") from refused
+        raise Problem(422, f"the plan {refused}", levels=refused.choices) from refused
 
 
 def bounds_of(limits: Limits) -> Bounds:

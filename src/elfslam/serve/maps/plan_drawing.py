@@ -18,15 +18,16 @@ SMALLER = 8
 """A JPEG is looked through at this part of its size: whether it is whole shows there, too."""
 
 
-def parse(file: str) -> dict[str, Any]:
+def parse(file: str, level: str | None = None) -> dict[str, Any]:
     """Type, size in pixels, and width in metres if known of a plan.
 
-    A PNG stands in the place of what was none. Raises InputError.
+    A PNG stands in the place of what was none. Raises InputError, with the levels as its choices
+    where a `level` is to be chosen.
     """
     place, width_m = Path(file), None
     content = place.read_bytes()
     if kind_of(content) in (PlanKind.PDF, PlanKind.SVG, PlanKind.GEOJSON):
-        picture = drawn_picture(place)
+        picture = drawn_picture(place, level)
         content, width_m = picture.content, picture.width_m
         place.write_bytes(content)
     return {**_facts(content, place), "width_m": width_m}

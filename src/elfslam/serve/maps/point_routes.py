@@ -8,9 +8,9 @@ from fastapi import APIRouter
 from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy.orm import Session
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.data.points_of_interest_files import (
-    FARTHEST_M,
     LONGEST_NAME,
     MOST,
     POINTS_OF_INTEREST,

@@ -1,7 +1,7 @@
 """The child that parses one file from outside: it keeps to its bounds and ends with the server.
 
 `python -m elfslam.serve.parsing.child PARENT BOUNDS MODULE GIVEN` calls `parse` of a module with
-what is given, and prints `{"found": ...}` or `{"refusal": ...}` as JSON. Nothing is imported here
+what is given, and prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Nothing is imported here
 that a parser may not need: a child costs the start of an interpreter each time.
 """
 
@@ -112,7 +112,7 @@ def _answer(parse: Callable[..., Any], bounds: Bounds, given: Mapping[str, Any])
         return {"found": parse(**given)}
     except InputError as error:
         places = (each for each in given.values() if isinstance(each, str) and each.startswith("/"))
-        return {"refusal": without_places(str(error), *places)}
+        return {"refusal": without_places(str(error), *places), "choices": error.choices}
     except MemoryError:
         return {"refusal": bounds.refusal(Exceeded.MEMORY)}
     except OSError as error:

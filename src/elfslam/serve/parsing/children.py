@@ -53,7 +53,9 @@ class Children:
                 raise _failure(each.returncode, bounds, errors)
         answer = json.loads(printed.splitlines()[-1])
         if "refusal" in answer:
-            raise InputError(answer["refusal"])
+            refused = InputError(answer["refusal"])
+            refused.choices = tuple(answer.get("choices", ()))
+            raise refused
         return answer["found"]
 
     def close(self) -> None:

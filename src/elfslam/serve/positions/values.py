@@ -9,11 +9,11 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.data.geographic import EAST_DEG, HIGHEST_DEG, Origin, to_lon_lat
 
 Status = Literal["OK", "AMBIGUOUS", "UNKNOWN_PLACE", "NO_ECHO", "SUSPECT"]
 """The names of `FixStatus`."""
-FARTHEST_M = 1e6
 OLDEST_S = 60.0
 MOST_AT_ONCE = 20
 """Positions in a request: ten seconds' worth."""

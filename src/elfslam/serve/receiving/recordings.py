@@ -15,6 +15,7 @@ from pydantic import AfterValidator, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.completing import Promised, complete
@@ -39,8 +40,7 @@ from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import Line
 
 router = APIRouter(prefix="/recordings", tags=["recordings"])
-FARTHEST = 1e6
-Coordinate = Annotated[float, Field(ge=-FARTHEST, le=FARTHEST, allow_inf_nan=False)]
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M, allow_inf_nan=False)]
 
 
 class NewRecording(BaseModel):

@@ -44,14 +44,16 @@ def joined_walks(
         compose(frame, walk.trajectory.world_from_body)
         for walk, frame in zip(walks, frames, strict=True)
     ]
-    # Where all share a frame, its origin leads the graph; else the first walk's start holds it.
-    origin = np.zeros((int(known_starts), 3))
-    ends = len(origin) + np.cumsum([0, *(len(each) for each in poses)])
-    fixed = [_own_edges(walk, first) for walk, first in zip(walks, ends[:-1], strict=True)]
+    # Where all share a frame, its middle leads the graph; else the first walk's start holds it.
+    middle = middle_of(np.vstack(poses))
+    lead = [middle] if known_starts else []
+    ends = len(lead) + np.cumsum([0, *(len(each) for each in poses)])
+    firsts = list(zip(walks, ends[:-1], strict=True))
+    fixed = [_own_edges(walk, first) for walk, first in firsts]
     if known_starts:
-        fixed += [_frame_edges(*each, parameters) for each in zip(walks, ends[:-1], strict=True)]
+        fixed += [_frame_edges(walk, first, middle, parameters) for walk, first in firsts]
     scale = float(np.mean([walk.odometry.scale_sigma for walk in walks])) / np.sqrt(len(walks))
-    initial, solved = np.vstack([origin, *poses]), None
+    initial, solved = np.vstack([*lead, *poses]), None
     for _ in range(parameters.merging.rounds):
         held = [_link_edges(links[pair], pair, poses, ends, parameters) for pair in sorted(links)]
         solved = _solved(initial, [*fixed, *held], scale)
@@ -80,14 +82,15 @@ def against_map(
     the spots.
     """
     poses = compose(frame, walk.trajectory.world_from_body)
+    middle = middle_of(poses)
     own = [_own_edges(walk, 1)]
     if known_start:
-        own.append(_frame_edges(walk, 1, parameters))
+        own.append(_frame_edges(walk, 1, middle, parameters))
     solved = walk.trajectory
     for _ in range(parameters.merging.rounds):
         known = links.chosen(_fitting(links, spots, middles(poses), parameters))
-        held = _map_edges(known, spots, poses)
-        solved = _solved(np.vstack([np.zeros((1, 3)), poses]), [*own, held], 0.0)
+        held = _map_edges(known, spots, poses, middle)
+        solved = _solved(np.vstack([middle, poses]), [*own, held], 0.0)
         poses = solved.world_from_body[1:]
     return replace(
         walk.trajectory, world_from_body=poses, covariance=solved.covariance[1:], status="OK"
@@ -116,16 +119,22 @@ def _own_edges(walk: MappedWalk, first: int) -> Edges:
     return Edges(graph.edges + first, graph.measurements, graph.information)
 
 
-def _frame_edges(walk: MappedWalk, first: int, parameters: MergeParameters) -> Edges:
-    """Where a walk lies, seen from the origin of the frame, node 0: by its taps or its start."""
+def middle_of(poses: F64) -> F64:
+    """A pose (3) of the frame amid poses (n, 3): a frame's origin may lie a country away."""
+    return np.append(poses[:, :2].mean(axis=0), 0.0)
+
+
+def _frame_edges(walk: MappedWalk, first: int, middle: F64, parameters: MergeParameters) -> Edges:
+    """Where a walk lies, seen from the middle of the frame, node 0: by its taps or its start."""
     taps = tapped_closures(walk.checkpoints, walk.trajectory, parameters.checkpoint)
     if len(taps.i):
         nodes = np.column_stack([taps.i, taps.j + first])
-        return Edges(nodes, taps.i_from_j, _inverted(taps.covariance))
+        return Edges(nodes, between(middle, taps.i_from_j), _inverted(taps.covariance))
     known = parameters.merging
     sigma = np.array([known.start_sigma_m, known.start_sigma_m, known.start_sigma_rad])
     information = np.diag(1 / sigma**2)[None]
-    return Edges(np.array([[0, first]]), walk.odometry.world_from_body[:1], information)
+    begin = between(middle, walk.odometry.world_from_body[:1])
+    return Edges(np.array([[0, first]]), begin, information)
 
 
 def _link_edges(
@@ -145,10 +154,11 @@ def _link_edges(
     return Edges(nodes, measured, _inverted(known.covariance))
 
 
-def _map_edges(links: Closures, spots: F64, poses: F64) -> Edges:
-    """Where spots put the footsteps of a walk, seen from the map's origin, node 0."""
+def _map_edges(links: Closures, spots: F64, poses: F64, middle: F64) -> Edges:
+    """Where spots put the footsteps of a walk, seen from the middle of the frame, node 0."""
     back = between(poses[:-1], middles(poses))[links.j]
-    measured = compose(compose(spots[links.i], links.i_from_j), inverse(back))
+    there = between(middle, spots[links.i])
+    measured = compose(compose(there, links.i_from_j), inverse(back))
     nodes = np.column_stack([np.zeros(len(measured), dtype=np.int64), links.j + 1])
     return Edges(nodes, measured, _inverted(links.covariance))
 

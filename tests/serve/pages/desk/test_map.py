@@ -6,6 +6,7 @@ import base64
 import hashlib
 import io
 import itertools
+import json
 import math
 import re
 import zipfile
@@ -324,6 +325,32 @@ def test_a_plan_that_is_no_image_is_refused_in_words(page: Any, tmp_path: Path) 
     page.locator("input[name=plan-file]").set_input_files(file)
     assert len(page.get_by_role("alert").locator(".toast span").inner_text()) > 20
     assert page.get_by_role("button", name="Move the plan").count() == 0
+
+
+def test_of_a_plan_with_several_levels_one_is_chosen(
+    page: Any, map_id: str, tmp_path: Path, asked: Any
+) -> None:
+    rooms = []
+    for level, side_m in (("0", 6), ("1", 9)):
+        ring = [[0, 0], [side_m, 0], [side_m, 4], [0, 4], [0, 0]]
+        shape = {"type": "Polygon", "coordinates": [ring]}
+        rooms.append({"type": "Feature", "properties": {"level": level}, "geometry": shape})
+    house = tmp_path / "house.geojson"
+    house.write_text(json.dumps({"type": "FeatureCollection", "features": rooms}))
+    page.locator("input[name=plan-file]").set_input_files(house)
+    choice = page.get_by_role("combobox", name="This plan has several levels")
+    choice.wait_for()
+    assert choice.locator("option").all_text_contents() == ["0", "1"]
+    page.get_by_role("button", name="Cancel").click()
+    assert asked(page, f"/api/maps/{map_id}")["floor_plan"] is None
+    page.locator("input[name=plan-file]").set_input_files(house)
+    choice.select_option("1")
+    page.get_by_role("button", name="Put it below the map").click()
+    page.locator("input[name=plan-width]").wait_for()
+    page.get_by_text("Saved", exact=True).wait_for()
+    assert asked(page, f"/api/maps/{map_id}")["floor_plan"]["width_m"] == pytest.approx(
+        9.2, abs=0.1
+    )
 
 
 def test_a_removed_plan_is_gone(page: Any, map_id: str, floor_plan: Path, asked: Any) -> None:

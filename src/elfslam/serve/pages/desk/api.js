@@ -24,7 +24,9 @@ export async function ask(path, { method = "GET", json, body, headers = {}, keep
   }
   if (answer.ok) return answer;
   if (answer.status === 401) document.dispatchEvent(new CustomEvent("elfslam:signed-out"));
-  throw new Problem(await lineOf(answer), answer.status);
+  const told = documentOf(await answer.text());
+  const status = `${answer.status} ${answer.statusText}`.trim();
+  throw new Problem(lineOf(told) ?? t("The server answered {{status}}.", { status }), answer.status, told.levels);
 }
 
 /** The JSON that the server answers; null where it answers nothing.
@@ -34,17 +36,19 @@ export async function askJson(path, request) {
   return answer.status === 204 ? null : answer.json();
 }
 
-/** @param {Response} answer @returns {Promise<string>} */
-async function lineOf(answer) {
-  const text = await answer.text();
+/** What a refusal says; nothing where it is no problem document: a proxy's page, say. @param {string} text @returns {any} */
+function documentOf(text) {
   try {
-    const { detail, title } = JSON.parse(text);
-    if (typeof detail === "string" && detail) return translated(detail);
-    if (typeof title === "string" && title) return translated(title);
+    return JSON.parse(text) ?? {};
   } catch {
-    // Not a problem document: a proxy's page, say.
+    return {};
   }
-  return t("The server answered {{status}}.", { status: `${answer.status} ${answer.statusText}`.trim() });
+}
+
+/** @param {{detail?: unknown, title?: unknown}} told @returns {string | undefined} */
+function lineOf({ detail, title }) {
+  const line = [detail, title].find((each) => typeof each === "string" && each);
+  return typeof line === "string" ? translated(line) : undefined;
 }
 
 /**

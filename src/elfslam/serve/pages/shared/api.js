@@ -3,13 +3,17 @@
 import { pairHere } from "../keeping/pairing.js";
 import { t, translated } from "./words.js";
 
-/** What went wrong, in one line that people can read; `status` is 0 where no answer came. */
+/**
+ * What went wrong, in one line that people can read; `status` is 0 where no answer came. `levels` are those of a plan,
+ * of which one is to be chosen.
+ */
 export class Problem extends Error {
-  /** @param {string} detail @param {number} status */
-  constructor(detail, status) {
+  /** @param {string} detail @param {number} status @param {string[]} [levels] */
+  constructor(detail, status, levels = []) {
     super(detail);
     this.name = "Problem";
     this.status = status;
+    this.levels = levels;
   }
 }
 

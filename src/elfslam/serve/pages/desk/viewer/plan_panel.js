@@ -1,7 +1,7 @@
 // The floor plan under the map: uploading it, its place as numbers, saving.
 
-import { ask, askJson } from "../api.js";
-import { confirmDelete, orSay, say } from "../dialogs.js";
+import { ask, askJson, Problem } from "../api.js";
+import { askPerson, confirmDelete, orSay, say } from "../dialogs.js";
 import { h } from "../../shared/dom.js";
 import { icon } from "../../shared/icons.js";
 import { part } from "./panel.js";
@@ -34,6 +34,14 @@ const FIELDS = [
   ["y", t("Bottom, m"), "0.01", (p) => p.y_m, (p, _, y) => moved(p, [0, y - p.y_m])],
   ["turn", t("Turned, degrees"), "0.1", (p) => Number((p.heading_rad / DEGREE).toFixed(2)), (p, aspect, degrees) => turned(p, aspect, degrees * DEGREE)],
 ];
+
+/** Which of several levels of a plan is meant; null where nobody chose. @param {string[]} levels @returns {Promise<string | null>} */
+async function askLevel(levels) {
+  const body = h("label", { class: "field" }, h("span", null, t("This plan has several levels. Which one is this map's?")),
+    h("select", { name: "level" }, levels.map((level) => h("option", { value: level }, level))));
+  const answer = await askPerson({ title: t("Level of the plan"), body, submit: t("Put it below the map") });
+  return answer && String(answer.get("level"));
+}
 
 /** What the server keeps of where a plan lies, if it does. @param {any} kept @returns {Placement | null} */
 function keptPlacement(kept) {
@@ -85,14 +93,27 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
     status.textContent = well ? t("Saved") : t("Not saved; change it again to retry");
   }
 
+  /** @param {File} file @param {string} [level] of several @returns {Promise<any>} the map, or null where nobody chose */
+  async function put(file, level) {
+    const headers = { "Content-Type": planType(file) ?? "application/octet-stream" };
+    const of = level === undefined ? "" : `?level=${encodeURIComponent(level)}`;
+    try {
+      return await askJson(path + of, { method: "PUT", body: file, headers });
+    } catch (problem) {
+      if (!(problem instanceof Problem) || problem.levels.length === 0) throw problem;
+      const chosen = await askLevel(problem.levels);
+      return chosen === null ? null : put(file, chosen);
+    }
+  }
+
   /** @param {File} file */
   async function upload(file) {
+    let map = null;
     const well = await orSay(async () => {
-      const headers = { "Content-Type": planType(file) ?? "application/octet-stream" };
-      const map = await askJson(path, { method: "PUT", body: file, headers });
-      await load(map.floor_plan);
+      map = await put(file);
+      if (map) await load(map.floor_plan);
     });
-    if (!well || !state.plan) return;
+    if (!well || !map || !state.plan) return;
     state.placing = true;
     state.tie = null;
     dirty = true;
@@ -141,7 +162,12 @@ export function planOf(mapId, state, bounds_m, { canEdit, redraw, changed, showA
 
   function pick() {
     const input = h("input", { type: "file", accept: Object.keys(TYPES).map((ending) => `.${ending}`).join(","), class: "visually-hidden", name: "plan-file" });
-    input.addEventListener("change", () => input.files?.[0] && upload(input.files[0]));
+    input.addEventListener("change", () => {
+      const file = input.files?.[0];
+      // The same file may be chosen again.
+      input.value = "";
+      if (file) upload(file);
+    });
     return h("label", { class: "button" }, icon("image"), state.plan ? t("Another plan") : t("Choose a plan"), input);
   }
 
