@@ -28,6 +28,7 @@ class ArraySpec:
     finite: bool
     increasing: bool
     unit_rows: bool
+    least: int
 
 
 def array(
@@ -37,9 +38,10 @@ def array(
     increasing: bool = False,
     unit_rows: bool = False,
     optional: bool = False,
+    least: int = 0,
 ) -> Any:
-    """A dataclass field that holds an array of the declared shape."""
-    metadata = {"array": ArraySpec(shape, dtype, finite, increasing, unit_rows)}
+    """A dataclass field that holds an array of the declared shape, of `least` rows or more."""
+    metadata = {"array": ArraySpec(shape, dtype, finite, increasing, unit_rows, least)}
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
 
@@ -71,6 +73,8 @@ def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> n
     except (TypeError, ValueError, ArithmeticError) as cause:
         raise InputError(f"{name}: wanted numbers, got {given!r:.60}; pass an array") from cause
     _check_shape(name, made.shape, spec.shape, sizes)
+    if len(made) < spec.least:
+        raise InputError(f"{name}: wanted {spec.least} row or more, got {made.shape}; leave it out")
     if spec.finite and made.dtype.kind == "f" and not np.isfinite(made).all():
         row = int(np.argwhere(~np.isfinite(made))[0][0])
         raise InputError(f"{name}: row {row} is not finite; remove or repair the rows with NaN")
