@@ -49,6 +49,7 @@ Start = Annotated[
 Seconds = Annotated[
     float, Such(lambda t_s: 0 <= t_s <= LONGEST_S, f"seconds from 0 to {LONGEST_S:g}")
 ]
+Way = Annotated[str, Such(lambda text: text in set(Mode), " or ".join(Mode))]
 Senses = Annotated[Sequence[Sense], Such(bool, "list with a Sense")]
 Walked = Annotated[Truth, Such(lambda truth: len(truth.t_s) > 0, "Truth of one row or more")]
 SHIPPED = ("compact", "spectral")
@@ -186,7 +187,7 @@ def locate(
     recording: Recording,
     floor_map: FloorMap | Run,
     *,
-    mode: str = Mode.ONE_SHOT,
+    mode: Way = Mode.ONE_SHOT,
     encoder: str | Encoder | None = None,
     seed: Seed = 0,
     phone_walk: Recording | None = None,
@@ -206,7 +207,7 @@ def locate(
     if phone_walk is not None:
         translation = phone_translation(phone_walk, where, used, known)
     return pipeline.locate(
-        recording, where, used, known, mode=_mode(mode), seed=seed, translation=translation
+        recording, where, used, known, mode=Mode(mode), seed=seed, translation=translation
     )
 
 
@@ -306,10 +307,3 @@ def _encoder_for(floor_map: FloorMap) -> Encoder:
     raise InputError(
         f"locate: the map was made with encoder {', '.join(sorted(wanted))}; pass it as encoder"
     )
-
-
-def _mode(text: str) -> Mode:
-    known = [item.value for item in Mode]
-    if text not in known:
-        raise ParameterError(f"mode={text!r}: wanted {', '.join(known)}; choose one")
-    return Mode(text)
