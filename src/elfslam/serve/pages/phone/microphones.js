@@ -96,5 +96,5 @@ async function echoDbOf(microphone, deviceId, hear) {
   } catch {
     return null; // it is held elsewhere, or gone
   }
-  return (await hear()).echoDb;
+  return (await hear()).echoDb ?? (await hear()).echoDb; // what has just been opened may begin late
 }
