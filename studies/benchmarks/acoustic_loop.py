@@ -1,11 +1,11 @@
 """A loudspeaker, a simulated room and a microphone for a real browser, and no human.
 
-Two null sinks of a private PulseAudio stand for loudspeaker and microphone. A process of its own,
+Null sinks of a private PulseAudio stand for loudspeaker and microphones. A process of its own,
 the room, reads what the browser plays; at every chirp it takes the response of the world at the
-place where the walker is then, convolves, and plays the result into the microphone.
+place where the walker is then, convolves, and plays the result into each microphone.
 
     python -m studies.benchmarks.acoustic_loop \\
-        RESPONSES.npy     is the room (started by `room_between`)
+        RESPONSES.npy SEED NAME=GAIN...    is the room (started by `room_between`)
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -41,12 +41,14 @@ STARTUP_S = 10.0
 DAEMON = """
 load-module module-native-protocol-unix auth-anonymous=1 socket={socket}
 load-module module-null-sink sink_name=loudspeaker rate={rate} channels=1 format=float32le
-load-module module-null-sink sink_name=air rate={rate} channels=1 format=float32le
-load-module module-remap-source master=air.monitor source_name=microphone channels=1 \
-  source_properties=device.description=Microphone
 set-default-sink loudspeaker
-set-default-source microphone
 """
+EAR = """
+load-module module-null-sink sink_name={name}_air rate={rate} channels=1 format=float32le
+load-module module-remap-source master={name}_air.monitor source_name={name} channels=1 \
+  source_properties=device.description={name}
+"""
+ONE_MICROPHONE = {"Microphone": 1.0}
 
 
 def missing_programs() -> list[str]:
@@ -98,10 +100,17 @@ def _tick(held_up_s: Any) -> None:
 
 
 @contextmanager
-def pulse_audio(folder: Path) -> Iterator[dict[str, str]]:
-    """A private sound server; gives the environment of programs that are to use it."""
+def pulse_audio(
+    folder: Path, microphones: Iterable[str] = ONE_MICROPHONE
+) -> Iterator[dict[str, str]]:
+    """A private sound server; gives the environment of programs that are to use it.
+
+    The first of the microphones is what a browser takes that is not told otherwise.
+    """
     socket, script = folder / "pulse.socket", folder / "pulse.pa"
-    script.write_text(DAEMON.format(socket=socket, rate=RATE_HZ))
+    ears = [EAR.format(name=name, rate=RATE_HZ) for name in microphones]
+    default = f"set-default-source {next(iter(microphones))}\n"
+    script.write_text(DAEMON.format(socket=socket, rate=RATE_HZ) + "".join(ears) + default)
     settings = folder / "daemon.conf"
     settings.write_text(f"default-sample-rate = {RATE_HZ}\nalternate-sample-rate = {RATE_HZ}\n")
     own = {
@@ -171,12 +180,20 @@ class Room:
 
 @contextmanager
 def room_between(
-    environment: dict[str, str], responses: np.ndarray, folder: Path, seed: int = 0
+    environment: dict[str, str],
+    responses: np.ndarray,
+    folder: Path,
+    seed: int = 0,
+    microphones: Mapping[str, float] = ONE_MICROPHONE,
 ) -> Iterator[Room]:
-    """A room that answers chirp c of the walk by transfer function c (n, FRAME / 2 + 1)."""
+    """A room that answers chirp c of the walk by transfer function c (n, FRAME / 2 + 1).
+
+    Each microphone hears it by its own gain over noise that is alike; by a gain of 0, nothing.
+    """
     file = folder / "responses.npy"
     np.save(file, responses.astype(np.complex64))
-    command = [sys.executable, __file__, str(file), str(seed)]
+    gains = [f"{name}={gain}" for name, gain in microphones.items()]
+    command = [sys.executable, __file__, str(file), str(seed), *gains]
     with subprocess.Popen(
         command,
         env={**environment, "OMP_NUM_THREADS": "1"},
@@ -213,7 +230,7 @@ class Line:
         return taken
 
 
-def answer(responses: np.ndarray, seed: int) -> None:
+def answer(responses: np.ndarray, seed: int, microphones: Mapping[str, float]) -> None:
     """Read what is played and play what is heard, until stopped."""
     os.set_blocking(sys.stdin.fileno(), False)
     generator = np.random.default_rng(seed)
@@ -225,11 +242,13 @@ def answer(responses: np.ndarray, seed: int) -> None:
         ["parec", "--device=loudspeaker.monitor", "--latency-msec=20", *form],
         stdout=subprocess.PIPE,
     )
-    mouth = subprocess.Popen(
-        ["pacat", "--device=air", "--latency-msec=150", *form], stdin=subprocess.PIPE
-    )
+    mouths = {
+        name: subprocess.Popen(
+            ["pacat", f"--device={name}_air", "--latency-msec=150", *form], stdin=subprocess.PIPE
+        )
+        for name in microphones
+    }
     assert ears.stdout is not None
-    assert mouth.stdin is not None
     print("ready", flush=True)
     line, played = Line(np.zeros(4 * FRAME, dtype=np.float32), -LAG), np.zeros(0, dtype=np.float32)
     read, silent_from, asked = 0, 0, False
@@ -259,9 +278,14 @@ def answer(responses: np.ndarray, seed: int) -> None:
             line.add(pending, sound.astype(np.float32))
             pending = None
         at = (read // BLOCK * BLOCK) % (len(noise) - BLOCK)
-        mouth.stdin.write((line.take(len(block)) + noise[at : at + len(block)]).tobytes())
-        mouth.stdin.flush()
+        heard, around = line.take(len(block)), noise[at : at + len(block)]
+        for name, gain in microphones.items():
+            mouth = mouths[name].stdin
+            assert mouth is not None
+            mouth.write((gain * heard + np.sign(gain) * around).astype(np.float32).tobytes())
+            mouth.flush()
 
 
 if __name__ == "__main__":
-    answer(np.load(sys.argv[1]), int(sys.argv[2]))
+    named = (each.split("=") for each in sys.argv[3:])
+    answer(np.load(sys.argv[1]), int(sys.argv[2]), {name: float(gain) for name, gain in named})

@@ -126,7 +126,7 @@ def test_values_say_what_they_are_in_a_line(walk: Walk, run: Run) -> None:
             InputError,
             "go together",
         ),
-        (lambda walk, run: elfslam.plot(3), InputError, "got int"),
+        (lambda walk, run: elfslam.plot(3), ParameterError, "got int"),
         (lambda walk, run: elfslam.simulate("nowhere"), InputError, "no such world"),
         (lambda walk, run: elfslam.simulate(kind="lazy"), ParameterError, "wanted people"),
         (lambda walk, run: elfslam.read_recording(Path("nowhere")), ElfslamError, "nowhere"),

@@ -158,7 +158,7 @@ def test_levels_are_never_mixed(tmp_path: Path) -> None:
     house = in_file(tmp_path / "house.geojson", HOUSE)
     with pytest.raises(LevelError, match=r"has the levels -1, 0, 1, 2, 3; choose one") as refused:
         read_plan_shapes(house)
-    assert refused.value.levels == ("-1", "0", "1", "2", "3")
+    assert refused.value.choices == ("-1", "0", "1", "2", "3")
     with pytest.raises(LevelError, match=r"has no level '7', wanted one of -1, 0, 1, 2, 3"):
         read_plan_geojson(house, level="7")
     with pytest.raises(LevelError, match="choose one"):

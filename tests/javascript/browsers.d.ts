@@ -1,10 +1,4 @@
-// What browsers have besides: TypeScript's libraries for pages do not declare it.
-interface Navigator {
-  /** Apple's: what the page does with sound. */
-  readonly audioSession?: { type: string };
-}
-
-/** In workers alone. */
+// What browsers have besides: TypeScript's libraries for pages do not declare it. In workers alone:
 interface FileSystemFileHandle {
   createSyncAccessHandle(): Promise<FileSystemSyncAccessHandle>;
 }

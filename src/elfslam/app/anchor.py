@@ -21,7 +21,6 @@ from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
-from elfslam.data.plan_geojson import LevelError
 from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
 from elfslam.scoring.figures import FloorPlan
 from elfslam.world.room import Room
@@ -60,8 +59,8 @@ def read_plan(text: str) -> Plan:
     if file.suffix.lower() in GEOJSON:
         try:
             return Plan(*read_plan_geojson(file, level=told))
-        except LevelError as error:
-            such = f", such as {file}:{error.levels[0]}" if error.levels else ""
+        except InputError as error:
+            such = f", such as {file}:{error.choices[0]}" if error.choices else ""
             raise InputError(f"{error}{such}") from error
     if told is None or file.suffix.lower() not in IMAGES or not WIDTH.fullmatch(told):
         raise InputError(

@@ -16,13 +16,14 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from elfslam.app.locate import phone_translation
-from elfslam.app.map import MapJob, map_recording
+from elfslam.app.map import FARTHEST_M, MapJob, Pose, map_recording
 from elfslam.app.map import finetuned as finetuned_encoder
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality, Mode, parse_modalities, parse_stretch
+from elfslam.base.arguments import Seed, Such, checked
+from elfslam.base.choices import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.base.parameters import replace as with_parameter
@@ -38,9 +39,23 @@ from elfslam.slam.trimming import trimmed
 
 Given = Settings | Mapping[str, Any] | Path | str | None
 """Parameters as one likes to give them: all, some by name, or a TOML file."""
+Start = Annotated[
+    Pose,
+    Such(
+        lambda pose: all(abs(each) < FARTHEST_M for each in pose),
+        f"(x, y, heading) in m, m and rad, each under {FARTHEST_M:g}",
+    ),
+]
+Seconds = Annotated[
+    float, Such(lambda t_s: 0 <= t_s <= LONGEST_S, f"seconds from 0 to {LONGEST_S:g}")
+]
+Way = Annotated[str, Such(lambda text: text in set(Mode), " or ".join(Mode))]
+Senses = Annotated[Sequence[Sense], Such(bool, "list with a Sense")]
+Walked = Annotated[Truth, Such(lambda truth: len(truth.t_s) > 0, "Truth of one row or more")]
 SHIPPED = ("compact", "spectral")
 
 
+@checked
 def settings_of(given: Given = None) -> Settings:
     """All parameters: the defaults, changed by {"closure.threshold": 0.5} or by a TOML file.
 
@@ -56,9 +71,10 @@ def settings_of(given: Given = None) -> Settings:
     return settings
 
 
+@checked
 def simulate(
-    world: str = "living_room",
-    seed: int = 0,
+    world: Path | str = "living_room",
+    seed: Seed = 0,
     *,
     kind: str = "surveyor",
     asking: bool = False,
@@ -82,14 +98,15 @@ def simulate(
     return simulate_walk(place, seed, **usual | walk)
 
 
+@checked
 def map(
     recording: Recording,
     *,
-    by: str | Sense | Sequence[Sense] | None = None,
-    start: tuple[float, float, float] | None = None,
+    by: str | Sense | Senses | None = None,
+    start: Start | None = None,
     encoder: str | Encoder = "compact",
-    from_s: float | None = None,
-    until_s: float | None = None,
+    from_s: Seconds | None = None,
+    until_s: Seconds | None = None,
     settings: Given = None,
     announce: Announce = silent,
 ) -> Run:
@@ -117,11 +134,12 @@ def map(
     return pipeline.map_by_echoes(_started(recording, start), encoder, known, announce=announce)
 
 
+@checked
 def finetune(
     recording: Recording,
     *,
     encoder: str = "compact",
-    seed: int = 0,
+    seed: Seed = 0,
     settings: Given = None,
     announce: Announce = silent,
 ) -> Encoder:
@@ -134,6 +152,7 @@ def finetune(
     return finetuned_encoder(shipped, echoes, known.finetune, seed, announce).encoder
 
 
+@checked
 def merge(
     runs: Sequence[Run | FloorMap],
     *,
@@ -163,13 +182,14 @@ def merge(
     return found.maps[0].floor_map
 
 
+@checked
 def locate(
     recording: Recording,
     floor_map: FloorMap | Run,
     *,
-    mode: str = Mode.ONE_SHOT,
+    mode: Way = Mode.ONE_SHOT,
     encoder: str | Encoder | None = None,
-    seed: int = 0,
+    seed: Seed = 0,
     phone_walk: Recording | None = None,
     settings: Given = None,
 ) -> Fixes:
@@ -187,7 +207,7 @@ def locate(
     if phone_walk is not None:
         translation = phone_translation(phone_walk, where, used, known)
     return pipeline.locate(
-        recording, where, used, known, mode=_mode(mode), seed=seed, translation=translation
+        recording, where, used, known, mode=Mode(mode), seed=seed, translation=translation
     )
 
 
@@ -200,12 +220,13 @@ class ScoreTable(list[dict[str, object]]):
         return rows_table(self)
 
 
+@checked
 def score(
     estimate: Run | Fixes,
-    truth: Truth,
+    truth: Walked,
     *,
     mapped: Run | None = None,
-    map_truth: Truth | None = None,
+    map_truth: Walked | None = None,
 ) -> ScoreTable:
     """Errors against the truth: rows by method and alignment of a run, by status of fixes.
 
@@ -224,12 +245,13 @@ def score(
     return ScoreTable(fix_scores(estimate, truth, alignment_of(mapped.trajectory, map_truth)))
 
 
+@checked
 def plot(
-    value: Run | FloorMap | Fixes, truth: Truth | None = None, floor_map: FloorMap | None = None
+    value: Run | FloorMap | Fixes, truth: Walked | None = None, floor_map: FloorMap | None = None
 ) -> Any:
     """A drawing (plotly.graph_objects.Figure) of a run, a map, or fixes over the map they lie in.
 
-    A run with its truth is aligned onto it. Raises InputError.
+    A run with its truth is aligned onto it. Raises ParameterError.
     """
     from elfslam.scoring.plots import fix_plot, map_plot, walk_plot
 
@@ -237,13 +259,10 @@ def plot(
         return walk_plot(value, truth)
     if isinstance(value, FloorMap):
         return map_plot(value)
-    if isinstance(value, Fixes):
-        return fix_plot(value, floor_map, truth)
-    kind = type(value).__name__
-    raise InputError(f"plot: wanted a Run, a FloorMap or Fixes, got {kind}; plot what holds it")
+    return fix_plot(value, floor_map, truth)
 
 
-def _started(recording: Recording, start: tuple[float, float, float] | None) -> Recording:
+def _started(recording: Recording, start: Pose | None) -> Recording:
     return recording if start is None else replace(recording, start_pose=start)
 
 
@@ -288,10 +307,3 @@ def _encoder_for(floor_map: FloorMap) -> Encoder:
     raise InputError(
         f"locate: the map was made with encoder {', '.join(sorted(wanted))}; pass it as encoder"
     )
-
-
-def _mode(text: str) -> Mode:
-    known = [item.value for item in Mode]
-    if text not in known:
-        raise ParameterError(f"mode={text!r}: wanted {', '.join(known)}; choose one")
-    return Mode(text)

@@ -34,6 +34,7 @@ class ArraySpec:
     unit_rows: bool
     covariance: bool
     largest: float
+    least: int
 
 
 def array(
@@ -45,12 +46,13 @@ def array(
     covariance: bool = False,
     largest: float = LARGEST,
     optional: bool = False,
+    least: int = 0,
 ) -> Any:
-    """A dataclass field that holds an array of the declared shape.
+    """A dataclass field that holds an array of the declared shape, of `least` rows or more.
 
     A `covariance` holds symmetric matrices without a negative variance in any direction.
     """
-    spec = ArraySpec(shape, dtype, finite, increasing, unit_rows, covariance, largest)
+    spec = ArraySpec(shape, dtype, finite, increasing, unit_rows, covariance, largest, least)
     metadata = {"array": spec}
     return field(default=None, metadata=metadata) if optional else field(metadata=metadata)
 
@@ -83,6 +85,8 @@ def _checked(name: str, given: Any, spec: ArraySpec, sizes: dict[str, int]) -> n
     except (TypeError, ValueError, ArithmeticError) as cause:
         raise InputError(f"{name}: wanted numbers, got {given!r:.60}; pass an array") from cause
     _check_shape(name, made.shape, spec.shape, sizes)
+    if len(made) < spec.least:
+        raise InputError(f"{name}: wanted {spec.least} row or more, got {made.shape}; leave it out")
     if spec.finite and made.dtype.kind == "f" and not np.isfinite(made).all():
         row = int(np.argwhere(~np.isfinite(made))[0][0])
         raise InputError(f"{name}: row {row} is not finite; remove or repair the rows with NaN")

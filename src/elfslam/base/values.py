@@ -38,7 +38,7 @@ class Chirp(Value):
 class Audio(Value):
     """Recorded sound in [-1, 1], a row per channel; frames that are timed lack no samples."""
 
-    samples: F32 = array("c", "n", dtype=np.float32)
+    samples: F32 = array("c", "n", dtype=np.float32, least=1)
     rate_hz: int
     is_timed: bool = False
     notes: tuple[str, ...] = ()

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from elfslam import __version__
+from elfslam.base.arguments import checked
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
@@ -84,6 +85,7 @@ def write_recording(
             write_truth(truth, partial)
 
 
+@checked
 def read_recording(path: Path | str, chirp: ChirpParameters | None = None) -> Recording:
     """The recording in a folder or a .zip of one.
 

@@ -6,10 +6,11 @@ import hashlib
 import threading
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from elfslam.base.arguments import checked
 from elfslam.base.arrays import F32
 from elfslam.base.bounds import MEBIBYTE
 from elfslam.base.card import Card, card_in
@@ -46,6 +47,7 @@ STILL_WEIGHT = 0.05
 all its echoes are alike."""
 
 
+@runtime_checkable
 class Encoder(Protocol):
     """Echo traces in, unit vectors out, each row by itself."""
 
@@ -202,7 +204,8 @@ def _bound_memory() -> None:
     onnxruntime.create_and_register_allocator(memory, limit)
 
 
-def load_encoder(name: str) -> Encoder:
+@checked
+def load_encoder(name: Path | str) -> Encoder:
     """The encoder called `name`: "compact" (shipped), "spectral" (no learning) or an ONNX file."""
     if name == "spectral":
         return SpectralEncoder()
@@ -212,7 +215,7 @@ def load_encoder(name: str) -> Encoder:
         raise InputError(
             f"encoder {name!r}: wanted compact, spectral or an ONNX file; no such file"
         )
-    return OnnxEncoder(read_bytes(Path(name), MOST_GRAPH_BYTES), name)
+    return OnnxEncoder(read_bytes(Path(name), MOST_GRAPH_BYTES), str(name))
 
 
 def read_card(name: str) -> Card | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from elfslam.base.arrays import F64, Bool
+from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Echoes, Recording
 from elfslam.line.motion import MotionParameters
 
@@ -45,8 +46,13 @@ def spans_of(recording: Recording, parameters: MotionParameters) -> dict[str, F6
 
 
 def motion_times_s(recording: Recording) -> F64 | None:
-    """When motion was measured: by the motion sensors, or else by the device's own odometry."""
+    """When motion was measured: by the motion sensors, or else by the device's own odometry.
+
+    Raises InputError where these gave nothing.
+    """
     motion = recording.imu or recording.odometry
+    if motion is not None and len(motion.t_s) == 0:
+        raise InputError(f"{recording.name}: wanted rows of motion, got none; record again")
     return None if motion is None else motion.t_s
 
 

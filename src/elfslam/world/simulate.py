@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
+from typing import Annotated
 
 import numpy as np
 
+from elfslam.base.arguments import Seed, Such, checked
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
@@ -22,6 +24,7 @@ from elfslam.world.world_file import World, load_world, walked_room, world_names
 
 __all__ = ["World", "describe_chirp", "load_world", "simulate", "world_names"]
 
+Rounds = Annotated[int, Such(lambda rounds: rounds > 0, "integer from 1 on")]
 WALKERS = ("surveyor", "person")
 """Who walks laps on one line, and who strays from it."""
 TRUTH_RATE_HZ = 50.0
@@ -29,11 +32,12 @@ LONGEST_S = 2 * 3600.0
 """Of a walk; it is held in memory at 400 poses and 48,000 samples a second."""
 
 
+@checked
 def simulate(
     world: World,
-    seed: int,
+    seed: Seed,
     *,
-    rounds: int = 5,
+    rounds: Rounds = 5,
     rate_hz: int = 44_100,
     reverse: bool = False,
     walker: str = WALKERS[0],

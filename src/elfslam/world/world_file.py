@@ -106,7 +106,7 @@ def world_names() -> list[str]:
     )
 
 
-def load_world(name: str) -> World:
+def load_world(name: Path | str) -> World:
     """A built-in world by name, or one described in a TOML file.
 
     Raises InputError of one line that names the file, the line in it and the element.

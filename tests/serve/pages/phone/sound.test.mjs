@@ -14,6 +14,7 @@ import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js"
 import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
 import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
 import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
+import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphones.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
 
@@ -134,6 +135,38 @@ function played(rateHz, count, starts, noise = 1e-4) {
   for (const start of starts) chirp.forEach((value, k) => { sound[start + k] += 0.2 * value; });
   return sound;
 }
+
+for (const echoDb of [10, 30]) {
+  test(`echoes ${echoDb} dB over the noise are measured as that; where there are no chirps, as nothing`, () => {
+    const rateHz = 48000;
+    const starts = Array.from({ length: 10 }, (_, c) => 9000 + 4800 * c);
+    const sound = played(rateHz, 60000, starts, 0);
+    const chirp = makeChirp(CHIRP, rateHz);
+    const envelopeOf = (samples) => makeMatchedFilter(chirp, samples.length)(samples);
+    const meanPower = (values) => values.reduce((sum, value) => sum + value * value, 0) / values.length;
+    const noise = played(rateHz, 60000, [], 0.02);
+    const level = Math.sqrt(meanPower(envelopeOf(noise)) * 10 ** (echoDb / 10));
+    const echo = new Float32Array(60000);
+    for (const start of starts) chirp.forEach((value, k) => { echo[start + 1100 + k] += value; });
+    const stretch = envelopeOf(echo).subarray(9000 + 528, 9000 + 1680);
+    const gain = level / Math.sqrt(meanPower(stretch));
+    const heard = sound.map((value, n) => 10 * gain * value + gain * echo[n] + noise[n]);
+    const due = { first: 8900, period: 4800, count: 10 };
+    const off = measure(heard, rateHz, chirp, due, [15000, 20000]).echoDb - 10 * Math.log10(1 + 10 ** (echoDb / 10));
+    assert.ok(Math.abs(off) < 1, `${off} dB off`);
+    assert.equal(measure(noise, rateHz, chirp, due, [15000, 20000]).echoDb, null);
+    assert.equal(measure(new Float32Array(60000), rateHz, chirp, due, [15000, 20000]).echoDb, null);
+  });
+}
+
+test("of several microphones the loudest is chosen, the given one where none is well ahead", () => {
+  const tried = (...levels) => levels.map((echoDb, k) => ({ deviceId: `${k}`, label: "", echoDb }));
+  assert.equal(bestOf(tried(10, 30, 12), "0").deviceId, "1");
+  assert.equal(bestOf(tried(10, 12, null), "0").deviceId, "0");
+  assert.equal(bestOf(tried(null, -5), "0").deviceId, "1");
+  assert.equal(bestOf(tried(null, null), "1").deviceId, "1");
+  assert.equal(bestOf(tried(20, 24), "gone").deviceId, "1");
+});
 
 test("a jump of the stream is found and told", () => {
   const starts = Array.from({ length: 20 }, (_, c) => 3000 + 4800 * c + (c >= 9 ? 1024 : 0));

@@ -71,6 +71,23 @@ test("of the probe nothing is kept, and numbers alone are told", async () => {
   assert.ok(values.every((value) => typeof value === "number" || value === "measured"));
 });
 
+test("what a microphone did not give is silence, at its place", async () => {
+  told.length = 0;
+  order({ do: "listen" });
+  order({ do: "measure", due: 2064, count: 10 });
+  const { measured: nothing } = told[0];
+  assert.deepEqual([nothing.peak, nothing.heard, nothing.silentShare, nothing.echoDb], [0, 0, 1, null]);
+  told.length = 0;
+  order({ do: "listen" });
+  for (let first = 0; first < heard.length; first += BLOCK) {
+    if (first !== 20 * BLOCK) source.port1.onmessage({ data: { first, samples: heard.slice(first, first + BLOCK) } });
+  }
+  order({ do: "measure", due: 2064, count: 10 });
+  assert.ok(told[0].measured.heard >= 9);
+  assert.ok(told[0].measured.jitterS < 1e-4);
+  await settled();
+});
+
 for (const kind of Object.keys(FILES)) {
   test(`of a walk (${kind}) frames alone are kept, without the voice`, async () => {
     told.length = 0;

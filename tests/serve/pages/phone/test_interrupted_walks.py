@@ -16,11 +16,21 @@ pytestmark = pytest.mark.real
 
 CAUGHT = """
 const contexts = [];
+let toldToResume = 0;
 let tracks = [];
 window.AudioContext = class extends AudioContext {
   constructor(...given) {
     super(...given);
     contexts.push(this);
+  }
+
+  get state() {
+    return this.isTaken ? "interrupted" : super.state;
+  }
+
+  resume() {
+    if (this.isTaken) toldToResume += 1;
+    return super.resume();
   }
 };
 const ask = navigator.mediaDevices?.getUserMedia.bind(navigator.mediaDevices);
@@ -38,6 +48,12 @@ window.happen = {
   heard: () => tracks.forEach((track) => track.dispatchEvent(new Event("unmute"))),
   suspended: () => contexts.at(-1).suspend(),
   resumed: () => contexts.at(-1).resume(),
+  interrupted: () => {
+    contexts.at(-1).isTaken = true;
+    return contexts.at(-1).suspend();
+  },
+  seen: () => document.dispatchEvent(new Event("visibilitychange")),
+  counted: () => toldToResume,
 };
 """
 """No test can make a call: what a browser tells a page of one is told here."""
@@ -50,8 +66,8 @@ window.AudioContext = class extends AudioContext {
 """
 
 
-def happen(phone: Any, what: str) -> None:
-    phone.page.evaluate("(what) => window.happen[what]()", what)
+def happen(phone: Any, what: str) -> Any:
+    return phone.page.evaluate("(what) => window.happen[what]()", what)
 
 
 def begin(phone: Any, name: str) -> None:
@@ -150,6 +166,23 @@ def test_sound_that_comes_back_lets_the_walk_go_on_by_itself(
     happen(phone, "resumed")
     phone.wait_for(lambda: not phone.page.is_visible("#pause"), "the walk goes on")
     phone.walk(5)
+    check_one_hole(finished(phone, server, tmp_path), 1.0)
+
+
+def test_interrupted_sound_is_never_told_to_go_on_and_is_opened_anew_by_a_tap(
+    phone: Any, server: Any, tmp_path: Path
+) -> None:
+    begin(phone, "Siri")
+    phone.walk(5)
+    happen(phone, "interrupted")
+    phone.wait_for_text("#pause", "The sound was interrupted. Nothing is recorded")
+    happen(phone, "seen")
+    phone.walk(2)
+    assert phone.page.is_visible("#resume")
+    phone.page.click("#resume")
+    phone.wait_for(lambda: not phone.page.is_visible("#pause"), "the walk goes on")
+    phone.walk(5)
+    assert happen(phone, "counted") == 0
     check_one_hole(finished(phone, server, tmp_path), 1.0)
 
 

@@ -108,6 +108,21 @@ def test_a_computer_without_motion_sensors_is_told_so(phone: Any) -> None:
     assert phone.text("#go-on") == "Walk all the same"
 
 
+def test_a_screen_that_may_go_dark_is_said_while_walking(phone: Any) -> None:
+    phone.page.context.clear_permissions()
+    phone.page.context.grant_permissions(["microphone", "accelerometer", "gyroscope"])
+    phone.begin("In the dark")
+    phone.wait_for_text("#awake", "The screen may go dark here: touch it now and then.")
+    phone.page.click("#stop")
+    phone.wait_for(lambda: not phone.page.is_visible("#awake"), "it does not matter any more")
+
+
+def test_a_screen_that_stays_on_is_not_spoken_of(phone: Any) -> None:
+    phone.begin("In the light")
+    phone.walk(1)
+    assert not phone.page.is_visible("#awake")
+
+
 def finished(phone: Any, server: Any, folder: Path) -> tuple[Path, dict[str, Any]]:
     """Stop the walk and fetch what the server has then."""
     phone.page.click("#stop")

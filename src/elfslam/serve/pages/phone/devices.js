@@ -3,6 +3,7 @@
 import { makeChirp, periodSamples } from "./chirp.js";
 import { watchClocks } from "./clocks.js";
 import { openMicrophone } from "./microphone.js";
+import { keptChoice } from "./microphones.js";
 import { allowMotion } from "./motion_sensor.js";
 import { startChirps, startSlots } from "./player.js";
 import { startSound } from "./sound.js";
@@ -26,7 +27,7 @@ import { startSound } from "./sound.js";
  */
 export async function openDevices(keeper, chirp, mediumAccess) {
   const motion = allowMotion();
-  const microphone = await openMicrophone();
+  const microphone = await openMicrophone(keptChoice()?.chosen);
   const isMotionAllowed = await motion;
   const sound = startSound(microphone, keeper, chirp);
   const rateHz = microphone.context.sampleRate;

@@ -14,13 +14,14 @@ import { parseStart, usualName, walkKey } from "./form.js";
 import { startKeeper } from "./keeper.js";
 import { describeDevice, NO_FACTS } from "./manifest.js";
 import { watchInterruptions } from "./interruptions.js";
-import { describeEars } from "./microphone.js";
+import { describeEars, resume } from "./microphone.js";
+import { chooseByHand, chooseMicrophone } from "./microphones.js";
 import { describeMotion } from "./motion.js";
 import { listenToMotion } from "./motion_sensor.js";
-import { probeSound } from "./sound.js";
+import { TRIAL, probeSound } from "./sound.js";
 import { judge, summarise } from "./verdicts.js";
 import {
-  askDiscard, at, showChecks, showListening, showProblem, showUnfinished, showView,
+  askDiscard, at, showChecks, showListening, showMicrophones, showProblem, showTrying, showUnfinished, showView,
 } from "./view.js";
 
 const WITHOUT_SERVER =
@@ -28,7 +29,8 @@ const WITHOUT_SERVER =
 
 const keeper = startKeeper();
 /**
- * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null}} Phone
+ * @typedef {import("./devices.js").Devices & {measured: import("./probe.js").Measured | null,
+ *   choice: import("./microphones.js").Choice | null}} Phone
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {ReturnType<typeof import("./finishing.js").startSending>} Sending
  */
@@ -117,10 +119,11 @@ async function allow() {
   await probe();
 }
 
-/** Sound and motion, opened once. Must be called from a tap. @returns {Promise<Phone>} */
+/** Sound and motion, opened once, and anew where a call keeps the sound. Must be called from a tap. @returns {Promise<Phone>} */
 async function openPhone() {
-  if (page.phone) return page.phone;
-  page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null };
+  if (page.phone && (await resume(page.phone.microphone.context))) return page.phone;
+  page.phone?.microphone.close();
+  page.phone = { ...(await openDevices(keeper, page.chirp, page.mediumAccess)), measured: null, choice: null };
   watchForInterruptions(page.phone);
   navigator.storage?.persist?.();
   return page.phone;
@@ -130,7 +133,10 @@ async function openPhone() {
 async function probe() {
   const phone = /** @type {Phone} */ (page.phone);
   const { microphone, sound, play } = phone;
+  const periodS = page.chirp.period_s;
   showView("probe");
+  showListening();
+  phone.choice = await chooseMicrophone(microphone, () => probeSound(sound, play, periodS, TRIAL), showTrying);
   showListening();
   /** @type {number[]} */
   const times = [];
@@ -141,12 +147,20 @@ async function probe() {
     times.push(pageMs);
     accelerations.push(acceleration);
   });
-  const measured = await probeSound(sound, play, page.chirp.period_s);
+  const measured = await probeSound(sound, play, periodS);
   phone.measured = measured;
   stop();
   const motion = describeMotion(times, accelerations);
   const checks = judge(describeEars(microphone), measured, motion, await freeBytes());
   showChecks(checks, summarise(checks), measured.subbands);
+  showMicrophones(phone.choice);
+}
+
+/** The walker knows better. */
+async function takeMicrophone() {
+  const phone = /** @type {Phone} */ (page.phone);
+  await chooseByHand(phone.microphone, /** @type {NonNullable<Phone["choice"]>} */ (phone.choice), at("microphone").value);
+  await probe();
 }
 
 async function freeBytes() {
@@ -161,9 +175,8 @@ function askName() {
 
 /** Once the probe has measured. */
 async function walk() {
-  const { microphone } = /** @type {Phone} */ (page.phone);
+  const { microphone } = await openPhone();
   const startPose = parseStart(at("start-x").value, at("start-y").value, at("start-heading").value);
-  if (microphone.context.state !== "running") await microphone.context.resume();
   const now = new Date();
   const { label, ...ears } = describeEars(microphone);
   /** @type {import("./manifest.js").Walk} */
@@ -333,6 +346,7 @@ at("allow").addEventListener("click", act(allow));
 at("where").addEventListener("click", act(listMaps));
 at("maps-back").addEventListener("click", () => showView("start"));
 at("probe-again").addEventListener("click", act(probe));
+at("microphone").addEventListener("change", act(takeMicrophone));
 at("go-on").addEventListener("click", askName);
 at("name").addEventListener("submit", act(walk));
 at("resume").addEventListener("click", act(async () => (await walking()).goOn()));

@@ -12,17 +12,24 @@ const UNTOUCHED = {
   channelCount: 1,
 };
 
+/** What a track tells of itself, and the microphone of its track. */
+const TOLD = ["ended", "mute", "unmute"];
+
 /** @type {Record<string, string>} by the name of the error */
 const REFUSALS = {
   NotAllowedError: t("The microphone is not allowed. Allow it for this page in the browser's settings, and try again."),
   NotFoundError: t("No microphone was found."),
   NotReadableError: t("Another app holds the microphone. Close it, and try again."),
+  OverconstrainedError: t("No microphone was found."),
+  InvalidStateError: t("The sound is taken, as by a call. End it, and try again."),
 };
 
 /**
- * @typedef {{context: AudioContext, track: MediaStreamTrack,
- *   pour: (to: string, sink: MessagePort | null) => void, close: () => Promise<void>}} Microphone pour:
- *   sends what is heard from now on to another port as well, by name; null ends that
+ * @typedef {{context: AudioContext, readonly track: MediaStreamTrack, told: EventTarget,
+ *   listenTo: (deviceId: string) => Promise<void>,
+ *   pour: (to: string, sink: MessagePort | null) => void, close: () => Promise<void>}} Microphone told: that the
+ *   track ended, was muted or unmuted; listenTo: another one in its place, raises Problem; pour: sends what is
+ *   heard from now on to another port as well, by name; null ends that
  */
 
 /** @param {number} rate */
@@ -30,25 +37,38 @@ function wrongRate(rate) {
   return t("The sound of this phone runs at {{rate}} samples/s; wanted 44100 or 48000. Take off Bluetooth and wired headsets, close other apps that use sound, and open the page again.", { rate });
 }
 
-/** Must be called from a tap. Raises Problem. @returns {Promise<Microphone>} */
-export async function openMicrophone() {
+/** @param {unknown} thrown */
+function refusal(thrown) {
+  const { name, message } = /** @type {Error} */ (thrown);
+  return new Problem(REFUSALS[name] ?? message, 0);
+}
+
+/** @param {ConstrainDOMString | undefined} deviceId @returns {Promise<MediaStream>} */
+function askFor(deviceId) {
+  return navigator.mediaDevices.getUserMedia({ audio: deviceId ? { ...UNTOUCHED, deviceId } : UNTOUCHED });
+}
+
+/**
+ * Must be called from a tap. Raises Problem.
+ * @param {string} [deviceId] the one to listen to, where it is still there
+ * @returns {Promise<Microphone>}
+ */
+export async function openMicrophone(deviceId) {
   if (!navigator.mediaDevices?.getUserMedia || !window.AudioWorkletNode) {
     throw new Problem(t("This browser gives pages no microphone here. Open the page by its https address."), 0);
   }
-  if (navigator.audioSession) navigator.audioSession.type = "play-and-record";
   const context = new AudioContext({ latencyHint: "playback" });
   const resumed = context.resume();
   let stream;
   try {
-    stream = await navigator.mediaDevices.getUserMedia({ audio: UNTOUCHED });
+    stream = await askFor(deviceId);
     await resumed;
     if (!ACCEPTED_RATES_HZ.includes(context.sampleRate)) throw new RangeError(wrongRate(context.sampleRate));
     return await connect(context, stream);
   } catch (thrown) {
-    const error = /** @type {Error} */ (thrown);
     stream?.getTracks().forEach((track) => track.stop());
     await context.close();
-    throw new Problem(REFUSALS[error.name] ?? error.message, 0);
+    throw refusal(thrown);
   }
 }
 
@@ -62,19 +82,49 @@ async function connect(context, stream) {
     channelCountMode: "explicit",
     channelInterpretation: "discrete",
   });
-  const source = new MediaStreamAudioSourceNode(context, { mediaStream: stream });
-  source.connect(capture);
   capture.connect(new GainNode(context, { gain: 0 })).connect(context.destination);
-  const [track] = stream.getAudioTracks();
+  const told = new EventTarget();
+  let heard = hear(context, stream, capture, told);
+  /** @type {Microphone["listenTo"]} */
+  const listenTo = async (deviceId) => {
+    heard.leave(); // phones give one at a time
+    heard = hear(context, await askFor({ exact: deviceId }).catch((thrown) => {
+      throw refusal(thrown);
+    }), capture, told);
+  };
   const close = async () => {
-    track.stop();
+    heard.leave();
     capture.disconnect();
-    source.disconnect();
     await context.close();
   };
   /** @type {Microphone["pour"]} */
   const pour = (to, sink) => capture.port.postMessage({ to, sink }, sink ? [sink] : []);
-  return { context, track, pour, close };
+  return { context, get track() { return heard.track; }, told, listenTo, pour, close };
+}
+
+/** @param {AudioContext} context @param {MediaStream} stream @param {AudioNode} capture @param {EventTarget} told */
+function hear(context, stream, capture, told) {
+  const source = new MediaStreamAudioSourceNode(context, { mediaStream: stream });
+  source.connect(capture);
+  const [track] = stream.getAudioTracks();
+  const tell = (/** @type {Event} */ { type }) => told.dispatchEvent(new Event(type));
+  TOLD.forEach((what) => track.addEventListener(what, tell));
+  const leave = () => {
+    TOLD.forEach((what) => track.removeEventListener(what, tell));
+    track.stop();
+    source.disconnect();
+  };
+  return { track, leave };
+}
+
+/**
+ * Lets suspended sound go on, and says whether it does. Interrupted sound is not asked to: WebKit would say that it
+ * runs while its clock stands.
+ * @param {AudioContext} context
+ */
+export async function resume(context) {
+  if (context.state === "suspended") await context.resume();
+  return context.state === "running";
 }
 
 /** @param {Microphone} microphone @returns {import("./verdicts.js").Ears} */

@@ -10,7 +10,7 @@ import { openTapping } from "./growing/tapping.js";
 import { makeLegs } from "./legs.js";
 import { closeWalk, startWalking } from "./walking.js";
 import { stayAwake } from "./wake.js";
-import { showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
+import { at, showChirps, showFacts, showLevel, showNetwork, showPause, totalBytes } from "./view.js";
 import { locale, t } from "../shared/words.js";
 
 const SHOW_EVERY_MS = 500;
@@ -126,7 +126,6 @@ async function beginLeg(given, sent, growing, fromS) {
   const devices = await given.devices();
   const { microphone, sound, clocks, playSlots } = devices;
   const { context } = microphone;
-  if (context.state !== "running") await context.resume();
   if (context.sampleRate !== sent.state.rateHz) {
     const [now, before] = [context.sampleRate, sent.state.rateHz].map((rateHz) => `${(rateHz / 1000).toLocaleString(locale)} kHz`);
     throw new Problem(t("The sound runs at {{now}} now and ran at {{before}} before: send the walk as it is.", { now, before }), 0);
@@ -159,7 +158,7 @@ async function beginLeg(given, sent, growing, fromS) {
  * @param {Sent} sent @param {Sending} sending @param {import("./legs.js").Legs} legs
  */
 function watchWalk(sent, sending, legs) {
-  const awake = stayAwake();
+  const awake = stayAwake(at("awake"));
   let shownMs = performance.now();
   const show = () => {
     const nowMs = performance.now();

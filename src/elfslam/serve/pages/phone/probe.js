@@ -11,16 +11,20 @@ const FADE = 64;
 const LULL_S = 0.085;
 const SUBBAND_HZ = 1000;
 const CLIPPED = 0.98;
+/** After the direct sound: its echoes, and what is left when they are over and the next chirp is not heard yet. */
+const ECHOES_S = [0.011, 0.035];
+const NOISE_S = [0.078, 0.088];
 
 /**
  * @typedef {{first: number, period: number, count: number}} Played samples: when the chirps were due
- * @typedef {{delay: number, peak: number, floor: number}} Frame of the envelope, from one chirp to the next
+ * @typedef {{direct: number, delay: number, peak: number, floor: number}} Frame of the envelope, from one chirp to the next
  * @typedef {{lowHz: number, levelDb: number, snrDb: number}} Subband
  * @typedef {{
  *   peak: number, contrast: number, heard: number, frames: number, jitterS: number, latencyS: number,
- *   clippedShare: number, silentShare: number, subbands: Subband[],
+ *   clippedShare: number, silentShare: number, subbands: Subband[], echoDb: number | null,
  * }} Measured peak: amplitude of the direct sound; contrast: over the median envelope; jitterS: of the
- *   direct arrival, median deviation; latencyS: from playing to hearing.
+ *   direct arrival, median deviation; latencyS: from playing to hearing; echoDb: echoes over noise in the matched
+ *   filter, null where fewer than half of the chirps are heard.
  */
 
 /**
@@ -51,7 +55,20 @@ export function measure(samples, rateHz, chirp, played, bandHz) {
     clippedShare: shareOf(samples, (value) => Math.abs(value) >= CLIPPED),
     silentShare: shareOf(samples, (value) => value === 0),
     subbands: subbandsOf(samples, rateHz, played, late * played.period + delay, bandHz),
+    echoDb: 2 * heard.length < played.count ? null : echoLevelDb(envelope, heard, rateHz),
   };
+}
+
+/** @param {Float32Array} envelope @param {Frame[]} heard @param {number} rateHz */
+function echoLevelDb(envelope, heard, rateHz) {
+  const whole = heard.filter(({ direct }) => direct + NOISE_S[1] * rateHz < envelope.length);
+  /** @param {number[]} stretch */
+  const power = ([fromS, untilS]) =>
+    whole.reduce((sum, { direct }) => {
+      const part = envelope.subarray(direct + Math.round(fromS * rateHz), direct + Math.round(untilS * rateHz));
+      return sum + part.reduce((energy, value) => energy + value * value, 0) / part.length;
+    }, 0);
+  return decibels(power(ECHOES_S) / Math.max(power(NOISE_S), 1e-20));
 }
 
 /**
@@ -64,7 +81,7 @@ function framesOf(envelope, { first, period }, early) {
     const start = first + c * period;
     const peak = strongest(envelope, start, start + period);
     const direct = earliest(envelope, peak, early, RULES.earlyShare);
-    return { delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, period) };
+    return { direct, delay: direct - start, peak: envelope[direct], floor: frameFloor(envelope, start, period) };
   });
 }
 

@@ -34,24 +34,25 @@ export function startSound(microphone, keeper, chirp) {
   return { order, answer, on };
 }
 
-const QUIET_S = 0.6;
-const PROBE_CHIRPS = 20;
+/** Chirps after a moment of silence: what the phone is checked with, and what a microphone is tried with. */
+const CHECK = { quietS: 0.6, chirps: 20 };
+export const TRIAL = { quietS: 0.2, chirps: 6 };
 const TAIL_S = 0.4;
 
 /**
- * Plays two seconds of chirps after a moment of silence, and measures what comes back.
+ * Plays chirps after a moment of silence, and measures what comes back.
  * @param {Sound} sound
  * @param {(delayS: number, count: number) => {firstFrame: number}} play
  * @param {number} periodS
  * @returns {Promise<import("./probe.js").Measured>}
  */
-export async function probeSound(sound, play, periodS) {
+export async function probeSound(sound, play, periodS, { quietS, chirps } = CHECK) {
   sound.order({ do: "listen" });
-  const { firstFrame } = play(QUIET_S, PROBE_CHIRPS);
+  const { firstFrame } = play(quietS, chirps);
   await new Promise((resolve) => {
-    setTimeout(resolve, 1000 * (QUIET_S + PROBE_CHIRPS * periodS + TAIL_S));
+    setTimeout(resolve, 1000 * (quietS + chirps * periodS + TAIL_S));
   });
   const measured = sound.answer("measured");
-  sound.order({ do: "measure", due: firstFrame, count: PROBE_CHIRPS });
+  sound.order({ do: "measure", due: firstFrame, count: chirps });
   return (await measured).measured;
 }

@@ -42,27 +42,29 @@ const orders = {
 
 self.onmessage = ({ data }) => orders[/** @type {keyof typeof orders} */ (data.do)](data);
 
-/** @type {{first: number, blocks: Float32Array[]}} */
-let heard = { first: 0, blocks: [] };
+/** @type {{first: number, samples: Float32Array}[]} */
+let heard = [];
 
 function startListening() {
-  heard = { first: -1, blocks: [] };
-  take = (first, samples) => {
-    if (heard.first < 0) heard.first = first;
-    heard.blocks.push(samples);
-  };
+  heard = [];
+  take = (first, samples) => heard.push({ first, samples });
 }
 
 /**
- * `due` is the frame of the context's clock at which the first of `count` chirps was played.
+ * `due` is the frame of the context's clock at which the first of `count` chirps was played. What the microphone did
+ * not give is silence.
  * @param {{due: number, count: number}} order
  */
 function answerMeasured({ due, count }) {
   take = () => {};
-  const samples = joined(heard.blocks);
-  const played = { first: due - heard.first, period: periodSamples(sound.chirp, sound.rateHz), count };
-  const measured = measure(samples, sound.rateHz, sound.samples, played, sound.chirp.band_hz);
-  heard = { first: 0, blocks: [] };
+  const period = periodSamples(sound.chirp, sound.rateHz);
+  const ends = heard.map(({ first, samples }) => first + samples.length);
+  const from = Math.min(due, ...heard.map(({ first }) => first));
+  const all = new Float32Array(Math.max(due + (count + 1) * period, ...ends) - from);
+  heard.forEach(({ first, samples }) => all.set(samples, first - from));
+  heard = [];
+  const played = { first: due - from, period, count };
+  const measured = measure(all, sound.rateHz, sound.samples, played, sound.chirp.band_hz);
   self.postMessage({ is: "measured", measured });
 }
 
@@ -142,15 +144,4 @@ function keep(walk, parts) {
     { do: "append", walk, parts },
     parts.map(([, bytes]) => /** @type {ArrayBuffer} */ (bytes.buffer)),
   );
-}
-
-/** @param {Float32Array[]} blocks */
-function joined(blocks) {
-  const out = new Float32Array(blocks.reduce((sum, block) => sum + block.length, 0));
-  let at = 0;
-  for (const block of blocks) {
-    out.set(block, at);
-    at += block.length;
-  }
-  return out;
 }

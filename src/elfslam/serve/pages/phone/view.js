@@ -53,6 +53,20 @@ export function showListening() {
   for (const id of ["probe-card", "go-on", "probe-again"]) at(id).hidden = true;
 }
 
+export function showTrying() {
+  at("probe-said").textContent = t("Each microphone is tried for a second. Hold the phone as on a walk.");
+}
+
+/** @param {import("./microphones.js").Choice | null} choice null where there is one alone */
+export function showMicrophones(choice) {
+  at("microphones").hidden = choice === null;
+  const options = (choice?.tried ?? []).map(({ deviceId, label, echoDb }) => {
+    const level = echoDb === null ? t("not heard") : formatLevel(echoDb);
+    return make("option", { value: deviceId, selected: deviceId === choice?.chosen, translate: false }, [`${label} · ${level}`]);
+  });
+  at("microphone").replaceChildren(...options);
+}
+
 /**
  * @param {import("./verdicts.js").Check[]} checks
  * @param {{verdict: string, said: string}} summary

@@ -67,8 +67,7 @@ export function makeLocating({ devices, act, problem, paired }) {
     tell(READYING);
     at("place-start").disabled = true;
     const opened = await devices();
-    if (opened.microphone.context.state !== "running") await opened.microphone.context.resume();
-    const awake = stayAwake();
+    const awake = stayAwake(at("awake"));
     const by = mode();
     const shown = showFixes(here, by);
     const told = { ...shown.told, fix: tellAll(shown.told.fix, consent.fix, (found) => here.ways?.fix(found)), problem: stopFor };
