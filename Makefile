@@ -57,7 +57,7 @@ $(JAVASCRIPT)/node_modules/.installed: $(JAVASCRIPT)/package.json $(JAVASCRIPT)/
 	touch $@
 
 pretrain: $(VENV)/.installed-test $(VENV)/.kernels
-	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0
+	$(BIN)/elfslam pretrain src/elfslam/weights/compact.onnx --seed 0 --force
 
 # Needs node and npm, 20 or newer; no test does.
 web-check: $(VENV)/.installed $(VENV)/.kernels

@@ -19,10 +19,11 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from elfslam.app.locate import phone_translation
-from elfslam.app.map import FARTHEST_M, MapJob, Pose, map_recording
+from elfslam.app.map import MapJob, Pose, map_recording
 from elfslam.app.map import finetuned as finetuned_encoder
 from elfslam.app.settings import Settings
 from elfslam.base.arguments import Seed, Such, checked
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.choices import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError
 from elfslam.base.parameters import load

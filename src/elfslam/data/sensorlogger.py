@@ -19,6 +19,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
+from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.values import (
     Audio,
@@ -32,7 +33,6 @@ from elfslam.base.values import (
 from elfslam.data.audio_files import at_accepted_rate, read_audio
 from elfslam.data.checkpoint_files import LONGEST_NAME, MOST
 from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
-from elfslam.data.points_of_interest_files import FARTHEST_M
 from elfslam.data.sensor_files import (
     AXES,
     LARGEST_ACCEL_MPS2,

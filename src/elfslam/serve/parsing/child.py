@@ -1,8 +1,8 @@
 """The child that parses one file from outside: it keeps to its bounds and ends with the server.
 
 `python -m elfslam.serve.parsing.child PARENT BOUNDS MODULE GIVEN` calls `parse` of a module with
-what is given, and prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Nothing is
-imported here that a parser may not need: a child costs the start of an interpreter each time.
+what is given, and prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Little
+is imported here: a child costs the start of an interpreter each time.
 """
 
 from __future__ import annotations
