@@ -154,7 +154,7 @@ def test_a_recording_holds_no_truth_and_nothing_by_default() -> None:
     names = [field.name for field in dataclasses.fields(values.Recording)]
     assert "truth" not in names
     bare = values.Recording("walk", "phone")
-    assert all(getattr(bare, name) is None for name in names[2:])
+    assert not any(getattr(bare, name) for name in names[2:])
 
 
 def test_a_map_of_which_nobody_says_its_age_is_new() -> None:

@@ -142,14 +142,14 @@ def test_an_honest_large_plan_is_taken(
 
 
 class HeldParser:
-    """Stands for the children: parses nothing, and holds whose plan says so until it is opened."""
+    """Stands for the children: parses nothing, holds whose plan says so until it is opened."""
 
     def __init__(self) -> None:
         self.at_it = self.most = 0
         self.begins, self.opened = threading.Semaphore(0), threading.Event()
         self._lock = threading.Lock()
 
-    def parse(self, _module: str, _bounds: object, file: str) -> object:
+    def parse(self, _module: str, _bounds: object, file: str, level: str | None) -> object:
         if Path(file).read_bytes() == b"hold":
             with self._lock:
                 self.at_it += 1
@@ -172,7 +172,7 @@ def test_two_of_one_users_plans_at_a_time_and_others_are_unaffected(
             threads.submit(put, eve, hers, b"hold", PNG) for _ in range(OF_ONE + WAITING + more)
         ]
         for _ in range(OF_ONE):
-            held.begins.acquire()
+            assert held.begins.acquire(timeout=PATIENCE_S)
         refused = _first(sent, more)
         assert {each.status_code for each in refused} == {429}
         assert {each.headers["retry-after"] for each in refused} == {"10"}
