@@ -98,7 +98,7 @@ def test_what_is_logged_is_a_line_and_a_traceback_keeps_its_lines() -> None:
 
 PRINTS = {
     "app/console.py": "the place that prints",
-    "serve/receiving/reader.py": "a child that speaks JSON on a pipe",
+    "serve/parsing/child.py": "a child that speaks JSON on a pipe",
     "serve/jobs/work.py": "a child; its traceback goes into a file of the job",
     "serve/jobs/preforked.py": "as work.py",
 }

@@ -62,7 +62,7 @@ class Held:
 def holder_of(folder: Path) -> Holder:
     """The data folder of this machine, since it was started."""
     place = folder.resolve()
-    told, boot = place.stat(), BOOT.read_text().strip() if BOOT.is_file() else ""
+    told, boot = place.stat(), BOOT.read_text("utf-8").strip() if BOOT.is_file() else ""
     return Holder(socket.gethostname(), str(place), f"{told.st_dev}:{told.st_ino}", boot)
 
 
