@@ -130,7 +130,7 @@ def test_the_same_seed_gives_the_same_bytes(studio: World, walked: tuple[Recordi
 
 def test_a_recording_holds_nothing_of_the_truth(walked: tuple[Recording, Truth]) -> None:
     recording, _ = walked
-    brought = {item.name for item in fields(recording) if getattr(recording, item.name) is not None}
+    brought = {item.name for item in fields(recording) if getattr(recording, item.name)}
     assert brought == {"name", "device", "audio", "imu"}
     assert (recording.name, recording.device) == ("studio", "simulated phone, Bosch BMI160")
 
