@@ -84,8 +84,11 @@ def test_a_costly_plan_is_refused_with_the_limit_named(
     words: str,
 ) -> None:
     map_id = put_map(owner)
-    most_kib = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss
-    answer = put(owner, map_id, make(), kind)
+    content = make()
+    # Linux counts what this process holds as its child's, until that has become another program.
+    known = (resource.RUSAGE_CHILDREN, resource.RUSAGE_SELF)
+    most_kib = max(resource.getrusage(who).ru_maxrss for who in known)
+    answer = put(owner, map_id, content, kind)
     assert answer.status_code == 422, answer.text
     assert words in answer.json()["detail"]
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss <= max(most_kib, CHILD_KIB)
