@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import selectors
@@ -73,7 +74,9 @@ def child_news(
     Says something every while, be it nothing; whoever closes this ends the process. That keeps the
     file `lock` open: it is free again when whoever began it and the process both are gone.
     """
-    with (folder / LOG).open("wb") as log, begin(folder, log, lock) as process:
+    with contextlib.ExitStack() as stack:
+        with (folder / LOG).open("wb") as log:
+            process = stack.enter_context(begin(folder, log, lock))
         yield from _watched(process, longest_s)
 
 
