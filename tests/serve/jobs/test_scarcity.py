@@ -13,7 +13,6 @@ from typing import Any
 import pytest
 from starlette.testclient import TestClient
 
-from elfslam.serve.jobs import child
 from elfslam.serve.jobs.folder import DISK_FULL
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
@@ -91,10 +90,8 @@ def test_a_job_that_takes_too_long_is_stopped(
     remember: Remember,
     ended: Wait,
     services: Services,
-    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(child, "COMMAND", ("sh", "-c", "sleep 60"))
-    allow(services, job_s=0.5)
+    allow(services, job_s=0.01)
     job = ended(owner, start(owner, kind="map", recording=remember(owner, "mute")))
     assert job["state"] == "failed"
     assert "took longer" in job["problem"]
