@@ -138,8 +138,9 @@ def test_in_a_published_floor_everybody_is_located_and_the_owner_sees(
 
 
 def test_haste_and_size_are_bounded(
-    owner: TestClient, services: Services, message: Message
+    owner: TestClient, services: Services, message: Message, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(services.positions.rates, "_clock", lambda: 0.0)
     many = {**message(), "positions": 21 * message()["positions"]}
     assert owner.post(HISTORY, json=many).status_code == 422
     for wrong in ({"walk": "no hex"}, {"map": "short"}, {"map": "0" * 32}):

@@ -1,18 +1,16 @@
 """The child that parses one file from outside: it keeps to its bounds and ends with the server.
 
-`python -m elfslam.serve.parsing.child PARENT BOUNDS MODULE GIVEN` calls `parse` of a module with
-what is given, and prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Little
-is imported here: a child costs the start of an interpreter each time.
+With BOUNDS MODULE GIVEN in `sys.argv` its `main` calls `parse` of a module with what is given, and
+prints `{"found": ...}` or `{"refusal": ..., "choices": [...]}` as JSON. Little is imported here: a
+child costs the start of an interpreter each time.
 """
 
 from __future__ import annotations
 
-import ctypes
 import errno
 import json
 import os
 import resource
-import signal
 import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -26,8 +24,6 @@ from elfslam.serve.store.disk_room import FULL_ERRORS
 
 DISK_FULL = 28
 """How a child exits where nothing more fits."""
-PR_SET_PDEATHSIG = 1
-"""Of Linux's prctl: the signal that a process gets when its parent ends."""
 MEBIBYTE = 2**20
 
 
@@ -65,30 +61,20 @@ class Bounds:
         return f"{words}; {self.advice}"
 
 
-def main() -> int:
-    """Parse as the command line says; gives the exit code."""
-    parent, told_bounds, module, told = sys.argv[1:]
-    end_with(int(parent))
-    bounds = Bounds(**json.loads(told_bounds))
+def main() -> None:
+    """Parse as the command line says, and exit."""
+    given_bounds, module, given = sys.argv[1:]
+    bounds = Bounds(**json.loads(given_bounds))
     _limit_cost(bounds)
     parse = import_module(module).parse
     _limit(resource.RLIMIT_DATA, bounds.memory_bytes)
     try:
-        answer = _answer(parse, bounds, json.loads(told))
+        answer = _answer(parse, bounds, json.loads(given))
     except OSError as error:
         if error.errno in FULL_ERRORS:
-            return DISK_FULL
+            sys.exit(DISK_FULL)
         raise
     print(json.dumps(answer, allow_nan=False))
-    return 0
-
-
-def end_with(parent: int) -> None:
-    """Be killed when the process `parent` ends, or end now where it has ended already."""
-    if sys.platform == "linux":
-        ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    if os.getppid() != parent:
-        os._exit(1)
 
 
 def _limit_cost(bounds: Bounds) -> None:
@@ -126,7 +112,3 @@ def without_places(text: str, *places: str | Path) -> str:
     for place in places:
         text = text.replace(f"{place}/", "").replace(f"{place}: ", "")
     return text
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -9,7 +9,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 from collections.abc import Iterator, Mapping
@@ -17,24 +16,24 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import IO, Any
 
+from elfslam.app.workers.child import Child
 from elfslam.base.errors import InputError
 from elfslam.serve.parsing.child import DISK_FULL, Bounds, Exceeded
 from elfslam.serve.problems import Problem, disk_full
 
-COMMAND = (sys.executable, "-P", "-m", "elfslam.serve.parsing.child")
+PARSER = "elfslam.serve.parsing.child"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 """Threads of a pool that one file does not need count as its memory and processor time."""
 CRASHES = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGILL, signal.SIGTRAP)
 """How libraries end that get no more memory, or that a damaged file leads astray."""
 LAST_BYTES = 4096
-Process = subprocess.Popen[bytes]
 
 
 class Children:
     """The children of one server; none outlives it."""
 
     def __init__(self) -> None:
-        self._lock, self._alive, self._closed = threading.Lock(), set[Process](), False
+        self._lock, self._alive, self._closed = threading.Lock(), set[Child](), False
 
     def parse(self, module: str, bounds: Bounds, **given: Any) -> Any:
         """What `parse` of a module gives for what is given (JSON both), called in a child.
@@ -68,25 +67,17 @@ class Children:
     @contextmanager
     def _begun(
         self, module: str, bounds: Bounds, given: Mapping[str, Any], errors: IO[bytes]
-    ) -> Iterator[Process]:
-        told = (str(os.getpid()), json.dumps(asdict(bounds)), module, json.dumps(given))
+    ) -> Iterator[Child]:
+        told = (json.dumps(asdict(bounds)), module, json.dumps(given))
+        environment = {**os.environ, **ONE_THREAD}
         with self._lock:
             if self._closed:
                 raise _stopping()
-            each = subprocess.Popen(
-                [*COMMAND, *told],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.PIPE,
-                stderr=errors,
-                env={**os.environ, **ONE_THREAD},
-            )
+            each = Child(PARSER, *told, stdout=subprocess.PIPE, stderr=errors, env=environment)
             self._alive.add(each)
         try:
             with each:
-                try:
-                    yield each
-                finally:
-                    each.kill()
+                yield each
         finally:
             with self._lock:
                 self._alive.discard(each)

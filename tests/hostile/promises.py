@@ -1,0 +1,165 @@
+"""What is promised to whoever gives this program a file or a server: each promise and its tests.
+
+    python -m tests.hostile.promises [NUMBER ...]
+
+prints a table (case, wanted, got). What attacks whole commands and servers for minutes are
+`studies.benchmarks.plan_attack`, `ended_parents` and `wrong_starts`.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+
+import pytest
+
+from elfslam.app.console import print_rows, say
+
+
+@dataclass(frozen=True)
+class Promise:
+    """A case, what is wanted of it, and the files of tests that hold it, below `tests/`."""
+
+    case: str
+    wanted: str
+    tests: tuple[str, ...]
+
+
+PROMISES = (
+    Promise(
+        "an output that exists",
+        "refused without --force; inputs and owned files always",
+        ("cli/test_outputs.py", "data/test_folders.py"),
+    ),
+    Promise(
+        "hostile plans and images",
+        "parsed in children, 422 with the limit named, fair turns",
+        ("serve/parsing", "serve/maps/test_floor_plans.py", "data/test_plan_svg.py"),
+    ),
+    Promise(
+        "a parent that is ended",
+        "its workers end with it, whatever ended it",
+        ("app/workers/test_child.py", "serve/jobs/test_child.py", "cli/test_interrupts.py"),
+    ),
+    Promise("400 MB of address space", "one line, at once", ("cli/test_scarce_memory.py",)),
+    Promise(
+        "a store without its database, two holders, a held lock",
+        "refused before a write; 503 after five seconds",
+        (
+            "serve/store/test_holding.py",
+            "serve/store/test_opening.py",
+            "serve/store/test_database.py",
+            "serve/store/test_blobs.py",
+            "serve/store/test_hostile_databases.py",
+            "serve/store/test_hostile_disks.py",
+        ),
+    ),
+    Promise(
+        "secrets in addresses",
+        "never printed; what cannot be served is refused",
+        ("base/test_urls.py", "app/workers/test_choosing.py", "serve/store/test_sending.py"),
+    ),
+    Promise(
+        "both lengths in one request",
+        "400, and the connection is closed",
+        ("serve/network/test_serving.py", "serve/network/test_patience.py"),
+    ),
+    Promise("control characters", "escaped by the one place that prints", ("app/test_console.py",)),
+    Promise(
+        "odd starts: locks, keys, names, LANG=C",
+        "one line; no key is rewritten",
+        ("cli/test_names.py", "serve/network/test_credentials.py", "serve/test_command.py"),
+    ),
+    Promise(
+        "`map RECORDING .`, an empty OUT", "refused, nothing written", ("cli/test_outputs.py",)
+    ),
+    Promise(
+        "who asks, before what",
+        "401 before 422; numbers and hosts are strict",
+        (
+            "serve/receiving/test_uploads.py",
+            "serve/sharing/test_rights.py",
+            "serve/network/test_names.py",
+            "serve/people/test_users.py",
+        ),
+    ),
+    Promise(
+        "the Python door: wrong types, 1e300, UTM",
+        "one error that names what, got, wanted",
+        (
+            "app/test_notebook_refusals.py",
+            "base/test_arguments.py",
+            "base/test_arrays.py",
+            "line/test_anchoring.py",
+            "line/test_motion.py",
+            "slam/test_straightening.py",
+        ),
+    ),
+    Promise("phyphox without gravity", "never guessed by words", ("data/test_phyphox.py",)),
+    Promise("a clock put back", "both parts kept, the jump named", ("data/test_streams.py",)),
+    Promise("Sensor Logger: commas, case, Annotation.csv", "read", ("data/test_sensorlogger.py",)),
+    Promise(
+        "one list of readers",
+        "auto takes what a named importer takes",
+        ("data/test_importing.py", "data/test_foreign_walks.py", "data/test_ronin.py"),
+    ),
+    Promise(
+        "plans of several levels, projected coordinates",
+        "a level is chosen; metres, or said so",
+        ("data/test_plan_geojson.py", "data/test_floor_plans.py"),
+    ),
+    Promise(
+        "sound: channels, scales, rates",
+        "the channel with the chirps; resampled",
+        ("data/test_audio_files.py", "line/test_echo.py"),
+    ),
+    Promise(
+        "microphones and interruptions of phones",
+        "the one that hears most; said where refused",
+        ("serve/pages/phone/test_microphones.py", "serve/pages/phone/test_interrupted_walks.py"),
+    ),
+)
+
+
+@dataclass
+class Outcomes:
+    """A plugin of pytest that counts how tests end, and keeps the first that failed."""
+
+    count: Counter[str] = field(default_factory=Counter)
+    failed: str = ""
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
+        """Count a test once: where it was called, or where it failed or was skipped before."""
+        if report.when == "call" or report.outcome != "passed":
+            self.count[report.outcome] += 1
+            self.failed = self.failed or (report.nodeid if report.failed else "")
+
+    def got(self) -> str:
+        """What came, in a cell."""
+        counts = ", ".join(f"{number} {outcome}" for outcome, number in self.count.items())
+        return f"{counts}: {self.failed}" if self.failed else counts or "no test"
+
+
+def main(wanted: list[str]) -> int:
+    """Run the tests of the promises with these numbers, or of all; 1 where one is not held."""
+    rows, held = [], True
+    for number, promise in enumerate(PROMISES, 1):
+        if wanted and str(number) not in wanted:
+            continue
+        outcomes = Outcomes()
+        files = [f"tests/{each}" for each in promise.tests]
+        code = pytest.main(["-q", "-q", "--no-header", "--no-summary", *files], [outcomes])
+        held = held and code == 0
+        got = {"case": promise.case, "wanted": promise.wanted, "got": outcomes.got()}
+        rows.append({"": number, **got})
+    print_rows(rows, title="What is promised", as_json=False)
+    if not held:
+        say("a promise is not held")
+    return 0 if held else 1
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("HOSTILE_CASES", "40")
+    sys.exit(main(sys.argv[1:]))
