@@ -1,4 +1,4 @@
-"""`python -m studies NAME OUT`: make the table or figure of a study."""
+"""`python -m studies NAME`, `all` or `render`: measure, measure what is stale, show."""
 
 from __future__ import annotations
 
@@ -9,16 +9,20 @@ from typing import Annotated
 
 import typer
 
-from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app
+from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app, say
 from elfslam.app.stopping import run_stoppable
 from elfslam.line.feature import load_encoder
 from elfslam.world.kinds import KINDS
-from studies.catalogue import STUDIES, run_study
+from studies.catalogue import STUDIES, Choice, run_stale, run_study
+from studies.results import RESULTS, Result
+
+FAST = Path("results-fast")
+"""Where small variants of studies put what they find."""
 
 
 def study(
-    name: Annotated[str, typer.Argument(help=", ".join(STUDIES))],
-    out: Annotated[Path, typer.Argument(help="Folder for the table, as JSON and as CSV.")],
+    name: Annotated[str, typer.Argument(help=f"all, render, {', '.join(STUDIES)}")],
+    out: Annotated[Path | None, typer.Option(help="Folder for NAME.csv; results/ usually.")] = None,
     data: Annotated[
         Path | None, typer.Option(envvar="ELFSLAM_DATA", help="Folder of real recordings.")
     ] = None,
@@ -30,13 +34,51 @@ def study(
         str | None,
         typer.Option("--on", help="Who works: a number of processes, ray or ray://HOST:10001."),
     ] = None,
+    only: Annotated[str, typer.Option(help="all: these studies, by commas.")] = "",
+    fast: Annotated[bool, typer.Option("--fast", help="A small variant, in seconds.")] = False,
+    check: Annotated[
+        bool, typer.Option("--check", help="render: change nothing, compare.")
+    ] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, not a table.")] = False,
 ) -> None:
-    """Make the table of a study."""
+    """Make the results of a study, of all that are stale, or render README and docs."""
+    if name == "render":
+        raise typer.Exit(_render(check=check))
     encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
+    choice = Choice(out or (FAST if fast else RESULTS), data, on, fast, kind, encoders)
     with progress_bar() as announce:
-        table = run_study(name, out, data, announce, encoders=encoders, kind=kind, on=on)
-    print_rows(table, title=f"Study: {name}", as_json=as_json)
+        if name == "all":
+            for done in run_stale([each for each in only.split(",") if each], choice, announce):
+                say(f"{done.name} {done.kind or ''}: done ({done.why})")
+            return
+        results = run_study(name, choice, announce)
+    print_rows(short(results), title=f"Study: {name}", as_json=as_json)
+
+
+def short(results: Sequence[Result]) -> list[dict[str, object]]:
+    """Results as people read them on a terminal: a column for each metric."""
+    found: dict[tuple[str, ...], dict[str, object]] = {}
+    for each in results:
+        of = {"world": each.world, "scenario": each.scenario, "method": each.method,
+              "condition": each.condition}  # fmt: skip
+        row = found.setdefault(
+            tuple(of.values()), {key: value for key, value in of.items() if value}
+        )
+        row[each.metric] = f"{each.value:.4g}"
+    return list(found.values())
+
+
+def _render(*, check: bool) -> int:
+    from studies.render import differences, render
+
+    if not check:
+        for file in render():
+            say(f"{file}: made anew")
+        return 0
+    found = differences()
+    for line in found:
+        say(line)
+    return int(bool(found))
 
 
 def run(arguments: Sequence[str]) -> int:

@@ -4,58 +4,44 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from elfslam.app.workers import Here, unit_key
 from elfslam.base.errors import StoreError
 from elfslam.data.folders import replaced_file
-from studies.finding import Given
+from studies.results import Record
+from studies.study import StudyContext
 
 Task = TypeVar("Task")
-Numbers = dict[str, float]
 Units = dict[str, dict[str, Any]]
-"""By key: the `task` as it is shown, and its `numbers`."""
-
-
-class Placed(Protocol):
-    """A task in a world."""
-
-    @property
-    def world(self) -> str:
-        """Its name."""
+"""By key: the `task` as it is shown, and its `records`."""
 
 
 def finished(
-    measure: Callable[[Task], Numbers], tasks: Sequence[Task], given: Given
-) -> list[Numbers]:
+    measure: Callable[[Task], Sequence[Record]], tasks: Sequence[Task], context: StudyContext
+) -> list[list[Record]]:
     """What `measure` makes of every task, by the workers given (this process where there are none).
 
     A unit is known by the digest of its inputs; what the kept file has of a run that was cut off
     is not made again. Raises StoreError where the file is damaged or of other tasks.
     """
     keys = [unit_key(measure, task) for task in tasks]
-    found = _read(given.kept, keys)
+    found = _read(context.kept, keys)
     waiting = {key: task for key, task in zip(keys, tasks, strict=True) if key not in found}
     left = list(waiting)
-    _announce(given, len(found), len(set(keys)))
-    for index, numbers in (given.workers or Here()).each(measure, waiting.values()):
-        found[left[index]] = {"task": repr(waiting[left[index]]), "numbers": numbers}
-        _write(given.kept, found)
-        _announce(given, len(found), len(set(keys)))
-    return [found[key]["numbers"] for key in keys]
+    _announce(context, len(found), len(set(keys)))
+    for index, records in (context.workers or Here()).each(measure, waiting.values()):
+        units = [asdict(record) for record in records]
+        found[left[index]] = {"task": repr(waiting[left[index]]), "records": units}
+        _write(context.kept, found)
+        _announce(context, len(found), len(set(keys)))
+    return [[Record(**each) for each in found[key]["records"]] for key in keys]
 
 
-def by_world(tasks: Sequence[Placed], numbers: Sequence[Numbers]) -> dict[str, list[Numbers]]:
-    """The numbers of each world's tasks, in the order of the tasks."""
-    found: dict[str, list[Numbers]] = {}
-    for task, each in zip(tasks, numbers, strict=True):
-        found.setdefault(task.world, []).append(each)
-    return found
-
-
-def _announce(given: Given, done: int, of: int) -> None:
-    given.announce(f"{done} of {of} repeats", done / of)
+def _announce(context: StudyContext, done: int, of: int) -> None:
+    context.announce(f"{done} of {of} repeats", done / of)
 
 
 def _write(kept: Path | None, found: Units) -> None:

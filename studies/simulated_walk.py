@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from elfslam.base.values import Recording, Truth
 from elfslam.world.kinds import QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
-from elfslam.world.simulate import World, load_world, simulate
+from elfslam.world.simulate import World, load_world
+from studies.cached import simulate
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,218 @@
+"""Tables and figures of README and docs, made of `results/` alone.
+
+A block in a page names what it shows, and holds it:
+
+    <!-- results: mapping scenario=surveyor metric="precision" rows=method columns=world -->
+    ...
+    <!-- /results -->
+
+`rows` and `columns` are columns of the CSV, several by commas; `NAME=VALUE` takes the rows of these
+values ("a|b"), in this order (`value*` takes what begins so). A cell has a figure and its interval;
+`interval=no` leaves that out, and `paper=yes` puts the paper's figure in a column beside ours.
+`<!-- figure: NAME -->` shows the figure of that name from `studies.drawing`.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from elfslam.base.errors import InputError
+from elfslam.data.folders import replaced_file
+from studies.results import COLUMNS, RESULTS, ROOT, Result, read_results
+
+BLOCK = re.compile(r"(<!-- (results|figure): (.+?) -->\n).*?(<!-- /\2 -->)", re.S)
+FIGURES = ROOT / "docs" / "figures"
+PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
+OPTIONS = ("rows", "columns", "interval", "paper", "sort")
+PAPER = "paper"
+DASH = "–"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a block shows of a result file."""
+
+    name: str
+    where: Mapping[str, tuple[str, ...]]
+    rows: tuple[str, ...]
+    columns: tuple[str, ...]
+    interval: bool = True
+    paper: bool = False
+
+
+def rendered(page: Path, text: str) -> str:
+    """The text of a page with its blocks made anew. Raises InputError for one that cannot be."""
+
+    def block(found: re.Match[str]) -> str:
+        opening, kind, told, closing = found.groups()
+        try:
+            content = table(parse(told)) if kind == "results" else picture(page, told.strip())
+        except InputError as refused:
+            place = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page.name
+            raise InputError(f"{place}: block {told!r}: {refused}") from refused
+        return f"{opening}{content}\n{closing}"
+
+    return BLOCK.sub(block, text)
+
+
+def render(pages: Iterable[Path] = PAGES) -> list[str]:
+    """Make all blocks and figures anew; the files that changed, from the root of the project."""
+    from studies.drawing import DRAWN, svg
+
+    made = {page: rendered(page, page.read_text(encoding="utf-8")) for page in pages}
+    made |= {FIGURES / f"{name}.svg": svg(name) for name in DRAWN}
+    changed = [file for file, text in made.items() if not _is(file, text)]
+    for file in changed:
+        with replaced_file(file) as partial:
+            partial.write_text(made[file], encoding="utf-8")
+    return [file.relative_to(ROOT).as_posix() for file in changed]
+
+
+def differences(pages: Iterable[Path] = PAGES) -> list[str]:
+    """What `render` would change: a line for each figure of a table, and for each drawing."""
+    from studies.drawing import DRAWN, svg
+
+    found = []
+    for page in pages:
+        text = page.read_text(encoding="utf-8")
+        pairs = zip(text.splitlines(), rendered(page, text).splitlines(), strict=False)
+        name = page.relative_to(ROOT).as_posix()
+        found += [f"{name}: has {old!r}, wanted {new!r}" for old, new in pairs if old != new]
+    drawings = {FIGURES / f"{name}.svg": name for name in DRAWN}
+    found += [f"{file.name}: is of other results" for file, name in drawings.items()
+              if not _is(file, svg(name))]  # fmt: skip
+    return found
+
+
+def parse(told: str) -> Shown:
+    """What a block says. Raises InputError for words that it does not know."""
+    name, *rest = shlex.split(told)
+    given: dict[str, str] = {}
+    for each in rest:
+        key, equals, value = each.partition("=")
+        if not equals or key not in (*COLUMNS, *OPTIONS):
+            raise InputError(
+                f"{each}: wanted NAME=VALUE, NAME of {', '.join((*COLUMNS, *OPTIONS))}"
+            )
+        given[key] = value
+    where = {key: tuple(value.split("|")) for key, value in given.items() if key in COLUMNS}
+    rows, columns = (tuple(given.get(key, "").split(",")) for key in ("rows", "columns"))
+    if not {*rows, *columns} <= set(COLUMNS):
+        raise InputError(f"rows={','.join(rows)} columns={','.join(columns)}: wanted {COLUMNS}")
+    return Shown(
+        name, where, rows, columns, given.get("interval") != "no", given.get(PAPER) == "yes"
+    )
+
+
+def table(shown: Shown) -> str:
+    """A Markdown table of results, one figure a cell, and a line that says what it was made of.
+
+    Raises InputError where no result fits, or two fit one cell, or they are of several commits.
+    """
+    chosen = select(read_results(RESULTS / f"{shown.name}.csv"), shown.where)
+    if not chosen:
+        raise InputError("no result fits; look into the CSV for what there is")
+    cells = _cells(chosen, shown)
+    rows = list(dict.fromkeys(row for row, _ in cells))
+    columns = list(dict.fromkeys(column for _, column in cells))
+    if shown.paper:
+        columns = [each for column in columns for each in (column, (*column, PAPER))]
+        columns = [each for each in columns if any((row, each) in cells for row in rows)]
+        columns = list(dict.fromkeys(columns))
+    head = [*(name for name in shown.rows), *(_label(", ".join(column)) for column in columns)]
+    lines = [_line(head), _line(["---"] * len(shown.rows) + ["---:"] * len(columns))]
+    lines += [
+        _line([*map(_label, row), *(cells.get((row, column), DASH) for column in columns)])
+        for row in rows
+    ]
+    return "\n".join([*lines, "", f"<sub>{provenance(chosen)}</sub>"])
+
+
+def select(results: Sequence[Result], where: Mapping[str, tuple[str, ...]]) -> list[Result]:
+    """The results whose columns have the wanted values, in the order in which these are named."""
+    for name, wanted in reversed(where.items()):
+        ranked = [(_rank(getattr(each, name), wanted), each) for each in results]
+        known = [(rank, each) for rank, each in ranked if rank is not None]
+        results = [each for _, each in sorted(known, key=lambda pair: pair[0])]
+    return list(results)
+
+
+def provenance(results: Sequence[Result]) -> str:
+    """Which study made the results, at what commit, with what encoder, when, on which seeds.
+
+    Raises InputError where they are of several commits: such a table compares what cannot be.
+    """
+    commits = list(dict.fromkeys(each.commit for each in results))
+    if len(commits) > 1:
+        raise InputError(f"rows of several commits ({', '.join(commits)}); run the study again")
+    first = results[0]
+    seeds = "; ".join(dict.fromkeys(each.seeds for each in results if each.seeds))
+    parts = [f"`python -m studies {first.study}`", f"commit {first.commit}", first.date]
+    parts += [f"encoder {first.encoder}"] if first.encoder else []
+    return ", ".join(parts + ([f"seeds {seeds}"] if seeds else []))
+
+
+def picture(page: Path, name: str) -> str:
+    """The line that shows a figure in a page."""
+    from studies.drawing import DRAWN
+
+    if name not in DRAWN:
+        raise InputError(f"figure {name!r}: wanted one of {', '.join(DRAWN)}")
+    up = "../" * (len(page.relative_to(ROOT).parts) - 1)
+    return f"![{DRAWN[name].caption}]({up}docs/figures/{name}.svg)".replace("../docs/", "", 1)
+
+
+def figure_text(value: float) -> str:
+    """A figure to the digits that can matter: three, and no more than two behind the point."""
+    if value and abs(value) < 0.1:
+        return f"{value:.3f}".rstrip("0") if abs(value) >= 0.001 else f"{value:.2g}"
+    return (
+        f"{value:.2f}"
+        if abs(value) < 10
+        else f"{value:.1f}"
+        if abs(value) < 100
+        else f"{value:.0f}"
+    )
+
+
+def _cells(results: Sequence[Result], shown: Shown) -> dict[tuple[tuple[str, ...], ...], str]:
+    cells: dict[tuple[tuple[str, ...], ...], str] = {}
+    for each in results:
+        row, column = (tuple(str(getattr(each, name)) for name in names)
+                       for names in (shown.rows, shown.columns))  # fmt: skip
+        if (row, column) in cells:
+            raise InputError(f"{row} and {column}: two results fit; say more of what is wanted")
+        cells[row, column] = _cell(each, shown)
+        if shown.paper and each.paper is not None:
+            cells[row, (*column, PAPER)] = figure_text(each.paper)
+    return cells
+
+
+def _cell(result: Result, shown: Shown) -> str:
+    text = figure_text(result.value)
+    if result.low is None or result.high is None or not shown.interval:
+        return text
+    return f"{text} ({figure_text(result.low)} to {figure_text(result.high)})"
+
+
+def _rank(value: str, wanted: Sequence[str]) -> int | None:
+    for rank, each in enumerate(wanted):
+        if value == each or (each.endswith("*") and value.startswith(each[:-1])):
+            return rank
+    return None
+
+
+def _line(cells: Iterable[str]) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+def _label(text: str) -> str:
+    return text.replace("_", " ").strip(" ,")
+
+
+def _is(file: Path, text: str) -> bool:
+    return file.exists() and file.read_text(encoding="utf-8") == text
