@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -38,49 +38,39 @@ VARIABLES = {
 
 
 @dataclass(frozen=True)
-class Dots:
-    """A dot with its interval for each row, a panel for each value of `panels`."""
+class Drawing:
+    """What a figure shows of results, and how.
 
+    `dots`: a dot with its interval for each of `rows`; `curves`: a curve for each of `rows`, over
+    the number that a condition begins with. Both have a panel for each of `panels`.
+    """
+
+    name: str
     study: str
+    where: Mapping[str, tuple[str, ...]]
+    kind: str
     caption: str
     x_title: str
-    where: Mapping[str, tuple[str, ...]]
+    y_title: str = ""
     rows: str = "method"
     panels: str = "world"
-    logarithmic: bool = True
+    logarithmic: bool = False
 
 
-@dataclass(frozen=True)
-class Curves:
-    """A curve for each value of `curves` over the number that a condition begins with."""
-
-    study: str
-    caption: str
-    x_title: str
-    y_title: str
-    where: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    curves: str = "method"
-    panels: str = "world"
-    logarithmic_x: bool = False
-
-
-DRAWN: Mapping[str, Dots | Curves] = {}
-
-
-def svg(name: str) -> str:
-    """The figure of a name as SVG. Raises InputError where no result fits."""
+def svg(drawing: Drawing) -> str:
+    """The figure as SVG. Raises InputError where no result fits, or nobody draws such a kind."""
     import matplotlib
 
-    wanted = DRAWN[name]
-    results = select(read_results(RESULTS / f"{wanted.study}.csv"), wanted.where)
+    results = select(read_results(RESULTS / f"{drawing.study}.csv"), drawing.where)
     if not results:
-        raise InputError(f"figure {name}: no result of {wanted.study} fits")
+        raise InputError(f"figure {drawing.name}: no result of {drawing.study} fits")
+    if drawing.kind not in KINDS:
+        raise InputError(f"kind={drawing.kind}: wanted {', '.join(KINDS)}")
     with matplotlib.rc_context(STYLE):
-        figure = _dots(results, wanted) if isinstance(wanted, Dots) else _curves(results, wanted)
-        return themed_svg(figure, wanted.caption)
+        return themed_svg(KINDS[drawing.kind](results, drawing), drawing.caption)
 
 
-STYLE = {
+STYLE: Any = {
     "svg.fonttype": "none", "svg.hashsalt": "elfslam", "font.family": "sans-serif",
     "font.size": 9.5, "axes.edgecolor": FAINT, "axes.labelcolor": INK, "text.color": INK,
     "xtick.color": INK, "ytick.color": INK, "xtick.labelcolor": INK, "grid.color": FAINT,
@@ -119,7 +109,7 @@ def _axes(count: int, height_in: float, **how: Any) -> tuple[Figure, list[Axes]]
     return figure, list(np.atleast_1d(figure.subplots(1, count, **how)))
 
 
-def _dots(results: Sequence[Result], wanted: Dots) -> Figure:
+def _dots(results: Sequence[Result], wanted: Drawing) -> Figure:
     panels = _panels(results, wanted.panels)
     rows = list(dict.fromkeys(str(getattr(each, wanted.rows)) for each in results))
     figure, axes = _axes(len(panels), HEAD_IN + ROW_IN * len(rows), sharey=True)
@@ -153,11 +143,11 @@ def _plain_ticks(axis: Axes, results: Sequence[Result]) -> None:
     axis.minorticks_off()
 
 
-def _curves(results: Sequence[Result], wanted: Curves) -> Figure:
+def _curves(results: Sequence[Result], wanted: Drawing) -> Figure:
     panels = _panels(results, wanted.panels)
     figure, axes = _axes(len(panels), CURVES_IN, sharey=True)
     for axis, (panel, some) in zip(axes, panels.items(), strict=True):
-        for color, (name, points) in zip(MORE, _panels(some, wanted.curves).items(), strict=False):
+        for color, (name, points) in zip(MORE, _panels(some, wanted.rows).items(), strict=False):
             x = [_number(each.condition) for each in points]
             axis.plot(
                 x, [each.value for each in points], "o-", color=color, label=name, markersize=4
@@ -170,7 +160,7 @@ def _curves(results: Sequence[Result], wanted: Curves) -> Figure:
                 axis.plot(*zip(*theirs, strict=True), "D", color=PAPER_COLOR, fillstyle="none")
         axis.set_title(panel.replace("_", " "))
         axis.set_ylim(bottom=0)
-        axis.set_xscale("log" if wanted.logarithmic_x else "linear")
+        axis.set_xscale("log" if wanted.logarithmic else "linear")
     axes[0].set_ylabel(wanted.y_title)
     figure.supxlabel(wanted.x_title, fontsize=9.5)
     handles, labels = axes[0].get_legend_handles_labels()
@@ -188,3 +178,9 @@ def _number(condition: str) -> float:
 
 def _color(method: str) -> str:
     return OURS if method.startswith("ELF") else THEIRS
+
+
+KINDS: Mapping[str, Callable[[Sequence[Result], Drawing], Figure]] = {
+    "dots": _dots,
+    "curves": _curves,
+}

@@ -9,27 +9,37 @@ A block in a page names what it shows, and holds it:
 `rows` and `columns` are columns of the CSV, several by commas; `NAME=VALUE` takes the rows of these
 values ("a|b"), in this order (`value*` takes what begins so). A cell has a figure and its interval;
 `interval=no` leaves that out, and `paper=yes` puts the paper's figure in a column beside ours.
-`<!-- figure: NAME -->` shows the figure of that name from `studies.drawing`.
+A figure is drawn into `docs/figures/NAME.svg`, of the rows that it names likewise:
+
+    <!-- figure: NAME study=mapping kind=dots metric="precision" caption="..." x="precision" -->
+    <!-- /figure -->
 """
 
 from __future__ import annotations
 
+import os
 import re
 import shlex
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError
 from elfslam.data.folders import replaced_file
 from studies.results import COLUMNS, RESULTS, ROOT, Result, read_results
 
+if TYPE_CHECKING:
+    from studies.drawing import Drawing
+
 BLOCK = re.compile(r"(<!-- (results|figure): (.+?) -->\n).*?(<!-- /\2 -->)", re.S)
 FIGURES = ROOT / "docs" / "figures"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
-OPTIONS = ("rows", "columns", "interval", "paper", "sort")
+OPTIONS = ("rows", "columns", "interval", "paper")
+FIGURE_OPTIONS = ("study", "kind", "caption", "x", "y", "rows", "panels", "logarithmic")
 PAPER = "paper"
-DASH = "–"
+DASH = "-"
 
 
 @dataclass(frozen=True)
@@ -50,10 +60,9 @@ def rendered(page: Path, text: str) -> str:
     def block(found: re.Match[str]) -> str:
         opening, kind, told, closing = found.groups()
         try:
-            content = table(parse(told)) if kind == "results" else picture(page, told.strip())
+            content = table(parse(told)) if kind == "results" else shown_in(page, drawing_of(told))
         except InputError as refused:
-            place = page.relative_to(ROOT) if page.is_relative_to(ROOT) else page.name
-            raise InputError(f"{place}: block {told!r}: {refused}") from refused
+            raise InputError(f"{_name(page)}: block {told!r}: {refused}") from refused
         return f"{opening}{content}\n{closing}"
 
     return BLOCK.sub(block, text)
@@ -61,51 +70,88 @@ def rendered(page: Path, text: str) -> str:
 
 def render(pages: Iterable[Path] = PAGES) -> list[str]:
     """Make all blocks and figures anew; the files that changed, from the root of the project."""
-    from studies.drawing import DRAWN, svg
-
-    made = {page: rendered(page, page.read_text(encoding="utf-8")) for page in pages}
-    made |= {FIGURES / f"{name}.svg": svg(name) for name in DRAWN}
+    made = all_made(pages)
     changed = [file for file, text in made.items() if not _is(file, text)]
     for file in changed:
+        file.parent.mkdir(parents=True, exist_ok=True)
         with replaced_file(file) as partial:
             partial.write_text(made[file], encoding="utf-8")
-    return [file.relative_to(ROOT).as_posix() for file in changed]
+    return [_name(file) for file in changed]
 
 
 def differences(pages: Iterable[Path] = PAGES) -> list[str]:
     """What `render` would change: a line for each figure of a table, and for each drawing."""
-    from studies.drawing import DRAWN, svg
-
     found = []
-    for page in pages:
-        text = page.read_text(encoding="utf-8")
-        pairs = zip(text.splitlines(), rendered(page, text).splitlines(), strict=False)
-        name = page.relative_to(ROOT).as_posix()
-        found += [f"{name}: has {old!r}, wanted {new!r}" for old, new in pairs if old != new]
-    drawings = {FIGURES / f"{name}.svg": name for name in DRAWN}
-    found += [f"{file.name}: is of other results" for file, name in drawings.items()
-              if not _is(file, svg(name))]  # fmt: skip
+    for file, text in all_made(pages).items():
+        if file.suffix == ".svg":
+            found += [] if _is(file, text) else [f"{_name(file)}: is of other results"]
+            continue
+        pairs = zip_longest(file.read_text(encoding="utf-8").splitlines(), text.splitlines())
+        found += [f"{_name(file)}: has {old!r}, wanted {new!r}" for old, new in pairs if old != new]
     return found
 
 
+def all_made(pages: Iterable[Path]) -> dict[Path, str]:
+    """The text of every page, and of every figure that one shows.
+
+    Raises InputError where a block cannot be made, or two figures share a name.
+    """
+    from studies.drawing import svg
+
+    texts = {page: page.read_text(encoding="utf-8") for page in pages}
+    drawings: dict[str, Drawing] = {}
+    for text in texts.values():
+        for _, kind, told, _ in BLOCK.findall(text):
+            if kind == "figure":
+                drawing = drawing_of(told)
+                if drawings.setdefault(drawing.name, drawing) != drawing:
+                    raise InputError(f"figure {drawing.name}: drawn in two ways; rename one")
+    made = {page: rendered(page, text) for page, text in texts.items()}
+    return made | {_file_of(name): svg(drawing) for name, drawing in drawings.items()}
+
+
 def parse(told: str) -> Shown:
-    """What a block says. Raises InputError for words that it does not know."""
-    name, *rest = shlex.split(told)
-    given: dict[str, str] = {}
-    for each in rest:
-        key, equals, value = each.partition("=")
-        if not equals or key not in (*COLUMNS, *OPTIONS):
-            raise InputError(
-                f"{each}: wanted NAME=VALUE, NAME of {', '.join((*COLUMNS, *OPTIONS))}"
-            )
-        given[key] = value
-    where = {key: tuple(value.split("|")) for key, value in given.items() if key in COLUMNS}
+    """What a block of results says. Raises InputError for words that it does not know."""
+    name, where, given = _words(told, OPTIONS)
     rows, columns = (tuple(given.get(key, "").split(",")) for key in ("rows", "columns"))
     if not {*rows, *columns} <= set(COLUMNS):
         raise InputError(f"rows={','.join(rows)} columns={','.join(columns)}: wanted {COLUMNS}")
-    return Shown(
-        name, where, rows, columns, given.get("interval") != "no", given.get(PAPER) == "yes"
-    )
+    interval, paper = given.get("interval") != "no", given.get(PAPER) == "yes"
+    return Shown(name, where, rows, columns, interval, paper)
+
+
+def drawing_of(told: str) -> Drawing:
+    """What a block of a figure says. Raises InputError for words that it does not know."""
+    from studies.drawing import Drawing
+
+    name, where, given = _words(told, FIGURE_OPTIONS)
+    missing = [each for each in ("study", "kind", "caption", "x") if each not in given]
+    if missing:
+        raise InputError(f"wanted {', '.join(missing)} as well")
+    rows, panels = given.get("rows", "method"), given.get("panels", "world")
+    return Drawing(
+        name, given["study"], where, given["kind"], given["caption"], given["x"],
+        given.get("y", ""), rows, panels, given.get("logarithmic") == "yes",
+    )  # fmt: skip
+
+
+def _words(
+    told: str, options: Sequence[str]
+) -> tuple[str, dict[str, tuple[str, ...]], dict[str, str]]:
+    """Name, wanted values by column, and options of a block."""
+    name, *rest = shlex.split(told)
+    where: dict[str, tuple[str, ...]] = {}
+    given: dict[str, str] = {}
+    for each in rest:
+        key, equals, value = each.partition("=")
+        if not equals or key not in (*COLUMNS, *options):
+            wanted = ", ".join((*COLUMNS, *options))
+            raise InputError(f"{each}: wanted NAME=VALUE, NAME one of {wanted}")
+        if key in options:
+            given[key] = value
+        else:
+            where[key] = tuple(value.split("|"))
+    return name, where, given
 
 
 def table(shown: Shown) -> str:
@@ -134,7 +180,7 @@ def table(shown: Shown) -> str:
 
 def select(results: Sequence[Result], where: Mapping[str, tuple[str, ...]]) -> list[Result]:
     """The results whose columns have the wanted values, in the order in which these are named."""
-    for name, wanted in reversed(where.items()):
+    for name, wanted in reversed(list(where.items())):
         ranked = [(_rank(getattr(each, name), wanted), each) for each in results]
         known = [(rank, each) for rank, each in ranked if rank is not None]
         results = [each for _, each in sorted(known, key=lambda pair: pair[0])]
@@ -156,14 +202,10 @@ def provenance(results: Sequence[Result]) -> str:
     return ", ".join(parts + ([f"seeds {seeds}"] if seeds else []))
 
 
-def picture(page: Path, name: str) -> str:
+def shown_in(page: Path, drawing: Drawing) -> str:
     """The line that shows a figure in a page."""
-    from studies.drawing import DRAWN
-
-    if name not in DRAWN:
-        raise InputError(f"figure {name!r}: wanted one of {', '.join(DRAWN)}")
-    up = "../" * (len(page.relative_to(ROOT).parts) - 1)
-    return f"![{DRAWN[name].caption}]({up}docs/figures/{name}.svg)".replace("../docs/", "", 1)
+    file = os.path.relpath(_file_of(drawing.name), page.parent)
+    return f"![{drawing.caption}]({Path(file).as_posix()})"
 
 
 def figure_text(value: float) -> str:
@@ -212,6 +254,14 @@ def _line(cells: Iterable[str]) -> str:
 
 def _label(text: str) -> str:
     return text.replace("_", " ").strip(" ,")
+
+
+def _file_of(name: str) -> Path:
+    return FIGURES / f"{name}.svg"
+
+
+def _name(file: Path) -> str:
+    return file.relative_to(ROOT).as_posix() if file.is_relative_to(ROOT) else file.name
 
 
 def _is(file: Path, text: str) -> bool:
