@@ -178,7 +178,7 @@ def watched(process: int) -> Iterator[Most]:
 
     def look() -> None:
         while not ended.wait(LOOK_S):
-            children = children_of(process)
+            children = parsing_children()
             most.children = max(most.children, len(children))
             most.memory_mib = max(most.memory_mib, sum(map(_memory_mib, [process, *children])))
 
@@ -191,9 +191,9 @@ def watched(process: int) -> Iterator[Most]:
         looking.join()
 
 
-def children_of(process: int) -> list[int]:
-    """The children that parse for a server: their command line names it."""
-    told, found = f"{CHILD}\0{process}\0".encode(), []
+def parsing_children() -> list[int]:
+    """The children that parse for the one server here, also after it has ended."""
+    told, found = f"{CHILD}\0".encode(), []
     for file in Path("/proc").glob("[0-9]*/cmdline"):
         with suppress(OSError):
             if told in file.read_bytes():
@@ -226,7 +226,7 @@ def attacked(seconds: float, at_once: int) -> tuple[list[Row], list[Row], Row]:
         served.process.send_signal(signal.SIGTERM)
         served.process.wait()
         stop_s = time.perf_counter() - begin_s
-        left = len(children_of(served.process.pid))
+        left = len(parsing_children())
         attacker.join()
         answers = json.loads(Path(heard).read_text())
     took: Row = {
