@@ -28,7 +28,7 @@ from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.finding import Given, Row
 from studies.located import MAPPING_ROUNDS, Mapped, fix_numbers, located, mapped_walk, stranger
-from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, trajectory_errors, walkers
 from studies.repeats import Numbers, finished
 
 SLACK = 1.5
@@ -103,7 +103,7 @@ def median_errors(task: Task) -> Numbers:
     mapped = mapped_walk(world, task.seed, task.rounds, encoder, kind=kind)
     numbers = {
         RECKONED: reckoned_m(mapped, task.seed, kind),
-        MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)["aligned|median"],
+        MAPPED: trajectory_errors(mapped.run.trajectory, mapped.truth)[MEDIAN_ALIGNED],
     }
     if task.modes:
         other = stranger(world, task.seed, STRANGER_ROUNDS, encoder, kind=kind)
@@ -118,7 +118,7 @@ def reckoned_m(mapped: Mapped, seed: int, kind: Kind) -> float:
     """The same walk by steps and headings alone."""
     known = walkers(seed, kind)[CALIBRATED]
     run = map_by(mapped.recording, [sense_of(Modality.MOTION, known)], known)
-    return trajectory_errors(run.trajectory, mapped.truth)["aligned|median"]
+    return trajectory_errors(run.trajectory, mapped.truth)[MEDIAN_ALIGNED]
 
 
 def judged(found: Mapping[tuple[str, str, str], float], figures: Iterable[Figure]) -> list[Row]:

@@ -33,7 +33,7 @@ from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World, simulate
-from studies.mapping_errors import CALIBRATED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.repeats import Numbers
 from studies.simulated_walk import simulated_in
 

@@ -25,7 +25,7 @@ from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval, mean_of
 from studies.localization import ELSEWHERE, ROUNDS, WORLDS, shipped
 from studies.located import Stranger, at_its_start, fix_numbers, located_in, stranger
-from studies.mapping_errors import CALIBRATED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.merged_walks import one_after_another
 from studies.plain_features import ALWAYS, ELF, FEATURES, compared_encoders
 from studies.repeats import Numbers, finished

@@ -21,7 +21,7 @@ from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world, simulate
 from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
 from studies.located import at_its_start
-from studies.mapping_errors import CALIBRATED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.repeats import Numbers
 from studies.simulated_walk import simulated_in
 

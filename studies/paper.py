@@ -39,7 +39,7 @@ from studies.figures.dots import Dot, dots_by, dots_figure
 from studies.finding import Finding, Given, Row
 from studies.intervals import mean_interval
 from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
-from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
 from studies.repeats import Numbers, by_world, finished
 from studies.simulated_walk import SimulatedWalk
@@ -188,7 +188,7 @@ def _rivals(
 
 
 def _median_m(run: Run, truth: Truth) -> float:
-    return trajectory_errors(run.trajectory, truth)["aligned|median"]
+    return trajectory_errors(run.trajectory, truth)[MEDIAN_ALIGNED]
 
 
 def _asked(walk: SimulatedWalk, mapped: Mapped, encoder: Encoder) -> Numbers:

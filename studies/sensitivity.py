@@ -28,7 +28,7 @@ from studies.located import (
     mapped_walk,
     stranger,
 )
-from studies.mapping_errors import CALIBRATED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.plain_features import FeatureMap, feature_maps
 from studies.repeats import Numbers, by_world, finished
 from studies.sensitivity_table import sensitivity_page, sensitivity_rows

@@ -19,7 +19,7 @@ from studies.finding import Finding, Given, Row
 from studies.intervals import curve_of, mean_row
 from studies.localization import SEEDS, WORLDS, shipped
 from studies.located import MAPPING_ROUNDS, at_its_start
-from studies.mapping_errors import CALIBRATED, walkers
+from studies.mapping import CALIBRATED, walkers
 from studies.repeats import Numbers, by_world, finished
 from studies.simulated_walk import SimulatedWalk, simulated
 

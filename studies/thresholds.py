@@ -22,7 +22,7 @@ from elfslam.slam.pipeline import closures_by
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
 from studies.finding import Finding, Given, Row
 from studies.located import at_its_start
-from studies.mapping_errors import CALIBRATED, trajectory_errors, walkers
+from studies.mapping import CALIBRATED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
 from studies.repeats import Numbers, finished
 from studies.simulated_walk import SimulatedWalk, simulated
@@ -74,7 +74,7 @@ def _measured(walk: SimulatedWalk) -> Numbers:
 
 def _median_m(nodes: Odometry, closures: Closures, truth: Truth, known: Settings) -> float:
     trajectory = optimise(build_graph(nodes, closures), nodes.t_s, known.graph)
-    return trajectory_errors(trajectory, truth)["aligned|median"]
+    return trajectory_errors(trajectory, truth)[MEDIAN_ALIGNED]
 
 
 def _rows(tasks: Sequence[SimulatedWalk], numbers: Sequence[Numbers]) -> list[Row]:

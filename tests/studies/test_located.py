@@ -9,7 +9,7 @@ from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, Odometry, Run, Trajectory, Truth
 from elfslam.slam.pipeline import no_similarity
 from studies.located import fix_numbers
-from studies.mapping_errors import NO_CLOSURES
+from studies.mapping import NO_CLOSURES
 
 T_S = np.arange(0.0, 10.0, 0.5)
 TRUE = np.column_stack([T_S, 0.1 * T_S**2, np.zeros(len(T_S))])

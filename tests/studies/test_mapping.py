@@ -10,9 +10,9 @@ import pytest
 from elfslam.app.settings import Settings
 from elfslam.learn.parameters import ScratchParameters
 from elfslam.scoring.page import save_page
-from studies import mapping_errors
+from studies import mapping
 from studies.finding import Finding, Given
-from studies.mapping_errors import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
+from studies.mapping import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
 
 
 @pytest.fixture(scope="module")
