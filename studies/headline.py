@@ -26,10 +26,19 @@ from elfslam.line.feature import load_encoder
 from elfslam.slam.pipeline import map_by
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
-from studies.finding import Given, Row
-from studies.located import MAPPING_ROUNDS, Mapped, fix_numbers, located, mapped_walk, stranger
-from studies.mapping import CALIBRATED, trajectory_errors, walkers
-from studies.repeats import Numbers, finished
+from studies.located import (
+    MAPPING_ROUNDS,
+    MEDIAN_M,
+    Mapped,
+    fix_numbers,
+    located,
+    mapped_walk,
+    stranger,
+)
+from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
+from studies.repeats import finished
+from studies.results import Record
+from studies.study import StudyContext
 
 SLACK = 1.5
 """A limit is the expected figure times this: a figure twice as bad is above it."""
@@ -86,18 +95,17 @@ FIGURES = (
 
 
 def measure_headline(
-    given: Given, *, tasks: Sequence[Task] = TASKS
+    context: StudyContext, *, tasks: Sequence[Task] = TASKS
 ) -> dict[tuple[str, str, str], float]:
     """Mean over walks of the median error (m), by world, kind of walk and figure."""
-    numbers = finished(median_errors, tasks, given)
     found: dict[tuple[str, str, str], list[float]] = {}
-    for task, walk in zip(tasks, numbers, strict=True):
-        for name, value in walk.items():
-            found.setdefault((task.world, task.kind, name), []).append(value)
+    for task, walk in zip(tasks, finished(median_errors, tasks, context), strict=True):
+        for each in walk:
+            found.setdefault((task.world, task.kind, each.method), []).append(each.value)
     return {key: float(np.mean(values)) for key, values in found.items()}
 
 
-def median_errors(task: Task) -> Numbers:
+def median_errors(task: Task) -> list[Record]:
     """Median errors (m) of one walk, aligned: its dead reckoning, its map, and who is in it."""
     world, encoder, kind = load_world(task.world), load_encoder("compact"), kind_named(task.kind)
     mapped = mapped_walk(world, task.seed, task.rounds, encoder, kind=kind)
@@ -110,8 +118,8 @@ def median_errors(task: Task) -> Numbers:
         for mode in task.modes:
             fixes = located(mapped, other, mode, Settings())
             found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
-            numbers[mode.value] = found["median"]
-    return numbers
+            numbers[mode.value] = found[MEDIAN_M]
+    return [Record(name, MEDIAN_M, value) for name, value in numbers.items()]
 
 
 def reckoned_m(mapped: Mapped, seed: int, kind: Kind) -> float:
@@ -121,7 +129,9 @@ def reckoned_m(mapped: Mapped, seed: int, kind: Kind) -> float:
     return trajectory_errors(run.trajectory, mapped.truth)[MEDIAN_ALIGNED]
 
 
-def judged(found: Mapping[tuple[str, str, str], float], figures: Iterable[Figure]) -> list[Row]:
+def judged(
+    found: Mapping[tuple[str, str, str], float], figures: Iterable[Figure]
+) -> list[dict[str, object]]:
     """A row per figure; NaN, where nobody was located, is red like what is above its limit."""
     return [
         {
@@ -143,7 +153,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=RawTextHelpFormatter)
     parser.add_argument("--on", default="2", help="who works: a number of processes")
     with progress_bar() as announce, open_workers(parser.parse_args(arguments).on) as workers:
-        rows = judged(measure_headline(Given(announce=announce, workers=workers)), FIGURES)
+        rows = judged(measure_headline(StudyContext(announce=announce, workers=workers)), FIGURES)
     print_rows(rows, title="Headline", as_json=False)
     return int(any(row["verdict"] != OK for row in rows))
 

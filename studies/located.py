@@ -23,24 +23,26 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
-from elfslam.line.feature import Encoder, extract_features
+from elfslam.line.feature import Encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.errors import fix_distances, summarise
-from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.front_end import walk_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
-from elfslam.world.simulate import World, simulate
+from elfslam.world.simulate import World
+from studies.cached import extract_features, hear, simulate
 from studies.mapping import CALIBRATED, walkers
-from studies.repeats import Numbers
 from studies.simulated_walk import simulated_in
 
 MAPPING_ROUNDS = 4
 STRANGER = 1000
 """Added to a seed: the walk to be located is another person's."""
 GROSS_M = 1.0
+MEDIAN_M, OVER_1_M = "median error (m)", "over 1 m"
+"""Metrics of fixes: of the answered ones, as the share of which the second is told."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,27 +129,31 @@ def located_in(floor_map: FloorMap, other: Stranger, mode: Mode, settings: Setti
     return locate_walk(other.nodes, scores, floor_map, settings, mode=mode)
 
 
-def fix_numbers(fixes: Fixes, other: Truth, trajectory: Trajectory, mapped: Truth) -> Numbers:
+def fix_numbers(
+    fixes: Fixes, other: Truth, trajectory: Trajectory, mapped: Truth
+) -> dict[str, float]:
     """Errors of the answered fixes in metres, how many were answered, and whether sigma is honest.
 
-    The map lies in the world by the best rigid fit of its own walk; `anchored|` by its start
-    alone, as the covariances have it (`NEES`, 2 where they are right). Empty lists give NaN.
+    The map lies in the world by the best rigid fit of its own walk; anchored by its start
+    alone, as the covariances have it (`NEES`, 2 where they are right). By metric, as records name
+    them; empty lists give NaN.
     """
-    numbers: Numbers = {}
-    for name, alignment in (("", Alignment.ALIGNED), ("anchored|", Alignment.ANCHORED)):
+    numbers: dict[str, float] = {}
+    for name, alignment in (("", Alignment.ALIGNED), (", anchored", Alignment.ANCHORED)):
         world_from_map = _map_in_world(trajectory, mapped, alignment)
         status, errors = fix_distances(fixes, other, world_from_map)
         summary = summarise(errors[status == FixStatus.OK])
         numbers |= {
-            f"{name}median": summary.median_m, f"{name}mean": summary.mean_m,
-            f"{name}Q3": summary.q3_m,
+            f"median error{name} (m)": summary.median_m,
+            f"mean error{name} (m)": summary.mean_m,
+            f"third quartile{name} (m)": summary.q3_m,
         }  # fmt: skip
         if alignment is Alignment.ALIGNED:
             right = errors[status == FixStatus.OK]
             numbers |= {
                 "answered": float(np.mean(status == FixStatus.OK)),
                 "ambiguous": float(np.mean(status == FixStatus.AMBIGUOUS)),
-                "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
+                OVER_1_M: float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
             }
     numbers["NEES"] = _nees(fixes, other, _map_in_world(trajectory, mapped, Alignment.ANCHORED))
     return numbers
