@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import InputError
 from elfslam.base.values import Odometry, Orientation, Recording, Truth
 from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
@@ -22,12 +21,12 @@ from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnet
 from elfslam.line.closure import find_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.motion import nodes_by_distance
-from elfslam.scoring.alignment import Alignment, match, place, placement
+from elfslam.scoring.alignment import Alignment
+from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import position_errors
-from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
-from elfslam.scoring.page import Page, Panel, rows_table
-from studies.finding import Finding, Given, Row
 from studies.magnetic_offsets import AlignmentParameters, align_closures
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
 AS_STATED = GraphParameters(noise_rounds=0)
 """How noisy the odometry is, is known exactly: this study drifts it."""
@@ -49,15 +48,8 @@ field and so their error: each is trusted far less than it is exact."""
 PAPER_RMSE_M = {"library": 0.30, "square": 0.10, "eight": 0.10}
 PAPER_S = {"library": 138.0, "square": 66.0, "eight": 10.0}
 """Their program on the same input: median error over drifts, and its time."""
-NOTE = (
-    "Drifted odometry and map lie on the truth by the rigid move that fits best. The truth is the "
-    "phone's own visual odometry, whose jumps (up to 0.8 m in library) no map can follow."
-)
-ROWS_NOTE = (
-    "Root mean square errors after the rigid move, medians and ranges over five drifts. Levelled "
-    "by: the phone's true roll and pitch; none: as if the phone were always held upright; or "
-    "nothing but the field's strength. One set of parameters for all."
-)
+RECKONED, MAPPED = "dead reckoning", "magnetic"
+RMSE, SECONDS = "RMSE, aligned (m)", "time (s)"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,35 +64,43 @@ class Mapped:
 
 
 def measure_magnetic_walks(
-    given: Given, *, sets: tuple[str, ...] = SETS, seeds: tuple[int, ...] = SEEDS
-) -> Finding:
-    """A row per set and way of levelling: errors of drifted odometry and of the map.
+    context: StudyContext, *, sets: Sequence[str] = SETS, seeds: Sequence[int] = SEEDS
+) -> list[Record]:
+    """Errors of drifted odometry and of the map, by how the phone is levelled (the condition).
 
-    `data` holds `magnetic/*.mat`. Raises InputError where they are missing.
+    Medians over the drifts; `paper` is what the authors' program makes of the same input.
     """
-    if given.data is None:
-        raise InputError("magnetic walks: wanted real walks; set ELFSLAM_DATA to their folder")
-    rows: list[Row] = []
-    panels: list[Panel] = []
+    assert context.data is not None
+    found: list[Record] = []
     for k, name in enumerate(sets):
-        given.announce(name, k / len(sets))
-        walks = [
-            read_magnetic(
-                given.data / "magnetic" / f"{name}.mat", np.random.default_rng(seed), PAPERS_DRIFT
-            )
-            for seed in seeds
-        ]
+        context.announce(name, k / len(sets))
+        file = context.data / "magnetic" / f"{name}.mat"
+        walks = [read_magnetic(file, np.random.default_rng(seed), PAPERS_DRIFT) for seed in seeds]
+        of = Record(RECKONED, RMSE, 0.0, world=name, seeds=seeds_text(seeds))
+        drifted = [
+            rmse_m(walk.odometry.t_s, walk.odometry.world_from_body, truth)
+            for walk, truth in walks if walk.odometry is not None
+        ]  # fmt: skip
+        found.append(median_of(of, drifted))
         for levelled, orientation_of in LEVELLINGS.items():
             mapped = [map_by_field(*walk, orientation_of(walk[0])) for walk in walks]
-            rows.append(_row(name, levelled, mapped))
-            if levelled == next(iter(LEVELLINGS)):
-                panels.append(_panel(name, mapped))
-    table = Panel("Errors", rows_table(rows), ROWS_NOTE, wide=True)
-    return Finding(rows, Page("Loops closed by the magnetic field", NOTE, [table, *panels]))
+            of = replace(of, method=MAPPED, condition=levelled, paper=PAPER_RMSE_M[name])
+            found.append(median_of(of, [rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped]))
+            of = replace(of, metric=SECONDS, paper=PAPER_S[name])
+            found.append(median_of(of, [m.seconds for m in mapped]))
+            of = replace(of, metric=RMSE)
+    return found
+
+
+def median_of(of: Record, values: Sequence[float]) -> Record:
+    """A record with the median of values of drifts, and its interval."""
+    each = [np.atleast_1d(value) for value in values]
+    low, high = interval(each, lambda some: float(np.median(some)), np.random.default_rng(0))
+    return replace(of, value=float(np.median(values)), low=low, high=high)
 
 
 def map_by_field(recording: Recording, truth: Truth, orientation: Orientation | None) -> Mapped:
-    """The drifted walk straightened by closures of its field; the truth is carried along only."""
+    """The drifted walk optimised with closures by its field; the truth is carried along only."""
     odometry, magnetometer = recording.odometry, recording.magnetometer
     assert odometry is not None
     assert magnetometer is not None
@@ -145,36 +145,7 @@ def rmse_m(t_s: F64, poses: F64, truth: Truth) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _row(name: str, levelled: str, mapped: list[Mapped]) -> Row:
-    drifted = [rmse_m(m.odometry.t_s, m.odometry.world_from_body, m.truth) for m in mapped]
-    errors = [rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped]
-    return {
-        "set": name,
-        "levelled by": levelled,
-        "drifted (m)": round(float(np.median(drifted)), 3),
-        "drifted, range": f"{min(drifted):.2f} to {max(drifted):.2f}",
-        "mapped (m)": round(float(np.median(errors)), 3),
-        "mapped, range": f"{min(errors):.2f} to {max(errors):.2f}",
-        "their program (m)": PAPER_RMSE_M[name],
-        "seconds": round(float(np.median([m.seconds for m in mapped])), 2),
-        "their seconds": PAPER_S[name],
-    }
-
-
-def _panel(name: str, mapped: list[Mapped]) -> Panel:
-    """The walk whose map has the median error."""
-    order = np.argsort([rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped])
-    shown = mapped[order[len(order) // 2]]
-    true = shown.truth.world_from_body
-    drifted = _laid_on(shown.odometry.t_s, shown.odometry.world_from_body, shown.truth)
-    walks = [
-        *walk_traces(drifted, "drifted", DEAD_RECKONING, width=1.5, opacity=0.7),
-        *walk_traces(true[:, :2], "truth", TRUTH, dash="dot"),
-        *walk_traces(_laid_on(shown.nodes_t_s, shown.poses, shown.truth), "mapped", SLAM),
-    ]
-    return Panel(name, plan(walks, height_px=460))
-
-
-def _laid_on(t_s: F64, poses: F64, truth: Truth) -> F64:
-    where = placement(match(t_s, poses, truth), Alignment.ALIGNED)
-    return np.asarray(place(poses, where)[:, :2])
+STUDY = Study(
+    "How well does the magnetic field alone close the loops of published walks?",
+    measure_magnetic_walks, minutes=1, data=("magnetic",), fast={"sets": ("eight",)},
+)  # fmt: skip
