@@ -23,13 +23,13 @@ from elfslam.line.anchoring import (
     placed,
 )
 from elfslam.line.feature import load_encoder
-from elfslam.scoring.bootstrap import interval
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world
 from elfslam.world.walkable import HEAD_M
+from studies.magnetic_walks import median_of
 from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text
 from studies.simulated_walk import SimulatedWalk, simulated
@@ -156,12 +156,7 @@ def _medians(walks: Sequence[Sequence[Record]], seeds: Sequence[int]) -> list[Re
     values: dict[Record, list[float]] = {}
     for each in (record for walk in walks for record in walk if record.metric in MEDIANS):
         values.setdefault(replace(each, value=0.0, seeds=seeds_text(seeds)), []).append(each.value)
-    found = []
-    for of, some in values.items():
-        each = [np.atleast_1d(value) for value in some]
-        low, high = interval(each, lambda v: float(np.median(v)), np.random.default_rng(0))
-        found.append(replace(of, value=float(np.median(some)), low=low, high=high))
-    return found
+    return [median_of(of, some) for of, some in values.items()]
 
 
 STUDY = Study(
