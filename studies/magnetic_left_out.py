@@ -165,7 +165,7 @@ def _records(
     return [
         median_of(replace(of, method=RECKONED, paper=None), [walk[RECKONED] for walk in walks]),
         median_of(replace(of, method=LEFT_OUT), [walk[str(chosen)] for walk in walks]),
-        replace(of, method=BEST, value=best),
+        replace(of, method=BEST, value=best, paper=None),
         *(replace(of, method=LEFT_OUT, metric=metric, value=value, paper=None)
           for metric, value in zip(CHOSEN, chosen, strict=True)),
     ]  # fmt: skip
