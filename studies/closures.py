@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import I64
 from elfslam.base.drift import Drift
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
@@ -17,7 +18,6 @@ from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import Alignment, position_errors, summarise
 from elfslam.slam.front_end import walk_nodes, with_heard_steps
-from elfslam.slam.parameters import Parameters
 from elfslam.world.kinds import PEOPLE, Kind
 from studies.cached import extract_features, hear
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
@@ -55,36 +55,36 @@ def measure_closures(
 
 def _measured(walk: SimulatedWalk) -> list[Record]:
     recording, truth = simulated(walk)
-    parameters = Parameters()
-    echoes = hear(recording, parameters)
-    nodes = with_heard_steps(walk_nodes(recording, parameters), echoes, parameters)
+    settings = Settings()
+    echoes = hear(recording, settings)
+    nodes = with_heard_steps(walk_nodes(recording, settings), echoes, settings)
     features = extract_features(echoes, load_encoder("compact"))
     similarity = echo_sequence_similarity(features, nodes)
     of = Record("", "", 0.0, world=walk.world, scenario=SCENARIOS[walk.kind])
     found: list[Record] = []
-    for strategy, step, closures, last in _steps(similarity, nodes, parameters):
+    for strategy, step, closures, last in _steps(similarity, nodes, settings):
         found += _scored(replace(of, method=strategy, condition=step), closures, nodes, truth)
         if last:
             accepted = replace(of, method=strategy, condition=ACCEPTED)
-            found += _mapped(accepted, closures, nodes, truth, parameters)
+            found += _mapped(accepted, closures, nodes, truth, settings)
     return found
 
 
 def _steps(
-    similarity: AnySimilarity, nodes: Odometry, parameters: Parameters
+    similarity: AnySimilarity, nodes: Odometry, settings: Settings
 ) -> Iterator[tuple[str, str, Closures, bool]]:
     """Strategy, step, what is left after it, and whether it is the last before the graph."""
-    yield NEAREST, "best of each footstep", _nearest(similarity, parameters), True
-    curation = replace(CurationParameters(), threshold=parameters.closure.threshold)
+    yield NEAREST, "best of each footstep", _nearest(similarity, settings), True
+    curation = replace(CurationParameters(), threshold=settings.closure.threshold)
     on_lines = np.sort(pairs_on_lines(similarity.scores, curation)[:, :2].astype(int))
     yield PAPER, "on a line in its slice", _pairs(*on_lines.T), False
     curated = curated_closures(similarity, nodes, curation)
     yield PAPER, "symmetric, one per line", curated, True
-    ridges = candidates(similarity, parameters.closure)
+    ridges = candidates(similarity, settings.closure)
     yield SEQUENCE, "ridges", _pairs(ridges.i, ridges.j), False
-    gated = ridges.chosen(possible(ridges, Drift(nodes), parameters.closure))
+    gated = ridges.chosen(possible(ridges, Drift(nodes), settings.closure))
     yield SEQUENCE, "within the gate", _pairs(gated.i, gated.j), False
-    closures = find_closures(similarity, nodes, parameters.closure)
+    closures = find_closures(similarity, nodes, settings.closure)
     yield SEQUENCE, "ratio test passed", closures, True
 
 
@@ -95,11 +95,11 @@ def _scored(of: Record, closures: Closures, nodes: Odometry, truth: Truth) -> li
 
 
 def _mapped(
-    of: Record, closures: Closures, nodes: Odometry, truth: Truth, parameters: Parameters
+    of: Record, closures: Closures, nodes: Odometry, truth: Truth, settings: Settings
 ) -> list[Record]:
     """What the graph accepts of the closures, and the errors of both maps."""
-    graph, plain = build_graph(nodes, closures), replace(parameters.graph, robust=False)
-    doubting, believing = (optimise(graph, nodes.t_s, each) for each in (parameters.graph, plain))
+    graph, plain = build_graph(nodes, closures), replace(settings.graph, robust=False)
+    doubting, believing = (optimise(graph, nodes.t_s, each) for each in (settings.graph, plain))
     found = _scored(of, closures.chosen(doubting.closure_weights > 0.5), nodes, truth)
     for metric, each in ((MEDIAN_ALIGNED, doubting), (MEDIAN_BELIEVED, believing)):
         errors = position_errors(each.t_s, each.world_from_body, truth, Alignment.ALIGNED)
@@ -107,13 +107,13 @@ def _mapped(
     return found
 
 
-def _nearest(similarity: AnySimilarity, parameters: Parameters) -> Closures:
+def _nearest(similarity: AnySimilarity, settings: Settings) -> Closures:
     """Each footstep with the one most like it, where that is like enough and not near in time."""
     scores = similarity.scores.copy()
     index = np.arange(len(scores))
-    scores[np.abs(index[:, None] - index) < parameters.closure.near_footsteps] = -1.0
+    scores[np.abs(index[:, None] - index) < settings.closure.near_footsteps] = -1.0
     partner = scores.argmax(axis=1)
-    alike = scores[index, partner] >= parameters.closure.threshold
+    alike = scores[index, partner] >= settings.closure.threshold
     pairs = np.unique(np.sort(np.column_stack([index, partner])[alike]), axis=0)
     return _pairs(*pairs.T)
 

@@ -16,34 +16,25 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Odometry, Orientation, Recording, Similarity, Truth
-from elfslam.baselines.magnetic import (
-    FieldProfile,
-    MagneticParameters,
-    field_profile,
-    level_by_gravity,
-    magnetic_similarity,
-)
+from elfslam.base.values import Orientation, Recording, Truth
+from elfslam.baselines.magnetic import level_by_gravity
 from elfslam.data.magnetic import drifted_odometry, read_magnetic
-from elfslam.line.closure import find_closures
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.motion import nodes_by_distance
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 from studies.cached import simulate
-from studies.magnetic_offsets import AlignmentParameters, align_closures
+from studies.magnetic_offsets import AlignmentParameters
 from studies.magnetic_walks import (
-    AS_STATED,
     CLOSURES,
-    NODE_SPACING_M,
     PAPER_RMSE_M,
     PAPERS_DRIFT,
     RECKONED,
     RMSE,
     SEEDS,
-    honest,
+    Seen,
+    mapped,
     median_of,
     rmse_m,
+    see,
 )
 from studies.repeats import finished
 from studies.results import Record, seeds_text
@@ -72,17 +63,6 @@ class DriftedWalk:
     seed: int
 
 
-@dataclass(frozen=True, eq=False)
-class Seen:
-    """What is the same for any choice: nodes, similarity of fields, the field along the walk."""
-
-    odometry: Odometry
-    truth: Truth
-    nodes: Odometry
-    similarity: Similarity
-    profile: FieldProfile
-
-
 def measure_magnetic_left_out(
     context: StudyContext, *, sets: Sequence[str] = SETS, choices: Sequence[Choice] = CHOICES
 ) -> list[Record]:
@@ -103,7 +83,8 @@ def measure_magnetic_left_out(
 
 def measure_walk(task: DriftedWalk, data: Path, choices: Sequence[Choice]) -> list[Record]:
     """Errors of a walk: drifted, and mapped with each of the choices (the method)."""
-    seen = _seen(*_walk(task, data))
+    recording, truth = _walk(task, data)
+    seen = see(recording, truth, recording.orientation)
     drifted_m = rmse_m(seen.odometry.t_s, seen.odometry.world_from_body, seen.truth)
     return [Record(RECKONED, RMSE, drifted_m)] + [
         Record(str(choice), RMSE, rmse_m(seen.nodes.t_s, _mapped(seen, choice), seen.truth))
@@ -131,28 +112,11 @@ def hall_walk(generator: np.random.Generator) -> tuple[Recording, Truth]:
     return replace(recording, odometry=odometry, orientation=level), Truth(t_s, poses)
 
 
-def _seen(recording: Recording, truth: Truth) -> Seen:
-    odometry, magnetometer = recording.odometry, recording.magnetometer
-    assert odometry is not None
-    assert magnetometer is not None
-    nodes, parameters = nodes_by_distance(honest(odometry), NODE_SPACING_M), MagneticParameters()
-    similarity = magnetic_similarity(magnetometer, recording.orientation, nodes, parameters)
-    fine = replace(parameters, spacing_m=AlignmentParameters().step_m)
-    profile = field_profile(magnetometer, recording.orientation, nodes, fine)
-    return Seen(odometry, truth, nodes, similarity, profile)
-
-
 def _mapped(seen: Seen, choice: Choice) -> F64:
-    """The walk (n, 3) straightened by the closures of one choice."""
+    """The walk (n, 3) corrected by the closures of one choice."""
     threshold, sigma_m, worst = choice
-    parameters = replace(
-        CLOSURES, threshold=threshold, along_sigma_m=sigma_m, across_sigma_m=sigma_m
-    )
-    found = find_closures(seen.similarity, seen.nodes, parameters)
-    finer = replace(AlignmentParameters(), worst=worst)
-    closures = align_closures(found, seen.nodes, seen.profile, finer)
-    graph = build_graph(seen.nodes, closures)
-    return optimise(graph, seen.nodes.t_s, AS_STATED).world_from_body
+    closing = replace(CLOSURES, threshold=threshold, along_sigma_m=sigma_m, across_sigma_m=sigma_m)
+    return mapped(seen, closing, replace(AlignmentParameters(), worst=worst))
 
 
 def _records(

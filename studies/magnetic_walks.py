@@ -10,15 +10,16 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
-from elfslam.base.values import Odometry, Orientation, Recording, Truth
+from elfslam.base.values import Odometry, Orientation, Recording, Similarity, Truth
 from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
+    FieldProfile,
     MagneticParameters,
     field_profile,
     magnetic_similarity,
 )
 from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
-from elfslam.line.closure import find_closures
+from elfslam.line.closure import ClosureParameters, find_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.motion import nodes_by_distance
 from elfslam.scoring.alignment import Alignment
@@ -53,14 +54,14 @@ RMSE, SECONDS = "RMSE, aligned (m)", "time (s)"
 
 
 @dataclass(frozen=True, eq=False)
-class Mapped:
-    """A drifted walk and what the field makes of it."""
+class Seen:
+    """What is the same for any closures: nodes, similarity of fields, the field along the walk."""
 
-    truth: Truth
     odometry: Odometry
-    nodes_t_s: F64
-    poses: F64
-    seconds: float
+    truth: Truth
+    nodes: Odometry
+    similarity: Similarity
+    profile: FieldProfile
 
 
 def measure_magnetic_walks(
@@ -83,12 +84,18 @@ def measure_magnetic_walks(
         ]  # fmt: skip
         found.append(median_of(of, drifted))
         for levelled, orientation_of in LEVELLINGS.items():
-            mapped = [map_by_field(*walk, orientation_of(walk[0])) for walk in walks]
-            of = replace(of, method=MAPPED, condition=levelled, paper=PAPER_RMSE_M[name])
-            found.append(median_of(of, [rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped]))
-            of = replace(of, metric=SECONDS, paper=PAPER_S[name])
-            found.append(median_of(of, [m.seconds for m in mapped]))
-            of = replace(of, metric=RMSE)
+            errors, seconds = [], []
+            for recording, truth in walks:
+                begun_s = time.perf_counter()
+                seen = see(recording, truth, orientation_of(recording))
+                poses = mapped(seen, CLOSURES, AlignmentParameters())
+                seconds.append(time.perf_counter() - begun_s)
+                errors.append(rmse_m(seen.nodes.t_s, poses, truth))
+            of = replace(of, method=MAPPED, condition=levelled)
+            found += [
+                median_of(replace(of, paper=PAPER_RMSE_M[name]), errors),
+                median_of(replace(of, metric=SECONDS, paper=PAPER_S[name]), seconds),
+            ]
     return found
 
 
@@ -99,22 +106,24 @@ def median_of(of: Record, values: Sequence[float]) -> Record:
     return replace(of, value=float(np.median(values)), low=low, high=high)
 
 
-def map_by_field(recording: Recording, truth: Truth, orientation: Orientation | None) -> Mapped:
-    """The drifted walk optimised with closures by its field; the truth is carried along only."""
+def see(recording: Recording, truth: Truth, orientation: Orientation | None) -> Seen:
+    """A drifted walk by its field; the truth is carried along only."""
     odometry, magnetometer = recording.odometry, recording.magnetometer
     assert odometry is not None
     assert magnetometer is not None
-    begun = time.perf_counter()
-    nodes = nodes_by_distance(honest(odometry), NODE_SPACING_M)
-    parameters, finer = MagneticParameters(), AlignmentParameters()
+    nodes, parameters = nodes_by_distance(honest(odometry), NODE_SPACING_M), MagneticParameters()
     similarity = magnetic_similarity(magnetometer, orientation, nodes, parameters)
-    closures = find_closures(similarity, nodes, CLOSURES)
-    fine = replace(parameters, spacing_m=finer.step_m)
+    fine = replace(parameters, spacing_m=AlignmentParameters().step_m)
     profile = field_profile(magnetometer, orientation, nodes, fine)
-    closures = align_closures(closures, nodes, profile, finer)
-    trajectory = optimise(build_graph(nodes, closures), nodes.t_s, AS_STATED)
-    seconds = time.perf_counter() - begun
-    return Mapped(truth, odometry, nodes.t_s, trajectory.world_from_body, seconds)
+    return Seen(odometry, truth, nodes, similarity, profile)
+
+
+def mapped(seen: Seen, closing: ClosureParameters, aligning: AlignmentParameters) -> F64:
+    """The poses (n, 3) of the walk once closures by its field have corrected it."""
+    found = find_closures(seen.similarity, seen.nodes, closing)
+    closures = align_closures(found, seen.nodes, seen.profile, aligning)
+    graph = build_graph(seen.nodes, closures)
+    return optimise(graph, seen.nodes.t_s, AS_STATED).world_from_body
 
 
 def held_upright(recording: Recording) -> Orientation:
