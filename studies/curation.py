@@ -43,8 +43,10 @@ class CurationParameters:
     """The fewest inliers of a line, and the fewest footsteps that it spans."""
     slopes: tuple[float, float] = (0.6, 1.6)
     """Of a line: the pace of one pass over the other."""
-    sigma: tuple[float, float, float] = (0.18, 0.18, 0.18)
-    """Of a closure: along (m), across (m), heading (rad)."""
+    along_sigma_m: float = 0.18
+    across_sigma_m: float = 0.18
+    heading_sigma_rad: float = 0.18
+    """Errors of a closure along and across the walk, and of its heading."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,8 @@ def curated_closures(
     forward_m = ((j - lines) * slope + (slope < 0)) * step_m[np.minimum(j, len(step_m) - 1)]
     heading = np.where(slope > 0, 0.0, np.pi)
     i_from_j = np.column_stack([forward_m, np.zeros(len(i)), heading])
-    covariance = np.tile(np.diag(np.square(parameters.sigma)), (len(i), 1, 1))
+    sigma = (parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad)
+    covariance = np.tile(np.diag(np.square(sigma)), (len(i), 1, 1))
     score = similarity.scores[i, j].astype(np.float64)
     return Closures(i, j, score, i_from_j, covariance)
 

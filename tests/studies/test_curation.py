@@ -103,8 +103,9 @@ def test_a_partner_between_two_footsteps_lies_ahead_or_behind(pace: float) -> No
 
 
 def test_the_covariance_is_that_of_the_parameters() -> None:
-    parameters = dataclasses.replace(PARAMETERS, sigma=(0.1, 0.2, 0.3))
-    found = curated_closures(Similarity(planted(same_way(50), 5, 45), "stub"), walk(), parameters)
+    found = closures_of(
+        planted(same_way(50), 5, 45), along_sigma_m=0.1, across_sigma_m=0.2, heading_sigma_rad=0.3
+    )
     npt.assert_allclose(found.covariance, np.tile(np.diag([0.01, 0.04, 0.09]), (40, 1, 1)))
 
 
