@@ -135,8 +135,8 @@ def held_upright(recording: Recording) -> Orientation:
 
 
 LEVELLINGS: dict[str, Callable[[Recording], Orientation | None]] = {
-    "roll and pitch": lambda recording: recording.orientation,
-    "none": held_upright,
+    "levelled by roll and pitch": lambda recording: recording.orientation,
+    "not levelled": held_upright,
     "strength only": lambda recording: None,
 }
 

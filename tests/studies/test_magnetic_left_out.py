@@ -55,7 +55,7 @@ def test_without_closures_a_walk_stays_as_it_drifted(shared_data: Path) -> None:
 def test_the_field_takes_most_of_the_drift_out(shared_data: Path) -> None:
     records = measure_magnetic_walks(StudyContext(shared_data), sets=("square",), seeds=(0,))
     found = {(r.method, r.condition): r.value for r in records if r.metric == RMSE}
-    for levelled in ("roll and pitch", "none"):
+    for levelled in ("levelled by roll and pitch", "not levelled"):
         assert found["magnetic", levelled] < 0.4 * found[RECKONED, ""]
 
 
