@@ -16,8 +16,6 @@ from sklearn.cluster import DBSCAN
 from sklearn.linear_model import LinearRegression, RANSACRegressor
 
 from elfslam.base.arrays import F32, F64, I64, Bool
-from elfslam.base.errors import ParameterError
-from elfslam.base.parameters import parameter
 from elfslam.base.values import AnySimilarity, Closures, Odometry
 
 GATHERED_WITHIN = (2.0, 1.5, 1.0)
@@ -27,41 +25,28 @@ skewed cuts off the very points that would turn it back, so the first rounds rea
 
 @dataclass(frozen=True)
 class CurationParameters:
-    """What the paper's curation takes for a loop closure."""
+    """What the paper's curation takes for a loop closure; lengths are in footsteps."""
 
-    threshold: float = parameter(
-        0.4, "", "similarity from which a pair is a candidate", low=-1.0, high=1.0
-    )
-    near_footsteps: int = parameter(
-        12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
-    )
-    slice_footsteps: int = parameter(
-        16, "footsteps", "width of a slice of the matrix", low=4, high=256
-    )
-    cluster_radius: float = parameter(2.0, "footsteps", "DBSCAN neighbourhood", low=0.5, high=8.0)
-    cluster_points: int = parameter(
-        3, "", "DBSCAN: candidates that make a core point", low=1, high=1_000
-    )
-    line_distance: float = parameter(
-        1.2, "footsteps", "RANSAC: farthest inlier from the line", low=0.1, high=50.0
-    )
-    line_points: int = parameter(6, "", "fewest inliers of a line", low=2, high=1_000)
-    line_length: int = parameter(
-        5, "footsteps", "fewest footsteps a line must span", low=2, high=1_000
-    )
-    slope_low: float = parameter(
-        0.6, "", "least slope of a line: pace of one pass over the other", low=0.0, high=10.0
-    )
-    slope_high: float = parameter(1.6, "", "greatest slope of a line", low=0.1, high=10.0)
-    along_sigma_m: float = parameter(
-        0.18, "m", "error of a closure along the walk", low=0.01, high=100.0
-    )
-    across_sigma_m: float = parameter(
-        0.18, "m", "error of a closure across the walk", low=0.01, high=100.0
-    )
-    heading_sigma_rad: float = parameter(
-        0.18, "rad", "error of a closure's heading", low=0.01, high=3.14
-    )
+    threshold: float = 0.4
+    """Similarity from which a pair is a candidate."""
+    near_footsteps: int = 12
+    """Nearer neighbours in time are no closures."""
+    slice_footsteps: int = 16
+    cluster_radius: float = 2.0
+    """DBSCAN: the neighbourhood."""
+    cluster_points: int = 3
+    """DBSCAN: candidates that make a core point."""
+    line_distance: float = 1.2
+    """RANSAC: the farthest inlier."""
+    line_points: int = 6
+    line_length: int = 5
+    """The fewest inliers of a line, and the fewest footsteps that it spans."""
+    slopes: tuple[float, float] = (0.6, 1.6)
+    """Of a line: the pace of one pass over the other."""
+    along_sigma_m: float = 0.18
+    across_sigma_m: float = 0.18
+    heading_sigma_rad: float = 0.18
+    """Errors of a closure along and across the walk, and of its heading."""
 
 
 @dataclass(frozen=True)
@@ -77,11 +62,7 @@ class Curated:
 def curated_closures(
     similarity: AnySimilarity, nodes: Odometry, parameters: CurationParameters
 ) -> Closures:
-    """Pairs of footsteps at the same place, with the relative pose that each implies.
-
-    Raises ParameterError where two parameters contradict each other.
-    """
-    check_curation(parameters)
+    """Pairs of footsteps at the same place, with the relative pose that each implies."""
     curated = curate(similarity.scores, parameters)
     rows = _one_per_line(curated, similarity.scores)
     i, j = curated.i[rows], curated.j[rows]
@@ -91,24 +72,10 @@ def curated_closures(
     forward_m = ((j - lines) * slope + (slope < 0)) * step_m[np.minimum(j, len(step_m) - 1)]
     heading = np.where(slope > 0, 0.0, np.pi)
     i_from_j = np.column_stack([forward_m, np.zeros(len(i)), heading])
-    sigma = [parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad]
+    sigma = (parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad)
     covariance = np.tile(np.diag(np.square(sigma)), (len(i), 1, 1))
     score = similarity.scores[i, j].astype(np.float64)
     return Closures(i, j, score, i_from_j, covariance)
-
-
-def check_curation(parameters: CurationParameters) -> None:
-    """Refuse parameters with which no line could ever be found."""
-    if parameters.slope_low >= parameters.slope_high:
-        raise ParameterError(
-            f"curation.slope_low: wanted less than slope_high ({parameters.slope_high:g}), "
-            f"got {parameters.slope_low:g}; set both"
-        )
-    if parameters.line_length > parameters.slice_footsteps:
-        raise ParameterError(
-            f"curation.line_length: wanted at most slice_footsteps ({parameters.slice_footsteps}), "
-            f"got {parameters.line_length}; set both"
-        )
 
 
 def curate(scores: F32, parameters: CurationParameters) -> Curated:
@@ -188,7 +155,8 @@ def _long_enough(i: F64, parameters: CurationParameters) -> bool:
 
 
 def _plausible(slope: float, parameters: CurationParameters) -> bool:
-    return parameters.slope_low <= abs(slope) <= parameters.slope_high
+    low, high = parameters.slopes
+    return low <= abs(slope) <= high
 
 
 def _one_per_line(curated: Curated, scores: F32) -> I64:

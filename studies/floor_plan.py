@@ -1,19 +1,17 @@
-"""Maps placed on floor plans by where people can walk: placed right, wrong, or refused."""
+"""Maps placed on floor plans by where people can walk: placed rightly, wrongly, or refused."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from elfslam.app.anchor import floor_plan
 from elfslam.base.arrays import F64
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
-from elfslam.base.values import Trajectory, Truth
 from elfslam.line.anchoring import (
     AMBIGUOUS,
     NOWHERE,
@@ -25,17 +23,17 @@ from elfslam.line.anchoring import (
     placed,
 )
 from elfslam.line.feature import load_encoder
-from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world
 from elfslam.world.walkable import HEAD_M
-from studies.figures.plan_figures import placed_figure
-from studies.finding import Finding, Given, Row
-from studies.repeats import Numbers, by_world, finished
+from studies.magnetic_walks import median_of
+from studies.repeats import finished
+from studies.results import Record, averaged, seeds_text
 from studies.simulated_walk import SimulatedWalk, simulated
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS: Mapping[str, int] = {"studio": 10, "lounge": 10, "concourse": 4}
 """Walks in each, for development: the worlds of evaluation stay unseen."""
@@ -49,16 +47,11 @@ RIGHT_M = 1.0
 TAG_ERROR_M = 0.5
 """How far off, per axis, people say that a walk began."""
 WALLS, FURNISHED, ELSEWHERE = "walls", "walls and furniture", "another floor"
-KNOWN_START = ", start known"
-REFUSED: Numbers = {
-    "right": 0.0, "wrong": 0.0, "ambiguous": 0.0, "nowhere": 1.0,
-    "offered": 0.0, "error_m": np.nan, "sigma_m": np.nan,
-}  # fmt: skip
-"""What becomes of a walk that is far larger than the plan."""
-NOTE = (
-    "Solid: the likeliest placement. Orange: the others, with their probabilities. Dotted: where "
-    "the walk was."
-)
+KNOWN_START = ", known start"
+RIGHT, WRONG, UNSURE, REFUSED = "placed rightly", "placed wrongly", "ambiguous", "nowhere"
+OFFERED = "right one among those offered"
+MEDIANS = ERROR, SIGMA = "median error (m)", "reported sigma (m)"
+"""Of walks that were placed: the median over them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,28 +63,26 @@ class Mapped:
 
 
 def measure_floor_plan(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Mapping[str, int] = WORLDS,
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
     known: AnchoringParameters | None = None,
-) -> Finding:
-    """A row per world and plan: shares of walks placed right, wrong, and not."""
-    parameters = known or AnchoringParameters()
+) -> list[Record]:
+    """Shares of walks placed rightly, wrongly and not, by plan (the condition)."""
+    found: list[Record] = []
+    measure = partial(_measured, parameters=known or AnchoringParameters())
+    seeds = {world: range(FIRST_SEED, FIRST_SEED + count) for world, count in worlds.items()}
     tasks = [
-        SimulatedWalk(world, FIRST_SEED + k, rounds, kind.name)
-        for world, count in worlds.items()
-        for k in range(count)
+        SimulatedWalk(world, seed, rounds, kind.name) for world in seeds for seed in seeds[world]
     ]
-    measure = partial(_measured, parameters=parameters)
-    numbers = finished(measure, tasks, given)
-    rows = [row for world, found in by_world(tasks, numbers).items() for row in _rows(world, found)]
-    first = [SimulatedWalk(world, FIRST_SEED, rounds, kind.name) for world in worlds]
-    panels = [_panel(walk, parameters) for walk in first]
-    table = Panel("All walks", rows_table(rows), wide=True)
-    subtitle = "Shares of walks, and median errors of those that were placed."
-    return Finding(rows, Page("Maps placed on floor plans", subtitle, [*panels, table]))
+    walks = finished(measure, tasks, context)
+    for world, some in seeds.items():
+        mine = [walk for walk, task in zip(walks, tasks, strict=True) if task.world == world]
+        shares = [[each for each in walk if each.metric not in MEDIANS] for walk in mine]
+        found += averaged(shares, some) + _medians(mine, some)
+    return found
 
 
 def plan_of(room: Room, *, furnished: bool) -> FloorGrid:
@@ -104,23 +95,24 @@ def mapped(walk: SimulatedWalk) -> Mapped:
     """The walk as its echoes map it, from an origin of its own."""
     recording, truth = simulated(walk)
     trajectory = map_by_echoes(recording, load_encoder("compact"), Parameters()).trajectory
-    return Mapped(trajectory.world_from_body[:, :2], _truth_of(trajectory, truth))
+    true = interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)
+    return Mapped(trajectory.world_from_body[:, :2], true[:, :2])
 
 
-def _truth_of(trajectory: Trajectory, truth: Truth) -> F64:
-    return interpolate_poses(truth.t_s, truth.world_from_body, trajectory.t_s)[:, :2]
-
-
-def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> Numbers:
-    numbers: Numbers = {}
-    made = mapped(walk)
-    for name, plan, tag in _plans(walk, made):
+def _measured(walk: SimulatedWalk, parameters: AnchoringParameters) -> list[Record]:
+    made, found = mapped(walk), list[Record]()
+    for plan, ground, tag in _plans(walk, made):
         try:
-            told = _judged(made, anchor([made.xy_m], plan, parameters, tag), lost=name == ELSEWHERE)
-        except NoAnswerError:
-            told = REFUSED
-        numbers |= {f"{name}|{key}": value for key, value in told.items()}
-    return numbers
+            placement = anchor([made.xy_m], ground, parameters, tag)
+            outcome = _outcome(made, placement, lost=plan == ELSEWHERE)
+        except NoAnswerError:  # far larger than the plan
+            outcome = {RIGHT: 0.0, WRONG: 0.0, UNSURE: 0.0, REFUSED: 1.0}
+        found += [
+            Record("placement", metric, value, world=walk.world,
+                   scenario=SCENARIOS[walk.kind], condition=plan)
+            for metric, value in outcome.items()
+        ]  # fmt: skip
+    return found
 
 
 def _plans(walk: SimulatedWalk, made: Mapped) -> Iterator[tuple[str, FloorGrid, Tag | None]]:
@@ -135,21 +127,23 @@ def _plans(walk: SimulatedWalk, made: Mapped) -> Iterator[tuple[str, FloorGrid, 
     yield ELSEWHERE, plan_of(load_world(OTHERS[walk.world]).room, furnished=True), None
 
 
-def _judged(made: Mapped, found: Placement, *, lost: bool) -> Numbers:
+def _outcome(made: Mapped, found: Placement, *, lost: bool) -> dict[str, float]:
     """What became of a walk, as numbers; `lost` is a walk that was never on that plan."""
     poses = np.vstack([found.plan_from_map, found.others])
     errors_m = [_error_m(made, pose, found.scale) for pose in poses]
     right = not lost and errors_m[0] <= RIGHT_M
-    sigma_m = float(np.sqrt(np.trace(found.covariance[:2, :2]) / 2))
-    return {
-        "right": float(found.status == OK and right),
-        "wrong": float(found.status == OK and not right),
-        "ambiguous": float(found.status == AMBIGUOUS),
-        "nowhere": float(found.status == NOWHERE),
-        "offered": float(found.status == AMBIGUOUS and not lost and min(errors_m) <= RIGHT_M),
-        "error_m": errors_m[0],
-        "sigma_m": sigma_m,
+    outcome = {
+        RIGHT: float(found.status == OK and right),
+        WRONG: float(found.status == OK and not right),
+        UNSURE: float(found.status == AMBIGUOUS),
+        REFUSED: float(found.status == NOWHERE),
     }
+    if found.status == AMBIGUOUS:
+        outcome[OFFERED] = float(not lost and min(errors_m) <= RIGHT_M)
+    if found.status == OK and not lost:
+        sigma_m = float(np.sqrt(np.trace(found.covariance[:2, :2]) / 2))
+        outcome |= {ERROR: errors_m[0], SIGMA: sigma_m}
+    return outcome
 
 
 def _error_m(made: Mapped, plan_from_map: F64, scale: float) -> float:
@@ -157,34 +151,16 @@ def _error_m(made: Mapped, plan_from_map: F64, scale: float) -> float:
     return float(np.median(np.linalg.norm(apart, axis=1)))
 
 
-def _rows(world: str, numbers: Sequence[Mapping[str, float]]) -> Iterator[Row]:
-    names = [WALLS, WALLS + KNOWN_START, FURNISHED, FURNISHED + KNOWN_START, ELSEWHERE]
-    for name in names:
-        table = {
-            key: np.array([each[f"{name}|{key}"] for each in numbers])
-            for key in ("right", "wrong", "ambiguous", "nowhere", "offered", "error_m", "sigma_m")
-        }
-        stood = (table["right"] + table["wrong"] > 0) & (name != ELSEWHERE)
-        unsure = float(table["ambiguous"].sum())
-        yield {
-            "world": world,
-            "plan": name,
-            "walks": len(numbers),
-            **{key: float(table[key].mean()) for key in ("right", "wrong", "ambiguous", "nowhere")},
-            "right_among_offered": float(table["offered"].sum()) / unsure if unsure else None,
-            "error_median_m": float(np.median(table["error_m"][stood])) if stood.any() else None,
-            "sigma_median_m": float(np.median(table["sigma_m"][stood])) if stood.any() else None,
-        }
+def _medians(walks: Sequence[Sequence[Record]], seeds: Sequence[int]) -> list[Record]:
+    """The medians over the walks that were placed, with their intervals."""
+    values: dict[Record, list[float]] = {}
+    for each in (record for walk in walks for record in walk if record.metric in MEDIANS):
+        values.setdefault(replace(each, value=0.0, seeds=seeds_text(seeds)), []).append(each.value)
+    return [median_of(of, some) for of, some in values.items()]
 
 
-def _panel(walk: SimulatedWalk, parameters: AnchoringParameters) -> Panel:
-    """The first walk of a world on its furnished plan."""
-    made, room = mapped(walk), load_world(walk.world).room
-    found = anchor([made.xy_m], plan_of(room, furnished=True), parameters)
-    poses = np.vstack([found.plan_from_map, found.others])
-    walks = [
-        (float(share), placed(made.xy_m, pose, found.scale))
-        for share, pose in zip(found.shares, poses, strict=True)
-    ]
-    figure = placed_figure(floor_plan(room), walks, made.truth_xy_m)
-    return Panel(f"{walk.world}: {found.status}", figure, NOTE)
+STUDY = Study(
+    "How often does a map find its place on a floor plan, and how often a wrong one?",
+    measure_floor_plan, minutes=40, scenarios=("people", "surveyor"), long=True,
+    fast={"worlds": {"studio": 1}, "rounds": 1},
+)  # fmt: skip

@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64
-from elfslam.base.errors import InputError
-from elfslam.base.values import Odometry, Orientation, Recording, Truth
+from elfslam.base.values import Odometry, Orientation, Recording, Similarity, Truth
 from elfslam.baselines.magnetic import (
     MAGNETIC_CLOSURES,
+    FieldProfile,
     MagneticParameters,
     field_profile,
     magnetic_similarity,
 )
 from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
-from elfslam.line.closure import find_closures
+from elfslam.line.closure import ClosureParameters, find_closures
 from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.line.motion import nodes_by_distance
-from elfslam.scoring.alignment import Alignment, match, place, placement
+from elfslam.scoring.alignment import Alignment
+from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import position_errors
-from elfslam.scoring.figures import DEAD_RECKONING, SLAM, TRUTH, plan, walk_traces
-from elfslam.scoring.page import Page, Panel, rows_table
-from studies.finding import Finding, Given, Row
 from studies.magnetic_offsets import AlignmentParameters, align_closures
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
 AS_STATED = GraphParameters(noise_rounds=0)
 """How noisy the odometry is, is known exactly: this study drifts it."""
@@ -49,72 +49,81 @@ field and so their error: each is trusted far less than it is exact."""
 PAPER_RMSE_M = {"library": 0.30, "square": 0.10, "eight": 0.10}
 PAPER_S = {"library": 138.0, "square": 66.0, "eight": 10.0}
 """Their program on the same input: median error over drifts, and its time."""
-NOTE = (
-    "Drifted odometry and map lie on the truth by the rigid move that fits best. The truth is the "
-    "phone's own visual odometry, whose jumps (up to 0.8 m in library) no map can follow."
-)
-ROWS_NOTE = (
-    "Root mean square errors after the rigid move, medians and ranges over five drifts. Levelled "
-    "by: the phone's true roll and pitch; none: as if the phone were always held upright; or "
-    "nothing but the field's strength. One set of parameters for all."
-)
+RECKONED, MAPPED = "dead reckoning", "magnetic"
+RMSE, SECONDS = "RMSE, aligned (m)", "time (s)"
 
 
 @dataclass(frozen=True, eq=False)
-class Mapped:
-    """A drifted walk and what the field makes of it."""
+class Seen:
+    """What is the same for any closures: nodes, similarity of fields, the field along the walk."""
 
-    truth: Truth
     odometry: Odometry
-    nodes_t_s: F64
-    poses: F64
-    seconds: float
+    truth: Truth
+    nodes: Odometry
+    similarity: Similarity
+    profile: FieldProfile
 
 
 def measure_magnetic_walks(
-    given: Given, *, sets: tuple[str, ...] = SETS, seeds: tuple[int, ...] = SEEDS
-) -> Finding:
-    """A row per set and way of levelling: errors of drifted odometry and of the map.
+    context: StudyContext, *, sets: Sequence[str] = SETS, seeds: Sequence[int] = SEEDS
+) -> list[Record]:
+    """Errors of drifted odometry and of the map, by how the phone is levelled (the condition).
 
-    `data` holds `magnetic/*.mat`. Raises InputError where they are missing.
+    Medians over the drifts; `paper` is what the authors' program makes of the same input.
     """
-    if given.data is None:
-        raise InputError("magnetic walks: wanted real walks; set ELFSLAM_DATA to their folder")
-    rows: list[Row] = []
-    panels: list[Panel] = []
+    assert context.data is not None
+    found: list[Record] = []
     for k, name in enumerate(sets):
-        given.announce(name, k / len(sets))
-        walks = [
-            read_magnetic(
-                given.data / "magnetic" / f"{name}.mat", np.random.default_rng(seed), PAPERS_DRIFT
-            )
-            for seed in seeds
-        ]
+        context.announce(name, k / len(sets))
+        file = context.data / "magnetic" / f"{name}.mat"
+        walks = [read_magnetic(file, np.random.default_rng(seed), PAPERS_DRIFT) for seed in seeds]
+        of = Record(RECKONED, RMSE, 0.0, world=name, seeds=seeds_text(seeds))
+        drifted = [
+            rmse_m(walk.odometry.t_s, walk.odometry.world_from_body, truth)
+            for walk, truth in walks if walk.odometry is not None
+        ]  # fmt: skip
+        found.append(median_of(of, drifted))
         for levelled, orientation_of in LEVELLINGS.items():
-            mapped = [map_by_field(*walk, orientation_of(walk[0])) for walk in walks]
-            rows.append(_row(name, levelled, mapped))
-            if levelled == next(iter(LEVELLINGS)):
-                panels.append(_panel(name, mapped))
-    table = Panel("Errors", rows_table(rows), ROWS_NOTE, wide=True)
-    return Finding(rows, Page("Loops closed by the magnetic field", NOTE, [table, *panels]))
+            errors, seconds = [], []
+            for recording, truth in walks:
+                begun_s = time.perf_counter()
+                seen = see(recording, truth, orientation_of(recording))
+                poses = mapped(seen, CLOSURES, AlignmentParameters())
+                seconds.append(time.perf_counter() - begun_s)
+                errors.append(rmse_m(seen.nodes.t_s, poses, truth))
+            of = replace(of, method=MAPPED, condition=levelled)
+            found += [
+                median_of(replace(of, paper=PAPER_RMSE_M[name]), errors),
+                median_of(replace(of, metric=SECONDS, paper=PAPER_S[name]), seconds),
+            ]
+    return found
 
 
-def map_by_field(recording: Recording, truth: Truth, orientation: Orientation | None) -> Mapped:
-    """The drifted walk straightened by closures of its field; the truth is carried along only."""
+def median_of(of: Record, values: Sequence[float]) -> Record:
+    """A record with the median of values of drifts, and its interval."""
+    each = [np.atleast_1d(value) for value in values]
+    low, high = interval(each, lambda some: float(np.median(some)), np.random.default_rng(0))
+    return replace(of, value=float(np.median(values)), low=low, high=high)
+
+
+def see(recording: Recording, truth: Truth, orientation: Orientation | None) -> Seen:
+    """A drifted walk by its field; the truth is carried along only."""
     odometry, magnetometer = recording.odometry, recording.magnetometer
     assert odometry is not None
     assert magnetometer is not None
-    begun = time.perf_counter()
-    nodes = nodes_by_distance(honest(odometry), NODE_SPACING_M)
-    parameters, finer = MagneticParameters(), AlignmentParameters()
+    nodes, parameters = nodes_by_distance(honest(odometry), NODE_SPACING_M), MagneticParameters()
     similarity = magnetic_similarity(magnetometer, orientation, nodes, parameters)
-    closures = find_closures(similarity, nodes, CLOSURES)
-    fine = replace(parameters, spacing_m=finer.step_m)
+    fine = replace(parameters, spacing_m=AlignmentParameters().step_m)
     profile = field_profile(magnetometer, orientation, nodes, fine)
-    closures = align_closures(closures, nodes, profile, finer)
-    trajectory = optimise(build_graph(nodes, closures), nodes.t_s, AS_STATED)
-    seconds = time.perf_counter() - begun
-    return Mapped(truth, odometry, nodes.t_s, trajectory.world_from_body, seconds)
+    return Seen(odometry, truth, nodes, similarity, profile)
+
+
+def mapped(seen: Seen, closing: ClosureParameters, aligning: AlignmentParameters) -> F64:
+    """The poses (n, 3) of the walk once closures by its field have corrected it."""
+    found = find_closures(seen.similarity, seen.nodes, closing)
+    closures = align_closures(found, seen.nodes, seen.profile, aligning)
+    graph = build_graph(seen.nodes, closures)
+    return optimise(graph, seen.nodes.t_s, AS_STATED).world_from_body
 
 
 def held_upright(recording: Recording) -> Orientation:
@@ -126,8 +135,8 @@ def held_upright(recording: Recording) -> Orientation:
 
 
 LEVELLINGS: dict[str, Callable[[Recording], Orientation | None]] = {
-    "roll and pitch": lambda recording: recording.orientation,
-    "none": held_upright,
+    "levelled by roll and pitch": lambda recording: recording.orientation,
+    "not levelled": held_upright,
     "strength only": lambda recording: None,
 }
 
@@ -145,36 +154,7 @@ def rmse_m(t_s: F64, poses: F64, truth: Truth) -> float:
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def _row(name: str, levelled: str, mapped: list[Mapped]) -> Row:
-    drifted = [rmse_m(m.odometry.t_s, m.odometry.world_from_body, m.truth) for m in mapped]
-    errors = [rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped]
-    return {
-        "set": name,
-        "levelled by": levelled,
-        "drifted (m)": round(float(np.median(drifted)), 3),
-        "drifted, range": f"{min(drifted):.2f} to {max(drifted):.2f}",
-        "mapped (m)": round(float(np.median(errors)), 3),
-        "mapped, range": f"{min(errors):.2f} to {max(errors):.2f}",
-        "their program (m)": PAPER_RMSE_M[name],
-        "seconds": round(float(np.median([m.seconds for m in mapped])), 2),
-        "their seconds": PAPER_S[name],
-    }
-
-
-def _panel(name: str, mapped: list[Mapped]) -> Panel:
-    """The walk whose map has the median error."""
-    order = np.argsort([rmse_m(m.nodes_t_s, m.poses, m.truth) for m in mapped])
-    shown = mapped[order[len(order) // 2]]
-    true = shown.truth.world_from_body
-    drifted = _laid_on(shown.odometry.t_s, shown.odometry.world_from_body, shown.truth)
-    walks = [
-        *walk_traces(drifted, "drifted", DEAD_RECKONING, width=1.5, opacity=0.7),
-        *walk_traces(true[:, :2], "truth", TRUTH, dash="dot"),
-        *walk_traces(_laid_on(shown.nodes_t_s, shown.poses, shown.truth), "mapped", SLAM),
-    ]
-    return Panel(name, plan(walks, height_px=460))
-
-
-def _laid_on(t_s: F64, poses: F64, truth: Truth) -> F64:
-    where = placement(match(t_s, poses, truth), Alignment.ALIGNED)
-    return np.asarray(place(poses, where)[:, :2])
+STUDY = Study(
+    "How well does the magnetic field alone close the loops of published walks?",
+    measure_magnetic_walks, minutes=1, data=("magnetic",), fast={"sets": ("eight",)},
+)  # fmt: skip

@@ -45,7 +45,7 @@ from studies.curation import CurationParameters, curated_closures
 from studies.figures.coverage import trajectory_coverage
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.repeats import finished
-from studies.results import Record, averaged
+from studies.results import Record, averaged, seeds_text
 from studies.simulated_walk import SimulatedWalk, simulated
 from studies.study import SCENARIOS, Study, StudyContext
 
@@ -59,10 +59,13 @@ COURSE = "concourse"
 OFF, OFF_SIGMA = 0.1, 0.1
 """Steps are assumed this much too long (even seeds) or too short, and known no better."""
 CALIBRATED, UNCALIBRATED = "calibrated", "10 % off"
+PAPERS = ", paper's"
+"""Ends the name of what is closed by the paper's curation."""
+SOUND = "dead reckoning, acoustic odometry"
 ALONE = "ELF without pre-training"
 ALONE_THRESHOLD = 0.15
-"""An encoder that has heard one walk alone finds nothing as alike as the shipped one does."""
-RIVALS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
+"""An encoder trained on one walk alone scores nothing as high as the shipped one does."""
+OTHERS = (Modality.MAGNETIC, Modality.EMR, Modality.WIFI)
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC, Sensor.EMR)
 MEDIAN_ALIGNED = "median error, aligned (m)"
 ALIGNED = (MEDIAN_ALIGNED, "mean error, aligned (m)", "third quartile, aligned (m)")
@@ -73,10 +76,10 @@ PAPER_M: Mapping[str, Mapping[str, tuple[float, float, float]]] = {
     ALONE: {
         "living_room": (0.73, 0.82, 1.25), "office": (1.69, 1.68, 1.94), "mall": (1.16, 1.14, 1.42),
     },
-    "wifi, paper's": {
+    f"wifi{PAPERS}": {
         "living_room": (0.44, 0.45, 0.55), "office": (1.52, 1.54, 2.06), "mall": (1.24, 1.26, 1.54),
     },
-    "magnetic, paper's": {
+    f"magnetic{PAPERS}": {
         "living_room": (0.56, 0.55, 0.64), "office": (1.14, 1.24, 1.82), "mall": (0.79, 0.81, 1.05),
     },
 }  # fmt: skip
@@ -96,7 +99,11 @@ def measure_mapping(
     tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
     measure = partial(_measured, scratch=scratch or ScratchParameters(threads=1))
     walks = averaged(finished(measure, tasks, context), seeds)
-    return [replace(each, paper=_paper_m(each)) for each in walks]
+    curated = seeds_text([seed for seed in seeds if seed < CURATED_SEEDS])
+    return [
+        replace(each, paper=_paper_m(each), seeds=curated if PAPERS in each.method else each.seeds)
+        for each in walks
+    ]
 
 
 def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> list[Record]:
@@ -145,7 +152,7 @@ def walkers(seed: int, kind: Kind = QUIET) -> Mapping[str, Settings]:
 
 
 def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str, Features]:
-    """By the shipped encoder, by plain features, and by an encoder that heard this walk alone."""
+    """By the shipped encoder, by plain features, by an encoder trained on this walk alone."""
     from studies.paper_training import learnt_from_walk
 
     alone = learnt_from_walk(echoes, scratch, seed=seed)
@@ -156,26 +163,26 @@ def _features(echoes: Echoes, seed: int, scratch: ScratchParameters) -> dict[str
 def _closures(
     recording: Recording, echoes: Echoes, features: Mapping[str, Features], settings: Settings
 ) -> Iterator[tuple[str, Odometry, Closures]]:
-    """What is walked and closed by method, first nothing, at last by all senses together.
+    """What is walked and closed by method, first nothing, at last by all modalities together.
 
-    Who hears echoes also knows by them how long the steps were.
+    Methods by echoes also take the length of steps from them.
     """
     walked = walk_nodes(recording, settings)
     yield "dead reckoning", walked, NO_CLOSURES
     heard = with_heard_steps(walked, echoes, settings)
-    yield "dead reckoning, heard steps", heard, NO_CLOSURES
+    yield SOUND, heard, NO_CLOSURES
     elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
     strictness = {name: closing_by(name, settings) for name in CLOSURE_THRESHOLDS}
     strictness[ALONE] = replace(settings.closure, threshold=ALONE_THRESHOLD)
     for name, alike in elf.items():
         yield name, heard, closures_by(heard, [(alike, strictness[name])], settings)
-    for item in RIVALS:
+    for item in OTHERS:
         yield (
             item.value,
             walked,
             closures_by(walked, [_sensed(item, recording, walked, settings)], settings),
         )
-    others = [_sensed(item, recording, heard, settings) for item in RIVALS]
+    others = [_sensed(item, recording, heard, settings) for item in OTHERS]
     together = closures_by(heard, [(elf[ELF], settings.closure), *others], settings)
     yield "all together", heard, together
 
@@ -183,16 +190,16 @@ def _closures(
 def _as_the_paper_closes(
     recording: Recording, echoes: Echoes, features: Mapping[str, Features], settings: Settings
 ) -> Iterator[tuple[str, Odometry, Closures]]:
-    """Our features and the paper's rivals through the paper's curation, which takes minutes."""
+    """Our features and the paper's baselines by the paper's curation, which takes minutes."""
     walked = walk_nodes(recording, settings)
     heard = with_heard_steps(walked, echoes, settings)
     alike = echo_sequence_similarity(features[ELF], heard)
     curated = _curated(alike, heard, settings, settings.closure.threshold)
-    yield f"{ELF}, paper's curation", heard, curated
+    yield f"{ELF}{PAPERS} curation", heard, curated
     for item, paper in _as_in_the_paper(settings).items():
         similarity, closure = _sensed(item, recording, walked, paper)
         closures = _curated(similarity, walked, paper, closure.threshold)
-        yield f"{item}, paper's", walked, closures
+        yield f"{item}{PAPERS}", walked, closures
 
 
 def _sensed(

@@ -12,7 +12,7 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import chain, compose, wrap_angle
 from elfslam.base.values import Closures, Odometry, Similarity
-from studies.curation import CurationParameters, candidate_pairs, curate, curated_closures
+from studies.curation import CurationParameters, candidate_pairs, curated_closures
 
 PARAMETERS = CurationParameters()
 STEP_M = 0.7
@@ -153,15 +153,6 @@ def test_few_points_make_no_line() -> None:
     assert len(closures_of(scores, cluster_points=40).i) == 0
 
 
-def test_a_star_of_points_holds_no_long_line() -> None:
-    arms = [(0, 0), (1, 1), (2, 2), (3, 1), (4, 0), (1, -1), (2, -2), (3, -3), (5, 3), (6, 4)]
-    scores = np.zeros((COUNT, COUNT), dtype=np.float32)
-    for i, j in arms:
-        scores[4 + i, 60 + j] = scores[60 + j, 4 + i] = 0.9
-    changes = {"line_points": 9, "line_distance": 0.4}
-    assert len(closures_of(scores, **changes).i) == 0
-
-
 def test_the_threshold_is_included() -> None:
     scores = np.zeros((COUNT, COUNT), dtype=np.float32)
     scores[3, 50], scores[4, 51] = 0.5, 0.499
@@ -183,22 +174,8 @@ def test_one_closure_per_footstep_and_crossing_the_best() -> None:
     npt.assert_allclose(found.score, best)
 
 
-def test_the_curated_pairs_name_the_line_they_lie_on() -> None:
-    curated = curate(planted(same_way(50), 5, 45), PARAMETERS)
-    assert (curated.i < curated.j).all()
-    npt.assert_allclose(curated.line_j, curated.i + 50, atol=0.3)
-    npt.assert_allclose(curated.slope, 1, atol=0.05)
-
-
 def test_the_same_matrix_gives_the_same_closures() -> None:
     scores = noisy(planted(same_way(50), 5, 45), share=0.02)
     first, second = closures_of(scores), closures_of(scores)
     npt.assert_array_equal(first.i, second.i)
     npt.assert_array_equal(first.i_from_j, second.i_from_j)
-
-
-def test_a_walk_of_a_single_footstep_closes_nothing() -> None:
-    nodes = Odometry([0.0, 0.5], np.zeros((2, 3)), np.ones((1, 3)))
-    found = curated_closures(Similarity(np.ones((1, 1)), "stub"), nodes, PARAMETERS)
-    assert len(found.i) == 0
-    assert found.covariance.shape == (0, 3, 3)

@@ -1,24 +1,19 @@
 """The planted city: its edges are what they claim, and the back end finds its streets again."""
 
-import sys
-
 import numpy as np
-import pytest
 
 from elfslam.base.geometry import between
 from elfslam.line.graph.uncertainty import residuals
 from studies.benchmarks.large_graph import (
     APART,
-    SHARES,
     SIGMA,
     City,
     city,
     error_m,
-    main,
-    rivals,
     solved,
+    solved_by,
 )
-from studies.pose_graphs import plain
+from studies.pose_graphs import PLAIN_LM
 
 
 def _small(false_share: float, seed: int = 0) -> City:
@@ -45,18 +40,8 @@ def test_the_walk_goes_along_streets_a_metre_at_a_time() -> None:
 
 def test_false_closures_cost_the_back_end_nothing_and_plain_least_squares_the_map() -> None:
     each = _small(0.3)
-    ours, rival = solved(each), rivals(each, {"plain": plain})
+    ours, plain = solved(each), solved_by(each, (PLAIN_LM,))
     assert ours["false kept"] == 0
     assert float(str(ours["error (m)"])) < 0.5
-    assert float(str(rival["plain (m)"])) > 5
+    assert float(str(plain[f"{PLAIN_LM} (m)"])) > 5
     assert error_m(each, each.world_from_body) == 0
-
-
-def test_it_prints_a_row_per_share_beside_the_rivals(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["large_graph", "--poses", "150", "--graduated"])
-    main()
-    printed = capsys.readouterr()
-    assert printed.err.count("false (%)") + printed.out.count("'false (%)'") >= len(SHARES)
-    assert "GNC (m)" in printed.out

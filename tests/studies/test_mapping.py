@@ -1,44 +1,57 @@
-"""The table of mapping errors, small: every method is there, and echoes help."""
+"""Mapping errors in small: echoes help, walkers differ, and errors lie where they were planted."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
+import numpy as np
 import pytest
 
 from elfslam.app.settings import Settings
+from elfslam.base.values import Trajectory, Truth
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.scoring.page import save_page
+from elfslam.world.kinds import QUIET
 from studies import mapping
-from studies.finding import Finding, Given
-from studies.mapping import CALIBRATED, UNCALIBRATED, measure_mapping, walkers
+from studies.mapping import (
+    ALIGNED,
+    CALIBRATED,
+    MEDIAN_ALIGNED,
+    UNCALIBRATED,
+    measure_mapping,
+    trajectory_errors,
+    walkers,
+)
+from studies.results import Record
+from studies.study import StudyContext
 
 
 @pytest.fixture(scope="module")
-def finding() -> Iterator[Finding]:
+def records() -> Iterator[list[Record]]:
     known = ScratchParameters(steps=2, pairs=16, threads=1)
-    quiet = {"worlds": ("studio",), "seeds": (100,), "rounds": 2, "scratch": known}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mapping_errors, "CURATED_SEEDS", 101)
-        yield measure_mapping(Given(), **quiet)
+        patch.setattr(mapping, "CURATED_SEEDS", 101)
+        yield measure_mapping(
+            StudyContext(), worlds=("studio",), seeds=(100,), rounds=2, kind=QUIET, scratch=known
+        )
 
 
-def error_m(finding: Finding, method: str) -> float:
-    (row,) = [row for row in finding.rows if (row["method"], row["walker"]) == (method, CALIBRATED)]
-    return float(str(row["aligned (m)"]).split(" / ")[0])
+def value(records: list[Record], method: str, walker: str, metric: str = MEDIAN_ALIGNED) -> float:
+    wanted = (method, walker, metric)
+    [found] = [r.value for r in records if (r.method, r.condition, r.metric) == wanted]
+    return found
 
 
-def test_every_method_has_a_row_for_each_walker(finding: Finding) -> None:
-    methods = [row["method"] for row in finding.rows if row["walker"] == CALIBRATED]
-    off = [row["method"] for row in finding.rows if row["walker"] == UNCALIBRATED]
-    assert [method for method in methods if "paper's" not in str(method)] == off
-    assert {"ELF, paper's curation", "wifi, paper's", "magnetic, paper's"} <= set(methods)
-    assert {"dead reckoning", "ELF", "wifi", "magnetic", "emr", "all together"} <= set(methods)
+def test_echoes_straighten_the_walk_and_are_mostly_right(records: list[Record]) -> None:
+    for walker in (CALIBRATED, UNCALIBRATED):
+        assert value(records, "ELF", walker) < 0.8 * value(records, "dead reckoning", walker)
+    assert value(records, "ELF", CALIBRATED, "precision of closures") > 0.8
 
 
-def test_echoes_straighten_the_walk(finding: Finding) -> None:
-    assert error_m(finding, "ELF") < 0.8 * error_m(finding, "dead reckoning")
+def test_only_walkers_calibrated_are_curated_as_in_the_paper(records: list[Record]) -> None:
+    for method in ("ELF, paper's curation", "wifi, paper's", "magnetic, paper's"):
+        assert value(records, method, CALIBRATED) > 0
+        assert (method, UNCALIBRATED) not in {(r.method, r.condition) for r in records}
+    assert {r.scenario for r in records} == {"controlled"}
 
 
 def test_walkers_differ_by_what_is_known_of_their_steps() -> None:
@@ -49,9 +62,14 @@ def test_walkers_differ_by_what_is_known_of_their_steps() -> None:
     assert known[CALIBRATED].motion.step_scale_sigma < Settings().motion.step_scale_sigma
 
 
-def test_the_page_shows_a_figure_for_each_walker(finding: Finding, tmp_path: Path) -> None:
-    assert finding.page is not None
-    save_page(tmp_path / "page.html", finding.page)
-    assert [panel.title for panel in finding.page.panels][:2] == [
-        f"Mapping error, walkers {walker}" for walker in (CALIBRATED, UNCALIBRATED)
-    ]
+def test_a_map_turned_about_its_start_is_off_there_and_right_once_aligned() -> None:
+    t_s = np.arange(30.0)
+    true = np.column_stack([np.cos(t_s), t_s, 0 * t_s])
+    turn = np.array([[0.0, 1.0], [-1.0, 0.0]])
+    turned = np.column_stack(
+        [(true[:, :2] - true[0, :2]) @ turn + true[0, :2], 0 * t_s + np.pi / 2]
+    )
+    found = Trajectory(t_s, turned, np.tile(np.eye(3), (30, 1, 1)), np.zeros(0), "OK")
+    errors = trajectory_errors(found, Truth(t_s, true))
+    assert [errors[metric] for metric in ALIGNED] == pytest.approx([0, 0, 0], abs=1e-9)
+    assert errors["median error, declared start (m)"] > 5

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
-from elfslam.line.map_matching import MapMatchingParameters
 from elfslam.world.kinds import QUIET
-from studies.finding import Given
-from studies.passages import measure_passages
+from studies.passages import ECHOES, GIVEN_START, MATCHED, MEDIAN, STEPS, STUDY, measure_passages
+from studies.study import StudyContext
 
 
-def test_a_plan_puts_a_walk_right(tmp_path: Path) -> None:
-    kept = tmp_path / "kept"
-    known = MapMatchingParameters(particles=1000)
-    small = {"worlds": ("studio",), "seeds": (102,), "rounds": 2, "kind": QUIET, "known": known}
-    found = measure_passages(Given(kept=kept), **small)  # type: ignore[arg-type]
-    by = {row["walk by"]: row for row in found.rows}
-    assert set(by) == {"ELF", "dead reckoning"}
-    for row in by.values():
-        assert row["followed (m)"] < row["as told (m)"]
-        assert 0 <= row["1 sigma"] <= row["2 sigma"] <= 1
-    again = measure_passages(Given(kept=kept), **small)  # type: ignore[arg-type]
-    assert again.rows == found.rows
-    assert len(found.page.panels) == 2
+def test_a_plan_puts_a_walk_right() -> None:
+    records = measure_passages(StudyContext(), kind=QUIET, **STUDY.fast)
+    found = {(r.method, r.condition, r.metric): r.value for r in records}
+    for method in (STEPS, ECHOES):
+        assert found[method, MATCHED, MEDIAN] < found[method, GIVEN_START, MEDIAN]
+        one, two = (found[method, MATCHED, f"within {many} sigma"] for many in ("one", "two"))
+        assert 0 <= one <= two <= 1

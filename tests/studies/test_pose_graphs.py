@@ -1,4 +1,4 @@
-"""The study of published pose graphs, on its smallest one."""
+"""The study of published pose graphs, on its smallest ones."""
 
 from __future__ import annotations
 
@@ -9,26 +9,30 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.data.g2o import read_g2o
-from studies.finding import Given
-from studies.pose_graphs import injected, measure_pose_graphs, ours, plain
+from studies.pose_graphs import (
+    COST,
+    OURS,
+    PLAIN_LM,
+    RMSE,
+    STUDY,
+    WORST,
+    injected,
+    measure_pose_graphs,
+)
+from studies.study import StudyContext
 
 
-def test_false_closures_do_not_move_the_answer(shared_data: Path, tmp_path: Path) -> None:
-    finding = measure_pose_graphs(
-        Given(shared_data, kept=tmp_path / "kept"), names=["ring", "MIT"], attacked=["ring"],
-        seeds=[100], solvers={"ours": ours, "plain": plain},
-    )  # fmt: skip
-    clean, attacked = finding.rows[:2], finding.rows[2:]
-    assert [row["set"] for row in clean] == ["ring", "MIT"]
-    for row in clean:
-        assert row["excess (%)"] < 0.1  # type: ignore[operator]
-    assert clean[1]["plain LM"] > 10 * clean[1]["cost"]  # type: ignore[operator]
-    assert [row["false (%)"] for row in attacked] == [10, 30, 50]
-    for row in attacked:
-        assert row["ours, worst"] == pytest.approx(row["clean"], rel=0.1)
-        assert row["plain"] > 2 * row["clean"]  # type: ignore[operator]
-    assert finding.page is not None
-    assert len(finding.page.panels) == 4
+def test_false_closures_do_not_move_the_answer(shared_data: Path) -> None:
+    records = measure_pose_graphs(StudyContext(shared_data), **STUDY.fast)
+    found = {(r.method, r.world, r.condition, r.metric): r for r in records}
+    for name in ("ring", "MIT"):
+        ours = found[OURS, name, "", COST]
+        assert ours.value == pytest.approx(ours.paper, rel=1e-3)
+    assert found[PLAIN_LM, "MIT", "", COST].value > 10 * found[OURS, "MIT", "", COST].value
+    clean = found[PLAIN_LM, "ring", "0 % false closures", RMSE].value
+    for condition in (f"{share} % false closures" for share in (10, 30, 50)):
+        assert found[OURS, "ring", condition, WORST].value == pytest.approx(clean, rel=0.1)
+        assert found[PLAIN_LM, "ring", condition, RMSE].value > 2 * clean
 
 
 def test_what_is_injected_says_that_random_poses_are_one(shared_data: Path) -> None:
@@ -44,5 +48,5 @@ def test_what_is_injected_says_that_random_poses_are_one(shared_data: Path) -> N
 
 
 def test_without_recordings_it_says_so() -> None:
-    with pytest.raises(InputError, match="needs the real recordings; set ELFSLAM_DATA"):
-        measure_pose_graphs(Given())
+    with pytest.raises(InputError, match="ELFSLAM_DATA"):
+        STUDY.check("pose-graphs", None)
