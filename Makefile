@@ -68,7 +68,7 @@ web-check: $(VENV)/.installed $(VENV)/.kernels
 	cd studies/benchmarks/web_runtime && npm ci
 	$(BIN)/python -m studies.benchmarks.web_runtime.compare
 
-# How much each brings: docs/how-to/server.md#what-is-installed.
+# An extra brings what it names in pyproject.toml.
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@echo "Once only: installing elfslam into $(VENV), a minute or two without a word."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
