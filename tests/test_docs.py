@@ -36,6 +36,7 @@ OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*")
 FILE = re.compile(r"(?:\w+/)+\w+(?:\.\w+)*\.(?:py|js|mjs|toml|ipynb)")
 PARAMETER = re.compile(r"[a-z_]+\.[a-z][a-z0-9_]*")
 SUFFIXES = ("csv", "js", "json", "py")
+ACTIONS = ("all", "render")
 STUDY = re.compile(r"python -m studies ([a-z][a-z-]*)")
 MODULE = re.compile(r"python -m ((?:studies|elfslam)(?:\.[a-z_]+)+)\b(?!\.)")
 
@@ -81,7 +82,8 @@ def unknown_commands(text: str) -> Iterator[str]:
     for line in code_lines(text):
         for verb in COMMAND.findall(line):
             yield from [f"elfslam {verb}"] if verb not in VERBS else unknown_options(verb, line)
-    yield from (f"studies {name}" for name in STUDY.findall(text) if name not in STUDIES)
+    named = {*STUDIES, *ACTIONS}
+    yield from (f"studies {name}" for name in STUDY.findall(text) if name not in named)
     yield from (module for module in MODULE.findall(text) if not is_module(module))
 
 
