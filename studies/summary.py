@@ -19,7 +19,7 @@ OPENING, CLOSING = "<!-- summary -->", "<!-- /summary -->"
 PLACES = ("living_room", "office", "mall")
 SCENARIOS = {"surveyor": "by a surveyor", "pedestrian": "by pedestrians"}
 HAND_MADE = (PLAIN, ROOT, LOG)
-METHODS = ("dead reckoning", "best hand-made feature", "ELF, ours", "ELF, the paper's")
+METHODS = ("dead reckoning", "hand-made feature", "ours", "the paper's")
 OURS = METHODS[2]
 MEDIAN, ANSWERED = "median error (m)", "answered"
 ALWAYS = ", always answered"
@@ -115,7 +115,7 @@ def _head() -> list[str]:
 
 
 def _row(label: str, cells: Iterable[str]) -> str:
-    return f"<tr><td>{label}</td>{''.join(cells)}</tr>"
+    return f"<tr><td nowrap>{label}</td>{''.join(cells)}</tr>"
 
 
 def _aligned(text: str) -> str:
