@@ -29,7 +29,7 @@ HOW_TO = [
     page for page in sorted((ROOT / "docs" / "how-to").glob("*.md")) if page.name not in OTHERS
 ]
 REASONS = {
-    "needs a cluster", "needs a floor plan", "needs a phone", "needs an export of a phone", "needs a broker",
+    "needs a cluster", "needs a floor plan", "needs an export of a phone", "needs a broker",
     "needs a server with a map", "needs recordings of other people", "runs until it is stopped",
     "takes minutes", "takes hours",
 }  # fmt: skip
