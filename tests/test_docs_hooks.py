@@ -13,7 +13,6 @@ from docs.hooks import (
     study_table,
 )
 from elfslam.cli.app import VERBS
-from studies.catalogue import STUDIES
 from studies.tree import ROOT
 
 REFERENCE = ROOT / "docs" / "reference"
@@ -42,8 +41,8 @@ def test_parameters_stand_by_group_with_value_and_unit() -> None:
 def test_studies_stand_with_their_question_and_minutes() -> None:
     assert STUDY_TABLE in (ROOT / "docs" / "how-to" / "studies.md").read_text()
     table = study_table(["mapping"])
+    assert len(table.splitlines()) == 3
     assert "| `mapping` | How far off are maps, by method, in the paper's three places? | " in table
-    assert len(study_table(STUDIES).splitlines()) == len(STUDIES) + 2
 
 
 @pytest.mark.parametrize("text", ["", "# A page\n\nwithout markers"])
