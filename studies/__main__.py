@@ -65,7 +65,8 @@ def short(results: Sequence[Result]) -> list[dict[str, object]]:
             tuple(of.values()), {key: value for key, value in of.items() if value}
         )
         row[each.metric] = f"{each.value:.4g}"
-    return list(found.values())
+    columns = dict.fromkeys(name for row in found.values() for name in row)
+    return [{name: row.get(name, "") for name in columns} for row in found.values()]
 
 
 def _render(*, check: bool) -> int:
