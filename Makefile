@@ -6,7 +6,7 @@ BIN := $(VENV)/bin
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt
 PYTEST := $(BIN)/python -m pytest -n 2 --dist loadfile
 
-.PHONY: demo serve test test-real test-hostile headline coverage lint lint-pages pretrain web-check docs clean
+.PHONY: demo serve studies test test-real test-hostile headline coverage lint lint-pages pretrain web-check docs clean
 
 demo: $(VENV)/.installed $(VENV)/.kernels
 	rm -rf demo
@@ -14,6 +14,10 @@ demo: $(VENV)/.installed $(VENV)/.kernels
 
 serve: $(VENV)/.installed-serve $(VENV)/.kernels
 	$(BIN)/elfslam serve
+
+# What `python -m studies NAME` and training need beside the package: PyTorch above all, 1 GB.
+studies: $(VENV)/.installed-studies $(VENV)/.kernels
+	@$(BIN)/python -m studies --help
 
 # Whatever waits on no clock: the same answer on a machine with other work on it.
 test: lint $(VENV)/.kernels
@@ -64,7 +68,7 @@ web-check: $(VENV)/.installed $(VENV)/.kernels
 	cd studies/benchmarks/web_runtime && npm ci
 	$(BIN)/python -m studies.benchmarks.web_runtime.compare
 
-# How much each brings: docs/how-to/server.md#what-is-installed.
+# An extra brings what it names in pyproject.toml.
 $(VENV)/.installed: pyproject.toml constraints.txt
 	@echo "Once only: installing elfslam into $(VENV), a minute or two without a word."
 	test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
@@ -73,6 +77,10 @@ $(VENV)/.installed: pyproject.toml constraints.txt
 
 $(VENV)/.installed-serve: $(VENV)/.installed
 	$(INSTALL) --editable ".[serve,images,parquet]"
+	touch $@
+
+$(VENV)/.installed-studies: $(VENV)/.installed
+	$(INSTALL) --editable ".[learn,studies,acoustics,speech,scale,buildings]"
 	touch $@
 
 $(VENV)/.installed-test: $(VENV)/.installed
@@ -88,7 +96,7 @@ $(VENV)/.kernels: $(wildcard src/elfslam/world/*.py)
 	find src -name '*.nb[ic]' -delete
 	mkdir -p $(VENV) && touch $@
 
-# The site in site/; the page of the tree is made anew beside it.
+# The site in site/, and docs/reference/tree.md for it: the only page that is not committed.
 docs: $(VENV)/.installed-docs
 	$(BIN)/python -m studies.tree
 	NO_MKDOCS_2_WARNING=true $(BIN)/python -m mkdocs build --strict

@@ -1,6 +1,6 @@
 """The page of the tree of files, made from the first lines of docstrings: `python -m studies.tree`.
 
-Written to docs/reference/tree.md, which a test holds to be what this makes.
+`make docs` writes it into docs/reference/, where it is not committed.
 """
 
 from __future__ import annotations

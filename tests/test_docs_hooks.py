@@ -4,7 +4,14 @@ from __future__ import annotations
 
 import pytest
 
-from docs.hooks import COMMANDS, PARAMETERS, command_section, on_page_markdown
+from docs.hooks import (
+    COMMANDS,
+    PARAMETERS,
+    STUDY_TABLE,
+    command_section,
+    on_page_markdown,
+    study_table,
+)
 from elfslam.cli.app import VERBS
 from studies.tree import ROOT
 
@@ -29,6 +36,13 @@ def test_parameters_stand_by_group_with_value_and_unit() -> None:
     chirp = page.partition("\n## chirp\n")[2].partition("\n## ")[0]
     assert "| `band_low_hz` | 15000.0 | Hz | lower end of the band |" in chirp
     assert PARAMETERS not in page
+
+
+def test_studies_stand_with_their_question_and_minutes() -> None:
+    assert STUDY_TABLE in (ROOT / "docs" / "how-to" / "studies.md").read_text()
+    table = study_table(["mapping"])
+    assert len(table.splitlines()) == 3
+    assert "| `mapping` | How far off are maps, by method, in the paper's three places? | " in table
 
 
 @pytest.mark.parametrize("text", ["", "# A page\n\nwithout markers"])

@@ -151,7 +151,7 @@ def test_errors_become_one_line(
 def test_what_is_missing_is_named_with_its_extra(capsys: pytest.CaptureFixture[str]) -> None:
     exit_code_of(lambda: fail(ModuleNotFoundError("gone", name="torch")))
     assert capsys.readouterr().err == (
-        "elfslam: this needs torch, which is not installed; run pip install 'elfslam[learn]'\n"
+        "elfslam: this needs torch, which is not installed; run make studies in the checkout\n"
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.base.extras import extra_with
+from elfslam.base.extras import TARGETS, extra_with, installing
 
 ROOT = Path(__file__).resolve().parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -55,3 +55,16 @@ def test_whatever_may_be_missing_is_in_an_extra() -> None:
 )
 def test_an_extra_is_the_first_that_brings_the_module(module: str, extra: str | None) -> None:
     assert extra_with(module) == extra
+
+
+def test_the_makefile_installs_what_errors_say_that_it_does() -> None:
+    rules = (ROOT / "Makefile").read_text().split("\n\n")
+    for extra, command in TARGETS.items():
+        target = command.removeprefix("make ")
+        rule = next(each for each in rules if each.startswith(f"$(VENV)/.installed-{target}:"))
+        assert extra in rule.partition(".[")[2].partition("]")[0].split(","), extra
+
+
+def test_an_extra_without_a_target_is_installed_by_pip() -> None:
+    assert installing("learn") == "run make studies in the checkout"
+    assert "--editable '.[postgres]' in the checkout" in installing("postgres")

@@ -19,7 +19,7 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from elfslam.base.errors import ElfslamError, NoAnswerError, ParameterError
-from elfslam.base.extras import extra_with
+from elfslam.base.extras import extra_with, installing
 from elfslam.base.progress import Announce
 
 DONE, NO_ANSWER, BAD_INPUT, CLOSED_PIPE, INTERRUPTED = 0, 1, 2, 1, 130
@@ -198,7 +198,7 @@ def _line_of(error: Exception) -> str | None:
     if isinstance(error, ModuleNotFoundError):
         extra = extra_with(error.name or "")
         missing = f"this needs {error.name}, which is not installed"
-        return extra and f"{missing}; run pip install 'elfslam[{extra}]'"
+        return extra and f"{missing}; {installing(extra)}"
     if isinstance(error, UnicodeEncodeError):
         return f"{error.object[error.start : error.end]}: is no text in UTF-8; rename the file"
     if isinstance(error, OSError):

@@ -1,4 +1,4 @@
-"""Which extra of the package brings a module."""
+"""Which extra of the package brings a module, and how one is installed."""
 
 from __future__ import annotations
 
@@ -19,6 +19,13 @@ DISTRIBUTIONS = {
 }
 """What an extra names to bring a module that is called otherwise."""
 FOR_TESTS = "test"
+TARGETS = {
+    **dict.fromkeys(("serve", "images", "parquet"), "make serve"),
+    **dict.fromkeys(
+        ("learn", "studies", "acoustics", "speech", "scale", "buildings"), "make studies"
+    ),
+}
+"""What installs an extra in a checkout, where the package alone is got from."""
 
 
 def extra_with(module: str) -> str | None:
@@ -32,3 +39,9 @@ def extra_with(module: str) -> str | None:
         if named is not None and named[1] == wanted and named[2] != FOR_TESTS:
             return named[2]
     return None
+
+
+def installing(extra: str) -> str:
+    """What a user runs to get an extra."""
+    command = TARGETS.get(extra, f".venv/bin/python -m pip install --editable '.[{extra}]'")
+    return f"run {command} in the checkout"

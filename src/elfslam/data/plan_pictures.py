@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from elfslam.base.errors import InputError
+from elfslam.base.extras import installing
 from elfslam.base.text_files import read_bytes
 from elfslam.data.plan_svg import clean_svg
 
@@ -149,9 +150,7 @@ def _of_svg(content: bytes, file: Path) -> bytes:
 
 
 def _lacking(what: str) -> InputError:
-    return InputError(
-        f"{what} plans need the extra `images`: pip install 'elfslam[images]', or save as PNG"
-    )
+    return InputError(f"{what} plans need more packages: {installing('images')}, or save as PNG")
 
 
 def picture_of_shapes(shapes: PlanShapes) -> PlanPicture:

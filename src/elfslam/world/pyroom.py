@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
+from elfslam.base.extras import installing
 from elfslam.base.grid import in_ring
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ
 from elfslam.world.paths import Reach
@@ -62,8 +63,8 @@ def _library() -> ModuleType:
         import pyroomacoustics
     except ImportError as cause:
         raise InputError(
-            "the second engine needs pyroomacoustics, which is not installed; install the extra "
-            "'acoustics' (pip install 'elfslam[acoustics]')"
+            "the second engine needs pyroomacoustics, which is not installed; "
+            f"{installing('acoustics')}"
         ) from cause
     return pyroomacoustics  # type: ignore[no-any-return]
 

@@ -12,6 +12,7 @@ from elfslam.app.workers.here import Here
 from elfslam.app.workers.interface import Watchers, Workers
 from elfslam.app.workers.processes import Processes
 from elfslam.base.errors import InputError
+from elfslam.base.extras import installing
 from elfslam.base.urls import shown_url
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def check_on(on: str | None) -> None:
         )
     if find_spec("ray") is None:
         raise InputError(
-            "--on ray: Ray is not installed; install elfslam[scale], or name a number of processes"
+            f"--on ray: Ray is not installed; {installing('scale')}, or name a number of processes"
         )
 
 

@@ -18,6 +18,7 @@ from elfslam.app.workers.units import by_one_thread
 from elfslam.app.workers.versions import done_by_the_same, own_version
 from elfslam.app.workers.watched_work import AT_ONCE, Desk, watched
 from elfslam.base.errors import InputError, WorkerError
+from elfslam.base.extras import installing
 
 PORT, KNOCK_S = 10001, 5.0
 AHEAD = 2
@@ -111,6 +112,6 @@ def _ray() -> Any:
         import ray
     except ImportError as cause:
         raise InputError(
-            "--on ray: Ray is not installed; install elfslam[scale], or name a number of processes"
+            f"--on ray: Ray is not installed; {installing('scale')}, or name a number of processes"
         ) from cause
     return ray

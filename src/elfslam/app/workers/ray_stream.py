@@ -14,6 +14,7 @@ from elfslam.app.workers.interface import Result, Task
 from elfslam.app.workers.processes import MOST_TRIES
 from elfslam.app.workers.versions import Environment, done_by_the_same, own_version
 from elfslam.base.errors import InputError, WorkerError
+from elfslam.base.extras import installing
 
 ASKED_AHEAD = 2
 """Results that are on their way from the cluster while one is worked on."""
@@ -128,5 +129,5 @@ def _ray_data() -> Any:
             return ray.data
     except ImportError as cause:
         raise InputError(
-            "--on ray: Ray Data is not installed; install elfslam[scale] on every node"
+            f"--on ray: Ray Data is not installed; {installing('scale')} of every node"
         ) from cause

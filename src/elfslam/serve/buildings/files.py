@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError, StoreError
+from elfslam.base.extras import installing
 from elfslam.base.urls import has_secret, shown_url, without_secrets
 from elfslam.data.folders import replaced_file, sync
 from elfslam.serve.settings import ServerSettings
@@ -50,8 +51,8 @@ def open_files(settings: ServerSettings) -> Files:
         said = without_secrets(str(error).partition("\n")[0], url)
         raise InputError(
             f"files at {shown_url(url)}: {said:.200}; wanted such as "
-            "s3://BUCKET/PREFIX, gs://, abfs://, memory:// or file:///FOLDER, with pip install "
-            "'elfslam[serve,buildings]'"
+            "s3://BUCKET/PREFIX, gs://, abfs://, memory:// or file:///FOLDER; where a module is "
+            f"missing, {installing('buildings')}"
         ) from error
     return Files(system, str(root).rstrip("/"), shown_url(url))
 

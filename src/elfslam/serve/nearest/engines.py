@@ -10,6 +10,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, I64, Bool
 from elfslam.base.errors import InputError, StoreError
+from elfslam.base.extras import installing
 from elfslam.serve.nearest.parameters import NearestParameters
 from elfslam.serve.nearest.vectors import Rows, blocks, take
 
@@ -24,7 +25,7 @@ def faiss_module() -> Any:
     except ImportError as cause:
         raise InputError(
             "an index other than flat needs faiss, which is not installed; "
-            "run pip install 'elfslam[buildings]' or build one of kind flat"
+            f"{installing('buildings')}, or build one of kind flat"
         ) from cause
     return faiss
 

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from elfslam.base.errors import InputError
+from elfslam.base.extras import installing
 from elfslam.serve.positions.mqtt_address import Broker
 from elfslam.serve.positions.values import LivePosition
 from elfslam.serve.problems import LOG
@@ -118,7 +119,7 @@ def client_of(broker: Broker) -> Client:
         from paho.mqtt.client import Client
         from paho.mqtt.enums import CallbackAPIVersion
     except ModuleNotFoundError as error:
-        raise InputError("--mqtt: paho-mqtt is missing; pip install 'elfslam[serve]'") from error
+        raise InputError(f"--mqtt: paho-mqtt is missing; {installing('serve')}") from error
     client = Client(CallbackAPIVersion.VERSION2)
     client.connect_timeout = CONNECT_S
     client.reconnect_delay_set(FIRST_PAUSE_S, LONGEST_PAUSE_S)

@@ -99,6 +99,9 @@ async def begin_upload(
 ) -> Response:
     """Begin the upload of one file; `Location` says where its bytes go.
 
+    `Upload-Metadata` is of tus: pairs by commas, a key, a space, and the value in base64, such as
+    `filename d2Fsay56aXA=` for walk.zip.
+
     `Upload-Metadata` names the `recording` and the `filename`, or else a `filename` that ends in
     .zip, .tar.xz, .txt or .mat: a whole recording, or the log of another program. It is told by its
     content which, and each walk in it becomes a recording.

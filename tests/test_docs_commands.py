@@ -1,0 +1,223 @@
+"""The commands of the README, of tutorials and how-tos, run as they stand in the pages.
+
+Blocks tagged `sh` run in a shell, `console` ones are held against what they print, `python` ones
+are executed. What cannot run here says why: `<!-- not run: WHY -->` above the block. Of `make` only
+its target has to be there.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from elfslam.base.errors import ElfslamError
+from studies.tree import ROOT
+
+OTHERS = {"encoder.md", "known_truth.md", "own_world.md"}
+"""Pages whose blocks are not tagged yet."""
+FROM_NOTHING = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
+HOW_TO = [
+    page for page in sorted((ROOT / "docs" / "how-to").glob("*.md")) if page.name not in OTHERS
+]
+REASONS = {
+    "needs a cluster", "needs a floor plan", "needs an export of a phone", "needs a broker",
+    "needs a server with a map", "needs recordings of other people", "runs until it is stopped",
+    "takes minutes", "takes hours",
+}  # fmt: skip
+BLOCK = re.compile(
+    r"(?:<!-- not run: (?P<why>[^>]+?) -->\n)?^```(?P<tag>[\w-]*)\n(?P<text>.*?)^```$", re.S | re.M
+)
+QUICK = {"simulate living_room walk ": "simulate studio walk --rounds 3 ",
+         "simulate living_room walk2 ": "simulate studio walk2 --rounds 3 ",
+         "simulate living_room query ": "simulate studio query "}  # fmt: skip
+"""In the README, whose commands the tutorial has as they stand."""
+STOCK = (
+    "elfslam simulate studio walk --seed 100 --rounds 3",
+    "elfslam simulate studio walk2 --seed 101 --rounds 3",
+    "elfslam simulate studio query --seed 1100 --rounds 1 --asking",
+    "elfslam map walk run",
+    "elfslam map walk2 run2",
+    "mkdir walks && cp -r walk2 walks/walk2 && cp -r query walks/query",
+)
+"""What how-tos take as given: walks of a small room, and their maps."""
+NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+SLACK, SLACK_LEAST = 0.2, 3.0
+"""Printed numbers may be this share off what a page shows, or this many units of their last digit:
+libraries of other machines round otherwise."""
+LONGEST_S = 900
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of code of a page."""
+
+    tag: str
+    text: str
+    why: str | None
+
+
+def blocks(page: Path) -> Iterator[Block]:
+    for found in BLOCK.finditer(page.read_text(encoding="utf-8")):
+        yield Block(found["tag"], found["text"], found["why"])
+
+
+def page_name(page: Path) -> str:
+    return page.relative_to(ROOT).as_posix()
+
+
+def shell(text: str, folder: Path) -> str:
+    """What commands print in a folder, errors too. Fails where one fails."""
+    environment = os.environ | {
+        "HOME": str(folder),
+        "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}",
+        "PYTHONPATH": f"{ROOT / 'src'}:{ROOT}",
+        "COLUMNS": "160",
+    }
+    asked = f'make() {{ grep -q "^$1:" "{ROOT / "Makefile"}"; }}\n'
+    ended = subprocess.run(
+        ["bash", "-e", "-o", "pipefail", "-c", asked + text],
+        cwd=folder, env=environment, timeout=LONGEST_S, check=False, text=True,
+        stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    assert ended.returncode == 0, f"{text}\n{ended.stdout}"
+    return ended.stdout
+
+
+def run_block(block: Block, folder: Path) -> None:
+    if block.tag == "python":
+        run_python(block.text, folder)
+    elif block.tag == "toml" and block.text.startswith("# "):
+        (folder / block.text.splitlines()[0].removeprefix("# ")).write_text(block.text)
+    elif block.tag == "console":
+        run_session(block.text, folder)
+    elif block.tag == "sh":
+        shell(block.text, folder)
+
+
+def run_session(text: str, folder: Path) -> None:
+    """Commands behind `$`, and below each what it prints, other lines of it left out."""
+    for session in re.split(r"^\$ ", text, flags=re.M)[1:]:
+        command, *shown = session.splitlines()
+        printed = shell(command, folder).splitlines()
+        for line in filter(str.strip, shown):
+            assert any(alike(line, other) for other in printed), f"{line}\n{printed}"
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Whether two lines have the same words, and numbers that hardly differ."""
+    words = [NUMBER.sub("#", line).split() for line in (shown, printed)]
+    if words[0] != words[1]:
+        return False
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    return all(
+        abs(float(a) - float(b)) <= max(SLACK * abs(float(a)), SLACK_LEAST * unit_of(a))
+        for a, b in pairs
+    )
+
+
+def unit_of(number: str) -> float:
+    """Of its last digit: 0.01 of "0.31"."""
+    return float(10.0 ** -len(number.partition(".")[2]))
+
+
+NAMES: dict[str, object] = {}
+"""What the blocks of a page have defined so far."""
+
+
+def run_python(text: str, folder: Path) -> None:
+    """Statements one by one; one that is refused has the refusal below it, as a comment."""
+    here = Path.cwd()
+    os.chdir(folder)
+    try:
+        for statement in ast.parse(text).body:
+            refusal = refusal_of(statement)
+            assert not refusal or refusal in text, refusal
+    finally:
+        os.chdir(here)
+
+
+def refusal_of(statement: ast.stmt) -> str:
+    """Execute a statement; what a page shows of a refusal, empty where there is none."""
+    try:
+        exec(compile(ast.Module([statement], []), "page", "exec"), NAMES)
+    except ElfslamError as refused:
+        return f"# {type(refused).__name__}: {refused}\n"
+    return ""
+
+
+def run_page(page: Path, folder: Path, quick: dict[str, str] | None = None) -> None:
+    NAMES.clear()
+    for block in blocks(page):
+        text = block.text
+        for old, new in (quick or {}).items():
+            text = text.replace(old, new)
+        if block.why is None:
+            run_block(Block(block.tag, text, None), folder)
+
+
+@pytest.fixture(scope="session")
+def stock(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with small walks and their maps."""
+    folder = tmp_path_factory.mktemp("stock")
+    for command in STOCK:
+        shell(command, folder)
+    return folder
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("page", FROM_NOTHING, ids=page_name)
+def test_what_begins_with_nothing_runs(page: Path, tmp_path: Path) -> None:
+    run_page(page, tmp_path, QUICK if page.name == "README.md" else None)
+
+
+@pytest.mark.real
+@pytest.mark.parametrize("page", [page for page in HOW_TO if any(blocks(page))], ids=page_name)
+def test_how_tos_run_with_walks_and_maps(page: Path, stock: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "here"
+    shutil.copytree(stock, folder)
+    run_page(page, folder)
+
+
+@pytest.mark.parametrize("page", [*FROM_NOTHING, *HOW_TO], ids=page_name)
+def test_blocks_are_tagged_and_say_why_they_are_not_run(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert [block.text for block in blocks(page) if not block.tag] == []
+    assert {block.why for block in blocks(page)} - {None} <= REASONS
+    assert text.count("<!-- not run:") == sum(block.why is not None for block in blocks(page))
+    assert re.findall(r"^    +(?:\$|elfslam|make) .*", text, re.M) == []
+
+
+@pytest.mark.parametrize(
+    ("shown", "printed", "same"),
+    [
+        ("63   46   2", " 63 47 2 ", True),
+        ("63   46   2", "63 30 2", False),
+        ("0.31 m", "0.33 m", True),
+        ("0.31 m", "0.41 m", False),
+        ("2 walks", "2 maps", False),
+    ],
+)
+def test_printed_lines_are_held_against_the_page(shown: str, printed: str, same: bool) -> None:
+    assert alike(shown, printed) is same
+
+
+def test_a_block_is_found_with_its_reason(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("text\n<!-- not run: takes hours -->\n```sh\na\n```\n\n```console\n$ b\n```\n")
+    assert [*blocks(page)] == [Block("sh", "a\n", "takes hours"), Block("console", "$ b\n", None)]
+
+
+def test_a_refusal_in_a_page_is_the_one_that_comes(tmp_path: Path) -> None:
+    NAMES.clear()
+    start = "import elfslam\nelfslam.map(1)\n# InputError: no such refusal\n"
+    with pytest.raises(AssertionError):
+        run_python(start, tmp_path)
