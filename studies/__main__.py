@@ -13,7 +13,7 @@ from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app,
 from elfslam.app.stopping import run_stoppable
 from elfslam.line.feature import load_encoder
 from elfslam.world.kinds import KINDS
-from studies.catalogue import STUDIES, Choice, run_stale, run_study
+from studies.catalogue import STUDIES, Choice, run_stale, run_study, study_named
 from studies.results import RESULTS, Result
 
 FAST = Path("results-fast")
@@ -46,6 +46,8 @@ def study(
         raise typer.Exit(_render(check=check))
     encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
     choice = Choice(out or (FAST if fast else RESULTS), data, on, fast, kind, encoders)
+    if name != "all" and not fast:
+        say(f"{name}: about {study_named(name).minutes:g} min on two cores")
     with progress_bar() as announce:
         if name == "all":
             for done in run_stale([each for each in only.split(",") if each], choice, announce):

@@ -13,6 +13,8 @@ A figure is drawn into `docs/figures/NAME.svg`, of the rows that it names likewi
 
     <!-- figure: NAME study=mapping kind=dots metric="precision" caption="..." x="precision" -->
     <!-- /figure -->
+
+The README's table of the main results stands in a block of its own, `<!-- summary -->`.
 """
 
 from __future__ import annotations
@@ -34,6 +36,7 @@ if TYPE_CHECKING:
     from studies.drawing import Drawing
 
 BLOCK = re.compile(r"(<!-- (results|figure): (.+?) -->\n).*?(<!-- /\2 -->)", re.S)
+SUMMARY = re.compile(r"(<!-- summary -->).*?(<!-- /summary -->)", re.S)
 FIGURES = ROOT / "docs" / "figures"
 PAGES = (ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md")))
 OPTIONS = ("rows", "columns", "interval", "paper")
@@ -65,7 +68,8 @@ def rendered(page: Path, text: str) -> str:
             raise InputError(f"{_name(page)}: block {told!r}: {refused}") from refused
         return f"{opening}{content}\n{closing}"
 
-    return BLOCK.sub(block, text)
+    made = BLOCK.sub(block, text)
+    return SUMMARY.sub(lambda found: f"{found[1]}\n{_summary()}\n{found[2]}", made)
 
 
 def render(pages: Iterable[Path] = PAGES) -> list[str]:
@@ -108,6 +112,12 @@ def all_made(pages: Iterable[Path]) -> dict[Path, str]:
                     raise InputError(f"figure {drawing.name}: drawn in two ways; rename one")
     made = {page: rendered(page, text) for page, text in texts.items()}
     return made | {_file_of(name): svg(drawing) for name, drawing in drawings.items()}
+
+
+def _summary() -> str:
+    from studies.summary import summary_table
+
+    return summary_table()
 
 
 def parse(told: str) -> Shown:

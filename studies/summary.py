@@ -15,7 +15,6 @@ from studies.plain_features import ELF, LOG, PLAIN, ROOT
 from studies.render import DASH, figure_text
 from studies.results import RESULTS, Result, read_results
 
-OPENING, CLOSING = "<!-- summary -->", "<!-- /summary -->"
 PLACES = ("living_room", "office", "mall")
 SCENARIOS = {"surveyor": "by a surveyor", "pedestrian": "by pedestrians"}
 HAND_MADE = (PLAIN, ROOT, LOG)
