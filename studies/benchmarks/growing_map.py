@@ -27,7 +27,7 @@ from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.page_tracking import in_node, readings
+from studies.benchmarks.page_motion import in_node, readings
 
 WORLDS = {"studio": 3, "lounge": 3, "concourse": 2}
 FIRST_SEED = 100

@@ -26,7 +26,7 @@ from elfslam.line.motion import MotionParameters, dead_reckon
 from elfslam.world.device import BROWSER
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
-from studies.benchmarks.page_tracking import in_node, readings
+from studies.benchmarks.page_motion import in_node, readings
 
 WORLDS = ("studio", "lounge", "concourse")
 SAME_S = 0.15
