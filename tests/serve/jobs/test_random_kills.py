@@ -1,6 +1,6 @@
 """A server killed without warning at random moments, while phones upload, delete and await maps.
 
-`KILLS=200 pytest tests/serve/jobs/test_random_kills.py` kills it more often. Each SIGKILL falls
+`KILLS=200 pytest tests/serve/jobs/test_random_kills.py` kills it more often, on PostgreSQL too. Each SIGKILL falls
 while the server starts, receives, maps or keeps. Phones go on from where they were. At the end
 every acknowledged byte, every recording and every map is compared with an undisturbed one.
 """
@@ -31,6 +31,7 @@ from tests.waiting import until
 pytestmark = pytest.mark.real
 
 KILLS = int(os.environ.get("KILLS", "4"))
+DATABASES = ("sqlite", "postgresql") if "KILLS" in os.environ else ("sqlite",)
 WALKS = ("one", "mute")
 """The first has sound, the other only motion."""
 PHONES, PIECE_BYTES = 2, 60_000
@@ -103,7 +104,7 @@ def sent(walks: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Wal
     return made
 
 
-@pytest.mark.parametrize("database_url", ["sqlite", "postgresql"], indirect=True)
+@pytest.mark.parametrize("database_url", DATABASES, indirect=True)
 def test_nothing_acknowledged_is_lost(
     sent: dict[str, Walk], database_url: str, tmp_path: Path
 ) -> None:
