@@ -1,8 +1,8 @@
 """A server killed without warning at random moments, while phones upload, delete and await maps.
 
-`KILLS=200 pytest tests/serve/jobs/test_random_kills.py` kills it more often, on PostgreSQL too. Each SIGKILL falls
-while the server starts, receives, maps or keeps. Phones go on from where they were. At the end
-every acknowledged byte, every recording and every map is compared with an undisturbed one.
+`KILLS=200 pytest tests/serve/jobs/test_random_kills.py` kills it more often, and on PostgreSQL too.
+Each SIGKILL falls while the server starts, receives, maps or keeps. Phones go on from where they
+were. At the end every acknowledged byte, recording and map is compared with an undisturbed one.
 """
 
 from __future__ import annotations
