@@ -168,7 +168,7 @@ def studying(folder: Path) -> Drill:
     out = folder / "studied"
 
     def begin(environment: dict[str, str]) -> subprocess.Popen[bytes]:
-        return begun([*STUDY, str(out), "--on", "2"], environment)
+        return begun([*STUDY, "--out", str(out), "--on", "2"], environment)
 
     return Drill("studies --on 2", begin, 8.0, lambda: list(out.rglob(".*")))
 
