@@ -30,8 +30,8 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.device import BROWSER
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.line_in_page import browsing, run_in_page, write_f32, write_floor_map
-from studies.benchmarks.page_motion import readings
 from studies.benchmarks.served import serving
+from studies.page_motion import readings
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")

@@ -2,8 +2,8 @@
 
 import { readFileSync } from "node:fs";
 
-import { makeFootsteps } from "../../src/elfslam/serve/pages/line/motion/live.js";
-import { makeSketch } from "../../src/elfslam/serve/pages/phone/growing/sketch.js";
+import { makeFootsteps } from "../src/elfslam/serve/pages/line/motion/live.js";
+import { makeSketch } from "../src/elfslam/serve/pages/phone/growing/sketch.js";
 
 const EVERY_S = 0.1;
 
@@ -22,15 +22,6 @@ function liveSteps({ imu, parameters }) {
     for (const step of footsteps.take(tS)) steps.push({ ...step, takenS: tS });
   });
   return steps;
-}
-
-/** The same, and processor milliseconds per time that steps were asked for. */
-function timedSteps(given) {
-  const before = process.cpuUsage();
-  const steps = liveSteps(given);
-  const { user, system } = process.cpuUsage(before);
-  const { tS } = given.imu;
-  return { steps, askMs: ((user + system) / 1000) * (EVERY_S / (tS[tS.length - 1] - tS[0])) };
 }
 
 /**
@@ -54,5 +45,5 @@ function meanOf(vectors) {
 }
 
 const [, , verb, file] = process.argv;
-const VERBS = { sketch: sketchOf, timed: timedSteps };
+const VERBS = { sketch: sketchOf, steps: liveSteps };
 process.stdout.write(JSON.stringify(VERBS[verb](JSON.parse(readFileSync(file)))));
