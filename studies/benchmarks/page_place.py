@@ -27,7 +27,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
@@ -47,7 +46,7 @@ from studies.benchmarks.browser_walk import (
     plan_course,
     simulated_twin,
 )
-from studies.benchmarks.served import serving
+from studies.benchmarks.served import owner_of, serving
 
 MAP = "Mapped walk"
 MODES = {"tracking": "track", "one-shot": "one-shot"}
@@ -88,10 +87,7 @@ class Errors:
 
 def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) -> tuple[str, Any]:
     """Simulate a walk, send it, have it mapped; gives the map's id and the world's pose in it."""
-    url, token = address.partition("&")[0].split("/#token=")
-    with httpx.Client(
-        base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
-    ) as client:
+    with owner_of(address) as client:
         truth = desk_pictures.upload(client, name, seed, rounds, world)
         desk_pictures.wait(client)
         made = next(each for each in client.get("/api/maps").json() if each["name"] == name)
@@ -102,9 +98,8 @@ def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) 
 
 def fetch_map(address: str, map_id: str, folder: Path) -> Path:
     """The map's folder, as Python locates in it."""
-    url, token = address.partition("&")[0].split("/#token=")
-    header = {"Authorization": f"Bearer {token}"}
-    content = httpx.get(f"{url}/api/maps/{map_id}/map.zip", headers=header, timeout=60)
+    with owner_of(address) as client:
+        content = client.get(f"/api/maps/{map_id}/map.zip")
     zipfile.ZipFile(io.BytesIO(content.raise_for_status().content)).extractall(folder)
     return next(folder.rglob("trajectory.tum")).parent
 

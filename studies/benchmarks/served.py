@@ -140,6 +140,12 @@ def serving(data: Path, *options: str) -> Iterator[str]:
             server.terminate()
 
 
+def owner_of(address: str) -> httpx.Client:
+    """The owner's client of a server, by the address that pairs."""
+    url, token = address.partition("&")[0].split("/#token=")
+    return httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60)
+
+
 def free_port() -> int:
     """A port of loopback on which nobody listens."""
     with socket.socket() as found:
