@@ -33,6 +33,7 @@ from studies.study import SCENARIOS, Study, StudyContext
 STUDIES = (
     "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",
     "displacement", "distinctness", "elf", "fidelity", "finetuning", "fix-thresholds", "floor-plan",
+    "floors-by-wifi", "growing-map", "live-footsteps",
     "laps", "localization", "localization-cost", "magnetic-left-out", "magnetic-walks",
     "mall-fifths", "mall-floor", "many-mappers", "mapping", "merging", "paper", "passages",
     "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech", "speed",

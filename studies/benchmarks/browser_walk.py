@@ -27,7 +27,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 from playwright.sync_api import Browser, Page, sync_playwright
 
@@ -60,7 +59,7 @@ from studies.benchmarks.acoustic_loop import (
     pulse_audio,
     room_between,
 )
-from studies.benchmarks.served import serving
+from studies.benchmarks.served import owner_of, serving
 
 CHROMIUM = os.environ.get("CHROMIUM") or shutil.which("chromium") or ""
 ARGUMENTS = (
@@ -206,8 +205,7 @@ def _move_until(
 
 def download(address: str, folder: Path) -> Path:
     """The one recording of the server, as a folder."""
-    url, token = address.partition("&")[0].split("#token=")
-    with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}) as client:
+    with owner_of(address) as client:
         recordings = client.get("/api/recordings").raise_for_status().json()
         archive = client.get(f"/api/recordings/{recordings[0]['id']}/recording.zip")
     out = folder / "recorded"
@@ -217,9 +215,8 @@ def download(address: str, folder: Path) -> Path:
 
 def finished_map(address: str, folder: Path, most_s: float = 900.0) -> Path:
     """The map that the server makes of it, as a run folder. Waits for it."""
-    url, token = address.partition("&")[0].split("#token=")
     until = time.monotonic() + most_s
-    with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}) as client:
+    with owner_of(address) as client:
         while time.monotonic() < until:
             jobs = client.get("/api/jobs").raise_for_status().json()
             if jobs and jobs[0]["state"] in ("done", "failed", "cancelled"):

@@ -11,7 +11,6 @@ plan is drawn from the world and laid under the map. Takes some minutes.
 from __future__ import annotations
 
 import argparse
-import base64
 import io
 import tempfile
 import time
@@ -32,7 +31,7 @@ from elfslam.base.values import Truth
 from elfslam.data.recordings import write_recording
 from elfslam.world import worlds
 from elfslam.world.simulate import describe_chirp, load_world, simulate
-from studies.benchmarks.served import serving
+from studies.benchmarks.served import PIECE, metadata, owner_of, serving
 
 WORLD = "studio"
 WALKS = {"First walk": (100, 3), "Second walk": (101, 3), "Third walk": (102, 3)}
@@ -59,11 +58,8 @@ def main() -> None:
     out.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory() as data, serving(Path(data)) as at:
         address = at.replace("/desk", "/")
-        url, token = address.partition("&")[0].split("/#token=")
-        client = httpx.Client(
-            base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
-        )
-        floor = fill(client)
+        with owner_of(address) as client:
+            floor = fill(client)
         with sync_playwright() as playwright:
             browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=BROWSER)
             for scheme in ("light", "dark"):
@@ -117,13 +113,10 @@ def upload(client: httpx.Client, name: str, seed: int, rounds: int, world: str =
         with zipfile.ZipFile(packed, "w") as archive:
             for file in folder.iterdir():
                 archive.write(file, f"walk/{file.name}")
-    headers = {
-        "Tus-Resumable": "1.0.0",
-        "Upload-Length": str(len(packed.getvalue())),
-        "Upload-Metadata": f"filename {base64.b64encode(f'{name}.zip'.encode()).decode()}",
-        "Content-Type": "application/offset+octet-stream",
-    }
-    client.post("/api/uploads", content=packed.getvalue(), headers=headers).raise_for_status()
+    told = {"Upload-Length": str(len(packed.getvalue()))}
+    told["Upload-Metadata"] = metadata(filename=f"{name}.zip")
+    content = packed.getvalue()
+    client.post("/api/uploads", content=content, headers={**PIECE, **told}).raise_for_status()
     return truth
 
 

@@ -33,9 +33,8 @@ import httpx
 from elfslam.app.console import print_rows, say
 from elfslam.data.recordings import write_recording
 from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.killed_server import Ledger, uploaded
 from studies.benchmarks.served import COMMAND as SERVE
-from studies.benchmarks.served import free_port
+from studies.benchmarks.served import PIECE, free_port, metadata
 
 MARK = "ELFSLAM_DRILL"
 MAP = (*SERVE[:3], "map")
@@ -169,7 +168,7 @@ def studying(folder: Path) -> Drill:
     out = folder / "studied"
 
     def begin(environment: dict[str, str]) -> subprocess.Popen[bytes]:
-        return begun([*STUDY, str(out), "--on", "2"], environment)
+        return begun([*STUDY, "--out", str(out), "--on", "2"], environment)
 
     return Drill("studies --on 2", begin, 8.0, lambda: list(out.rglob(".*")))
 
@@ -187,12 +186,20 @@ def serving(folder: Path) -> Drill:
         server = begun(command, environment)
         with client_of(data, port) as client:
             if not recordings:
-                recordings.append(uploaded(client, packed.getvalue(), Ledger()))
+                recordings.append(uploaded(client, packed.getvalue()))
             for _ in range(JOBS):
                 client.post("/api/jobs", json={"kind": "map", "recording": recordings[0]})
         return server
 
     return Drill("serve --on 2", begin, 8.0, lambda: list((data / "work").iterdir()))
+
+
+def uploaded(client: httpx.Client, content: bytes) -> str:
+    """Send a walk at once; the recording that came of it."""
+    told = {"Upload-Metadata": metadata(filename="walk.zip"), "Upload-Length": str(len(content))}
+    answer = client.post("/api/uploads", headers={**PIECE, **told}, content=content)
+    place = answer.raise_for_status().headers["location"]
+    return str(client.head(place, headers=PIECE).headers["elfslam-recording"])
 
 
 def client_of(data: Path, port: int) -> httpx.Client:

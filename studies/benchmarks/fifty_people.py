@@ -1,16 +1,13 @@
-"""Fifty people on one server: they let others see where they are, share maps and take them away.
+"""Fifty walkers let others see where they are: how soon a position is acknowledged and seen.
 
 Usage, from the root of the project:
 
     python -m studies.benchmarks.fifty_people [--people 50] [--listeners 10] [--seconds 30]
-        [--pause 30]
 
 The server is a process of its own, on loopback; all people are in this process. Everybody posts
-two positions a second, each in a request of its own, and every `--pause` seconds shares their map
-with the next one, who looks at their list, opens the map, names a place in it, exports it (GeoJSON,
-IMDF) and takes what a phone keeps; then the share is withdrawn. Ten listeners stream the positions;
-one counts from before it is posted until a listener has it. Maps are of one simulated walk through
-the studio. All come from one address, so the server's limits of an address are lifted.
+two positions a second, each in a request of its own, and listeners stream all of them; a position
+counts from before it is posted until a listener has it. All come from one address, so the server's
+limits of an address are lifted.
 """
 
 from __future__ import annotations
@@ -18,63 +15,39 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
-import tempfile
 import time
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import httpx
 import numpy as np
 
 from elfslam.app.console import print_rows
-from elfslam.app.map import MapJob, map_into
-from elfslam.app.settings import Settings
-from elfslam.data.recordings import write_recording
 from elfslam.serve.buildings.tables import Building, Floor
 from elfslam.serve.people.users import add_user
-from elfslam.serve.services import Services, open_services
+from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.store import blobs
-from elfslam.serve.store.database import Map, MapFile, transaction
-from elfslam.world.simulate import describe_chirp, load_world, simulate
+from elfslam.serve.store.database import transaction
 from studies.benchmarks.served import Served, started
 
 OFTEN = {"address_requests_per_s": 1e6, "address_connections": 500}
 """Limits of a server that refuses no address its haste."""
 PERIOD_S = 0.5
 SETTLING_S = 1.0
-SEED = 107
-ORIGIN = {"origin": "47.3769,8.5417"}
-VENUE = {
-    **ORIGIN, "name": "Hall", "category": "businesscampus", "address": "Street 1",
-    "locality": "Town", "country": "CH", "level": "Ground floor", "ordinal": "0",
-}  # fmt: skip
-DOOR = {"name": "Door", "kind": "door", "x_m": 1.0, "y_m": 1.0}
-
-
-@dataclass(frozen=True)
-class Person:
-    """Somebody with a map."""
-
-    id: str
-    token: str
-    map_id: str
 
 
 @dataclass(frozen=True)
 class Log:
-    """Seconds that requests of each kind took, and positions that listeners heard."""
+    """Seconds that acknowledging took, and positions that were posted and that listeners heard."""
 
-    took_s: dict[str, list[float]] = field(default_factory=lambda: defaultdict(list))
+    took_s: list[float] = field(default_factory=list)
     posted_s: dict[tuple[int, int], float] = field(default_factory=dict)
     heard: list[tuple[int, int, float]] = field(default_factory=list)
 
 
-def plant(data: Path, people: int) -> tuple[str, list[Person]]:
-    """A published floor, in which everybody is located, and people with a map each."""
+def plant(data: Path, people: int) -> tuple[str, list[str]]:
+    """A published floor, in which everybody is located, and the tokens of people."""
     services = open_services(ServerSettings(data))
     with transaction(services.sessions) as session:
         building = Building(name="Hall")
@@ -85,32 +58,9 @@ def plant(data: Path, people: int) -> tuple[str, list[Person]]:
             building=building.number, level=0, has_wifi=False, revision=1, manifest="{}", **where
         )
         session.add(floor)
-    planted = plant_maps(services, [add_user(services, f"person {k}") for k in range(people)])
+    tokens = [add_user(services, f"person {k}")[1] for k in range(people)]
     services.engine.dispose()
-    return floor.id, planted
-
-
-def plant_maps(services: Services, users: Sequence[tuple[Any, str]]) -> list[Person]:
-    """A map for each user, as a job would have left it."""
-    with tempfile.TemporaryDirectory() as folder:
-        recording, _ = simulate(load_world("studio"), SEED, rounds=2)
-        walk, run = Path(folder) / "walk", Path(folder) / "run"
-        write_recording(recording, walk, chirp_description=describe_chirp())
-        job = MapJob((), None, "compact", Settings(), overwrite=False)
-        map_into(run, walk, job, lambda *_: None)
-        files = blobs.put_folder(services.settings.blobs_folder, run)
-    people = []
-    for user, token in users:
-        with transaction(services.sessions) as session:
-            made = Map(user_id=user.id, name="studio", kind="run", facts={})
-            session.add(made)
-            session.flush()
-            session.add_all(
-                MapFile(map_id=made.id, name=name, sha256=blob.sha256, size_bytes=blob.size_bytes)
-                for name, blob in files.items()
-            )
-            people.append(Person(user.id, token, made.id))
-    return people
+    return floor.id, tokens
 
 
 async def walk(
@@ -124,40 +74,11 @@ async def walk(
         log.posted_s[index, count] = time.perf_counter()
         fix = {"status": "OK", "x_m": index, "y_m": count, "heading_rad": 0, "sigma_m": 0.2}
         told = {"map": map_id, "walk": f"{index:016x}", "positions": [fix]}
-        await asked(client, log, "a position is acknowledged", "POST", "/api/positions", json=told)
+        sent_s = time.perf_counter()
+        answer = await client.post("/api/positions", json=told)
+        answer.raise_for_status()
+        log.took_s.append(time.perf_counter() - sent_s)
         count += 1
-
-
-async def share(
-    client: httpx.AsyncClient, other: httpx.AsyncClient, mine: Person, to: Person, log: Log
-) -> None:
-    """Share a map; whom it is shared with finds it, looks, names a place, takes it away."""
-    path = f"/api/maps/{mine.map_id}"
-    points, shared = f"{path}/points-of-interest", f"{path}/shares/{to.id}"
-    await asked(client, log, "a map is shared", "PUT", shared, json={"may": "edit"})
-    listed = await asked(other, log, "the list of maps", "GET", "/api/maps")
-    if mine.map_id not in [each["id"] for each in listed.json()]:
-        raise SystemExit("a shared map is in no list")
-    await asked(other, log, "a map is opened", "GET", f"{path}/view")
-    now = (await asked(other, log, "named places", "GET", points)).json()
-    told = {"version": now["version"], "points": [DOOR] if not now["points"] else []}
-    await asked(other, log, "a place is named", "PUT", points, json=told)
-    exports = f"{path}/exports"
-    await asked(other, log, "export, GeoJSON", "GET", f"{exports}/geojson", params=ORIGIN)
-    await asked(other, log, "export, IMDF", "GET", f"{exports}/imdf", params=VENUE)
-    await asked(other, log, "manifest for a phone", "GET", f"{path}/package")
-    await asked(client, log, "a share is withdrawn", "DELETE", shared)
-
-
-async def asked(
-    client: httpx.AsyncClient, log: Log, what: str, method: str, path: str, **more: Any
-) -> httpx.Response:
-    """An answer that is no refusal; how long it took goes into the log."""
-    sent_s = time.perf_counter()
-    answer = await client.request(method, path, **more)
-    answer.raise_for_status()
-    log.took_s[what].append(time.perf_counter() - sent_s)
-    return answer
 
 
 async def listen(client: httpx.AsyncClient, map_id: str, log: Log) -> None:
@@ -171,7 +92,7 @@ async def listen(client: httpx.AsyncClient, map_id: str, log: Log) -> None:
 
 
 async def together(
-    served: Served, map_id: str, people: Sequence[Person], known: argparse.Namespace
+    served: Served, map_id: str, tokens: Sequence[str], known: argparse.Namespace
 ) -> Log:
     """All of them at once, as long as was asked."""
     log, limits = Log(), httpx.Limits(max_connections=None, max_keepalive_connections=None)
@@ -180,24 +101,15 @@ async def together(
             base_url=served.url, headers={"Authorization": f"Bearer {token}"}, timeout=60,
             limits=limits,
         )
-        for token in (*(each.token for each in people), served.token)
+        for token in (*tokens, served.token)
     ]  # fmt: skip
     listening = [
         asyncio.create_task(listen(clients[-1], map_id, log)) for _ in range(known.listeners)
     ]
     await asyncio.sleep(SETTLING_S)
 
-    async def shares(index: int) -> None:
-        other = (index + 1) % len(people)
-        begin_s = time.perf_counter()
-        due_s = begin_s + known.pause * index / len(people)
-        while due_s < begin_s + known.seconds:
-            await asyncio.sleep(max(0.0, due_s - time.perf_counter()))
-            await share(clients[index], clients[other], people[index], people[other], log)
-            due_s += known.pause
-
-    walks = [walk(clients[k], map_id, k, known.seconds, log) for k in range(len(people))]
-    await asyncio.gather(*walks, *(shares(k) for k in range(len(people) if known.pause else 0)))
+    walks = [walk(clients[k], map_id, k, known.seconds, log) for k in range(len(tokens))]
+    await asyncio.gather(*walks)
     await asyncio.sleep(SETTLING_S)
     for task in listening:
         task.cancel()
@@ -217,11 +129,11 @@ def row(what: str, seconds: Sequence[float]) -> dict[str, object]:
 def measured(known: argparse.Namespace) -> tuple[list[dict[str, object]], str]:
     """The rows of the table, and what the server took."""
     with started(limits=OFTEN) as served:
-        map_id, people = plant(served.data, known.people)
-        log, used = served.while_asked(lambda: asyncio.run(together(served, map_id, people, known)))
+        map_id, tokens = plant(served.data, known.people)
+        log, used = served.while_asked(lambda: asyncio.run(together(served, map_id, tokens, known)))
     delays_s = [at_s - log.posted_s[who, which] for who, which, at_s in log.heard]
     lost = known.listeners * len(log.posted_s) - len(delays_s)
-    rows = [row("a position is seen", delays_s), *(row(*each) for each in log.took_s.items())]
+    rows = [row("a position is acknowledged", log.took_s), row("it is seen", delays_s)]
     return rows, f"{lost} positions not seen; the server: {used}"
 
 
@@ -231,9 +143,6 @@ def main() -> None:
     parser.add_argument("--people", type=int, default=50)
     parser.add_argument("--listeners", type=int, default=10)
     parser.add_argument("--seconds", type=float, default=30.0)
-    parser.add_argument(
-        "--pause", type=float, default=30.0, help="s between shares; 0 shares nothing"
-    )
     parser.add_argument("--json", action="store_true")
     known = parser.parse_args()
     rows, used = measured(known)

@@ -1,7 +1,9 @@
-"""What phones fetch of a map: how far fixes move by its halves, and what one more walk costs.
+"""What a phone fetches of a map that it holds when one more walk is added to it.
 
-python -m studies.benchmarks.map_packages fixes      development worlds, seeds 100 to 103
-python -m studies.benchmarks.map_packages updates    maps of two walks, and a third that is added
+    python -m studies.benchmarks.map_packages
+
+Two walks become a map; then a third is added to it, or all three are merged anew. A row has the
+bytes of the parts that changed against all of them.
 """
 
 from __future__ import annotations
@@ -11,89 +13,24 @@ import hashlib
 import json
 from collections.abc import Iterator
 
-import numpy as np
-
-from elfslam.base.choices import Mode
-from elfslam.base.values import Features, Fixes, FloorMap, Odometry
-from elfslam.data.tiles import Stretch, Tile, encoder_identity, map_of_parts, stretches_of, tiles_of
-from elfslam.line.feature import extract_features, load_encoder
-from elfslam.line.locate import locate_one_shot
-from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.base.values import FloorMap
+from elfslam.data.tiles import Stretch, Tile, stretches_of, tiles_of
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge
-from elfslam.slam.parameters import Parameters
-from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
 from elfslam.world.kinds import QUIET
-from elfslam.world.simulate import load_world, simulate
 from studies.merged_walks import FIRST, WHOLE, Stroll, strolled
 
 Row = dict[str, object]
-PARAMETERS = Parameters()
 
 
 def main() -> None:
     """Print rows as JSON."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("fixes", "updates"))
-    for row in {"fixes": moved_fixes, "updates": updates}[parser.parse_args().what]():
+    argparse.ArgumentParser(description=__doc__).parse_args()
+    for row in updates():
         print(json.dumps(row), flush=True)
 
 
-def moved_fixes() -> Iterator[Row]:
-    """How far fixes in the map of tiles lie from those in the map itself, per walk.
-
-    Beside the tracker's it says how far another seed moves them, as its particles are drawn.
-    """
-    encoder = load_encoder("compact")
-    for world, seed in ((name, seed) for name in ("studio", "lounge") for seed in range(100, 104)):
-        recording, _ = simulate(load_world(world), seed, rounds=2)
-        stranger, _ = simulate(load_world(world), seed + 50, rounds=1)
-        floor_map = map_by_echoes(recording, encoder, PARAMETERS).floor_map
-        assert floor_map is not None
-        heard = extract_features(hear(stranger, PARAMETERS), encoder)
-        nodes, tiled = walk_nodes(stranger, PARAMETERS), through_tiles(floor_map)
-        one, other = (
-            locate_one_shot(heard, each, PARAMETERS.locate) for each in (floor_map, tiled)
-        )
-        drawn = (floor_map, 0), (tiled, 0), (floor_map, 1)
-        tracked = [tracks(heard, nodes, each, seed) for each, seed in drawn]
-        yield {
-            "world": world, "seed": seed, "spots": len(floor_map.xy_m),
-            "one_shot_mm": apart_mm(one, other), "tracked_mm": apart_mm(tracked[0], tracked[1]),
-            "other_seed_mm": apart_mm(tracked[0], tracked[2]),
-        }  # fmt: skip
-
-
-def through_tiles(floor_map: FloorMap) -> FloorMap:
-    """The map as a phone holds it."""
-    tiles = [tile.content for tile in tiles_of(floor_map)]
-    stretches = [(each.walk, each.content) for each in stretches_of(floor_map)]
-    encoder = encoder_identity(floor_map)
-    return map_of_parts(tiles, stretches, encoder=encoder, sources=floor_map.sources)
-
-
-def tracks(heard: Features, nodes: Odometry, floor_map: FloorMap, seed: int) -> Fixes:
-    """The tracker's fixes."""
-    scores = footstep_likeness(heard, nodes, floor_map, PARAMETERS.locate)
-    return locate_walk(nodes, scores, floor_map, PARAMETERS, mode=Mode.TRACK, seed=seed)
-
-
-def apart_mm(one: Fixes, other: Fixes) -> Row:
-    """How far fixes lie apart, and how many have another status."""
-    away = np.linalg.norm(one.xy_m - other.xy_m, axis=1)
-    away = 1000 * away[np.isfinite(away)]
-    return {
-        "fixes": len(away),
-        "median": round(float(np.median(away)), 3),
-        "largest": round(float(away.max()), 2),
-        "other_status": int((one.status != other.status).sum()),
-    }
-
-
 def updates() -> Iterator[Row]:
-    """Bytes of the parts that one more walk changes, against all of them.
-
-    Two walks become a map; then a third is added to it, or all three are merged anew.
-    """
+    """A row for each world, and for a third walk of a part of its route and of all of it."""
     parameters = MergeParameters()
     for world in ("studio", "lounge", "concourse"):
         walks = [strolled(Stroll(world, seed, rounds=2, kind=QUIET.name))[0] for seed in (100, 101)]

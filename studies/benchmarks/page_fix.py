@@ -1,11 +1,12 @@
-"""What a fix costs in the page: milliseconds by stage, and what the browser fetches for it.
+"""What a fix costs in the page, and a footstep of tracking; and what the browser fetches for it.
 
     python -m studies.benchmarks.page_fix [--spots N] [--rate HZ]
 
 A real server and a headless Chromium. The modules of the page locate a simulated walk in a map of
 `--spots` spots (what a walk's own map lacks is filled with unlike ones), 0.6 s of sound at a time,
-in a worker as on the phone. Then the same browser fetches the page for the first time. Wall clock:
-run it on a quiet machine. Needs chromium and the `test` extra.
+in a worker as on the phone; then they follow a walk with the motion of a browser, footstep by
+footstep, by the particle filter. Last comes what a first visit weighs. Wall clock: run it on a
+quiet machine. Needs chromium and the `test` extra.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import argparse
 import json
 import tempfile
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -26,24 +27,18 @@ from elfslam.base.values import FloorMap, Payload
 from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.world.device import BROWSER
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.line_in_page import browsing, run_in_page, write_f32, write_floor_map
 from studies.benchmarks.served import serving
+from studies.page_motion import readings
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")
 INSIDE = ("to 44.1 kHz", "envelope")
 PASSES = ((1, 1), (11, 1), (1, 5))
 """Over the walk, with its sound in windows and as it comes: few, many, and many as it comes."""
+TRACKED_SPOTS, TRACKED_STEPS, TRACKED_ROUNDS = (4_000, 24_000), 40, 7
 SPOT_BYTES = 4 * (2 + 1 + 3 + 1 + 128)
-
-
-@dataclass(frozen=True)
-class File:
-    """A file of the page: its bytes, and how many of them the server sends to a browser."""
-
-    name: str
-    raw: int
-    sent: int
 
 
 def prepare(folder: Path, spots: int, rate_hz: int) -> float:
@@ -104,27 +99,36 @@ def print_row(name: str, ms: np.ndarray) -> None:
     print(f"{name:40} {np.median(ms):7.1f} {np.percentile(ms, 95):6.1f} {ms.min():7.1f}  ms")
 
 
-def page_files(address: str) -> list[File]:
-    """Everything that the phone keeps of the page, asked for as a browser does."""
+def print_footsteps(browser: Browser, address: str, folder: Path) -> None:
+    """Milliseconds of a footstep: of motion, asked for ten times a second, and of the tracker."""
+    walked, _ = simulate(load_world("studio"), 100, rounds=3, sound=False, grade=BROWSER)
+    assert walked.imu is not None
+    parameters = Parameters()
+    told = {
+        "imu": readings(walked.imu),
+        "motion": asdict(parameters.motion),
+        "track": asdict(parameters.track),
+        "spots": TRACKED_SPOTS,
+        "steps": TRACKED_STEPS,
+        "rounds": TRACKED_ROUNDS,
+    }
+    (folder / "walk.json").write_text(json.dumps(told))
+    said, _ = run_in_page(browser, address, "track", folder)
+    print(
+        "\nfastest of a footstep: " + ", ".join(f"{name} {ms:.2f} ms" for name, ms in said.items())
+    )
+
+
+def print_weight(address: str, folder: Path, spots: int) -> None:
+    """What the first visit weighs, raw and as sent."""
     url = address.split("#", maxsplit=1)[0].rstrip("/")
-    listed = httpx.get(f"{url}/precache.json").raise_for_status().json()["files"]
-    return [File(f["path"], f["size_bytes"], sent_bytes(url + f["path"])) for f in listed]
-
-
-def sent_bytes(url: str) -> int:
-    """How long the body is that the server sends."""
-    with httpx.stream("GET", url, headers={"Accept-Encoding": "gzip, br"}) as answer:
-        answer.raise_for_status()
-        return sum(len(part) for part in answer.iter_raw())
-
-
-def print_weight(files: Sequence[File], folder: Path, spots: int) -> None:
-    """What the first visit weighs."""
+    files = httpx.get(f"{url}/precache.json").raise_for_status().json()["files"]
     print(f"\n{'bytes on the first visit':32}{'raw':>12}{'sent':>12}")
-    runtime = [file for file in files if "onnxruntime" in file.name]
+    runtime = [file for file in files if "onnxruntime" in file["path"]]
     rest = [file for file in files if file not in runtime]
     for name, some in (("runtime", runtime), ("page", rest), ("together", files)):
-        print(f"{name:32}{sum(f.raw for f in some):12,}{sum(f.sent for f in some):12,}")
+        raw, sent = (sum(f[key] for f in some) for key in ("size_bytes", "sent_bytes"))
+        print(f"{name:32}{raw:12,}{sent:12,}  {len(some)} files")
     encoder = (folder / "encoder.onnx").stat().st_size
     print(f"model {encoder:,} and map {spots * SPOT_BYTES:,}: {encoder + spots * SPOT_BYTES:,}")
 
@@ -143,7 +147,8 @@ def main() -> None:
             print_processor([spent_s for _, spent_s in runs], len(runs[0][0]["windows"]), walk_s)
             opened = " and ".join(f"{said['runtimeMs']:.0f}" for said, _ in runs[:2])
             print(f"runtime and encoder opened in {opened} ms")
-            print_weight(page_files(address), folder, given.spots)
+            print_footsteps(browser, address, folder)
+            print_weight(address, folder, given.spots)
 
 
 def measured(

@@ -7,7 +7,7 @@ A walk is simulated, sent and mapped by a server of its own. A browser opens the
 the map, and is closed; the server is stopped. The browser is started again on what it has kept, and
 another walker carries it through the room of acoustic_loop.py, twice: located step by step, and by
 echoes alone. Printed is the error against the truth beside that of Python on the same walk, the
-fixes in a minute, the processor time that it took, and what was asked of the network meanwhile.
+fixes in a minute, and what was asked of the network meanwhile.
 Needs chromium, pulseaudio and the `test` extra.
 """
 
@@ -21,13 +21,12 @@ import sys
 import tempfile
 import time
 import zipfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import httpx
 import numpy as np
 from playwright.sync_api import BrowserContext, Page, sync_playwright
 
@@ -47,13 +46,12 @@ from studies.benchmarks.browser_walk import (
     plan_course,
     simulated_twin,
 )
-from studies.benchmarks.served import serving
+from studies.benchmarks.served import owner_of, serving
 
 MAP = "Mapped walk"
 MODES = {"tracking": "track", "one-shot": "one-shot"}
 SETTLING_S = 1.5
 """From the last step until the page has told all that it knows."""
-TICK_HZ = os.sysconf("SC_CLK_TCK")
 
 
 @dataclass(frozen=True)
@@ -66,8 +64,6 @@ class Placed:
     """From the tap until the page listens."""
     heard_share: float
     """Of the chirps."""
-    browser_share: float
-    page_share: float
     requests: list[str]
     """What the network was asked for meanwhile."""
 
@@ -91,10 +87,7 @@ class Errors:
 
 def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) -> tuple[str, Any]:
     """Simulate a walk, send it, have it mapped; gives the map's id and the world's pose in it."""
-    url, token = address.partition("&")[0].split("/#token=")
-    with httpx.Client(
-        base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60
-    ) as client:
+    with owner_of(address) as client:
         truth = desk_pictures.upload(client, name, seed, rounds, world)
         desk_pictures.wait(client)
         made = next(each for each in client.get("/api/maps").json() if each["name"] == name)
@@ -105,9 +98,8 @@ def make_map(address: str, world: str, seed: int, rounds: int, name: str = MAP) 
 
 def fetch_map(address: str, map_id: str, folder: Path) -> Path:
     """The map's folder, as Python locates in it."""
-    url, token = address.partition("&")[0].split("/#token=")
-    header = {"Authorization": f"Bearer {token}"}
-    content = httpx.get(f"{url}/api/maps/{map_id}/map.zip", headers=header, timeout=60)
+    with owner_of(address) as client:
+        content = client.get(f"/api/maps/{map_id}/map.zip")
     zipfile.ZipFile(io.BytesIO(content.raise_for_status().content)).extractall(folder)
     return next(folder.rglob("trajectory.tum")).parent
 
@@ -149,10 +141,8 @@ def get_map(profile: Path, address: str) -> None:
         page.locator("html[data-offline=kept]").wait_for(timeout=120_000)
 
 
-def locate_walk(
-    page: Page, course: Course, room: Any, mode: str, folder: Path, at_s: Callable[[float], None]
-) -> Placed:
-    """Located from its first chirp to its last step; `at_s` is told how far the walk has gone."""
+def locate_walk(page: Page, course: Course, room: Any, mode: str, folder: Path) -> Placed:
+    """Located from its first chirp to its last step."""
     sensors = MotionSensors(page)
     sensors.read(course.imu, 0.0)
     page.click("#where")
@@ -171,12 +161,9 @@ def locate_walk(
     tapped_s = time.monotonic()
     page.click("#place-start")
     begun_s = room.begun_s()
-    before, wall = cpu_seconds(), time.monotonic()
     until = begun_s + course.duration_s
     while (now := time.monotonic()) < until:
         sensors.read(course.imu, now - begun_s)
-        at_s(now - begun_s)
-    after, duration_s = cpu_seconds(), time.monotonic() - wall
     still(sensors, course, SETTLING_S)
     asked = [request.url for request in requests if not is_own(request)]
     heard = page.inner_text("#place-heard").rstrip("\u00a0 %")
@@ -186,12 +173,9 @@ def locate_walk(
         page.click("#place-save")
     table = folder / f"{mode}.csv"
     download.value.save_as(table)
-    shares = [(b - a) / duration_s for a, b in zip(before, after, strict=True)]
     heard_share = int(heard) / 100 if heard.isdigit() else 0.0
     ready_s = begun_s - tapped_s
-    return Placed(
-        read_fixes(table), course.duration_s, ready_s, heard_share, shares[0], shares[1], asked
-    )
+    return Placed(read_fixes(table), course.duration_s, ready_s, heard_share, asked)
 
 
 def is_own(request: Any) -> bool:
@@ -207,34 +191,6 @@ def still(sensors: MotionSensors, course: Course, seconds: float) -> None:
     until = time.monotonic() + seconds
     while time.monotonic() < until:
         sensors.read(course.imu, course.duration_s)
-
-
-def cpu_seconds() -> tuple[float, float]:
-    """Processor time so far: of the whole browser, and of the process that runs the page."""
-    own = children_of(os.getpid())
-    used = {pid: (name, seconds) for pid, name, seconds in own if "chrom" in name}
-    whole = sum(seconds for _, seconds in used.values())
-    renderers = [seconds for name, seconds in used.values() if "--type=renderer" in name]
-    return whole, max(renderers, default=0.0)
-
-
-def children_of(parent: int) -> list[tuple[int, str, float]]:
-    """Process, command line and processor time (s) of all that a process has started."""
-    rows = {}
-    for folder in Path("/proc").glob("[0-9]*"):
-        try:
-            stat = (folder / "stat").read_text().rpartition(")")[2].split()
-            command = (folder / "cmdline").read_bytes().replace(b"\0", b" ").decode()
-        except OSError:
-            continue
-        seconds = (int(stat[11]) + int(stat[12])) / TICK_HZ
-        rows[int(folder.name)] = (int(stat[1]), command, seconds)
-    found, wanted = [], {parent}
-    while wanted:
-        below = {pid for pid, (above, _, _) in rows.items() if above in wanted}
-        found += [(pid, *rows[pid][1:]) for pid in below]
-        wanted = below
-    return found
 
 
 def errors_of(fixes: Fixes, truth: Truth, world_in_map: Any) -> Errors:
@@ -307,8 +263,7 @@ def compare(world_name: str, map_seed: int, seed: int, rounds: int, folder: Path
         print(told(f"{name}, Python", errors_of(python, course.truth, world_in_map)))
         print(
             f"  {placed.fixes_per_minute:.0f} fixes a minute; {placed.heard_share:.0%} of the "
-            f"chirps heard; ready after {placed.ready_s:.1f} s; {placed.browser_share:.0%} of a "
-            f"core for the browser, {placed.page_share:.0%} for the page; asked of the network: "
+            f"chirps heard; ready after {placed.ready_s:.1f} s; asked of the network: "
             f"{placed.requests or 'nothing'}",
             flush=True,
         )
@@ -341,7 +296,7 @@ def walk_once(course: Course, address: str, mode: str, folder: Path, seed: int) 
         kept_browser(folder / "profile", environment) as context,
     ):
         page = open_page(context, address)
-        return locate_walk(page, course, room, mode, folder, lambda _: None)
+        return locate_walk(page, course, room, mode, folder)
 
 
 if __name__ == "__main__":

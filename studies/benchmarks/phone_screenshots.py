@@ -26,7 +26,6 @@ from studies.benchmarks.browser_walk import (
     browsing,
     plan_course,
 )
-from studies.benchmarks.lost_walks import TAKE_AWAY
 from studies.benchmarks.page_place import make_map
 from studies.benchmarks.served import serving
 
@@ -43,6 +42,20 @@ PROFILE: dict[str, Any] = {
     "reduced_motion": "reduce",
 }
 SETTLING_S = 0.4
+TAKE_AWAY = """
+const ask = navigator.mediaDevices?.getUserMedia.bind(navigator.mediaDevices);
+let taken = [];
+if (ask) navigator.mediaDevices.getUserMedia = async (wanted) => {
+  const stream = await ask(wanted);
+  taken = stream.getAudioTracks();
+  return stream;
+};
+window.takeMicrophone = () => taken.forEach((track) => {
+  track.stop();
+  track.dispatchEvent(new Event("ended"));
+});
+"""
+"""A call ends the track of the microphone; no browser lets a program make one."""
 
 
 def main() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
 import os
 import socket
@@ -19,10 +18,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import httpx
-import numpy as np
 
-from elfslam.base.values import Audio, Imu, Recording
-from elfslam.data.recordings import write_recording
 from elfslam.serve.settings import PAGES_FOLDER
 
 Answer = TypeVar("Answer")
@@ -144,6 +140,12 @@ def serving(data: Path, *options: str) -> Iterator[str]:
             server.terminate()
 
 
+def owner_of(address: str) -> httpx.Client:
+    """The owner's client of a server, by the address that pairs."""
+    url, token = address.partition("&")[0].split("/#token=")
+    return httpx.Client(base_url=url, headers={"Authorization": f"Bearer {token}"}, timeout=60)
+
+
 def free_port() -> int:
     """A port of loopback on which nobody listens."""
     with socket.socket() as found:
@@ -170,25 +172,3 @@ def metadata(**told: str) -> str:
     """Names and texts as Upload-Metadata."""
     coded = {name: base64.b64encode(text.encode()).decode() for name, text in told.items()}
     return ",".join(f"{name} {text}" for name, text in coded.items())
-
-
-def walk_files(folder: Path, seconds: float, seed: int = 0) -> dict[str, bytes]:
-    """The files of a recording of noise, by name; kept in a folder for the next time."""
-    if not folder.is_dir():
-        generator = np.random.default_rng(seed)
-        t_s = np.arange(round(50 * seconds)) / 50
-        turning = generator.normal(0, 0.1, (len(t_s), 3))
-        imu = Imu(t_s, generator.normal([0, 0, 9.8], 0.1, (len(t_s), 3)), turning)
-        noise = generator.uniform(-0.1, 0.1, (1, round(44_100 * seconds)))
-        sound = Audio(noise.astype(np.float32), 44_100)
-        write_recording(Recording(name="noise", device="none", audio=sound, imu=imu), folder)
-    return {path.name: path.read_bytes() for path in sorted(folder.iterdir())}
-
-
-def completion(files: dict[str, bytes]) -> dict[str, object]:
-    """What a client says when all of a recording should have come."""
-    rows = [
-        {"name": name, "size_bytes": len(data), "sha256": hashlib.sha256(data).hexdigest()}
-        for name, data in files.items()
-    ]
-    return {"files": rows, "map": True}

@@ -72,6 +72,12 @@ def packed(folder: Path) -> bytes:
     return made.getvalue()
 
 
+def unpacked(content: bytes) -> dict[str, bytes]:
+    """The files of a .zip by their names without folders."""
+    with zipfile.ZipFile(io.BytesIO(content)) as archive:
+        return {Path(name).name: archive.read(name) for name in archive.namelist()}
+
+
 def only_job(client: httpx.Client, recording: str) -> Json:
     [job] = client.get("/api/jobs", params={"recording": recording}).json()
     return dict(job)

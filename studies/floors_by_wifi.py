@@ -1,26 +1,18 @@
-"""How often Wi-Fi tells the right floor: on real walks of two mall floors, and in simulated cities.
+"""How often Wi-Fi tells the right floor: real walks of two mall floors, and a simulated city.
 
-Usage, from the root of the project:
-
-    python -m studies.benchmarks.floors_by_wifi mall    half of the walks mapped, the others ask
-    python -m studies.benchmarks.floors_by_wifi \\
-        city    buildings of seed 300, phones in all circumstances
-
-Nothing was tuned on either: parameters were chosen in the city of seed 100.
+Of the mall, every other walk maps and the others ask; the city is that of seed 300. Nothing was
+tuned on either: parameters were chosen in the city of seed 100.
 """
 
 from __future__ import annotations
 
-import argparse
-import os
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
+from itertools import islice
 
 import numpy as np
 
-from elfslam.app.console import print_rows
 from elfslam.base.arrays import F64
 from elfslam.base.values import WifiScans
 from elfslam.data.mall import read_walk, walks_in
@@ -37,13 +29,26 @@ from elfslam.serve.buildings.wifi import (
     wifi_log_odds,
 )
 from studies.city import Block, CityParameters, Hearing, block_of, heard_now, scans_in
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
 PARAMETERS, CITY = FindParameters(), CityParameters()
 FRESH_S, WEAKEST_DBM = 3.0, -92.0
 SEED, BLOCKS, STRETCH_M = 300, 3, 8.0
+MALL, CITY_NAME = "mall floors", "simulated city"
+FILES = {1: "mall_walks/site1-F1.tar.xz", 4: "mall_walks/site1-F4.tar.xz"}
+AS_THEY_ARE, DEAF, REPLACED = "phones as they are", "10 dB deafer", "3 of 10 radios replaced"
+UNMAPPED = "on an unmapped floor"
 Heard = dict[int, float]
 Rows = dict[int, list[tuple[float, ...]]]
-Row = dict[str, object]
+
+
+def measure_floors_by_wifi(
+    context: StudyContext, *, blocks: int = BLOCKS, most_walks: int | None = None
+) -> Iterator[Record]:
+    """Shares of answers by what the phones are like (the method) and by scans (the condition)."""
+    yield from in_mall(context, most_walks)
+    yield from in_city(blocks)
 
 
 def table_of(floors: Mapping[int, FloorPoints]) -> Rows:
@@ -73,46 +78,50 @@ def _known(rows: Rows, scan: Scan) -> KnownPoints:
     return KnownPoints(*np.array(found, dtype=np.float64).reshape(-1, 5).T)
 
 
-def row_of(name: str, scans: int, answers: Sequence[tuple[Found, bool]]) -> Row:
+def records_of(
+    method: str, scans: int, answers: Sequence[tuple[Found, bool]], of: Record
+) -> Iterator[Record]:
     """Shares of the answers, each with whether its first candidate was right."""
     said = Counter(answers)
-    share = {status: f"{said[status, True] / len(answers):.1%}" for status in Found}
-    return {
-        "phones": name,
-        "scans": scans,
-        "asked": len(answers),
-        "first right": f"{sum(right for _, right in answers) / len(answers):.1%}",
-        "OK right": share[Found.OK],
-        "OK wrong": f"{said[Found.OK, False] / len(answers):.1%}",
-        "ambiguous": f"{sum(said[Found.AMBIGUOUS, k] for k in (True, False)) / len(answers):.1%}",
-        "unknown": f"{sum(said[Found.UNKNOWN_PLACE, k] for k in (True, False)) / len(answers):.1%}",
+    either = {status: said[status, True] + said[status, False] for status in Found}
+    counts = {
+        "right floor first (%)": sum(right for _, right in answers),
+        "OK and right (%)": said[Found.OK, True],
+        "OK and wrong (%)": said[Found.OK, False],
+        "ambiguous (%)": either[Found.AMBIGUOUS],
+        "unknown place (%)": either[Found.UNKNOWN_PLACE],
     }
+    condition = f"{scans} scan{'s' if scans > 1 else ''}"
+    record = replace(of, method=method, condition=condition)
+    yield replace(record, metric="questions", value=float(len(answers)))
+    for metric, count in counts.items():
+        yield replace(record, metric=metric, value=100 * count / len(answers))
 
 
-def mall() -> Iterator[Row]:
+def in_mall(context: StudyContext, most_walks: int | None) -> Iterator[Record]:
     """Odd walks ask on two floors that even walks mapped."""
-    folder = Path(os.environ.get("ELFSLAM_DATA", "../shared/data")) / "mall_walks"
+    assert context.data is not None
     walks = {
         floor: [
-            read_walk(path).recording.wifi for path in walks_in(folder / f"site1-{name}.tar.xz")
+            read_walk(path).recording.wifi
+            for path in islice(walks_in(context.data / name), most_walks)
         ]
-        for floor, name in ((1, "F1"), (4, "F4"))
+        for floor, name in FILES.items()
     }
     known = {floor: [each for each in some if each is not None] for floor, some in walks.items()}
     points = {floor: points_on(some[::2], PARAMETERS.wifi) for floor, some in known.items()}
     asking = {floor: some[1::2] for floor, some in known.items()}
-    whole = table_of(points)
-    for scans in (1, 2, 4, 8):
-        yield row_of("as they are", scans, list(_mall(whole, asking, scans)))
-    for name, changed in (
-        ("10 dB deafer", lambda heard: _deaf(heard, 10.0)),
-        ("3 of 10 radios replaced", _replaced),
-    ):
-        for scans in (1, 4):
-            yield row_of(name, scans, list(_mall(whole, asking, scans, changed)))
+    whole, of = table_of(points), Record("", "", 0.0, world=MALL)
+    changes: dict[str, Callable[[Heard], Heard]] = {
+        AS_THEY_ARE: lambda heard: heard, DEAF: lambda heard: _deaf(heard, 10.0),
+        REPLACED: _replaced,
+    }  # fmt: skip
+    for method, changed in changes.items():
+        for scans in (1, 2, 4, 8) if method == AS_THEY_ARE else (1, 4):
+            yield from records_of(method, scans, list(_mall(whole, asking, scans, changed)), of)
+    only = table_of({1: points[1]})
     for scans in (1, 4):
-        only = table_of({1: points[1]})
-        yield row_of("F4 not mapped", scans, list(_mall(only, {4: asking[4]}, scans)))
+        yield from records_of(UNMAPPED, scans, list(_mall(only, {4: asking[4]}, scans)), of)
 
 
 def _mall(
@@ -150,27 +159,27 @@ def _replaced(heard: Heard) -> Heard:
     }
 
 
-def city() -> Iterator[Row]:
+def in_city(count: int) -> Iterator[Record]:
     """Phones on all floors of simulated blocks."""
-    blocks = [block_of(SEED, number, CITY) for number in range(BLOCKS)]
+    blocks = [block_of(SEED, number, CITY) for number in range(count)]
     points = dict(_surveyed(blocks))
-    whole = table_of(points)
-    for name, hearing in (
-        ("as they are", Hearing()),
-        ("10 dB deafer", Hearing(deaf_db=10)),
-        ("3 of 10 radios replaced", Hearing(replaced_share=0.3)),
+    whole, of = table_of(points), Record("", "", 0.0, world=CITY_NAME, seeds=seeds_text([SEED]))
+    for method, hearing in (
+        (AS_THEY_ARE, Hearing()),
+        (DEAF, Hearing(deaf_db=10)),
+        (REPLACED, Hearing(replaced_share=0.3)),
         ("both", Hearing(10, 0.3)),
     ):
         for scans in (1, 4):
-            yield row_of(name, scans, list(_city(whole, blocks, scans, hearing)))
-    for name, without in (("floor not mapped", (None, 2)), ("building not mapped", (1, None))):
-        left = {k: some for k, some in points.items() if not _is(k, *without)}
+            answers = list(_city(whole, blocks, scans, hearing))
+            yield from records_of(method, scans, answers, of)
+    for method, without in ((UNMAPPED, (None, 2)), ("in an unmapped building", (1, None))):
+        left = table_of({k: some for k, some in points.items() if not _is(k, *without)})
         for scans in (1, 4):
-            yield row_of(
-                name, scans, list(_city(table_of(left), blocks, scans, Hearing(), without))
-            )
+            answers = list(_city(left, blocks, scans, Hearing(), without))
+            yield from records_of(method, scans, answers, of)
     others = [block_of(SEED + 1, number, CITY) for number in range(2)]
-    yield row_of("another city", 1, list(_city(whole, others, 1, Hearing())))
+    yield from records_of("another city", 1, list(_city(whole, others, 1, Hearing())), of)
 
 
 def _surveyed(blocks: Sequence[Block]) -> Iterator[tuple[int, FloorPoints]]:
@@ -220,14 +229,8 @@ def _is(key: int, house: int | None, floor: int | None) -> bool:
     return (key // CITY.floors % CITY.block == house) or (key % CITY.floors == floor)
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("what", choices=("mall", "city"))
-    what = parser.parse_args().what
-    print_rows(list({"mall": mall, "city": city}[what]()), title=f"Floors by Wi-Fi: {what}",
-               as_json=False)  # fmt: skip
-
-
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    "How often does Wi-Fi tell a phone the right floor, among those that are mapped and not?",
+    measure_floors_by_wifi, minutes=5, data=tuple(FILES.values()),
+    fast={"blocks": 1, "most_walks": 6},
+)  # fmt: skip

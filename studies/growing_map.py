@@ -1,56 +1,51 @@
 """How good the map is that a phone draws while a walk is recorded, beside the map made of it.
 
-Usage, from the root of the project:
-
-    python -m studies.benchmarks.growing_map [--walks 5]
-
-Surveyors' walks in rooms and a hall for development, their motion and echoes through the page's own
-modules in node. Prints median aligned errors (m) over footsteps and walks of dead reckoning, of the
-page's map by the shipped encoder and by a plain spectrogram, and of the line's map of the whole
-walk. Needs node.
+Walks in rooms and a hall for development, their motion and echoes through the page's own modules in
+node; the pipeline's map of the whole walk stands beside it.
 """
 
 from __future__ import annotations
 
-import argparse
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict
 from statistics import median
 
 import numpy as np
 
-from elfslam.app.console import print_rows
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import Recording, Truth
-from elfslam.line.feature import Encoder, SpectralEncoder, extract_features, load_encoder
+from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.scoring.alignment import Alignment, match, place, placement
-from elfslam.slam.front_end import hear
-from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
-from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.page_tracking import in_node, readings
+from elfslam.world.simulate import load_world
+from studies.cached import extract_features, hear, simulate
+from studies.page_motion import in_node, readings
+from studies.results import Record, seeds_text
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS = {"studio": 3, "lounge": 3, "concourse": 2}
-FIRST_SEED = 100
+"""By world the rounds of a walk."""
+FIRST_SEED, WALKS = 100, 5
 PLAIN_THRESHOLD = 0.5
 """Of a plain spectrogram, as chosen on these worlds (`python -m studies thresholds`)."""
-KNOWN = Parameters()
+METRIC = "median error, aligned (m)"
+KNOWN = Settings()
 
 
-def main() -> None:
-    """A row for each world."""
-    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("--walks", type=int, default=5)
-    walks: int = parser.parse_args().walks
-    rows = [row_of(name, rounds, walks) for name, rounds in WORLDS.items()]
-    print_rows(rows, title="The map that grows, median aligned error (m)", as_json=False)
-
-
-def row_of(name: str, rounds: int, walks: int) -> dict[str, object]:
-    """The errors of walks in one world, in the middle."""
-    world = load_world(name)
+def measure_growing_map(
+    context: StudyContext, *, worlds: Mapping[str, int] = WORLDS, walks: int = WALKS
+) -> Iterator[Record]:
+    """The median over walks of the median error of footsteps, by way of mapping."""
     seeds = range(FIRST_SEED, FIRST_SEED + walks)
-    found = [errors(*simulate(world, seed, rounds=rounds)) for seed in seeds]
-    return {"world": name} | {key: median(each[key] for each in found) for key in found[0]}
+    for name, rounds in worlds.items():
+        world = load_world(name)
+        found = [errors(*simulate(world, seed, rounds=rounds)) for seed in seeds]
+        for method in found[0]:
+            yield Record(
+                method, METRIC, median(each[method] for each in found), world=name,
+                scenario=SCENARIOS["quiet"], seeds=seeds_text(seeds),
+            )  # fmt: skip
 
 
 def errors(recording: Recording, truth: Truth) -> dict[str, float]:
@@ -60,10 +55,12 @@ def errors(recording: Recording, truth: Truth) -> dict[str, float]:
     closure = asdict(KNOWN.closure)
     plain = closure | {"threshold": PLAIN_THRESHOLD}
     return {
-        "reckoned": error_m(run.odometry.t_s, run.odometry.world_from_body, truth),
-        "growing, ELF": error_m(*grown(recording, encoder, closure), truth),
-        "growing, plain": error_m(*grown(recording, SpectralEncoder(), plain), truth),
-        "map, ELF": error_m(run.trajectory.t_s, run.trajectory.world_from_body, truth),
+        "dead reckoning": error_m(run.odometry.t_s, run.odometry.world_from_body, truth),
+        "growing map, ELF": error_m(*grown(recording, encoder, closure), truth),
+        "growing map, spectrogram": error_m(*grown(recording, SpectralEncoder(), plain), truth),
+        "map of the whole walk, ELF": error_m(
+            run.trajectory.t_s, run.trajectory.world_from_body, truth
+        ),
     }
 
 
@@ -91,5 +88,7 @@ def error_m(t_s: F64, poses: F64, truth: Truth) -> float:
     return float(np.median(np.linalg.norm(placed[:, :2] - matched.truth[:, :2], axis=1)))
 
 
-if __name__ == "__main__":
-    main()
+STUDY = Study(
+    "How good is the map that grows on the phone, beside dead reckoning and the map made of it?",
+    measure_growing_map, minutes=10, fast={"worlds": {"studio": 2}, "walks": 1},
+)  # fmt: skip
