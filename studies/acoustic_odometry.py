@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
@@ -27,7 +28,6 @@ from elfslam.scoring.alignment import match
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.front_end import walk_nodes
-from elfslam.slam.parameters import Parameters
 from elfslam.world.kinds import PEOPLE, Kind
 from studies.cached import extract_features, hear
 from studies.repeats import finished
@@ -106,10 +106,10 @@ def hear_walk(walk: SimulatedWalk) -> HeardWalk:
     """A walk as the pipeline has it."""
     recording, truth = simulated(walk)
     assert recording.audio is not None
-    parameters = Parameters()
-    chirp = make_chirp(parameters.chirp, recording.audio.rate_hz)
-    nodes = walk_nodes(recording, parameters)
-    return HeardWalk(nodes, hear(recording, parameters), chirp, truth)
+    settings = Settings()
+    chirp = make_chirp(settings.chirp, recording.audio.rate_hz)
+    nodes = walk_nodes(recording, settings)
+    return HeardWalk(nodes, hear(recording, settings), chirp, truth)
 
 
 def true_scale(nodes: Odometry, truth: Truth) -> float:
@@ -120,9 +120,9 @@ def true_scale(nodes: Odometry, truth: Truth) -> float:
 
 def _map_error_m(heard: HeardWalk, features: Features, estimate: ScaleEstimate) -> float:
     """Median aligned error of the map from steps of this scale."""
-    nodes, parameters = rescaled(heard.nodes, estimate), Parameters()
-    closures = find_closures(echo_sequence_similarity(features, nodes), nodes, parameters.closure)
-    made = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    nodes, settings = rescaled(heard.nodes, estimate), Settings()
+    closures = find_closures(echo_sequence_similarity(features, nodes), nodes, settings.closure)
+    made = optimise(build_graph(nodes, closures), nodes.t_s, settings.graph)
     errors = position_errors(made.t_s, made.world_from_body, heard.truth, Alignment.ALIGNED)
     return float(np.median(errors))
 
