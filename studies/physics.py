@@ -168,5 +168,5 @@ def _difference(one: C64, other: C64) -> float:
 
 STUDY = Study(
     "Do our echoes obey the laws of acoustics?",
-    measure_physics, minutes=2, fast={"rooms": 2, "places": 20},
+    measure_physics, minutes=0.5, fast={"rooms": 2, "places": 20},
 )  # fmt: skip
