@@ -214,7 +214,7 @@ def _ends(
 ) -> Iterator[float]:
     """End error of every walk as a share of its true path, its start and heading given."""
     for odometry, walk, heading_rad in zip(reckoned, walks, headings_rad, strict=True):
-        yield end_errors(*_headed(odometry, walk, heading_rad))["nothing"]
+        yield end_errors(*_headed(odometry, walk, heading_rad))["as it is"]
 
 
 def _headed(odometry: Odometry, walk: ReckonedWalk, heading_rad: float) -> tuple[F64, F64]:
@@ -235,7 +235,7 @@ def _error_sources(floor: str, walks: Sequence[ReckonedWalk]) -> Iterator[Record
     ]
     for name in found[0]:
         left = 100 * float(np.median([one[name] for one in found]))
-        yield Record(f"truth for {name}", "end error (%)", left, world=floor, condition=AS_HELD)
+        yield Record(name, "end error (%)", left, world=floor, condition=AS_HELD)
 
 
 def end_errors(estimate_m: F64, true_m: F64) -> dict[str, float]:
@@ -251,12 +251,12 @@ def end_errors(estimate_m: F64, true_m: F64) -> dict[str, float]:
     turn = np.exp(1j * np.angle(np.vdot(estimate, true)))
     towards = true / np.maximum(np.abs(true), 1e-9)
     replaced = {
-        "nothing": estimate,
-        "the whole length": scale * estimate,
-        "the length of every leg": np.abs(true) * ahead,
-        "the heading of the whole walk": turn * estimate,
-        "the direction of every leg": np.abs(estimate) * towards,
-        "directions of legs, whole length": scale * np.abs(estimate) * towards,
+        "as it is": estimate,
+        "true whole length": scale * estimate,
+        "true length of every leg": np.abs(true) * ahead,
+        "true heading of the whole walk": turn * estimate,
+        "true direction of every leg": np.abs(estimate) * towards,
+        "true directions of legs and whole length": scale * np.abs(estimate) * towards,
     }
     return {name: float(abs(legs.sum() - true.sum()) / length_m) for name, legs in replaced.items()}
 

@@ -100,9 +100,9 @@ def test_true_directions_and_length_leave_less_than_either(walks: list[ReckonedW
     left = {each.method: each.value for each in study._error_sources("A", walks)}
     scored = study._scored(walks, study.COMPASS_KNOWN)
     as_it_is = 100 * np.median([one.end_share for one in scored])
-    assert left["truth for nothing"] == pytest.approx(as_it_is)
-    both = left["truth for directions of legs, whole length"]
-    assert both < left["truth for the direction of every leg"]
+    assert left["as it is"] == pytest.approx(as_it_is)
+    both = left["true directions of legs and whole length"]
+    assert both < left["true direction of every leg"]
 
 
 def test_a_folder_without_walks_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -124,25 +124,25 @@ def test_a_perfect_walk_has_none() -> None:
 
 def test_a_wrong_scale_is_cured_by_lengths_alone() -> None:
     found = end_errors(1.2 * TRUE_M, TRUE_M)
-    assert found["nothing"] == pytest.approx(0.2 * np.hypot(25, 5) / 30)
-    assert found["the whole length"] == pytest.approx(0, abs=1e-9)
-    assert found["the length of every leg"] == pytest.approx(0, abs=1e-9)
-    assert found["the heading of the whole walk"] == pytest.approx(found["nothing"])
-    assert found["the direction of every leg"] == pytest.approx(found["nothing"])
+    assert found["as it is"] == pytest.approx(0.2 * np.hypot(25, 5) / 30)
+    assert found["true whole length"] == pytest.approx(0, abs=1e-9)
+    assert found["true length of every leg"] == pytest.approx(0, abs=1e-9)
+    assert found["true heading of the whole walk"] == pytest.approx(found["as it is"])
+    assert found["true direction of every leg"] == pytest.approx(found["as it is"])
 
 
 def test_a_wrong_heading_is_cured_by_directions_alone() -> None:
     found = end_errors(off_by(0.3), TRUE_M)
-    assert found["nothing"] == pytest.approx(2 * np.sin(0.15) * np.hypot(25, 5) / 30)
-    assert found["the whole length"] == pytest.approx(found["nothing"])
-    assert found["the length of every leg"] == pytest.approx(found["nothing"])
-    assert found["the heading of the whole walk"] == pytest.approx(0, abs=1e-9)
-    assert found["the direction of every leg"] == pytest.approx(0, abs=1e-9)
+    assert found["as it is"] == pytest.approx(2 * np.sin(0.15) * np.hypot(25, 5) / 30)
+    assert found["true whole length"] == pytest.approx(found["as it is"])
+    assert found["true length of every leg"] == pytest.approx(found["as it is"])
+    assert found["true heading of the whole walk"] == pytest.approx(0, abs=1e-9)
+    assert found["true direction of every leg"] == pytest.approx(0, abs=1e-9)
 
 
 def test_one_bent_leg_is_cured_by_directions_of_legs() -> None:
     bent = TRUE_M.copy()
     bent[3] = [10 + 15 * np.cos(0.5), 5 + 15 * np.sin(0.5)]
     found = end_errors(bent, TRUE_M)
-    assert found["the heading of the whole walk"] > 0.02
-    assert found["the direction of every leg"] == pytest.approx(0, abs=1e-9)
+    assert found["true heading of the whole walk"] > 0.02
+    assert found["true direction of every leg"] == pytest.approx(0, abs=1e-9)
