@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
-from elfslam.base.values import Features
+from elfslam.base.geometry import path_length_m
+from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
 from elfslam.line.acoustic_odometry import (
     AcousticOdometryParameters,
     ScaleEstimate,
@@ -17,21 +19,21 @@ from elfslam.line.acoustic_odometry import (
     rescaled,
     with_prior,
 )
+from elfslam.line.chirp import make_chirp
 from elfslam.line.closure import find_closures
-from elfslam.line.feature import extract_features, load_encoder
+from elfslam.line.feature import load_encoder
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.similarity import echo_sequence_similarity
+from elfslam.scoring.alignment import match
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.parameters import Parameters
+from elfslam.slam.front_end import walk_nodes
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.figures.scale_figures import Estimates, estimates_figure
-from studies.finding import Finding, Given, Row
-from studies.heard_walk import Heard, hear_walk, true_scale
-from studies.repeats import Numbers, by_world, finished
-from studies.simulated_walk import SimulatedWalk
-from studies.walls_in_focus import focus_panel, walks_panels
+from studies.cached import extract_features, hear
+from studies.repeats import finished
+from studies.results import Record, seeds_text
+from studies.simulated_walk import SimulatedWalk, simulated
+from studies.study import SCENARIOS, Study, StudyContext
 
 SEEDS = {
     "studio": range(110, 120),
@@ -45,143 +47,124 @@ SEEDS = {
 ROUNDS = 4
 PEOPLE_SIGMA = 0.06
 """How far true and claimed steps of people are apart without sound."""
-ESTIMATES_NOTE = (
-    "Dots are walks with two standard errors. The dashed line is what is believed without sound."
-)
-MAPS_NOTE = (
-    "Median aligned error, median over walks. From steps as claimed, as measured and as they truly "
-    "were; the intervals are 95 %, by resampling walks."
-)
-SCALE_COLUMNS = (
-    "walks",
-    "refused",
-    "scale error as claimed (%, rms)",
-    "as measured (%, rms)",
-    "normalised error squared",
-    "improved",
-    "improved, from",
-    "improved, to",
-)
-MAP_COLUMNS = (
-    "maps",
-    "map error as claimed (m)",
-    "by measured steps (m)",
-    "by true steps (m)",
-    "measured over claimed",
-    "ratio, from",
-    "ratio, to",
-)
+CLAIMED, MEASURED, TRUE = "claimed steps", "steps by echoes", "true steps"
+SCALE, SIGMA, MAP = "scale", "sigma", "median error, aligned (m)"
+ALL = "all"
 
 WALKS = tuple(
     SimulatedWalk(world, seed, ROUNDS) for world, seeds in SEEDS.items() for seed in seeds
 )
 
 
+@dataclass(frozen=True, eq=False)
+class HeardWalk:
+    """What the pipeline has of a walk, and the truth."""
+
+    nodes: Odometry
+    echoes: Echoes
+    chirp: Chirp
+    truth: Truth
+
+
 def measure_acoustic_odometry(
-    given: Given, *, walks: Sequence[SimulatedWalk] = WALKS, kind: Kind = PEOPLE
-) -> Finding:
-    """A row per world: error of scale and of the map, with steps as claimed and as measured."""
+    context: StudyContext, *, walks: Sequence[SimulatedWalk] = WALKS, kind: Kind = PEOPLE
+) -> list[Record]:
+    """Errors of scale and of the map by world, with steps as claimed, by echoes, and as true."""
     walks = [replace(walk, kind=kind.name) for walk in walks]
-    numbers = finished(measure_walk, walks, given)
-    worlds = by_world(walks, numbers)
-    rows = [_row(world, found) for world, found in worlds.items()]
-    rows.append(_row("all", numbers))
-    given.announce("pictures", None)
-    return Finding(rows, _page(rows, worlds, walks))
+    found = finished(measure_walk, walks, context)
+    records: list[Record] = []
+    for world in (*dict.fromkeys(walk.world for walk in walks), ALL):
+        of = [k for k, walk in enumerate(walks) if world in (walk.world, ALL)]
+        seeds = "" if world == ALL else seeds_text([walks[k].seed for k in of])
+        head = Record("", "", 0.0, world=world, scenario=SCENARIOS[kind.name], seeds=seeds)
+        records += summarised([found[k] for k in of], head)
+    return records
 
 
-def measure_walk(walk: SimulatedWalk) -> Numbers:
-    """True and measured scale, and the map error with steps as claimed, as measured and as true."""
+def measure_walk(walk: SimulatedWalk) -> list[Record]:
+    """Scale of a walk and error of its map, with steps as claimed, by echoes, and as true.
+
+    What the sound alone says has a sigma; it is infinite where the sound was refused.
+    """
     heard = hear_walk(walk)
     true = true_scale(heard.nodes, heard.truth)
     found = measure_scale(heard.echoes, heard.nodes, heard.chirp, AcousticOdometryParameters())
-    used = with_prior(found, PEOPLE_SIGMA)
-    numbers = {"true": true, "scale": found.scale, "sigma": found.sigma, "used": used.scale}
+    scales = {CLAIMED: 1.0, MEASURED: with_prior(found, PEOPLE_SIGMA).scale, TRUE: true}
     features = extract_features(heard.echoes, load_encoder("compact"))
-    tried = {"claimed": 1.0, "measured": used.scale, "true": true}
-    errors_m = {
-        f"map error, {name}": _map_error_m(heard, features, ScaleEstimate(scale, 0.0))
-        for name, scale in tried.items()
-    }
-    return numbers | errors_m
+    return [
+        Record("sound alone", SCALE, found.scale),
+        Record("sound alone", SIGMA, found.sigma),
+        *(Record(name, SCALE, scale) for name, scale in scales.items()),
+        *(
+            Record(name, MAP, _map_error_m(heard, features, ScaleEstimate(scale, 0.0)))
+            for name, scale in scales.items()
+        ),
+    ]
 
 
-def _map_error_m(heard: Heard, features: Features, estimate: ScaleEstimate) -> float:
+def hear_walk(walk: SimulatedWalk) -> HeardWalk:
+    """A walk as the pipeline has it."""
+    recording, truth = simulated(walk)
+    assert recording.audio is not None
+    settings = Settings()
+    chirp = make_chirp(settings.chirp, recording.audio.rate_hz)
+    nodes = walk_nodes(recording, settings)
+    return HeardWalk(nodes, hear(recording, settings), chirp, truth)
+
+
+def true_scale(nodes: Odometry, truth: Truth) -> float:
+    """True over claimed length of a walk, both from footstep to footstep."""
+    matched = match(nodes.t_s, nodes.world_from_body, truth)
+    return path_length_m(matched.truth[:, :2]) / path_length_m(matched.estimate[:, :2])
+
+
+def _map_error_m(heard: HeardWalk, features: Features, estimate: ScaleEstimate) -> float:
     """Median aligned error of the map from steps of this scale."""
-    nodes, parameters = rescaled(heard.nodes, estimate), Parameters()
-    closures = find_closures(echo_sequence_similarity(features, nodes), nodes, parameters.closure)
-    made = optimise(build_graph(nodes, closures), nodes.t_s, parameters.graph)
+    nodes, settings = rescaled(heard.nodes, estimate), Settings()
+    closures = find_closures(echo_sequence_similarity(features, nodes), nodes, settings.closure)
+    made = optimise(build_graph(nodes, closures), nodes.t_s, settings.graph)
     errors = position_errors(made.t_s, made.world_from_body, heard.truth, Alignment.ALIGNED)
     return float(np.median(errors))
 
 
-def _row(world: str, found: Sequence[Numbers]) -> Row:
-    scales = dict(zip(SCALE_COLUMNS, _of_scales(found), strict=True))
-    maps = dict(zip(MAP_COLUMNS, _of_maps(found), strict=True))
-    return {"world": world, **scales, **maps}
-
-
-def _of_scales(found: Sequence[Numbers]) -> list[object]:
-    true, scale, sigma, used = (_column(found, name) for name in ("true", "scale", "sigma", "used"))
+def summarised(walks: Sequence[Sequence[Record]], of: Record) -> Iterator[Record]:
+    """What walks have in common: errors of scale (rms) and maps (median), refusals, NEES."""
+    values: dict[tuple[str, str], F64] = {
+        (each.method, each.metric): np.array([walk[k].value for walk in walks])
+        for k, each in enumerate(walks[0])
+    }
+    true, sigma = values[TRUE, SCALE], values["sound alone", SIGMA]
+    off = {name: values[name, SCALE] / true - 1.0 for name in (CLAIMED, MEASURED)}
+    for name, each in off.items():
+        rms = 100 * float(np.sqrt(np.mean(each**2)))
+        yield replace(of, method=name, metric="scale error, rms (%)", value=rms)
     known = np.isfinite(sigma)
-    before, after = 1.0 / true - 1.0, used / true - 1.0
-    better = (np.abs(after) < np.abs(before)).astype(float)
-    normalised = ((scale - true) / sigma)[known] ** 2
-    return [
-        len(found), int((~known).sum()), 100 * _rms(before), 100 * _rms(after),
-        float(normalised.mean()) if known.any() else None,
-        float(better.mean()), *_interval(better, np.mean),
-    ]  # fmt: skip
+    yield replace(of, method=MEASURED, metric="refused walks", value=float((~known).sum()))
+    if known.any():
+        nees = (((values["sound alone", SCALE] - true) / sigma)[known] ** 2).mean()
+        yield replace(of, method=MEASURED, metric="NEES of the scale", value=float(nees))
+    better = (np.abs(off[MEASURED]) < np.abs(off[CLAIMED])).astype(float)
+    yield _of(of, MEASURED, "walks improved (share)", better, np.mean)
+    for name in (CLAIMED, MEASURED, TRUE):
+        yield replace(of, method=name, metric=MAP, value=float(np.median(values[name, MAP])))
+    ratio = values[MEASURED, MAP] / values[CLAIMED, MAP]
+    yield _of(of, MEASURED, "map error over that of claimed steps", ratio, np.median)
 
 
-def _of_maps(found: Sequence[Numbers]) -> list[object]:
-    errors_m = [_column(found, f"map error, {name}") for name in ("claimed", "measured", "true")]
-    ratio = errors_m[1] / errors_m[0]
-    medians = [float(np.median(values)) for values in (*errors_m, ratio)]
-    return [len(found), *medians, *_interval(ratio, np.median)]
+def _of(
+    of: Record, method: str, metric: str, values: F64, statistic: Callable[[F64], Any]
+) -> Record:
+    low, high = interval(
+        [np.array([value]) for value in values], lambda some: float(statistic(some)),
+        np.random.default_rng(0),
+    )  # fmt: skip
+    return replace(
+        of, method=method, metric=metric, value=float(statistic(values)), low=low, high=high
+    )
 
 
-def _column(found: Sequence[Numbers], name: str) -> F64:
-    return np.array([numbers[name] for numbers in found])
-
-
-def _rms(values: F64) -> float:
-    return float(np.sqrt(np.mean(values**2)))
-
-
-def _interval(values: F64, statistic: Callable[[F64], Any]) -> tuple[float, float]:
-    each = [values[k : k + 1] for k in range(len(values))]
-    return interval(each, lambda some: float(statistic(some)), np.random.default_rng(0))
-
-
-def _page(
-    rows: list[Row], worlds: dict[str, list[Numbers]], walks: Sequence[SimulatedWalk]
-) -> Page:
-    sharpness, changes = walks_panels(walks)
-    estimates = estimates_figure(_estimates(worlds))
-    panels = [
-        focus_panel(walks[0]),
-        sharpness,
-        Panel("Measured against true", estimates, ESTIMATES_NOTE),
-        changes,
-        Panel("Scale of the walks", rows_table(_part(rows, SCALE_COLUMNS)), wide=True),
-        Panel("Maps", rows_table(_part(rows, MAP_COLUMNS)), MAPS_NOTE, wide=True),
-    ]
-    subtitle = f"{len(walks)} simulated walks of {walks[0].rounds} rounds, {walks[0].kind}"
-    return Page("How long the steps are, told by echoes", subtitle, panels)
-
-
-def _part(rows: Sequence[Row], columns: Sequence[str]) -> list[Row]:
-    return [{name: row[name] for name in ("world", *columns)} for row in rows]
-
-
-def _estimates(worlds: dict[str, list[Numbers]]) -> dict[str, Estimates]:
-    """Those that were not refused."""
-    known = {
-        world: [numbers for numbers in found if np.isfinite(numbers["sigma"])]
-        for world, found in worlds.items()
-    }
-    return {
-        world: Estimates(*(_column(found, name) for name in ("true", "scale", "sigma")))
-        for world, found in known.items()
-    }
+STUDY = Study(
+    "Is a walk of better scale when echoes say how long its steps are?",
+    measure_acoustic_odometry, minutes=60, scenarios=("people", "surveyor", "quiet"), long=True,
+    fast={"walks": (SimulatedWalk("studio", 100, 2), SimulatedWalk("lounge", 105, 2))},
+)  # fmt: skip

@@ -1,40 +1,41 @@
-"""Attacks on a phone that is being located: told how often, how soon, and what they move.
+"""Replay and spoofing of a phone that is located: what is detected, how soon, what moves a fix.
 
-A stranger walks in a mapped place, and from some moment on an attacker plays at the phone. Honest
-walks, with everything that a place may have but no attacker, give the false alarms.
+A query walk goes through a mapped place, and from some moment on an attacker plays at the phone.
+Honest walks, with everything that a place may have but no attacker, give the false alarms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
+from scipy import stats
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.choices import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
-from elfslam.line.feature import extract_features
+from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.locate import trusted_one_shot
 from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.line.spoofing import nothing_suspect
 from elfslam.slam.front_end import hear_for_fixes, walk_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk
 from elfslam.world.circumstances import Circumstances
+from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import World, load_world
 from studies.attack_sounds import OWN_GAIN, SOUNDS, Victim, chirping_neighbours
 from studies.attacked_walk import PLACED_M, RATE_HZ, Walked, recorded, walked
-from studies.attacks_table import attacks_page, attacks_rows
-from studies.finding import Finding, Given
-from studies.localization import shipped
 from studies.located import MAPPING_ROUNDS, STRANGER, Mapped, mapped_walk, world_from_map
-from studies.repeats import Numbers, finished
+from studies.repeats import finished
+from studies.results import Record, seeds_text
+from studies.study import SCENARIOS, Study, StudyContext
 
 ROUNDS: Mapping[str, int] = {"living_room": 3, "office": 1}
-"""Of the stranger's walk: a minute or more."""
+"""Of the query walk: a minute or more."""
 SEEDS = (0, 1, 2, 3, 4)
 LEVELS_DB = (0.0, 10.0, 20.0)
 JITTER_S, SOFTER_DB = MediumAccessParameters().jitter_s, MediumAccessParameters().softer_db
@@ -60,6 +61,12 @@ HONEST: Mapping[str, Circumstances] = {
     },
 }
 KINDS = (*HONEST, *NEIGHBOURS, *SOUNDS, REGULAR)
+HONEST_WALK, ALL = "honest walk", "all but other phones"
+MODES = {Mode.TRACK: "tracker", Mode.ONE_SHOT: "one-shot"}
+DELAY, SUSPECT, REFUSED = "delay (s)", "SUSPECT fixes (%)", "otherwise refused fixes (%)"
+FARTHEST = ("farthest fix before detection (m)", "farthest fix (m)", "farthest fix, unchecked (m)")
+ALARMS = ("alarms", "hours")
+Numbers = dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -75,46 +82,59 @@ class Task:
 
 
 def measure_attacks(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Mapping[str, int] = ROUNDS,
     seeds: Sequence[int] = SEEDS,
     levels_db: Sequence[float] = LEVELS_DB,
     kinds: Sequence[str] = KINDS,
     mapping_rounds: int = MAPPING_ROUNDS,
-) -> Finding:
-    """What came of every attack, and false alarms of honest walks."""
+) -> list[Record]:
+    """What came of every attack (the method) by level, and false alarms of honest walks."""
     tasks = [
         Task(world, seed, rounds, what, tuple(levels_db), mapping_rounds)
         for seed in seeds
         for world, rounds in worlds.items()
         for what in kinds
     ]
-    rows = attacks_rows(finished(measured, tasks, given))
-    return Finding(rows, attacks_page(rows))
+    of = Record("", "", 0.0, world=" and ".join(worlds), scenario=SCENARIOS[QUIET.name],
+                seeds=seeds_text(seeds))  # fmt: skip
+    return list(summarised(finished(measured, tasks, context), of))
 
 
-def measured(task: Task) -> Numbers:
-    """The numbers of one task: `attack|level|mode|measure` or `honest|kind|mode|measure`."""
+def measured(task: Task) -> list[Record]:
+    """One task: by attack and level, or by kind of honest walk, each metric of either mode."""
     mapped = _mapped(task.world, task.seed, task.mapping_rounds)
     if task.what in HONEST or task.what in NEIGHBOURS:
-        return _honest(task, mapped)
+        return _records(_honest(task, mapped), HONEST_WALK, task.what)
     victim = _victim(task.world, task.seed, task.rounds, 0.0 if task.what == REGULAR else JITTER_S)
     sound_of = SOUNDS[PREDICTED if task.what == REGULAR else task.what]
     own_gain = OWN_GAIN.get(task.what, 1.0)
-    numbers: Numbers = {}
+    found: list[Record] = []
     for level_db in task.levels_db:
         sound = sound_of(victim, level_db)
         audio = recorded(victim.walked, sound, own_gain=own_gain, since=victim.onset)
-        for mode, found in _came_of_it(victim, audio, mapped).items():
-            key = f"{task.what}|{level_db:g}|{mode}"
-            numbers |= {f"{key}|{measure}": value for measure, value in found.items()}
-    return numbers
+        came_of_it = _came_of_it(victim, audio, mapped)
+        found += _records(came_of_it, task.what, f"{level_db:g} dB")
+    return found
+
+
+def _records(by_mode: Mapping[str, Numbers], method: str, condition: str) -> list[Record]:
+    return [
+        Record(method, f"{name}, {mode}", value, condition=condition)
+        for mode, numbers in by_mode.items()
+        for name, value in numbers.items()
+    ]
+
+
+@cache
+def _encoder() -> Encoder:
+    return load_encoder("compact")
 
 
 @lru_cache(maxsize=1)
 def _mapped(world: str, seed: int, rounds: int) -> Mapped:
-    return mapped_walk(load_world(world), seed, rounds, shipped())
+    return mapped_walk(load_world(world), seed, rounds, _encoder())
 
 
 @lru_cache(maxsize=2)
@@ -136,7 +156,7 @@ def _free_place(world: World, seed: int) -> F64:
 
 
 def _came_of_it(victim: Victim, audio: Audio, mapped: Mapped) -> dict[str, Numbers]:
-    """By mode: how soon it was told, and how far fixes were off with and without the checks."""
+    """By mode: how soon it was detected, how far fixes were off, with and without the checks."""
     checked, loose = _located(victim.walked, audio, mapped)
     onset_s = victim.onset / RATE_HZ
     numbers: dict[str, Numbers] = {}
@@ -148,15 +168,16 @@ def _came_of_it(victim: Victim, audio: Audio, mapped: Mapped) -> dict[str, Numbe
         given = under & (fixes.status == FixStatus.OK)
         believed = (loose[mode].t_s >= onset_s) & (loose[mode].status == FixStatus.OK)
         first_s = float(fixes.t_s[told][0]) if told.any() else np.inf
+        share = 100 / under.sum()
         numbers[mode] = {
-            "delay": first_s - onset_s,
-            "told": float(told.sum() / under.sum()),
-            "refused": float((under & ~told & ~given).sum() / under.sum()),
-            "wrong": float((given & (off_m > WRONG_M)).sum() / under.sum()),
-            "off before": _most(off_m[given & (fixes.t_s < first_s)]),
-            "off": _most(off_m[given]),
-            "wrong unchecked": float((believed & (loose_m > WRONG_M)).sum() / under.sum()),
-            "off unchecked": _most(loose_m[believed]),
+            DELAY: first_s - onset_s,
+            SUSPECT: float(share * told.sum()),
+            REFUSED: float(share * (under & ~told & ~given).sum()),
+            "wrong fixes (%)": float(share * (given & (off_m > WRONG_M)).sum()),
+            "wrong fixes, unchecked (%)": float(share * (believed & (loose_m > WRONG_M)).sum()),
+            FARTHEST[0]: _most(off_m[given & (fixes.t_s < first_s)]),
+            FARTHEST[1]: _most(off_m[given]),
+            FARTHEST[2]: _most(loose_m[believed]),
         }
     return numbers
 
@@ -172,7 +193,7 @@ def _located(
         played_t_s=walk.played_t_s, gain_db=walk.gain_db,
     )  # fmt: skip
     echoes, suspicious = hear_for_fixes(recording, known)
-    features = extract_features(echoes, shipped())
+    features = extract_features(echoes, _encoder())
     nodes = walk_nodes(recording, known)
     scores = footstep_likeness(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))
@@ -181,7 +202,7 @@ def _located(
         doubt = suspect(nodes.t_s)
         one_shot = trusted_one_shot(features, floor_map, settings.locate, suspect)
         track = locate_walk(nodes, scores, floor_map, settings, mode=Mode.TRACK, suspect=doubt)
-        found.append({Mode.TRACK.value: track, Mode.ONE_SHOT.value: one_shot})
+        found.append({MODES[Mode.TRACK]: track, MODES[Mode.ONE_SHOT]: one_shot})
     return found[0], found[1]
 
 
@@ -197,8 +218,8 @@ def _most(off_m: F64) -> float:
     return float(np.nanmax(off_m, initial=0.0))
 
 
-def _honest(task: Task, mapped: Mapped) -> Numbers:
-    """False alarms of one walk without an attacker."""
+def _honest(task: Task, mapped: Mapped) -> dict[str, Numbers]:
+    """False alarms of one walk without an attacker, by mode."""
     world, today = load_world(task.world), HONEST.get(task.what, Circumstances())
     today = replace(today, softer_db=SOFTER_DB)
     walk = walked(world, task.seed + STRANGER, task.rounds, JITTER_S, today)
@@ -206,15 +227,15 @@ def _honest(task: Task, mapped: Mapped) -> Numbers:
     speakers_m = [_free_place(world, task.seed + 100 * (k + 1)) for k in places]
     added = chirping_neighbours(walk, speakers_m, task.seed) if speakers_m else None
     checked, _ = _located(walk, recorded(walk, added), mapped)
-    numbers: Numbers = {}
+    numbers: dict[str, Numbers] = {}
     for mode, fixes in checked.items():
         suspect = fixes.status == FixStatus.SUSPECT
-        key = f"honest|{task.what}|{mode}"
-        numbers |= {
-            f"{key}|alarms": float(_alarms(fixes.t_s, suspect)),
-            f"{key}|hours": float(walk.truth.t_s[-1]) / 3600,
-            f"{key}|told": float(suspect.mean()),
-            f"{key}|answered": float((fixes.status == FixStatus.OK).mean()),
+        answered = fixes.status == FixStatus.OK
+        numbers[mode] = {
+            "alarms": float(_alarms(fixes.t_s, suspect)),
+            "hours": float(walk.truth.t_s[-1]) / 3600,
+            SUSPECT: 100 * float(suspect.mean()),
+            REFUSED: 100 * float((~suspect & ~answered).mean()),
         }
     return numbers
 
@@ -223,3 +244,71 @@ def _alarms(t_s: F64, suspect: Bool) -> int:
     """How often it says SUSPECT anew."""
     at_s = t_s[suspect]
     return int(len(at_s) > 0) + int(np.sum(np.diff(at_s) > APART_S))
+
+
+# --- all walks together ---
+
+
+def summarised(walks: Iterable[Sequence[Record]], of: Record) -> Iterator[Record]:
+    """Of attacks the shares of walks and fixes, of honest walks the alarms per hour."""
+    found: dict[tuple[str, str, str], list[float]] = {}
+    for each in (record for walk in walks for record in walk):
+        found.setdefault((each.method, each.condition, each.metric), []).append(each.value)
+    for mode in MODES.values():
+        yield from _honest_records(found, mode, of)
+    for (method, condition, metric), values in found.items():
+        name, _, mode = metric.rpartition(", ")
+        of_it = replace(of, method=method, condition=condition)
+        if name in ALARMS:
+            continue
+        if name == DELAY:
+            yield from _told(np.array(values), mode, of_it)
+        else:
+            most = name in FARTHEST
+            yield replace(
+                of_it, metric=metric, value=max(values) if most else float(np.mean(values))
+            )
+
+
+def _told(delays_s: F64, mode: str, of: Record) -> Iterator[Record]:
+    """How many walks were told, and within what time half of them and 95 of 100 were."""
+    told = 100 * float(np.isfinite(delays_s).mean())
+    yield replace(of, metric=f"attacks detected (%), {mode}", value=told)
+    for name, share in (("median delay", 0.5), ("delay of 95 %", 0.95)):
+        value = float(np.quantile(delays_s, share, method="inverted_cdf"))
+        if np.isfinite(value):
+            yield replace(of, metric=f"{name} (s), {mode}", value=value)
+
+
+def _honest_records(
+    found: Mapping[tuple[str, str, str], Sequence[float]], mode: str, of: Record
+) -> Iterator[Record]:
+    kinds = [what for method, what, metric in found if metric == f"alarms, {mode}"]
+    groups = {what: [what] for what in kinds}
+    alone = [what for what in kinds if what not in NEIGHBOURS]
+    for what, some in {**groups, ALL: alone}.items():
+        alarms, hours = (
+            sum(sum(found[HONEST_WALK, each, f"{name}, {mode}"]) for each in some)
+            for name in ALARMS
+        )
+        if hours == 0:
+            continue
+        low, high = poisson_interval(int(alarms))
+        yield replace(
+            of, method=HONEST_WALK, condition=what, metric=f"false alarms (1/h), {mode}",
+            value=alarms / hours, low=low / hours, high=high / hours,
+        )  # fmt: skip
+
+
+def poisson_interval(count: int) -> tuple[float, float]:
+    """Between which expected counts a counted one lies with 95 % (exact, Garwood 1936)."""
+    low = stats.chi2.ppf(0.025, 2 * count) / 2 if count else 0.0
+    return float(low), float(stats.chi2.ppf(0.975, 2 * count + 2) / 2)
+
+
+STUDY = Study(
+    "Which attacks on a phone that is located are detected, and which move its fix?",
+    measure_attacks, minutes=60, long=True,
+    fast={"worlds": {"studio": 1}, "seeds": (100,), "levels_db": (10.0,),
+          "kinds": ("alone", "noise"), "mapping_rounds": 1},
+)  # fmt: skip

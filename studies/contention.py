@@ -16,22 +16,19 @@ from elfslam.base.values import (
     ECHO_SAMPLES,
     Fixes,
     FixStatus,
-    Truth,
 )
 from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
-from elfslam.line.feature import extract_features
+from elfslam.line.feature import Encoder, extract_features, load_encoder
 from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
 from elfslam.line.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.scoring.errors import fix_distances
+from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
-from studies.crowd import Crowd, alone, crowd_in
-from studies.crowds import Overheard, overhear
-from studies.figures.contention_figures import contention_page
-from studies.finding import Finding, Given, Row
-from studies.intervals import mean_row
-from studies.localization import shipped
+from studies.crowd import Crowd, Overheard, alone, crowd_in, overhear
 from studies.located import MAPPING_ROUNDS, Mapped, mapped_walk, world_from_map
-from studies.repeats import Numbers, finished
+from studies.repeats import finished
+from studies.results import Record, averaged
+from studies.study import SCENARIOS, Study, StudyContext
 
 PLACES = ("living_room",)
 SEEDS = tuple(range(4))
@@ -47,12 +44,6 @@ CLEAN_DB = -20.0
 LONGEST_S = 2.0
 FEWEST = 2
 """Of sparse echoes two make as good a fix as three, and sooner."""
-WAYS = (
-    "at will",
-    "at will, spoiled frames dropped",
-    "in turns",
-    "in turns, spoiled frames dropped",
-)
 GROSS_M = 1.0
 BAND_HZ = (14_500.0, 20_500.0)
 
@@ -69,43 +60,48 @@ class Task:
 
 
 def measure_contention(
-    given: Given,
+    context: StudyContext,
     *,
     places: Sequence[str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     counts: Sequence[int] = COUNTS,
     seconds: float = SECONDS,
     mapping_rounds: int = MAPPING_ROUNDS,
-) -> Finding:
-    """What phones in one room make of each other, by their number."""
+) -> list[Record]:
+    """Frames spoiled and fixes left by way of chirping and number of phones (the condition)."""
     tasks = [
         Task(place, seed, count, seconds, mapping_rounds)
         for place in places
         for seed in seeds
         for count in counts
     ]
-    numbers = finished(_measured, tasks, given)
-    rows = _rows(tasks, numbers)
-    return Finding(rows, contention_page(rows))
+    return averaged(finished(_measured, tasks, context), seeds)
 
 
-def _measured(task: Task) -> Numbers:
+def _measured(task: Task) -> list[Record]:
+    """The means over the phones of a room."""
     mapped = _mapped(task.world, task.seed, task.mapping_rounds)
     count = max(task.phones, ALONE if task.phones == 1 else 0)
     everybody = crowd_in(load_world(task.world), count, task.seed, rounds=_rounds(task))
     seconds = min(task.seconds, *(phone.motion.t_s[-1] for phone in everybody.phones)) - 1.0
     crowds = [alone(everybody, k) for k in range(count)] if task.phones == 1 else [everybody]
-    numbers: Numbers = {}
-    for first, crowd in enumerate(crowds):
+    found: dict[tuple[str, str], list[float]] = {}
+    for crowd in crowds:
         for way, slotted in (("at will", False), ("in turns", True)):
             heard = overhear(
                 crowd, MediumAccessParameters(), task.seed, slotted=slotted, seconds=seconds
             )
             for k, phone in enumerate(heard):
-                for name, found in _of_phone(way, crowd, k, phone, mapped, seconds):
-                    each = {f"{name}|{first + k}|{key}": value for key, value in found.items()}
-                    numbers |= each
-    return numbers
+                for name, numbers in _of_phone(way, crowd, k, phone, mapped, seconds):
+                    for metric, value in numbers.items():
+                        found.setdefault((name, metric), []).append(value)
+    condition = f"{task.phones} phone{'s' if task.phones > 1 else ''}"
+    return [
+        Record(way, metric, float(np.nanmean(values)), world=task.world,
+               scenario=SCENARIOS[QUIET.name], condition=condition)
+        for (way, metric), values in found.items()
+        if not np.isnan(values).all()
+    ]  # fmt: skip
 
 
 def _rounds(task: Task) -> int:
@@ -116,13 +112,18 @@ def _rounds(task: Task) -> int:
 
 
 @cache
+def _encoder() -> Encoder:
+    return load_encoder("compact")
+
+
+@cache
 def _mapped(world: str, seed: int, rounds: int) -> Mapped:
-    return mapped_walk(load_world(world), seed, rounds, shipped())
+    return mapped_walk(load_world(world), seed, rounds, _encoder())
 
 
 def _of_phone(
     way: str, crowd: Crowd, k: int, heard: Overheard, mapped: Mapped, seconds: float
-) -> Iterator[tuple[str, Numbers]]:
+) -> Iterator[tuple[str, dict[str, float]]]:
     frames = find_frames(heard.audio, crowd.chirp, EchoParameters(), heard.played_t_s)
     arrivals = frames.arrivals.samples
     settled = arrivals > SETTLED_S * ECHO_RATE_HZ
@@ -131,24 +132,21 @@ def _of_phone(
     spoiled, clean = over_db > SPOILED_DB, over_db < CLEAN_DB
     span_s = seconds - SETTLED_S
     told = {
-        "chirps/s": settled.sum() / span_s,
-        "spoiled": _share(spoiled[settled]),
-        "hit": _share(found[settled & spoiled]),
-        "false": _share(found[settled & clean]),
+        "chirps (1/s)": settled.sum() / span_s,
+        "spoiled frames (%)": _percent(spoiled[settled]),
+        "spoiled frames detected (%)": _percent(found[settled & spoiled]),
+        "clean frames taken for spoiled (%)": _percent(found[settled & clean]),
     }
     unsettled = ~settled
     for name, dropped in ((way, unsettled), (f"{way}, spoiled frames dropped", found | unsettled)):
         kept = ~dropped & ~spoiled
-        numbers = {**told, "clean chirps/s": kept.sum() / span_s}
+        numbers = {**told, "clean chirps (1/s)": kept.sum() / span_s}
         fixes = _fixes(frames, dropped, mapped)
-        yield (
-            name,
-            numbers | _fix_numbers(fixes, crowd.phones[k].truth, heard, crowd, k, mapped, span_s),
-        )
+        yield name, numbers | _fix_numbers(fixes, crowd, k, mapped, span_s)
 
 
-def _share(values: Bool) -> float:
-    return float(values.mean()) if len(values) else float("nan")
+def _percent(values: Bool) -> float:
+    return 100 * float(values.mean()) if len(values) else float("nan")
 
 
 def _others_db(heard: Overheard, arrivals: I64) -> F64:
@@ -174,7 +172,7 @@ def _fixes(frames: Frames, dropped: Bool, mapped: Mapped) -> Fixes | None:
     groups = together(echoes.t_s, known)
     if not groups:
         return None
-    features = extract_features(echoes, shipped())
+    features = extract_features(echoes, _encoder())
     payload = elf_payload(floor_map, features.encoder, features.vectors.shape[1])
     means = np.stack([features.vectors[rows].mean(axis=0) for rows in groups])
     t_s = np.array([echoes.t_s[rows].mean() for rows in groups])
@@ -195,59 +193,28 @@ def together(t_s: F64, parameters: LocateParameters) -> list[list[int]]:
 
 
 def _fix_numbers(
-    fixes: Fixes | None, truth: Truth, heard: Overheard, crowd: Crowd, k: int,
-    mapped: Mapped, span_s: float,
-) -> Numbers:  # fmt: skip
+    fixes: Fixes | None, crowd: Crowd, k: int, mapped: Mapped, span_s: float
+) -> dict[str, float]:
     if fixes is None:
-        return {"fixes/min": 0.0, "answered": 0.0}
+        return {"fixes (1/min)": 0.0, "answered fixes (%)": 0.0}
     later = Fixes(
         fixes.t_s - crowd.phones[k].in_s, fixes.xy_m, fixes.heading_rad, fixes.covariance_m2,
         fixes.score, fixes.status,
     )  # fmt: skip
-    status, errors = fix_distances(later, truth, world_from_map(mapped))
-    right = errors[status == FixStatus.OK]
+    status, errors = fix_distances(later, crowd.phones[k].truth, world_from_map(mapped))
+    answered = errors[status == FixStatus.OK]
     return {
-        "fixes/min": 60 * len(right) / span_s,
-        "answered": float(np.mean(status == FixStatus.OK)),
-        "median": float(np.median(right)) if len(right) else float("nan"),
-        "gross": float(np.mean(right > GROSS_M)) if len(right) else float("nan"),
-        "good fixes/min": 60 * float(np.sum(right <= GROSS_M)) / span_s,
+        "fixes (1/min)": 60 * len(answered) / span_s,
+        "answered fixes (%)": _percent(status == FixStatus.OK),
+        "median error (m)": float(np.median(answered)) if len(answered) else float("nan"),
+        "answered fixes over 1 m (%)": _percent(answered > GROSS_M),
+        "fixes within 1 m (1/min)": 60 * float(np.sum(answered <= GROSS_M)) / span_s,
     }
 
 
-MEASURES = (
-    "chirps/s", "spoiled", "clean chirps/s", "fixes/min", "good fixes/min", "median", "gross",
-    "hit", "false",
+STUDY = Study(
+    "What do phones that chirp in one room cost each other, at will and in turns?",
+    measure_contention, minutes=25, long=True,
+    fast={"places": ("studio",), "seeds": (100,), "counts": (1, 2), "seconds": 20.0,
+          "mapping_rounds": 1},
 )  # fmt: skip
-
-
-def _rows(tasks: Sequence[Task], numbers: Sequence[Numbers]) -> list[Row]:
-    """A row for each number of phones and way; means over walks of the means over phones."""
-    rows: list[Row] = []
-    for world in dict.fromkeys(task.world for task in tasks):
-        for count in dict.fromkeys(task.phones for task in tasks):
-            own = [
-                found
-                for task, found in zip(tasks, numbers, strict=True)
-                if (task.world, task.phones) == (world, count)
-            ]
-            rows += [_row(world, count, way, own) for way in WAYS]
-    return rows
-
-
-def _row(world: str, count: int, way: str, own: Sequence[Numbers]) -> Row:
-    row: Row = {"world": world, "phones": count, "way": way}
-    for measure in MEASURES:
-        each = [
-            [
-                value
-                for key, value in found.items()
-                if key.startswith(f"{way}|") and key.endswith(f"|{measure}")
-            ]
-            for found in own
-        ]
-        means = [float(np.nanmean(some)) for some in each if not np.isnan(some).all()]
-        mean = mean_row("", None, measure, means, "rooms") if means else None
-        row[measure] = mean["mean"] if mean else None
-        row[f"{measure}, 95 %"] = f"{mean['from']} to {mean['to']}" if mean else None
-    return row

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import islice
+from pathlib import Path
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
-from elfslam.base.arrays import F64, Bool
-from elfslam.base.geometry import compose, interpolate_poses, path_length_m, wrap_angle
-from elfslam.base.values import Odometry
+from elfslam.base.arrays import F64
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import compose, path_length_m, wrap_angle
+from elfslam.base.progress import Announce
+from elfslam.base.values import Imu, Magnetometer, Odometry, Truth
+from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import (
     HardIron,
     MotionParameters,
@@ -20,27 +26,23 @@ from elfslam.line.motion import (
 )
 from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.consistency import Displacements, displacement_errors
+from elfslam.scoring.consistency import displacement_errors
 from elfslam.scoring.errors import end_error_share, position_errors
-from elfslam.scoring.page import Page, Panel, rows_table
-from studies.error_sources import end_errors
-from studies.figures.curves import Curve, curves_figure
-from studies.figures.walk_figures import DrawnWalk, walks_figure
-from studies.finding import Finding, Given, Row
-from studies.reckoned_walks import (
-    WORLDS,
-    ReckonedWalk,
-    mall_floors,
-    resampled,
-    simulated_walks,
-    tilted,
-)
+from elfslam.world.device import BMI160, BROWSER
+from elfslam.world.simulate import load_world
+from studies.cached import simulate
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
+WORLDS = ("studio", "lounge", "concourse")
+"""None of the worlds that are for evaluation: motion was developed on these."""
+FIRST_SEED = 100
+SEEDS = 6
+ROUNDS = 2
 DISTANCES_M = (5.0, 20.0, 60.0)
 WAYPOINT_SIGMA_M = 0.4
 """How far surveyors tap a waypoint from where they are, per axis: consecutive legs of a walk err
 against each other by so much."""
-SHOWN = 12
 TRUE_LEG, UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION = (
     "first leg of the truth",
     "compass, this walk alone, no angle of the floor (elfslam map)",
@@ -48,14 +50,20 @@ TRUE_LEG, UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION = (
     "compass, phone known from the walks before",
     "rotation vector of the phone",
 )
+LENGTH_KNOWN = f"{TRUE_LEG}, length known"
 AS_HELD = "50 Hz, as held"
-CHANGES: Mapping[str, Callable[[ReckonedWalk], ReckonedWalk]] = {
-    "60 Hz": partial(resampled, rate_hz=60.0),
-    "100 Hz": partial(resampled, rate_hz=100.0),
-    "pitched by 30 degrees": partial(tilted, pitch_deg=30.0, roll_deg=0.0),
-    "pitched by 60 degrees": partial(tilted, pitch_deg=60.0, roll_deg=0.0),
-    "pitched and rolled by 30 degrees": partial(tilted, pitch_deg=30.0, roll_deg=30.0),
-}
+DEAD_RECKONING = "dead reckoning"
+
+
+@dataclass(frozen=True)
+class ReckonedWalk:
+    """One walk: its sensors and its truth, and the direction that the phone itself reports."""
+
+    name: str
+    imu: Imu
+    truth: Truth
+    magnetometer: Magnetometer | None = None
+    reported_rad: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -68,83 +76,77 @@ class Scored:
 
 
 def measure_dead_reckoning(
-    given: Given, *, walks: int | None = None, seeds: int = 6, worlds: Sequence[str] = WORLDS
-) -> Finding:
-    """End errors, step scale and normalised errors of dead reckoning; `data` has the mall walks.
+    context: StudyContext,
+    *,
+    walks: int | None = None,
+    seeds: int = SEEDS,
+    worlds: Sequence[str] = WORLDS,
+) -> list[Record]:
+    """End errors by source of the heading (the method) and by how the phone is held or sampled.
 
-    Without `data` only simulated walks are measured. `walks` takes the first of each floor
-    alone, `seeds` so many walks of each simulated world of `worlds`.
+    Beside them step scales, what of an error is due to what, and whether the reported sigmas are
+    right. Without `data`, which has the mall walks, simulated walks alone are measured. `walks`
+    takes the first of each floor alone, `seeds` so many walks of each simulated world.
     """
-    floors = {} if given.data is None else dict(mall_floors(given.data, walks, given.announce))
-    given.announce("simulated walks", 0.5)
-    simulated = {
-        f"{world}, {rate} Hz": walked for world, rate, walked in simulated_walks(worlds, seeds)
-    }
-    rows: list[Row] = []
-    given.announce("mall walks", 0.6)
-    rows += _real_rows(floors) if floors else []
-    for name, some in simulated.items():
-        rows += _simulated_rows(name, some)
-    given.announce("uncertainty", 0.9)
-    groups = {**floors, "simulated": [walk for some in simulated.values() for walk in some]}
-    consistency = [
-        row
-        for name, some in groups.items()
-        for row in _consistency_rows(name, some, WAYPOINT_SIGMA_M if name in floors else 0.0)
-    ]
-    sources = list(_source_rows(floors))
-    page = _page(rows, sources, consistency, floors, simulated)
-    return Finding([*_joined(rows, sources, consistency)], page)
+    floors = (
+        {} if context.data is None else dict(mall_floors(context.data, walks, context.announce))
+    )
+    context.announce("simulated walks", 0.5)
+    records: list[Record] = []
+    simulated: list[ReckonedWalk] = []
+    drawn = seeds_text(range(FIRST_SEED, FIRST_SEED + seeds))
+    for world, rate_hz, some in simulated_walks(worlds, seeds):
+        simulated += some
+        of = Record(TRUE_LEG, "", 0.0, world=world, condition=f"{rate_hz} Hz", seeds=drawn)
+        records += _summed_up(of, _scored(some, TRUE_LEG))
+        records += _summed_up(replace(of, method=LENGTH_KNOWN), _calibrated(some))
+    context.announce("mall walks", 0.6)
+    records += _of_floors(floors) if floors else []
+    context.announce("uncertainty", 0.9)
+    for name, some in floors.items():
+        records += _error_sources(name, some)
+        records += _consistency(Record(DEAD_RECKONING, "", 0.0, world=name), some, WAYPOINT_SIGMA_M)
+    of = Record(DEAD_RECKONING, "", 0.0, world="simulated", seeds=drawn)
+    return [*records, *_consistency(of, simulated, 0.0)]
 
 
-def _real_rows(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Row]:
-    """A row for each way to know the heading, and for each way to hold or sample the phone."""
+def _of_floors(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Record]:
+    """By each way to know the heading, and by each way to hold or sample the phone."""
     for heading in (UNTURNED, COMPASS, COMPASS_KNOWN, ROTATION, TRUE_LEG):
-        yield from _floor_rows(AS_HELD, heading, floors, partial(_scored, heading=heading))
+        yield from _by_floor(heading, AS_HELD, floors, partial(_scored, heading=heading))
     for name, change in CHANGES.items():
         changed = {floor: [change(walk) for walk in walks] for floor, walks in floors.items()}
         score = partial(_scored, heading=COMPASS_KNOWN)
-        yield from _floor_rows(name, COMPASS_KNOWN, changed, score)
-    yield from _floor_rows(AS_HELD, f"{TRUE_LEG}, length known", floors, _calibrated)
+        yield from _by_floor(COMPASS_KNOWN, name, changed, score)
+    yield from _by_floor(LENGTH_KNOWN, AS_HELD, floors, _calibrated)
 
 
-def _floor_rows(
-    sensors: str,
+def _by_floor(
     heading: str,
+    sensors: str,
     floors: Mapping[str, Sequence[ReckonedWalk]],
     score: Callable[[Sequence[ReckonedWalk]], list[Scored]],
-) -> Iterator[Row]:
-    """A row for every floor, and one for all walks together."""
+) -> Iterator[Record]:
+    """For every floor, and for all walks together."""
     together: list[Scored] = []
     for floor, walks in floors.items():
         scored = score(walks)
         together += scored
-        yield _row(f"mall {floor}", sensors, heading, scored)
-    yield _row("mall, all", sensors, heading, together)
+        yield from _summed_up(Record(heading, "", 0.0, world=floor, condition=sensors), scored)
+    yield from _summed_up(Record(heading, "", 0.0, world="mall", condition=sensors), together)
 
 
-def _simulated_rows(name: str, walks: Sequence[ReckonedWalk]) -> list[Row]:
-    return [
-        _row(name, "as simulated", "true start", _scored(walks, TRUE_LEG)),
-        _row(name, "as simulated", "true start, length known", _calibrated(walks)),
-    ]
-
-
-def _row(walks_of: str, sensors: str, heading: str, scored: Sequence[Scored]) -> Row:
+def _summed_up(of: Record, scored: Sequence[Scored]) -> Iterator[Record]:
     ends = [np.array([100 * one.end_share]) for one in scored]
     low, high = interval(ends, lambda values: float(np.median(values)), np.random.default_rng(0))
-    return {
-        "walks of": walks_of,
-        "sensors": sensors,
-        "heading from": heading,
-        "walks": len(scored),
-        "end error (%)": round(float(np.median(np.concatenate(ends))), 2),
-        "from": round(low, 2),
-        "to": round(high, 2),
-        "aligned RMSE (m)": round(float(np.median([one.rmse_m for one in scored])), 2),
-        "scale": round(float(np.median([one.scale for one in scored])), 3),
-        "scale spread": round(float(np.std([one.scale for one in scored])), 3),
-    }
+    middle = float(np.median(np.concatenate(ends)))
+    yield replace(of, metric="end error (%)", value=middle, low=low, high=high)
+    for metric, value in {
+        "RMSE, aligned (m)": np.median([one.rmse_m for one in scored]),
+        "step scale": np.median([one.scale for one in scored]),
+        "spread of the step scale": np.std([one.scale for one in scored]),
+    }.items():
+        yield replace(of, metric=metric, value=float(value))
 
 
 def _scored(walks: Sequence[ReckonedWalk], heading: str) -> list[Scored]:
@@ -212,7 +214,7 @@ def _ends(
 ) -> Iterator[float]:
     """End error of every walk as a share of its true path, its start and heading given."""
     for odometry, walk, heading_rad in zip(reckoned, walks, headings_rad, strict=True):
-        yield end_errors(*_headed(odometry, walk, heading_rad))["nothing"]
+        yield end_errors(*_headed(odometry, walk, heading_rad))["as it is"]
 
 
 def _headed(odometry: Odometry, walk: ReckonedWalk, heading_rad: float) -> tuple[F64, F64]:
@@ -222,24 +224,41 @@ def _headed(odometry: Odometry, walk: ReckonedWalk, heading_rad: float) -> tuple
     return moved[:, :2], matched.truth[:, :2]
 
 
-def _source_rows(floors: Mapping[str, Sequence[ReckonedWalk]]) -> Iterator[Row]:
+def _error_sources(floor: str, walks: Sequence[ReckonedWalk]) -> Iterator[Record]:
     """Median end errors by compass, with one thing after the other replaced by the truth."""
-    for floor, walks in floors.items():
-        reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
-        starts = _starts_rad(walks, COMPASS_KNOWN)
-        headings = starts + _floor_turn_rad(reckoned, walks, starts)
-        found = [
-            end_errors(*_headed(odometry, walk, heading_rad))
-            for odometry, walk, heading_rad in zip(reckoned, walks, headings, strict=True)
-        ]
-        for name in found[0]:
-            share = float(np.median([one[name] for one in found]))
-            yield {
-                "walks of": f"mall {floor}",
-                "truth in place of": name,
-                "walks": len(found),
-                "end error (%)": round(100 * share, 2),
-            }
+    reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
+    starts = _starts_rad(walks, COMPASS_KNOWN)
+    headings = starts + _floor_turn_rad(reckoned, walks, starts)
+    found = [
+        end_errors(*_headed(odometry, walk, heading_rad))
+        for odometry, walk, heading_rad in zip(reckoned, walks, headings, strict=True)
+    ]
+    for name in found[0]:
+        left = 100 * float(np.median([one[name] for one in found]))
+        yield Record(name, "end error (%)", left, world=floor, condition=AS_HELD)
+
+
+def end_errors(estimate_m: F64, true_m: F64) -> dict[str, float]:
+    """End errors as shares of the true path, by what was replaced by the truth.
+
+    Both walks (n, 2) are given at the true positions, the estimate with its heading from the phone.
+    Legs are the moves from one true position to the next.
+    """
+    estimate, true = (np.diff(xy_m @ np.array([1, 1j])) for xy_m in (estimate_m, true_m))
+    length_m, walked_m = np.abs(true).sum(), np.abs(estimate).sum()
+    ahead = estimate / np.maximum(np.abs(estimate), 1e-9)
+    scale = length_m / max(float(walked_m), 1e-9)
+    turn = np.exp(1j * np.angle(np.vdot(estimate, true)))
+    towards = true / np.maximum(np.abs(true), 1e-9)
+    replaced = {
+        "as it is": estimate,
+        "true whole length": scale * estimate,
+        "true length of every leg": np.abs(true) * ahead,
+        "true heading of the whole walk": turn * estimate,
+        "true direction of every leg": np.abs(estimate) * towards,
+        "true directions of legs and whole length": scale * np.abs(estimate) * towards,
+    }
+    return {name: float(abs(legs.sum() - true.sum()) / length_m) for name, legs in replaced.items()}
 
 
 def _calibrated(walks: Sequence[ReckonedWalk]) -> list[Scored]:
@@ -257,119 +276,131 @@ def _calibrated(walks: Sequence[ReckonedWalk]) -> list[Scored]:
     return scored
 
 
-def _consistency_rows(name: str, walks: Sequence[ReckonedWalk], truth_sigma_m: float) -> list[Row]:
-    """Normalised errors of displacements over several distances, all walks together."""
-    rows: list[Row] = []
+def _consistency(
+    of: Record, walks: Sequence[ReckonedWalk], truth_sigma_m: float
+) -> Iterator[Record]:
+    """Normalised errors of displacements by distance, all walks together.
+
+    A small room has no displacement over sixty metres.
+    """
     reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
     for distance_m in DISTANCES_M:
         found = [
             displacement_errors(odometry, walk.truth, distance_m, truth_sigma_m)
             for odometry, walk in zip(reckoned, walks, strict=True)
         ]
-        rows.append(_consistency_row(name, distance_m, found))
-    return rows
-
-
-def _consistency_row(name: str, distance_m: float, found: Sequence[Displacements]) -> Row:
-    error, sigma = (
-        np.vstack([getattr(one, key) for one in found]) for key in ("error_m", "sigma_m")
-    )
-    nees, within = np.concatenate([one.nees for one in found]), np.abs(error) / sigma
-    figures = {
-        "error along (m)": _rms(error[:, 0]),
-        "said along (m)": _rms(sigma[:, 0]),
-        "error across (m)": _rms(error[:, 1]),
-        "said across (m)": _rms(sigma[:, 1]),
-        "NEES (2)": _mean(nees),
-        "1 sigma along (0.68)": _mean(within[:, 0] < 1),
-        "1 sigma across (0.68)": _mean(within[:, 1] < 1),
-        "2 sigma along (0.95)": _mean(within[:, 0] < 2),
-        "2 sigma across (0.95)": _mean(within[:, 1] < 2),
-    }
-    return {"walks of": name, "over (m)": distance_m, "displacements": len(nees), **figures}
-
-
-def _rms(values: F64) -> float | None:
-    return round(float(np.sqrt(np.mean(values**2))), 2) if len(values) else None
-
-
-def _mean(values: F64 | Bool) -> float | None:
-    """None where there is nothing: a small room has no displacement over sixty metres."""
-    return round(float(np.mean(values)), 2) if len(values) else None
-
-
-def _joined(*tables: Sequence[Row]) -> Iterator[Row]:
-    """The rows of several tables with the columns of all of them, None where one has none."""
-    names = list(dict.fromkeys(name for rows in tables for row in rows for name in row))
-    for rows in tables:
-        for row in rows:
-            yield {name: row.get(name) for name in names}
-
-
-def _page(
-    rows: Sequence[Row],
-    sources: Sequence[Row],
-    consistency: Sequence[Row],
-    floors: Mapping[str, Sequence[ReckonedWalk]],
-    worlds: Mapping[str, Sequence[ReckonedWalk]],
-) -> Page:
-    panels = [
-        Panel(
-            f"Floor {floor}: {min(SHOWN, len(some))} of {len(some)} walks",
-            walks_figure(_drawn(some)),
-            "Taken at even steps through the list, in metres. Heading by compass; lines join "
-            "waypoints to where the walk was reckoned to be at that time.",
-            wide=True,
+        error, sigma = (
+            np.vstack([getattr(one, key) for one in found]) for key in ("error_m", "sigma_m")
         )
-        for floor, some in floors.items()
-    ]
-    shares = {f"mall {name}": _scored(some, COMPASS_KNOWN) for name, some in floors.items()}
-    shares["simulated"] = _scored([walk for some in worlds.values() for walk in some], TRUE_LEG)
-    curves = {
-        name: Curve(
-            np.sort([100 * one.end_share for one in scored]), np.linspace(0, 100, len(scored))
-        )
-        for name, scored in shares.items()
-    }
-    figure = curves_figure(curves, "end error (% of the path)", "walks below (%)")
-    panels.append(
-        Panel("End errors", figure, "Mall by compass, simulated by true start.", wide=True)
+        if not len(error):
+            continue
+        numbers = {"NEES": float(np.mean(np.concatenate([one.nees for one in found])))}
+        for axis, way in enumerate(("along", "across")):
+            within = np.abs(error[:, axis]) / sigma[:, axis]
+            numbers |= {
+                f"displacement error {way} (m)": _rms(error[:, axis]),
+                f"reported sigma {way} (m)": _rms(sigma[:, axis]),
+                f"within one sigma, {way}": float(np.mean(within < 1)),
+                f"within two sigma, {way}": float(np.mean(within < 2)),
+            }
+        for metric, value in numbers.items():
+            yield replace(of, metric=metric, value=value, condition=f"{distance_m:g} m")
+
+
+def _rms(values: F64) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+# --- walks ---
+
+
+def mall_floors(
+    data: Path, count: int | None, announce: Announce
+) -> Iterator[tuple[str, list[ReckonedWalk]]]:
+    """Every floor by name with its walks, at most `count`. Raises InputError without data."""
+    archives = sorted((data / "mall_walks").glob("*.tar.xz"))
+    if not archives:
+        raise InputError(f"{data}: holds no mall_walks/*.tar.xz; wanted the real mall walks")
+    for k, archive in enumerate(archives):
+        name = "mall " + archive.name.removesuffix(".tar.xz").removeprefix("site1-")
+        announce(f"reading {name}", 0.25 * k)
+        yield name, [walk for path in islice(walks_in(archive), count) for walk in _read(path)]
+
+
+def _read(path: Path) -> list[ReckonedWalk]:
+    """The walk of a file, if it has a truth to compare with."""
+    found = read_walk(path)
+    recording, truth = found.recording, found.truth
+    if recording.imu is None or recording.orientation is None:
+        return []
+    if truth is None or len(truth.t_s) < 2:
+        return []
+    attitude = Rotation.from_quat(recording.orientation.world_from_phone)
+    top = attitude.apply([0.0, 1.0, 0.0])
+    reported = np.interp(
+        recording.imu.t_s, recording.orientation.t_s, np.unwrap(np.arctan2(top[:, 1], top[:, 0]))
     )
-    panels.append(Panel("All ways", rows_table(rows), wide=True))
-    panels.append(Panel("Where the error comes from", rows_table(sources), SOURCES, wide=True))
-    panels.append(
-        Panel("Is the uncertainty right?", rows_table(consistency), CONSISTENCY, wide=True)
+    turned = _heading_of(recording.imu)
+    mean_rad = float(np.angle(np.exp(1j * (reported - turned)).mean()))
+    return [ReckonedWalk(recording.name, recording.imu, truth, recording.magnetometer, mean_rad)]
+
+
+def _heading_of(imu: Imu) -> F64:
+    """Heading (n), rad, at the sensors' times; 0 at the first footstep."""
+    odometry = dead_reckon(imu, MotionParameters())
+    return np.interp(imu.t_s, odometry.t_s, np.unwrap(odometry.world_from_body[:, 2]))
+
+
+def simulated_walks(
+    worlds: Sequence[str], seeds: int
+) -> Iterator[tuple[str, int, list[ReckonedWalk]]]:
+    """Walks of every world by both motion sensors: its name, the rate, the walks."""
+    for name in worlds:
+        world = load_world(name)
+        for grade in (BMI160, BROWSER):
+            some = []
+            for seed in range(FIRST_SEED, FIRST_SEED + seeds):
+                recording, truth = simulate(world, seed, rounds=ROUNDS, sound=False, grade=grade)
+                if recording.imu is not None:
+                    some.append(ReckonedWalk(f"{name} {seed}", recording.imu, truth))
+            yield name, round(grade.rate_hz), some
+
+
+def resampled(walk: ReckonedWalk, rate_hz: float) -> ReckonedWalk:
+    """The same walk by sensors of another rate."""
+    t_s = np.arange(walk.imu.t_s[0], walk.imu.t_s[-1], 1 / rate_hz)
+    accel, gyro = (
+        np.column_stack([np.interp(t_s, walk.imu.t_s, column) for column in rows.T])
+        for rows in (walk.imu.accel_mps2, walk.imu.gyro_radps)
     )
-    return Page(
-        "Dead reckoning", "Real walks in a mall and simulated walks, one set of parameters", panels
-    )
+    return replace(walk, imu=Imu(t_s, accel, gyro))
 
 
-SOURCES = "Median end error by compass, the phone known, with one thing replaced by the truth."
-CONSISTENCY = (
-    "Displacements from where the walk truly was, heading the way of the ten metres "
-    "before; NEES is 2 in the mean where sigmas are right."
-)
+def tilted(walk: ReckonedWalk, pitch_deg: float, roll_deg: float) -> ReckonedWalk:
+    """The same walk with the phone's top tilted up, and the phone rolled about its long axis."""
+    turn = Rotation.from_euler("XY", [pitch_deg, roll_deg], degrees=True).inv()
+    imu, field = walk.imu, walk.magnetometer
+    turned = Imu(imu.t_s, *(_applied(turn, rows) for rows in (imu.accel_mps2, imu.gyro_radps)))
+    if field is not None:
+        field = Magnetometer(field.t_s, _applied(turn, field.field_ut))
+    return replace(walk, imu=turned, magnetometer=field)
 
 
-def _drawn(walks: Sequence[ReckonedWalk]) -> list[DrawnWalk]:
-    """Some walks as their compass has them, each from its true start."""
-    reckoned = [dead_reckon(walk.imu, MotionParameters()) for walk in walks]
-    starts = _starts_rad(walks, COMPASS_KNOWN)
-    headings = starts + _floor_turn_rad(reckoned, walks, starts)
-    ends = list(_ends(reckoned, walks, headings))
-    drawn = []
-    for k in range(0, len(walks), max(1, len(walks) // SHOWN))[:SHOWN]:
-        truth, odometry = walks[k].truth, reckoned[k]
-        poses = compose(np.array([0.0, 0.0, headings[k]]), odometry.world_from_body)
-        matched = match(odometry.t_s, poses, truth)
-        shift = (
-            matched.truth[0, :2] - interpolate_poses(odometry.t_s, poses, matched.t_s[:1])[0, :2]
-        )
-        title = f"{100 * ends[k]:.0f} % of {path_length_m(matched.truth[:, :2]):.0f} m"
-        drawn.append(
-            DrawnWalk(
-                title, poses[:, :2] + shift, matched.truth[:, :2], matched.estimate[:, :2] + shift
-            )
-        )
-    return drawn
+def _applied(turn: Rotation, vectors: F64) -> F64:
+    """SciPy takes no read-only arrays."""
+    return np.asarray(turn.apply(vectors.copy()))
+
+
+CHANGES: Mapping[str, Callable[[ReckonedWalk], ReckonedWalk]] = {
+    "60 Hz": partial(resampled, rate_hz=60.0),
+    "100 Hz": partial(resampled, rate_hz=100.0),
+    "pitched by 30 degrees": partial(tilted, pitch_deg=30.0, roll_deg=0.0),
+    "pitched by 60 degrees": partial(tilted, pitch_deg=60.0, roll_deg=0.0),
+    "pitched and rolled by 30 degrees": partial(tilted, pitch_deg=30.0, roll_deg=30.0),
+}
+
+STUDY = Study(
+    "How far does dead reckoning lead astray, and why?",
+    measure_dead_reckoning, minutes=5, data=("mall_walks",),
+    fast={"walks": 4, "seeds": 1, "worlds": ("studio",)},
+)  # fmt: skip

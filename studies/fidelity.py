@@ -18,9 +18,11 @@ from elfslam.world.phone import Ends, air_at, image_echoes, render_frames
 from elfslam.world.pulses import C64, CARRIER_HZ, Air
 from elfslam.world.room import Block, Room, box, check_outline, segments_cross, shoebox
 from elfslam.world.scene import Scene, scene_of
-from studies.finding import Given, Row
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
 ROOMS = 20
+OURS = "ours beside pyroomacoustics"
 REACH = Reach(longest_m=21.0, order=4, plan_order=4, block_order=4, beside_block=4)
 RATE_HZ = 44_100
 CARDIOID = 0.5
@@ -42,20 +44,36 @@ class Comparison(NamedTuple):
     level_db: float
 
 
-def compare_engines(given: Given, *, rooms: int = ROOMS) -> list[Row]:
-    """A row per kind of room and lobe: how close two engines come, at worst and at the median.
+def measure_fidelity(context: StudyContext, *, rooms: int = ROOMS) -> list[Record]:
+    """How close two engines come, at worst and at the median, by room and lobe (the condition).
 
     Raises InputError without pyroomacoustics.
     """
-    rows = []
+    records = []
     for kind, draw in (("shoebox", random_shoebox), ("polygon with blocks", random_polygon)):
         for lobe, directivity in (("omnidirectional", 0.0), ("cardioid", CARDIOID)):
             found = []
             for seed in range(rooms):
-                given.announce(f"{kind}, {lobe}", seed / rooms)
+                context.announce(f"{kind}, {lobe}", seed / rooms)
                 found.append(compare_room(draw, directivity, seed))
-            rows.append({"room": kind, "transducers": lobe, **_summary(found)})
-    return rows
+            records += [
+                Record(OURS, metric, value, world=kind, condition=lobe,
+                       seeds=seeds_text(range(rooms)))
+                for metric, value in _summary(found).items()
+            ]  # fmt: skip
+    return records
+
+
+def _summary(found: list[Comparison]) -> dict[str, float]:
+    decorrelation = 100 * (1 - np.array([room.correlation for room in found]))
+    return {
+        "decorrelation, worst (%)": float(decorrelation.max()),
+        "decorrelation, median (%)": float(np.median(decorrelation)),
+        "paths compared": float(sum(room.paths for room in found)),
+        "paths of one engine alone": float(sum(room.only_one for room in found)),
+        "arrival error, worst (us)": max(room.arrival_us for room in found),
+        "level error, worst (dB)": max(room.level_db for room in found),
+    }
 
 
 def compare_room(
@@ -69,20 +87,6 @@ def compare_room(
     ours = image_echoes(scene, ends, NOBODY, air, REACH)
     theirs = pyroom.image_echoes(scene, ends, NOBODY, air, REACH)
     return Comparison(correlation_of(ours, theirs), *_compare_paths(scene, ends, air))
-
-
-def _summary(found: list[Comparison]) -> Row:
-    correlation = np.array([room.correlation for room in found])
-    return {
-        "rooms": len(found),
-        "worst correlation (%)": 100 * float(correlation.min()),
-        "median correlation (%)": 100 * float(np.median(correlation)),
-        "worst room": int(correlation.argmin()),
-        "paths": sum(room.paths for room in found),
-        "of one engine alone": sum(room.only_one for room in found),
-        "arrival off by (us)": float(max(room.arrival_us for room in found)),
-        "level off by (dB)": float(max(room.level_db for room in found)),
-    }
 
 
 def correlation_of(ours: C64, theirs: C64) -> float:
@@ -215,3 +219,9 @@ def random_ends(room: Room, directivity: float, generator: np.random.Generator) 
     (speaker, microphone), (speaks, hears) = places_m, axes
     rows = (speaker, microphone, speaks, hears, ahead, still, still)
     return Ends(*rows, directivity, directivity, False)
+
+
+STUDY = Study(
+    "Does our engine make the same echoes as pyroomacoustics?",
+    measure_fidelity, minutes=4, needs=("pyroomacoustics",), fast={"rooms": 1},
+)  # fmt: skip

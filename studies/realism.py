@@ -1,4 +1,4 @@
-"""Are simulated rooms like measured ones? Statistics of their responses side by side, drawn.
+"""Are simulated rooms like measured ones? Statistics of their responses side by side.
 
 Measured: two circles of loudspeakers in one room in eight states of its walls (R3VIVAL, CC BY 4.0).
 Simulated: phones along the routes of the worlds, and in the rooms that encoders are trained in, by
@@ -7,7 +7,7 @@ mirror images with clutter and by mirror images with a diffuse field.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
@@ -17,8 +17,6 @@ import numpy as np
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.scoring.figures import TRUTH
-from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.circumstances import Circumstances, engine_of, reach_of
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
 from elfslam.world.phone import air_at, poses_at, room_responses
@@ -28,10 +26,17 @@ from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
-from studies.figures.curves import Curve, curves_figure
-from studies.finding import Finding, Given, Row
 from studies.real_rooms import PERIOD_S, echo_of
-from studies.room_statistics import banded, contrast, kurtosis, reverberation_s, spread_db
+from studies.results import Record
+from studies.room_statistics import (
+    WINDOWS_MS,
+    banded,
+    contrast,
+    kurtosis,
+    reverberation_s,
+    spread_db,
+)
+from studies.study import Study, StudyContext
 
 WORLDS = ("living_room", "office", "mall")
 PLACES = 60
@@ -42,10 +47,6 @@ RATE_HZ = 48_000
 FILES = {"2 m": "r3vival_2m.npz", "1.5 m": "r3vival_1.5m.npz"}
 STATES = {"walls hard": 0, "absorbers out": 4}
 KINDS = {"images": "mirror images and clutter", "diffuse": "diffuse field"}
-NOTE = (
-    "1: the echo stays what it is; 0: it has become that of another place. A microphone that moves "
-    "beside a fixed source counts as a phone that moves half as far."
-)
 
 
 class Place(NamedTuple):
@@ -62,28 +63,26 @@ class Place(NamedTuple):
 
 
 def measure_realism(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: tuple[str, ...] = WORLDS,
     places: int = PLACES,
     rooms: int = TRAINING_ROOMS,
-) -> Finding:
-    """A row per room: kurtosis, spread, T60 and contrast; the contrast's curves are drawn.
+) -> list[Record]:
+    """Kurtosis, spread, T60 and contrast of every room, by delay or by how far the phone moved.
 
     Without `data` there is no measured room. Places along the routes by seed 0.
     """
-    found = [] if given.data is None else list(measured_places(given.data / "rirs"))
+    found = [] if context.data is None else list(measured_places(context.data / "rirs"))
     tasks = [(kind, name) for kind in KINDS for name in (*worlds, "")]
     for k, (kind, name) in enumerate(tasks):
-        given.announce(name or "training rooms", k / len(tasks))
+        context.announce(name or "training rooms", k / len(tasks))
         if name:
             found.append(places_along(name, kind, places))
         else:
             found.append(_in_training_rooms(kind, rooms, places // rooms))
-    given.announce("statistics", 0.9)
-    rows = [_row(place) for place in found]
-    given.announce("done", 1.0)
-    return Finding(rows, _page(found, rows))
+    context.announce("statistics", 0.9)
+    return [record for place in found for record in _records(place)]
 
 
 def measured_places(folder: Path) -> list[Place]:
@@ -109,7 +108,7 @@ def places_along(name: str, kind: str, count: int, moved_m: Sequence[float] = MO
     leg = np.searchsorted(at_m, way, side="right") - 1
     xy = np.column_stack([np.interp(way, at_m, corners[:, axis]) for axis in range(2)])
     yaw = np.arctan2(legs[leg, 1], legs[leg, 0])
-    return _heard(name.replace("_", " "), kind, world.room, xy, yaw, generator, moved_m)
+    return _heard(name, kind, world.room, xy, yaw, generator, moved_m)
 
 
 def _in_training_rooms(kind: str, rooms: int, places: int) -> Place:
@@ -173,52 +172,24 @@ def _features(responses: F64) -> F32:
     return generic_encoders()["spectrogram without mean"].embed(echoes_of(responses))
 
 
-def _row(place: Place) -> Row:
+def _records(place: Place) -> Iterator[Record]:
     band = banded(place.responses, RATE_HZ)
     here = _features(place.responses)
-    row: Row = {"room": place.name, "sound": place.kind, "places": len(here)}
+    of = Record(place.kind, "", 0.0, world=place.name)
     shown = {"kurtosis": kurtosis(band, RATE_HZ), "spread (dB)": spread_db(band, RATE_HZ)}
-    for what, values in shown.items():
-        row[what] = " / ".join(f"{value:.1f}" for value in values)
-    row["T60 (ms)"] = round(1000 * reverberation_s(band, RATE_HZ))
-    for far in MOVED_M:
-        moved = place.moved.get(far)
-        kept = None if moved is None else round(contrast(here, _features(moved)), 2)
-        row[_contrast_at(far)] = kept
-    return row
+    for metric, values in shown.items():
+        for (first, last), value in zip(WINDOWS_MS, values, strict=True):
+            yield replace(of, metric=metric, value=value, condition=f"{first} to {last} ms")
+    t60_ms = 1000 * reverberation_s(band, RATE_HZ)
+    if np.isfinite(t60_ms):
+        yield replace(of, metric="T60 (ms)", value=t60_ms)
+    for far_m, moved in place.moved.items():
+        kept = contrast(here, _features(moved))
+        yield replace(of, metric="contrast", value=kept, condition=f"{100 * far_m:g} cm")
 
 
-def _contrast_at(far_m: float) -> str:
-    return f"contrast {100 * far_m:g} cm"
-
-
-def _page(places: list[Place], rows: list[Row]) -> Page:
-    columns = ("room", "sound", "places", "kurtosis", "spread (dB)", "T60 (ms)")
-    table = rows_table([{name: row[name] for name in columns} for row in rows])
-    return Page(
-        "Simulated rooms beside measured ones",
-        "impulse responses between 15.2 and 19.8 kHz; windows of 11 to 20, 20 to 35, 35 to 60 ms",
-        [
-            *(_contrast_panel(kind, places, rows) for kind in KINDS.values()),
-            Panel("Responses", table, "3 and 5.6 dB are a diffuse field.", wide=True),
-        ],
-    )
-
-
-def _contrast_panel(kind: str, places: list[Place], rows: list[Row]) -> Panel:
-    """Curves of the rooms of one kind of sound, and dots for the measured ones."""
-    curves, measured = {}, []
-    for place, row in zip(places, rows, strict=True):
-        kept = [(100 * far, row[_contrast_at(far)]) for far in place.moved]
-        if place.kind == "measured":
-            measured += kept
-        elif place.kind == kind:
-            curves[place.name] = Curve(*np.array(kept, dtype=np.float64).T)
-    ticks = [100 * far for far in MOVED_M]
-    figure = curves_figure(curves, "phone moved (cm)", "contrast", ticks=ticks)
-    figure.update_yaxes(range=[0, 1])
-    figure.add_scatter(
-        x=[far_cm for far_cm, _ in measured], y=[kept for _, kept in measured], name="measured",
-        mode="markers", marker={"size": 10, "symbol": "diamond", "color": TRUTH},
-    )  # fmt: skip
-    return Panel(f"How fast an echo changes with the place: {kind}", figure, NOTE)
+STUDY = Study(
+    "Are simulated rooms like measured ones, by their responses?",
+    measure_realism, minutes=3, data=("rirs",),
+    fast={"worlds": ("studio",), "places": 12, "rooms": 3},
+)  # fmt: skip

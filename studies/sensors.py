@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 
@@ -18,10 +19,11 @@ from elfslam.world.magnetic_field import Magnetism, magnetic_field
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox
 from elfslam.world.sensors import Sensor, Surroundings
-from elfslam.world.simulate import WALKERS, simulate
 from elfslam.world.wifi import MALL_SCANS, AccessPoint
 from elfslam.world.world_file import World, load_world
-from studies.finding import Given, Row
+from studies.cached import simulate
+from studies.results import Record, seeds_text
+from studies.study import Study, StudyContext
 
 ROOMS = ("studio", "lounge")
 HALL_M = np.array([60.0, 40.0, 4.5])
@@ -39,47 +41,45 @@ STALE_S = 5.0
 MOST_HEARD = 150
 """Access points whose readings are compared pair by pair."""
 FIELD_SPACING_M = 0.25
-RSSI_LAGS_M = {
-    "at one place": (0.0, 1.0),
-    "2 m apart": (1.0, 3.0),
-    "5 m apart": (4.0, 6.0),
-    "10 m apart": (9.0, 11.0),
-}
+RSSI_LAGS_M = {"0 m": (0.0, 1.0), "2 m": (1.0, 3.0), "5 m": (4.0, 6.0), "10 m": (9.0, 11.0)}
 FIELD_LAGS_M = (1.0, 2.0, 5.0)
+SCENARIO_OF = {"surveyor": "surveyor", "person": "pedestrian"}
+"""By simulated walker."""
 
 Statistics = dict[tuple[str, str], float]
+"""By metric and condition."""
 Floor = list[tuple[Recording, Truth]]
 """Walks of one place: positions may be compared between them."""
 
 
-def compare_sensors(given: Given, *, walks: int = 6, mall_walks: int = 40) -> list[Row]:
-    """A row per quantity: surveyors and people, simulated in rooms and a hall, and the real mall.
+def measure_sensors(context: StudyContext, *, walks: int = 6, mall_walks: int = 40) -> list[Record]:
+    """Statistics of surveyors and pedestrians, simulated in rooms and a hall, and of the real mall.
 
-    The last column is None without `data`, a folder that holds `mall_walks/*.tar.xz`. `walks` are
+    Nothing of the mall without `data`, a folder that holds `mall_walks/*.tar.xz`. `walks` are
     simulated in each place, and `mall_walks` read of each floor.
     """
-    given.announce("reading the mall walks", None)
-    real = {} if given.data is None else statistics(list(_mall(given.data, mall_walks)))
-    given.announce("simulating walks", None)
-    columns = {
-        f"{kind} in {place}": statistics([_simulated(world, walks, kind) for world in worlds])
-        for kind in WALKERS
-        for place, worlds in (("rooms", list(map(load_world, ROOMS))), ("hall", [hall()]))
-    }
-    columns["real mall"] = real
+    context.announce("reading the mall walks", None)
+    records: list[Record] = []
+    if context.data is not None:
+        real = statistics(list(_mall(context.data, mall_walks)))
+        records += _records(real, Record("measured", "", 0.0, world="mall"))
+    context.announce("simulating walks", None)
+    for walker, scenario in SCENARIO_OF.items():
+        for place, worlds in (("rooms", list(map(load_world, ROOMS))), ("hall", [hall()])):
+            found = statistics([_simulated(world, walks, walker) for world in worlds])
+            of = Record("simulated", "", 0.0, world=place, scenario=scenario,
+                        seeds=seeds_text(range(walks)))  # fmt: skip
+            records += _records(found, of)
+    return records
+
+
+def _records(found: Statistics, of: Record) -> list[Record]:
+    """Without those that do not exist: a room is smaller than some distances."""
     return [
-        {
-            "quantity": quantity,
-            "unit": unit,
-            **{name: _plain(values.get((quantity, unit))) for name, values in columns.items()},
-        }
-        for quantity, unit in next(iter(columns.values()))
+        replace(of, metric=metric, condition=condition, value=value)
+        for (metric, condition), value in found.items()
+        if np.isfinite(value)
     ]
-
-
-def _plain(value: float | None) -> float | None:
-    """NaN is no JSON: what does not exist is None."""
-    return None if value is None or np.isnan(value) else value
 
 
 def hall() -> World:
@@ -109,7 +109,7 @@ def _shop_walls() -> F64:
 
 
 def statistics(floors: Sequence[Floor]) -> Statistics:
-    """Everything measured of some floors, by quantity and unit."""
+    """Everything measured of some floors."""
     recordings = [recording for floor in floors for recording, _ in floor]
     walks = [walk for floor in floors for walk in floor]
     return {
@@ -162,11 +162,11 @@ def _gait(recordings: Sequence[Recording]) -> Statistics:
         gyro.append(min(seconds))
         turning.append(np.median(seconds))
     return {
-        ("step rate, median", "Hz"): float(np.median(rates)),
-        ("interval between steps, scatter", "share"): float(np.median(uneven)),
-        ("acceleration above rest, 99th percentile", "m/s2"): float(np.median(peaks)),
-        ("gyroscope scatter, quietest second", "rad/s"): float(np.median(gyro)),
-        ("gyroscope scatter, median second", "rad/s"): float(np.median(turning)),
+        ("step rate (Hz)", ""): float(np.median(rates)),
+        ("scatter of step intervals (share)", ""): float(np.median(uneven)),
+        ("acceleration above rest, 99th percentile (m/s2)", ""): float(np.median(peaks)),
+        ("gyroscope scatter (rad/s)", "quietest second"): float(np.median(gyro)),
+        ("gyroscope scatter (rad/s)", "median second"): float(np.median(turning)),
     }
 
 
@@ -194,7 +194,7 @@ def _reckoning(walks: Sequence[tuple[Recording, Truth]]) -> Statistics:
         error_m = np.vstack([one.error_m for one in errors])
         for axis, way in enumerate(("along", "across")):
             rms_m = _mean(error_m[:, axis] ** 2) ** 0.5
-            found[f"displacement error over {far_m:g} m, {way}", "m"] = rms_m
+            found[f"displacement error {way} (m)", f"{far_m:g} m"] = rms_m
     return found
 
 
@@ -216,13 +216,13 @@ def _scans(recordings: Sequence[Recording]) -> Statistics:
     rssi = np.concatenate([wifi.rssi_dbm[k] for wifi, k in zip(scans, seen, strict=True)])
     entries = np.concatenate([k.sum(axis=1) for k in seen])
     return {
-        ("time between scans, median", "s"): float(
+        ("time between scans (s)", ""): float(
             np.median(np.concatenate([np.diff(wifi.t_s) for wifi in scans]))
         ),
-        ("access points in a scan, median", ""): float(np.median(entries)),
-        ("entries last seen more than 5 s before", "share"): float((ages > STALE_S).mean()),
-        ("RSSI, median", "dBm"): float(np.median(rssi)),
-        ("RSSI, 95th percentile", "dBm"): float(np.percentile(rssi, 95)),
+        ("access points in a scan", ""): float(np.median(entries)),
+        ("stale scan entries (share)", ""): float((ages > STALE_S).mean()),
+        ("RSSI (dBm)", "median"): float(np.median(rssi)),
+        ("RSSI (dBm)", "95th percentile"): float(np.percentile(rssi, 95)),
     }
 
 
@@ -241,9 +241,8 @@ def _rssi(floors: Sequence[Floor]) -> Statistics:
     spread = {name: _mean(np.concatenate(some)) for name, some in squares.items()}
     total = float(np.mean(np.concatenate(residuals) ** 2))
     return {
-        **{(f"RSSI spread {lag}", "dB"): half**0.5 for lag, half in spread.items()},
-        ("RSSI spread over the walks", "dB"): total**0.5,
-        **{(f"RSSI correlation {lag}", ""): 1 - half / total for lag, half in spread.items()},
+        **{("RSSI spread (dB)", lag): half**0.5 for lag, half in spread.items()},
+        ("RSSI spread (dB)", "whole walks"): total**0.5,
     }
 
 
@@ -289,11 +288,11 @@ def _field(walks: Sequence[tuple[Recording, Truth]]) -> Statistics:
         for lag_m, lag in lags.items()
     }
     return {
-        ("field magnitude, mean", "uT"): float(np.mean(means)),
-        ("field magnitude, spread of the walks' means", "uT"): float(np.std(means)),
-        ("field magnitude, spread along a walk", "uT"): total**0.5,
+        ("magnetic field, mean (uT)", ""): float(np.mean(means)),
+        ("magnetic field, spread between walks (uT)", ""): float(np.std(means)),
+        ("magnetic field, spread along a walk (uT)", ""): total**0.5,
         **{
-            (f"field correlation over {lag_m:g} m", ""): 1 - float(np.mean(some)) / total
+            ("magnetic field correlation", f"{lag_m:g} m"): 1 - float(np.mean(some)) / total
             for lag_m, some in half.items()
         },
     }
@@ -315,3 +314,9 @@ def _at(truth: Truth, t_s: F64) -> F64:
     return np.column_stack(
         [np.interp(t_s, truth.t_s, truth.world_from_body[:, k]) for k in range(2)]
     )
+
+
+STUDY = Study(
+    "Do simulated sensors read what real ones read?",
+    measure_sensors, minutes=8, data=("mall_walks",), fast={"walks": 1, "mall_walks": 3},
+)  # fmt: skip

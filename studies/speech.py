@@ -6,11 +6,16 @@ understood. It is not 0 where none is: what noise and unrelated speech get is me
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 
 import numpy as np
+import soundfile
 from scipy import signal
 
 from elfslam.base.arrays import F32, F64
@@ -18,8 +23,6 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, frame_starts_s, to_baseband
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import built_in_device
 from elfslam.world.interference import record, rumble
@@ -27,11 +30,39 @@ from elfslam.world.phone import air_at, render_frames, room_responses
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
 from studies.eavesdropping import FORMS, OUT_HZ, enhanced
-from studies.figures.speech_figure import Understood, speech_figure
-from studies.finding import Finding, Given, Row
+from studies.results import Record, mean_of
 from studies.still_phone import held_still
-from studies.utterances import BAND_HZ, RATE_HZ, Utterance, share_in_band_db, utterances
+from studies.study import Study, StudyContext
 
+RATE_HZ = 48_000
+BAND_HZ = (14_350, 20_650)
+FULL_RATE_HZ = 44_100
+"""From here on a recording has the chirp band in it."""
+WORDS = Path("/usr/share/sounds/alsa")
+"""Debian's alsa-utils: "front, center" and the like, said by a person, 48 kHz."""
+SENTENCES = Path("/usr/share/pocketsphinx/test/data/librivox")
+"""Debian's pocketsphinx-testdata: five sentences read aloud, 16 kHz."""
+LEAST_S = 1.0
+KINDS = (".wav", ".flac", ".ogg")
+HISS = 10 ** (-40 / 20)
+"""What a voice without a band above is given there, of its whole level: more than 16 of 17 voices
+recorded at full rate had, which were at -34 to -58 dB."""
+HISS_FROM_HZ = 4000
+SAID = (
+    "She says the sixth shop sells fresh fish",
+    "Six scissors lie beside the glass dish",
+    "Please send the cash to this address on Sunday",
+    "The secret password is seven six zero six",
+    "His sister wishes to discuss the price in person",
+    "My account number starts with four nine two",
+    "We shall meet at the station at half past six",
+    "Do not tell anyone what the doctor said",
+)
+"""Full of s and sh: the sounds that reach highest."""
+ADVICE = (
+    "install alsa-utils and espeak-ng (apt-get install alsa-utils espeak-ng), or put "
+    "recorded speech as .wav files into the folder `speech` of --data"
+)
 WORLD = "studio"
 LEVELS_DBFS = (-60.0, -40.0, -20.0)
 """Of the speech at the microphone: talk at a metre, a loud voice close by, a shout into the phone
@@ -45,6 +76,8 @@ LEAD_S = 0.4
 NOISY_DB = (0.0, -10.0, -60.0)
 """The last is noise alone: what STOI gives where there is nothing to understand."""
 SILENCE_DBFS = -200.0
+BEFORE, UNRELATED = "microphone", "unrelated: "
+NOBODY, MOVED = "nobody speaks", "moved into the band"
 
 
 @dataclass(frozen=True)
@@ -54,11 +87,14 @@ class Circumstance:
     level_dbfs: float
     chirps: bool
 
+    def __str__(self) -> str:
+        return f"{self.level_dbfs:g} dBFS, {'' if self.chirps else 'no '}chirps"
+
 
 def measure_speech(
-    given: Given, *, most: int | None = None, levels_dbfs: Sequence[float] = LEVELS_DBFS
-) -> Finding:
-    """STOI of every utterance, before and after the phone's filter, with and without chirps.
+    context: StudyContext, *, most: int | None = None, levels_dbfs: Sequence[float] = LEVELS_DBFS
+) -> list[Record]:
+    """STOI before and after the phone's filter (the method), with and without chirps.
 
     Own recordings lie in the folder `speech` of `data`. Speech goes through a simulated room to
     the simulated phone, and of what it hears the frames of the chirp band are taken as the page
@@ -66,17 +102,32 @@ def measure_speech(
     no speech or pystoi is missing.
     """
     stoi = intelligibility()
-    spoken = utterances(given.data, most=most)
+    spoken = utterances(context.data, most=most)
     circumstances = [
         Circumstance(level, chirps) for chirps in (False, True) for level in levels_dbfs
     ]
-    found: list[tuple[Circumstance, list[dict[str, float]]]] = []
+    records: list[Record] = []
     for k, each in enumerate(circumstances):
-        given.announce(f"speech at {each.level_dbfs:g} dBFS", k / len(circumstances))
-        found.append((each, [_measured(stoi, spoken, n, each) for n in range(len(spoken))]))
-    rows = [row for each, numbers in found for row in _rows(each, numbers)]
-    rows += list(_control_rows(stoi, spoken))
-    return Finding(rows, _page(rows, spoken, found))
+        context.announce(f"speech at {each.level_dbfs:g} dBFS", k / len(circumstances))
+        found = [_measured(stoi, spoken, n, each) for n in range(len(spoken))]
+        records += _records(each, found)
+    return [*records, *_controls(stoi, spoken)]
+
+
+def _records(how: Circumstance, numbers: Sequence[Mapping[str, float]]) -> Iterator[Record]:
+    for name in numbers[0]:
+        kind, method = name.startswith(UNRELATED), name.removeprefix(UNRELATED)
+        values = [each[name] for each in numbers]
+        if kind:
+            yield mean_of(Record(method, "STOI against another utterance", 0.0,
+                                 condition=str(how)), values)  # fmt: skip
+        else:
+            yield from _of(method, str(how), values)
+
+
+def _of(method: str, condition: str, values: Sequence[float]) -> Iterator[Record]:
+    yield mean_of(Record(method, "STOI", 0.0, condition=condition), values)
+    yield Record(method, "highest STOI", max(values), condition=condition)
 
 
 def intelligibility() -> Callable[[F64, F64], float]:
@@ -100,19 +151,19 @@ def intelligibility() -> Callable[[F64, F64], float]:
 def _measured(
     stoi: Callable[[F64, F64], float], spoken: Sequence[Utterance], n: int, how: Circumstance
 ) -> dict[str, float]:
-    """STOI of one utterance by name of the form; "unrelated" forms are held against another."""
+    """STOI of one utterance by name of the form; those held against another are UNRELATED."""
     generator = np.random.default_rng([n, round(-how.level_dbfs), how.chirps])
     clean = padded(spoken[n].samples)
     other = down(padded(spoken[(n + 1) % len(spoken)].samples))
     audio = heard_by_phone(clean, how, generator)
     sent = kept_of(audio, chirps=how.chirps)
-    wanted, numbers = down(clean), {"before": stoi(down(clean), down(_row(audio)))}
+    wanted, numbers = down(clean), {BEFORE: stoi(down(clean), down(_row(audio)))}
     for form, made_of in FORMS.items():
         for name, frames in ((form, sent), (f"{form}, enhanced", enhanced(sent))):
             ways = list(made_of(frames).values())
             numbers[name] = max(stoi(wanted, way) for way in ways)
             if frames is sent:
-                numbers[f"unrelated {form}"] = max(stoi(other, way) for way in ways)
+                numbers[f"{UNRELATED}{form}"] = max(stoi(other, way) for way in ways)
     return numbers
 
 
@@ -202,99 +253,131 @@ def moved_into_band(samples: F64) -> F64:
     return np.asarray((signal.hilbert(low) * np.exp(2j * np.pi * BAND_HZ[0] * t_s)).real)
 
 
-def _control_rows(stoi: Callable[[F64, F64], float], spoken: Sequence[Utterance]) -> Iterable[Row]:
-    """What the measure says of speech in noise, and of speech that does lie in the band."""
+def _controls(stoi: Callable[[F64, F64], float], spoken: Sequence[Utterance]) -> Iterator[Record]:
+    """What the measure makes of speech in noise, of silence, and of speech that is in the band."""
+    padded_speech = [padded(each.samples) for each in spoken]
     for noise_db in NOISY_DB:
-        numbers = []
-        for n, each in enumerate(spoken):
-            clean = down(padded(each.samples))
-            noise = np.random.default_rng(n).standard_normal(len(clean))
-            loud = np.sqrt(np.mean(clean**2)) * 10 ** (-noise_db / 20)
-            numbers.append(stoi(clean, clean + loud * noise))
-        yield _row_of(f"control: in white noise, {noise_db:+g} dB", None, numbers)
+        values = [_in_noise(stoi, down(clean), noise_db, n)
+                  for n, clean in enumerate(padded_speech)]  # fmt: skip
+        yield from _of("in white noise", f"{noise_db:+g} dB", values)
     silence = Circumstance(SILENCE_DBFS, chirps=True)
-    numbers_of = [_measured(stoi, spoken, n, silence) for n in range(len(spoken))]
+    numbers = [_measured(stoi, spoken, n, silence) for n in range(len(spoken))]
     for form in (*FORMS, *(f"{form}, enhanced" for form in FORMS)):
-        yield _row_of(f"control: nobody speaks, {form}", None, [each[form] for each in numbers_of])
+        yield from _of(form, NOBODY, [each[form] for each in numbers])
+    quiet = Circumstance(-40.0, chirps=False)
     for form in ("shifted down", "envelope"):
-        numbers = []
-        for n, each in enumerate(spoken):
-            clean = padded(each.samples)
-            quiet = Circumstance(-40.0, chirps=False)
+        values = []
+        for n, clean in enumerate(padded_speech):
             audio = heard_by_phone(moved_into_band(clean), quiet, np.random.default_rng(n))
             ways = FORMS[form](kept_of(audio, chirps=False)).values()
-            numbers.append(max(stoi(down(clean), way) for way in ways))
-        yield _row_of(f"control: moved into the band, {form}", None, numbers)
+            values.append(max(stoi(down(clean), way) for way in ways))
+        yield from _of(form, MOVED, values)
 
 
-def _rows(how: Circumstance, numbers: Sequence[Mapping[str, float]]) -> Iterable[Row]:
-    for name in numbers[0]:
-        if not name.startswith("unrelated"):
-            form = name.removesuffix(", enhanced")
-            floor = [each.get(f"unrelated {form}", np.nan) for each in numbers]
-            yield _row_of(name, how, [each[name] for each in numbers], floor)
+def _in_noise(stoi: Callable[[F64, F64], float], clean: F64, noise_db: float, seed: int) -> float:
+    noise = np.random.default_rng(seed).standard_normal(len(clean))
+    loud = np.sqrt(np.mean(clean**2)) * 10 ** (-noise_db / 20)
+    return stoi(clean, clean + loud * noise)
 
 
-def _row_of(
-    name: str, how: Circumstance | None, values: Sequence[float], floor: Sequence[float] = ()
-) -> Row:
-    low, high = interval(
-        [np.array([value]) for value in values], lambda all: float(all.mean()),
-        np.random.default_rng(0),
-    )  # fmt: skip
-    known = [value for value in floor if np.isfinite(value)]
-    return {
-        "what": name,
-        "speech (dBFS)": how.level_dbfs if how else None,
-        "chirps": how.chirps if how else None,
-        "utterances": len(values),
-        "STOI": round(float(np.mean(values)), 3),
-        "from": round(low, 3),
-        "to": round(high, 3),
-        "highest": round(float(np.max(values)), 3),
-        "unrelated": round(float(np.mean(known)), 3) if known else None,
+# --- utterances ---
+
+
+@dataclass(frozen=True, eq=False)
+class Utterance:
+    """Somebody says something: mono, 48 kHz, an rms of 1; of which set, and called what."""
+
+    name: str
+    kind: str
+    samples: F64
+
+
+def utterances(data: Path | None, *, most: int | None = None) -> list[Utterance]:
+    """All speech that is at hand, at most so many of each kind.
+
+    "own" is what lies in the folder `speech` of `data`; "words" and "sentences" are recorded,
+    "made" is synthesized. What was recorded below 44.1 kHz is given a hiss above. Raises
+    InputError where there is neither own nor installed speech.
+    """
+    own = _files(data / "speech") if data is not None else []
+    words = [file for file in _files(WORDS) if file.stem != "Noise"]
+    if not own and not (words and shutil.which("espeak-ng")):
+        raise InputError(f"speech: none is there; {ADVICE}")
+    found: dict[str, list[Utterance]] = {
+        "own": [_read("own", [file]) for file in own[:most]],
+        "words": [
+            _read("words", pair) for pair in list(zip(words[::2], words[1::2], strict=False))[:most]
+        ],
+        "sentences": [_read("sentences", [file]) for file in _files(SENTENCES)[:most]],
+        "made": list(_made(SAID[:most])) if shutil.which("espeak-ng") else [],
     }
+    return [each for kind in found.values() for each in kind]
 
 
-def _page(
-    rows: Sequence[Row],
-    spoken: Sequence[Utterance],
-    found: Sequence[tuple[Circumstance, Sequence[Mapping[str, float]]]],
-) -> Page:
-    panels = []
-    for chirps, title in ((True, "While the phone chirps"), (False, "Without chirps")):
-        shown = {
-            f"{how.level_dbfs:g} dBFS": _understood(numbers)
-            for how, numbers in found
-            if how.chirps is chirps
-        }
-        panels.append(Panel(title, speech_figure(shown), NOTE, wide=True))
-    panels.append(Panel("All figures", rows_table(rows), wide=True))
-    loudest = max((how.chirps, how.level_dbfs, k) for k, (how, _) in enumerate(found))[2]
-    facts = [_facts(*pair) for pair in zip(spoken, found[loudest][1], strict=True)]
-    panels.append(Panel(EACH, rows_table(facts), wide=True))
-    subtitle = f"{len(spoken)} utterances beside a phone in a simulated room"
-    return Page("What is left of speech in what the phone sends", subtitle, panels)
+def share_in_band_db(samples: F64) -> float:
+    """Of all its power, what lies in the chirp band (dB)."""
+    power = np.abs(np.fft.rfft(samples)) ** 2
+    hz = np.fft.rfftfreq(len(samples), 1 / RATE_HZ)
+    inside = power[(hz >= BAND_HZ[0]) & (hz < BAND_HZ[1])].sum()
+    return float(10 * np.log10(max(inside / power.sum(), 1e-20)))
 
 
-EACH = "Each utterance, at its loudest, while the phone chirps"
-NOTE = (
-    "Each dot is an utterance; of several ways to listen the best one counts. Grey: the same ways "
-    "held against another utterance, which is what chance gives."
-)
+def _files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(file for file in folder.rglob("*") if file.suffix.lower() in KINDS)
 
 
-def _understood(numbers: Sequence[Mapping[str, float]]) -> Understood:
-    return {name: np.array([each[name] for each in numbers]) for name in numbers[0]}
+def _made(texts: Sequence[str]) -> Iterator[Utterance]:
+    """Two voices by turns, by espeak-ng."""
+    with tempfile.TemporaryDirectory() as folder:
+        for k, text in enumerate(texts):
+            file = Path(folder) / f"{text[:24].replace(' ', '_')}.wav"
+            voice = ("en-us", "en-gb+f3")[k % 2]
+            subprocess.run(["espeak-ng", "-v", voice, "-w", file, text], check=True, timeout=60)
+            yield _read("made", [file])
 
 
-def _facts(each: Utterance, numbers: Mapping[str, float]) -> Row:
-    ways = [name for name in numbers if name.startswith(tuple(FORMS))]
-    return {
-        "name": each.name,
-        "kind": each.kind,
-        "seconds": round(len(each.samples) / RATE_HZ, 1),
-        "in the chirp band (dB)": round(share_in_band_db(each.samples), 1),
-        "before": numbers["before"],
-        "best way": max(numbers[name] for name in ways),
-    }
+def _read(kind: str, files: Sequence[Path]) -> Utterance:
+    """One after the other."""
+    parts, rates_hz = [], []
+    for file in files:
+        try:
+            samples, rate_hz = soundfile.read(file, always_2d=True)
+        except (OSError, soundfile.LibsndfileError) as cause:
+            raise InputError(f"{file}: cannot be read as sound ({cause}); take it out") from cause
+        parts.append(signal.resample_poly(samples[:, 0], RATE_HZ, rate_hz))
+        rates_hz.append(rate_hz)
+    said = np.concatenate(parts)
+    if min(rates_hz) < FULL_RATE_HZ:
+        said = with_hiss(said, min(rates_hz))
+    rms, seconds = np.sqrt(np.mean(said**2)), len(said) / RATE_HZ
+    if not (rms > 0 and seconds >= LEAST_S):
+        raise InputError(
+            f"{files[0]}: has {seconds:.1f} s and an rms of {rms:.3g}, wanted a sentence of "
+            f"{LEAST_S:g} s or more that is no silence; take it out"
+        )
+    return Utterance("+".join(file.stem for file in files), kind, said / rms)
+
+
+def with_hiss(said: F64, source_rate_hz: int) -> F64:
+    """Speech with noise in the chirp band that follows its own highest sounds, 40 dB below it."""
+    high = (HISS_FROM_HZ, 0.45 * source_rate_hz)
+    top = _filtered(said, high)
+    envelope = np.abs(signal.hilbert(top))
+    noise = _filtered(np.random.default_rng(0).standard_normal(len(said)), BAND_HZ)
+    hiss = noise * envelope
+    gain = HISS * np.sqrt(np.mean(said**2) / max(np.mean(hiss**2), 1e-30))
+    return np.asarray(said + gain * hiss)
+
+
+def _filtered(samples: F64, band_hz: tuple[float, float]) -> F64:
+    sections = signal.butter(6, band_hz, "bandpass", fs=RATE_HZ, output="sos")
+    return np.asarray(signal.sosfiltfilt(sections, samples))
+
+
+STUDY = Study(
+    "Is anything understood of speech near a phone in what the phone keeps?",
+    measure_speech, minutes=8, needs=("pystoi",),
+    fast={"most": 1, "levels_dbfs": (-20.0,)},
+)  # fmt: skip

@@ -9,7 +9,6 @@ import pytest
 from elfslam.app.settings import Settings
 from elfslam.base.values import Recording
 from elfslam.line.echo import matched_envelope
-from elfslam.scoring.page import rendered
 from elfslam.slam.front_end import hear_for_fixes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world
@@ -26,9 +25,9 @@ from studies.attack_sounds import (
     replayed_chirps,
 )
 from studies.attacked_walk import PERIOD, RATE_HZ, Walked, laid, recorded, walked
-from studies.attacks import APART_S, measure_attacks, measured
-from studies.attacks_table import attacks_page, attacks_rows, poisson_interval
-from studies.finding import Given
+from studies.attacks import APART_S, measure_attacks, measured, poisson_interval, summarised
+from studies.results import Record
+from studies.study import StudyContext
 
 
 @pytest.fixture(scope="module")
@@ -158,43 +157,51 @@ def test_alarms_close_together_are_one() -> None:
 
 def test_a_small_study_tells_an_attack_from_an_honest_walk() -> None:
     heard: list[str] = []
-    finding = measure_attacks(
-        Given(announce=lambda text, share: heard.append(text)),
+    records = measure_attacks(
+        StudyContext(announce=lambda text, share: heard.append(text)),
         worlds={"studio": 1},
         seeds=(100,),
         levels_db=(10.0,),
         kinds=("alone", "chirps, own rhythm"),
         mapping_rounds=1,
     )
-    rows = {(row["what"], row["mode"]): row for row in finding.rows}
-    attacked = rows["chirps, own rhythm", "track"]
-    assert attacked["detected"] == 1.0
-    assert 0 < float(str(attacked["delay median (s)"])) < 3
-    assert float(str(attacked["off before told (m)"])) < 1.0
-    alone = rows["honest: alone", "track"]
-    assert alone["alarms"] == 0
-    assert float(str(alone["hours"])) == pytest.approx(0.0, abs=0.02)
+    found = {(each.method, each.condition, each.metric): each.value for each in records}
+    attack = ("chirps, own rhythm", "10 dB")
+    assert found[*attack, "attacks detected (%), tracker"] == 100
+    assert 0 < found[*attack, "median delay (s), tracker"] < 3
+    assert found[*attack, "farthest fix before detection (m), tracker"] < 1.0
+    assert found["honest walk", "alone", "false alarms (1/h), tracker"] == 0
     assert heard[-1] == "2 of 2 repeats"
-    assert finding.page is not None
-    assert "False alarms" in rendered(finding.page)
 
 
-def test_rows_of_what_was_never_told_have_no_delay() -> None:
-    numbers = {
-        f"x|0|track|{name}": value
-        for name, value in {
-            "delay": np.inf, "told": 0.0, "refused": 0.2, "wrong": 0.5, "off before": 3.0,
-            "off": 3.0, "wrong unchecked": 0.6, "off unchecked": 4.0,
-        }.items()
-    }  # fmt: skip
-    told = {**numbers, "x|0|track|delay": 2.0}
-    row = attacks_rows([numbers, numbers, told])[0]
-    assert row["detected"] == pytest.approx(0.333)
-    assert row["delay median (s)"] is None
-    assert attacks_rows([told])[0]["delay median (s)"] == 2.0
-    assert "x" in rendered(attacks_page(attacks_rows([told])))
+def attacked(delay_s: float) -> list[Record]:
+    return [Record("x", "delay (s), tracker", delay_s, condition="0 dB"),
+            Record("x", "farthest fix (m), tracker", delay_s / 2, condition="0 dB")]  # fmt: skip
+
+
+def test_what_is_rarely_detected_has_no_delay() -> None:
+    rare = [attacked(np.inf), attacked(np.inf), attacked(2.0)]
+    found = {each.metric: each.value for each in summarised(rare, Record("", "", 0.0))}
+    assert found["attacks detected (%), tracker"] == pytest.approx(100 / 3)
+    assert "median delay (s), tracker" not in found
+    known = [attacked(2.0), attacked(3.0), attacked(9.0)]
+    found = {each.metric: each.value for each in summarised(known, Record("", "", 0.0))}
+    assert found["median delay (s), tracker"] == 3.0
+    assert found["farthest fix (m), tracker"] == 4.5
+
+
+def test_alarms_of_all_honest_walks_are_counted_together_but_for_other_phones() -> None:
+    walks = [
+        [Record("honest walk", f"{name}, tracker", value, condition=what)
+         for name, value in (("alarms", alarms), ("hours", 0.5))]
+        for what, alarms in (("alone", 1.0), ("music", 0.0), ("1 other phone", 7.0))
+    ]  # fmt: skip
+    found = {each.condition: each for each in summarised(walks, Record("", "", 0.0))}
+    assert found["1 other phone"].value == 14.0
+    assert found["all but other phones"].value == 1.0
+    assert found["all but other phones"].high == pytest.approx(5.57, abs=0.01)
 
 
 def test_every_kind_is_measured_by_one_task() -> None:
-    task = attacks.Task("studio", 100, 1, attacks.REGULAR, (0.0,), 1)
-    assert all(key.startswith(f"{attacks.REGULAR}|0|") for key in measured(task))
+    records = measured(attacks.Task("studio", 100, 1, attacks.REGULAR, (0.0,), 1))
+    assert {(each.method, each.condition) for each in records} == {(attacks.REGULAR, "0 dB")}

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from elfslam.line.locate import LocateParameters
-from studies.contention import WAYS, measure_contention, together
-from studies.finding import Finding, Given
+from studies.contention import measure_contention, together
+from studies.study import StudyContext
 
 
 def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
@@ -18,26 +17,14 @@ def test_echoes_make_a_fix_once_they_are_enough_and_last_long_enough() -> None:
     assert together(np.array([0.0, 2.1, 4.3]), known) == []
 
 
-@pytest.fixture(scope="module")
-def finding() -> Finding:
-    made = measure_contention(
-        Given(), places=("studio",), seeds=(100,), counts=(2,),
-        seconds=30.0, mapping_rounds=1,
+def test_turns_spoil_less_than_chirping_at_will() -> None:
+    records = measure_contention(
+        StudyContext(), places=("studio",), seeds=(100,), counts=(2,), seconds=30.0,
+        mapping_rounds=1,
     )  # fmt: skip
-    assert isinstance(made, Finding)
-    return made
-
-
-def test_turns_spoil_less_than_chirping_at_will(finding: Finding) -> None:
-    rows = {row["way"]: row for row in finding.rows}
-    assert tuple(rows) == WAYS
-    at_will, turns = rows[WAYS[0]], rows[WAYS[2]]
-    assert float(str(at_will["spoiled"])) > 0.2
-    assert float(str(turns["spoiled"])) < 0.3 * float(str(at_will["spoiled"]))
-    assert float(str(turns["chirps/s"])) < float(str(at_will["chirps/s"]))
-    assert float(str(turns["clean chirps/s"])) > float(str(at_will["clean chirps/s"]))
-
-
-def test_its_page_shows_every_measure(finding: Finding) -> None:
-    assert finding.page is not None
-    assert len(finding.page.panels) == 5
+    found = {(each.method, each.metric): each.value for each in records}
+    spoiled, chirps, clean = "spoiled frames (%)", "chirps (1/s)", "clean chirps (1/s)"
+    assert found["at will", spoiled] > 20
+    assert found["in turns", spoiled] < 0.3 * found["at will", spoiled]
+    assert found["in turns", chirps] < found["at will", chirps]
+    assert found["in turns", clean] > found["at will", clean]

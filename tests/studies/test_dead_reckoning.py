@@ -8,14 +8,21 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Truth
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world, simulate
 from studies import dead_reckoning as study
-from studies.dead_reckoning import measure_dead_reckoning
-from studies.finding import Given
-from studies.reckoned_walks import ReckonedWalk, mall_floors, resampled, tilted
+from studies.dead_reckoning import (
+    ReckonedWalk,
+    end_errors,
+    mall_floors,
+    measure_dead_reckoning,
+    resampled,
+    tilted,
+)
+from studies.study import StudyContext
 
 
 def quiet(what: str, share: float | None) -> None:
@@ -37,20 +44,6 @@ def walks() -> list[ReckonedWalk]:
         waypoints = Truth(truth.t_s[::200], poses)
         made.append(ReckonedWalk(str(seed), recording.imu, waypoints, recording.magnetometer, 0.0))
     return made
-
-
-def test_rows_cover_headings_and_changes(
-    walks: list[ReckonedWalk], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(study, "CHANGES", {"60 Hz": study.CHANGES["60 Hz"]})
-    monkeypatch.setattr("elfslam.scoring.bootstrap.RESAMPLES", 50)
-    rows = list(study._real_rows({"A": walks[:2], "B": walks[2:]}))
-    assert len(rows) == 3 * (5 + 1 + 1)
-    assert [row["walks"] for row in rows[:3]] == [2, 1, 3]
-    for row in rows:
-        assert row["from"] <= row["end error (%)"] <= row["to"]  # type: ignore[operator]
-    taught = [row for row in rows if "length known" in str(row["heading from"])]
-    assert taught[-1]["scale spread"] <= rows[2]["scale spread"]  # type: ignore[operator]
 
 
 def test_one_angle_turns_north_into_the_plane_of_the_truth(walks: list[ReckonedWalk]) -> None:
@@ -77,28 +70,79 @@ def test_a_tilted_or_resampled_phone_walks_the_same_way(walks: list[ReckonedWalk
             assert two.end_share == pytest.approx(one.end_share, abs=0.03)
 
 
+def test_a_known_length_narrows_the_scale(walks: list[ReckonedWalk]) -> None:
+    spread = [
+        np.std([one.scale for one in scored])
+        for scored in (study._scored(walks, study.TRUE_LEG), study._calibrated(walks))
+    ]
+    assert spread[1] <= spread[0]
+
+
 def test_the_study_needs_no_real_walks() -> None:
-    finding = measure_dead_reckoning(Given(), seeds=1, worlds=("studio",))
-    names = {row["walks of"] for row in finding.rows}
-    assert names == {"studio, 100 Hz", "studio, 60 Hz", "simulated"}
-    assert all(list(row) == list(finding.rows[0]) for row in finding.rows)
-    assert finding.page is not None
-    assert "NEES" in str(finding.page.panels[-1].body)
+    records = measure_dead_reckoning(StudyContext(), seeds=1, worlds=("concourse",))
+    assert {each.world for each in records} == {"concourse", "simulated"}
+    nees = [each.value for each in records if each.metric == "NEES"]
+    assert nees
+    assert max(nees) < 4, "2 where the reported sigmas are right; simulated steps err less"
+
+
+def test_every_way_is_measured_on_floors(
+    walks: list[ReckonedWalk], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(study, "CHANGES", {"60 Hz": study.CHANGES["60 Hz"]})
+    records = list(study._of_floors({"A": walks[:2], "B": walks[2:]}))
+    ends = [each for each in records if each.metric == "end error (%)"]
+    assert len(ends) == 3 * (5 + 1 + 1)
+    assert all(one.low <= one.value <= one.high for one in ends)  # type: ignore[operator]
 
 
 def test_true_directions_and_length_leave_less_than_either(walks: list[ReckonedWalk]) -> None:
-    rows = list(study._source_rows({"A": walks}))
-    left = {str(row["truth in place of"]): float(str(row["end error (%)"])) for row in rows}
+    left = {each.method: each.value for each in study._error_sources("A", walks)}
     scored = study._scored(walks, study.COMPASS_KNOWN)
-    assert left["nothing"] == round(100 * float(np.median([one.end_share for one in scored])), 2)
-    assert left["directions of legs, whole length"] < left["the direction of every leg"]
-
-
-def test_walks_are_drawn_from_their_true_start(walks: list[ReckonedWalk]) -> None:
-    for drawn in study._drawn(walks):
-        np.testing.assert_allclose(drawn.true_m[0], drawn.reckoned_m[0], atol=1e-9)
+    as_it_is = 100 * np.median([one.end_share for one in scored])
+    assert left["as it is"] == pytest.approx(as_it_is)
+    both = left["true directions of legs and whole length"]
+    assert both < left["true direction of every leg"]
 
 
 def test_a_folder_without_walks_is_refused(tmp_path) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(InputError, match="holds no mall_walks"):
         dict(mall_floors(tmp_path, None, quiet))
+
+
+TRUE_M = np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 5.0], [25.0, 5.0]])
+
+
+def off_by(angle_rad: float) -> F64:
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    return TRUE_M @ np.array([[cos, sin], [-sin, cos]])
+
+
+def test_a_perfect_walk_has_none() -> None:
+    assert max(end_errors(TRUE_M, TRUE_M).values()) < 1e-9
+
+
+def test_a_wrong_scale_is_cured_by_lengths_alone() -> None:
+    found = end_errors(1.2 * TRUE_M, TRUE_M)
+    assert found["as it is"] == pytest.approx(0.2 * np.hypot(25, 5) / 30)
+    assert found["true whole length"] == pytest.approx(0, abs=1e-9)
+    assert found["true length of every leg"] == pytest.approx(0, abs=1e-9)
+    assert found["true heading of the whole walk"] == pytest.approx(found["as it is"])
+    assert found["true direction of every leg"] == pytest.approx(found["as it is"])
+
+
+def test_a_wrong_heading_is_cured_by_directions_alone() -> None:
+    found = end_errors(off_by(0.3), TRUE_M)
+    assert found["as it is"] == pytest.approx(2 * np.sin(0.15) * np.hypot(25, 5) / 30)
+    assert found["true whole length"] == pytest.approx(found["as it is"])
+    assert found["true length of every leg"] == pytest.approx(found["as it is"])
+    assert found["true heading of the whole walk"] == pytest.approx(0, abs=1e-9)
+    assert found["true direction of every leg"] == pytest.approx(0, abs=1e-9)
+
+
+def test_one_bent_leg_is_cured_by_directions_of_legs() -> None:
+    bent = TRUE_M.copy()
+    bent[3] = [10 + 15 * np.cos(0.5), 5 + 15 * np.sin(0.5)]
+    found = end_errors(bent, TRUE_M)
+    assert found["true heading of the whole walk"] > 0.02
+    assert found["true direction of every leg"] == pytest.approx(0, abs=1e-9)

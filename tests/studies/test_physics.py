@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from studies.fidelity import random_ends, random_polygon
-from studies.finding import Given
-from studies.physics import check_laws, decay_s, eyring_s, moved
+from studies.physics import decay_s, eyring_s, measure_physics, moved
+from studies.study import StudyContext
 
 
 def test_every_law_is_met_in_few_rooms() -> None:
-    rows = check_laws(Given(), rooms=3, places=40)
-    assert len(rows) == 9 + 1 + 4
-    for row in rows:
-        assert row["met"], row
-        assert abs(float(str(row["off by"]))) <= float(str(row["goal"]))
+    records = measure_physics(StudyContext(), rooms=3, places=40)
+    ours, accepted = records[0::2], records[1::2]
+    assert len(ours) == 9 + 1 + 4
+    for mine, most in zip(ours, accepted, strict=True):
+        assert (mine.condition, most.method) == (most.condition, "accepted")
+        assert abs(mine.value) <= most.value, mine
 
 
 def test_eyring_of_a_cube() -> None:

@@ -1,4 +1,4 @@
-"""Simulated sensors beside real ones: planted statistics come out, and rows are whole."""
+"""Simulated sensors beside real ones: planted statistics come out."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Magnetometer, Recording, Truth, WifiScans
 from elfslam.world.wifi import walls_crossed
-from studies.finding import Given
 from studies.sensors import (
     WAYPOINT_SIGMA_M,
     WAYPOINTS_M,
     as_tapped,
-    compare_sensors,
     hall,
+    measure_sensors,
     statistics,
     unevenness,
 )
+from studies.study import StudyContext
 
 CADENCE_HZ = 1.8
 BOUNCE_MPS2 = 4.0
@@ -63,16 +63,16 @@ def scans(seed: int) -> WifiScans:
 def test_what_was_planted_comes_out() -> None:
     found = statistics([[walk_of(seed) for seed in range(4)]])
     assert found["walks", ""] == 4
-    assert found["step rate, median", "Hz"] == pytest.approx(CADENCE_HZ, rel=0.02)
-    assert found["interval between steps, scatter", "share"] < 0.01
-    peak = found["acceleration above rest, 99th percentile", "m/s2"]
+    assert found["step rate (Hz)", ""] == pytest.approx(CADENCE_HZ, rel=0.02)
+    assert found["scatter of step intervals (share)", ""] < 0.01
+    peak = found["acceleration above rest, 99th percentile (m/s2)", ""]
     assert peak == pytest.approx(BOUNCE_MPS2, abs=0.1)
-    assert found["gyroscope scatter, quietest second", "rad/s"] == 0.0
-    assert found["time between scans, median", "s"] == pytest.approx(2.5)
-    assert found["access points in a scan, median", ""] == 2
-    assert found["entries last seen more than 5 s before", "share"] == 0.5
-    assert found["RSSI spread at one place", "dB"] == pytest.approx(3.0, rel=0.15)
-    assert found["field magnitude, mean", "uT"] == pytest.approx(46.5, abs=1.0)
+    assert found["gyroscope scatter (rad/s)", "quietest second"] == 0.0
+    assert found["time between scans (s)", ""] == pytest.approx(2.5)
+    assert found["access points in a scan", ""] == 2
+    assert found["stale scan entries (share)", ""] == 0.5
+    assert found["RSSI spread (dB)", "0 m"] == pytest.approx(3.0, rel=0.15)
+    assert found["magnetic field, mean (uT)", ""] == pytest.approx(46.5, abs=1.0)
 
 
 def test_uneven_steps_are_told_from_pauses_and_from_another_pace() -> None:
@@ -87,20 +87,18 @@ def test_uneven_steps_are_told_from_pauses_and_from_another_pace() -> None:
 def test_the_trend_of_a_signal_is_a_spread_over_distance() -> None:
     """0.1 dB per metre adds 0.5 dB (over root 2) at 5 m and 1 dB at 10 m to the noise."""
     found = statistics([[walk_of(seed) for seed in range(4)]])
-    over_m = [found[f"RSSI spread {lag} m apart", "dB"] ** 2 for lag in (5, 10)]
+    over_m = [found["RSSI spread (dB)", f"{lag} m"] ** 2 for lag in (5, 10)]
     assert over_m[1] - over_m[0] == pytest.approx((1.0 - 0.25) / 2, abs=0.8)
-    total = found["RSSI spread over the walks", "dB"] ** 2
+    total = found["RSSI spread (dB)", "whole walks"] ** 2
     assert total == pytest.approx(9 + (0.1 * 250) ** 2 / 12, rel=0.1)
-    correlation = found["RSSI correlation 5 m apart", ""]
-    assert correlation == pytest.approx(1 - over_m[0] / total)
 
 
 def test_the_correlation_of_the_field_comes_out() -> None:
     found = statistics([[walk_of(seed) for seed in range(6)]])
-    assert found["field magnitude, spread along a walk", "uT"] == pytest.approx(5.0, rel=0.12)
+    assert found["magnetic field, spread along a walk (uT)", ""] == pytest.approx(5.0, rel=0.12)
     for lag_m in (1, 2, 5):
         wanted = np.exp(-lag_m / FIELD_LENGTH_M)
-        assert found[f"field correlation over {lag_m} m", ""] == pytest.approx(wanted, abs=0.09)
+        assert found["magnetic field correlation", f"{lag_m} m"] == pytest.approx(wanted, abs=0.09)
 
 
 def test_places_are_not_mixed() -> None:
@@ -113,10 +111,8 @@ def test_places_are_not_mixed() -> None:
     field = (Recording("f", "planted", imu=other[0].imu, magnetometer=other[0].magnetometer), truth)
     apart = statistics([[(recording, truth), field], [(shifted, truth)]])
     mixed = statistics([[(recording, truth), field, (shifted, truth)]])
-    assert apart["RSSI spread at one place", "dB"] < 0.01 or np.isnan(
-        apart["RSSI spread at one place", "dB"]
-    )
-    assert mixed["RSSI spread at one place", "dB"] == pytest.approx(40 / 2**0.5)
+    assert not apart["RSSI spread (dB)", "0 m"] > 0.01
+    assert mixed["RSSI spread (dB)", "0 m"] == pytest.approx(40 / 2**0.5)
 
 
 def test_waypoints_are_tapped_on_the_way_and_a_little_off() -> None:
@@ -135,12 +131,10 @@ def test_displacements_of_a_straight_walk_err_along_and_not_across() -> None:
     t_s = np.arange(0.0, truth.t_s[-1], 5.0)
     ways = Truth(t_s, np.column_stack([t_s, 0 * t_s, np.full(len(t_s), np.nan)]))
     found = statistics([[(recording, ways)]])
-    along, across = (
-        found[f"displacement error over 20 m, {way}", "m"] for way in ("along", "across")
-    )
+    along, across = (found[f"displacement error {way} (m)", "20 m"] for way in ("along", "across"))
     assert across < 0.01
     assert along > 0.5
-    assert found["displacement error over 60 m, along", "m"] == pytest.approx(3 * along, rel=0.15)
+    assert found["displacement error along (m)", "60 m"] == pytest.approx(3 * along, rel=0.15)
 
 
 def test_the_hall_has_open_floor_and_shops_around() -> None:
@@ -154,58 +148,39 @@ def test_the_hall_has_open_floor_and_shops_around() -> None:
     assert len({point.bssid for point in around.access_points}) == len(around.access_points)
 
 
-@pytest.fixture(scope="module")
-def table() -> list[dict[str, object]]:
-    heard: list[str] = []
-    rows = compare_sensors(Given(announce=lambda what, share: heard.append(what)), walks=1)
-    assert heard
-    return rows
-
-
-def test_without_real_walks_their_column_is_empty(table: list[dict[str, object]]) -> None:
-    assert [row["real mall"] for row in table] == [None] * len(table)
-    names = [str(row["quantity"]) for row in table]
-    assert len(set(names)) == len(names)
-    for wanted in ("step rate", "acceleration", "gyroscope", "access points", "RSSI", "field"):
-        assert any(name.startswith(wanted) for name in names)
-
-
-def assert_near(row: dict[str, object], column: str, factor: float) -> None:
-    """Simulated and real differ by less than this factor."""
-    simulated, real = row[column], row["real mall"]
-    assert isinstance(simulated, float)
-    assert isinstance(real, float)
-    assert 1 / factor < simulated / real < factor, row["quantity"]
-
-
-def test_the_simulation_is_near_the_mall(shared_data: Path, table: list[dict[str, object]]) -> None:
+def test_the_simulation_is_near_the_mall(shared_data: Path) -> None:
     """What the constants were chosen for; the hall is the simulated place most like the mall.
 
     Two walks, since one alone is hardly ever twice within a metre of a place.
     """
-    compared = compare_sensors(Given(shared_data), walks=2, mall_walks=8)
-    rows = {str(row["quantity"]): row for row in compared}
-    for name, factor in (
-        ("step rate, median", 1.1),
-        ("time between scans, median", 1.25),
-        ("access points in a scan, median", 2.0),
-        ("entries last seen more than 5 s before", 1.6),
-        ("RSSI spread at one place", 1.4),
-        ("RSSI spread 10 m apart", 1.4),
-        ("field magnitude, spread along a walk", 1.7),
-        ("field correlation over 1 m", 1.2),
+    found = {
+        (each.world, each.scenario, each.metric, each.condition): each.value
+        for each in measure_sensors(StudyContext(shared_data), walks=2, mall_walks=8)
+    }
+    for world, scenario, metric, condition, factor in (
+        ("hall", "surveyor", "step rate (Hz)", "", 1.1),
+        ("hall", "surveyor", "time between scans (s)", "", 1.25),
+        ("hall", "surveyor", "access points in a scan", "", 2.0),
+        ("hall", "surveyor", "stale scan entries (share)", "", 1.6),
+        ("hall", "surveyor", "RSSI spread (dB)", "0 m", 1.4),
+        ("hall", "surveyor", "RSSI spread (dB)", "10 m", 1.4),
+        ("hall", "surveyor", "magnetic field, spread along a walk (uT)", "", 1.7),
+        ("hall", "surveyor", "magnetic field correlation", "1 m", 1.2),
+        ("rooms", "pedestrian", "step rate (Hz)", "", 1.15),
+        ("rooms", "pedestrian", "scatter of step intervals (share)", "", 1.4),
+        ("rooms", "pedestrian", "acceleration above rest, 99th percentile (m/s2)", "", 1.5),
+        ("rooms", "pedestrian", "gyroscope scatter (rad/s)", "median second", 1.5),
     ):
-        assert_near(rows[name], "surveyor in hall", factor)
-    for name, factor in (
-        ("step rate, median", 1.15),
-        ("interval between steps, scatter", 1.4),
-        ("acceleration above rest, 99th percentile", 1.5),
-        ("gyroscope scatter, median second", 1.5),
-    ):
-        assert_near(rows[name], "person in rooms", factor)
-    assert [row["quantity"] for row in table] == list(rows)
+        ratio = found[world, scenario, metric, condition] / found["mall", "", metric, condition]
+        assert 1 / factor < ratio < factor, (metric, condition)
+
+
+def test_without_real_walks_the_simulated_ones_stand_alone() -> None:
+    records = measure_sensors(StudyContext(), walks=1)
+    assert {each.method for each in records} == {"simulated"}
+    assert {each.scenario for each in records} == {"surveyor", "pedestrian"}
 
 
 def test_a_folder_without_mall_walks_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"holds no mall_walks/\*.tar.xz"):
-        compare_sensors(Given(tmp_path), walks=1)
+        measure_sensors(StudyContext(tmp_path), walks=1)

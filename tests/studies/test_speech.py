@@ -12,10 +12,13 @@ import soundfile
 from elfslam.base.errors import InputError
 from elfslam.world.interference import speech_like
 from studies import eavesdropping
-from studies import utterances as source
+from studies import speech as study
 from studies.eavesdropping import OUT_HZ, as_sent, enhanced, line_of, shifted, vocoded
-from studies.finding import Finding, Given
+from studies.results import Record
 from studies.speech import (
+    BEFORE,
+    MOVED,
+    RATE_HZ,
     Circumstance,
     down,
     heard_by_phone,
@@ -24,9 +27,12 @@ from studies.speech import (
     measure_speech,
     moved_into_band,
     padded,
+    share_in_band_db,
     talker_response,
+    utterances,
+    with_hiss,
 )
-from studies.utterances import RATE_HZ, share_in_band_db, utterances, with_hiss
+from studies.study import StudyContext
 
 pytest.importorskip("pystoi", reason="pystoi is not installed")
 SECONDS = 1.6
@@ -48,59 +54,47 @@ def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def finding(data: Path) -> Finding:
-    only_own = pytest.MonkeyPatch()
-    only_own.setattr(source, "WORDS", data / "none")
-    only_own.setattr(source, "SENTENCES", data / "none")
-    only_own.setattr(shutil, "which", lambda name: None)
-    only_own.setattr(eavesdropping, "PLACES_HZ", (0, 1000))
-    made = measure_speech(Given(data), levels_dbfs=(-40.0,))
-    only_own.undo()
-    return made
+def records(data: Path) -> list[Record]:
+    with pytest.MonkeyPatch.context() as only_own:
+        only_own.setattr(study, "WORDS", data / "none")
+        only_own.setattr(study, "SENTENCES", data / "none")
+        only_own.setattr(shutil, "which", lambda name: None)
+        only_own.setattr(eavesdropping, "PLACES_HZ", (0, 1000))
+        return measure_speech(StudyContext(data), levels_dbfs=(-40.0,))
 
 
-def stoi_of(finding: Finding, what: str, chirps: bool | None) -> float:
-    (value,) = [
-        row["STOI"] for row in finding.rows if (row["what"], row["chirps"]) == (what, chirps)
-    ]
-    assert isinstance(value, float)
-    return value
+def stoi_of(records: list[Record], method: str, condition: str) -> float:
+    wanted = (method, condition, "STOI")
+    (found,) = [r for r in records if (r.method, r.condition, r.metric) == wanted]
+    assert found.low is not None
+    assert found.high is not None
+    assert found.low <= found.value <= found.high
+    return found.value
 
 
-def test_speech_is_understood_before_and_not_after(finding: Finding) -> None:
+def test_speech_is_understood_before_and_not_after(records: list[Record]) -> None:
     for chirps in (True, False):
-        before = stoi_of(finding, "before", chirps)
+        how = str(Circumstance(-40.0, chirps))
+        before = stoi_of(records, BEFORE, how)
         for what in ("as sent", "shifted down", "envelope"):
             for form in (what, f"{what}, enhanced"):
-                assert stoi_of(finding, form, chirps) < 0.5 * before, form
-    assert stoi_of(finding, "before", chirps=False) > 0.7
+                assert stoi_of(records, form, how) < 0.5 * before, form
+    assert before > 0.7
 
 
-def test_speech_that_lies_in_the_band_is_found_there(finding: Finding) -> None:
+def test_speech_that_lies_in_the_band_is_found_there(records: list[Record]) -> None:
     """So a low figure is no fault of the ways to listen."""
-    found = stoi_of(finding, "control: moved into the band, shifted down", None)
+    found = stoi_of(records, "shifted down", MOVED)
     assert found > 0.6
-    assert found > 2 * stoi_of(finding, "shifted down", chirps=False)
-
-
-def test_every_figure_has_its_interval_and_its_chance(finding: Finding) -> None:
-    for row in finding.rows:
-        assert row["from"] <= row["STOI"] <= row["to"] <= row["highest"] + 1e-9  # type: ignore[operator]
-        is_way = row["chirps"] is not None and row["what"] != "before"
-        assert (row["unrelated"] is not None) == is_way
-    assert finding.page is not None
-    assert [panel.title for panel in finding.page.panels][:2] == [
-        "While the phone chirps",
-        "Without chirps",
-    ]
+    assert found > 2 * stoi_of(records, "shifted down", str(Circumstance(-40.0, chirps=False)))
 
 
 def test_without_speech_it_says_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(source, "WORDS", tmp_path)
+    monkeypatch.setattr(study, "WORDS", tmp_path)
     with pytest.raises(InputError, match=r"install alsa-utils and espeak-ng.*speech"):
-        measure_speech(Given(tmp_path))
+        measure_speech(StudyContext(tmp_path))
 
 
 @pytest.mark.parametrize("samples", [np.zeros(48_000), np.ones(100)])
@@ -128,7 +122,7 @@ def test_a_low_rate_recording_is_given_a_hiss_of_its_own_rhythm() -> None:
 
 
 @pytest.mark.skipif(
-    not source.WORDS.is_dir() or shutil.which("espeak-ng") is None,
+    not study.WORDS.is_dir() or shutil.which("espeak-ng") is None,
     reason="no voices: apt-get install alsa-utils espeak-ng",
 )
 def test_installed_voices_are_found() -> None:
