@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.baselines.generic import PSD_BAND_HZ, power_spectral_density
-from elfslam.scoring.page import Panel
+from elfslam.baselines.generic import power_spectral_density
 from elfslam.world.circumstances import Circumstances, air_on, room_on
 from elfslam.world.world_file import World
-from studies.figures.curves import Curve, curves_figure, shades
-from studies.finding import Row
-from studies.intervals import curve_of, mean_row
+from studies.results import Record, mean_of
 from studies.still_phone import HEIGHT_M, Listener, hear_at, held_still, listener_in
 
 ECHOES = 40
 """Of which a spectrum is the mean."""
-HEIGHT, YAW, AGE, ELSEWHERE = "altitude (cm)", "yaw (degrees)", "age (days)", "another spot"
+HEIGHT, YAW, AGE = "cm high", "degrees turned", "days later"
+ELSEWHERE = "another spot"
 SWEEPS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {
         HEIGHT: (100, 105, 110, 115, 120, 125, 130),
@@ -27,45 +26,37 @@ SWEEPS: Mapping[str, tuple[float, ...]] = MappingProxyType(
         AGE: (0, 5, 10, 20, 30),
     }
 )
-"""The first of each is the reference; it is heard a second time, and compared with itself."""
-WHOLE, PLACE, LEVEL = "correlation", "correlation without the phone's spectrum", "level off by (dB)"
-NOTES = {
-    HEIGHT: "Against the same spot at 100 cm.",
-    YAW: "Against the same spot at a heading of 0 degrees.",
-    AGE: "Against the same spot on day 0: furniture moves a little, the temperature changes.",
-}
-
-Spectra = dict[float, F64]
-"""Spectra in dB (spots, 71) by height, heading or age."""
+"""The first of each is the reference; it is recorded a second time, and compared with itself."""
+WHOLE, PLACE = "correlation of spectra", "correlation of spectra less the mean spot's"
+LEVEL = "difference in level (dB)"
 
 
-def measure_stability(world: World, spots: int) -> tuple[list[Row], list[Panel]]:
-    """Rows of correlation and level at that many spots of the world, and what to look at.
+def measure_stability(world: World, spots: int) -> list[Record]:
+    """Correlation and level at that many spots of the world, by height, heading and age.
 
     After the paper, section 3.2. What correlates is the power spectral density in dB, as it is
     and without its mean over the spots, which is the phone's own. Intervals are over spots.
     """
     generator = np.random.default_rng([30, spots])
     spots_m = generator.choice(world.spots_m, spots, replace=False)
-    rows: list[Row] = []
-    panels: list[Panel] = []
+    records: list[Record] = []
+    elsewhere: Mapping[str, F64] = {}
     for varied, values in SWEEPS.items():
         reference = _spectra(world, spots_m, varied, values[0], generator)
-        heard = {at: _spectra(world, spots_m, varied, at, generator) for at in values}
-        found = {at: compared(reference, heard[at]) for at in values}
+        for at in values:
+            again = _spectra(world, spots_m, varied, at, generator)
+            records += _records(world, f"{at:g} {varied}", compared(reference, again))
         elsewhere = compared_elsewhere(reference)
-        rows += [row for at in values for row in _rows(varied, at, found[at])]
-        panels += [_correlation_panel(varied, found, elsewhere), _spectra_panel(varied, heard)]
-    return rows + _rows(ELSEWHERE, None, elsewhere), panels
+    return records + _records(world, ELSEWHERE, elsewhere)
 
 
-def compared(reference: F64, heard: F64) -> dict[str, F64]:
+def compared(reference: F64, spectra: F64) -> dict[str, F64]:
     """Correlations and levels (spots) of spectra in dB (spots, 71) at the same spots."""
     phone = reference.mean(axis=0)
     return {
-        WHOLE: _correlation(reference, heard),
-        PLACE: _correlation(reference - phone, heard - phone),
-        LEVEL: np.abs(_level_db(reference) - _level_db(heard)),
+        WHOLE: _correlation(reference, spectra),
+        PLACE: _correlation(reference - phone, spectra - phone),
+        LEVEL: np.abs(_level_db(reference) - _level_db(spectra)),
     }
 
 
@@ -78,7 +69,7 @@ def compared_elsewhere(reference: F64) -> dict[str, F64]:
 def _spectra(
     world: World, spots_m: F64, varied: str, at: float, generator: np.random.Generator
 ) -> F64:
-    """Mean power (spots, 71) in dB, heard at every spot by a phone held still."""
+    """Mean power (spots, 71) in dB at every spot, by a phone held still."""
     day = Circumstances(day=int(at) if varied == AGE else 0)
     listener = listener_in(room_on(world, day), air=air_on(world, day.day))
     height_m = at / 100 if varied == HEIGHT else HEIGHT_M
@@ -108,26 +99,7 @@ def _correlation(first: F64, second: F64) -> F64:
     return np.asarray((a * b).sum(axis=1) / length)
 
 
-def _rows(varied: str, at: float | None, found: Mapping[str, F64]) -> list[Row]:
-    return [mean_row(varied, at, measure, values, "spots") for measure, values in found.items()]
-
-
-def _correlation_panel(
-    varied: str, found: Mapping[float, Mapping[str, F64]], elsewhere: Mapping[str, F64]
-) -> Panel:
-    curves = {
-        name: curve_of([mean_row(varied, at, name, each[name], "") for at, each in found.items()])
-        for name in (WHOLE, PLACE)
-    }
-    anchors = {name: float(elsewhere[name].mean()) for name in curves}
-    note = f"{NOTES[varied]} Dotted: against other spots. Bands: 95 % over spots."
-    figure = curves_figure(curves, varied, "correlation of spectra", anchors=anchors)
-    return Panel(f"Spectrum against {varied.split(' (', maxsplit=1)[0]}", figure, note)
-
-
-def _spectra_panel(varied: str, heard: Spectra) -> Panel:
-    """The spectra of the first spot alone, as the paper shows them."""
-    khz = np.linspace(*PSD_BAND_HZ, next(iter(heard.values())).shape[1]) / 1000
-    curves = {f"{at:g}": Curve(khz, spectra[0]) for at, spectra in heard.items()}
-    figure = curves_figure(curves, "kHz", "power (dB)", colors=shades(len(curves)))
-    return Panel(f"One spot, by {varied}", figure, f"Mean of {ECHOES} echoes.")
+def _records(world: World, condition: str, found: Mapping[str, F64]) -> list[Record]:
+    of = Record("echo spectrum", "", 0.0, world=world.name, scenario="controlled",
+                condition=condition)  # fmt: skip
+    return [mean_of(replace(of, metric=metric), values) for metric, values in found.items()]
