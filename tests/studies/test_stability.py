@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.world.world_file import load_world
 from studies.stability import (
     AGE,
     ELSEWHERE,
@@ -17,6 +16,7 @@ from studies.stability import (
     compared_elsewhere,
     measure_stability,
 )
+from studies.study import StudyContext
 
 SPECTRA_DB = np.random.default_rng(0).normal(-40, 3, (5, 71))
 
@@ -37,11 +37,13 @@ def test_what_all_spots_share_is_the_phones() -> None:
 
 
 def test_a_spot_is_itself_again_and_not_another() -> None:
-    found = measure_stability(load_world("lab"), 6)
-    mean = {(each.condition, each.metric): each.value for each in found}
+    records = measure_stability(StudyContext(), spots=6)
+    means = {(each.condition, each.metric): each.value for each in records}
     for first in (f"100 {HEIGHT}", f"0 {YAW}", f"0 {AGE}"):
-        for measure in (WHOLE, PLACE):
-            assert mean[first, measure] > mean[ELSEWHERE, measure] + 0.005
-        assert mean[first, LEVEL] < mean[ELSEWHERE, LEVEL]
-    assert mean[f"180 {YAW}", PLACE] < mean[f"10 {YAW}", PLACE]
-    assert mean[f"30 {AGE}", PLACE] > mean[f"180 {YAW}", PLACE]
+        for metric in (WHOLE, PLACE):
+            assert means[first, metric] > means[ELSEWHERE, metric] + 0.005
+        assert means[first, LEVEL] < means[ELSEWHERE, LEVEL]
+    assert means[f"180 {YAW}", PLACE] < means[f"10 {YAW}", PLACE]
+    assert means[f"30 {AGE}", PLACE] > means[f"180 {YAW}", PLACE]
+    spectrum = [each for each in records if each.method == f"40 {YAW}"]
+    assert (spectrum[0].condition, spectrum[-1].condition) == ("15 kHz", "20.25 kHz")
