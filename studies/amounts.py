@@ -25,10 +25,10 @@ from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.cached import hear
 from studies.elf import labelled_pairs
-from studies.figures.separation import histograms, recall_at
 from studies.finetuning import ERROR, WORLDS, median_error_m
 from studies.repeats import finished
 from studies.results import Record, averaged
+from studies.separation import histograms, recall_at
 from studies.simulated_walk import SimulatedWalk, simulated
 from studies.study import SCENARIOS, Study, StudyContext
 

@@ -24,8 +24,8 @@ from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.kinds import QUIET, SURVEYOR, Kind
 from elfslam.world.simulate import load_world
 from studies.cached import extract_features, hear, simulate
-from studies.figures.separation import histograms, separation_records
 from studies.results import Record, seeds_text
+from studies.separation import histograms, separation_records
 from studies.study import SCENARIOS, Study, StudyContext
 
 SECOND_ENGINE = " by pyroomacoustics"

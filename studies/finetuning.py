@@ -19,8 +19,8 @@ from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.elf import labelled_pairs
-from studies.figures.separation import histograms, separation_records
 from studies.results import Record, mean_of, seeds_text
+from studies.separation import histograms, separation_records
 from studies.simulated_walk import SimulatedWalk, simulated
 from studies.study import SCENARIOS, Study, StudyContext
 
