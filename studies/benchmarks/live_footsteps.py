@@ -87,19 +87,18 @@ def line_of(walks: list[Apart]) -> str:
     def rms(values: Any) -> float:
         return float(np.sqrt(np.mean(np.square(values))))
 
-    def all_of(name: str) -> F64:
-        return np.concatenate([getattr(walk, name) for walk in walks])
-
-    late_s = all_of("late_s")
+    both = {name: np.concatenate([getattr(walk, name) for walk in walks])
+            for name in ("time_s", "length_share", "turn_rad", "late_s")}  # fmt: skip
+    count = {name: sum(getattr(walk, name) for walk in walks)
+             for name in ("footsteps", "missed", "extra")}  # fmt: skip
     return (
-        f"{sum(walk.footsteps for walk in walks)} footsteps, "
-        f"{sum(walk.missed for walk in walks)} missed, {sum(walk.extra for walk in walks)} extra; "
-        f"time {1000 * rms(all_of('time_s')):.1f} ms, "
-        f"length {100 * rms(all_of('length_share')):.2f} % "
-        f"(mean {100 * all_of('length_share').mean():+.2f}), "
-        f"turn {np.degrees(rms(all_of('turn_rad'))):.2f} deg, "
+        f"{', '.join(f'{number} {name}' for name, number in count.items())}; "
+        f"time {1000 * rms(both['time_s']):.1f} ms, "
+        f"length {100 * rms(both['length_share']):.2f} % "
+        f"(mean {100 * both['length_share'].mean():+.2f}), "
+        f"turn {np.degrees(rms(both['turn_rad'])):.2f} deg, "
         f"of the walk {np.degrees(rms([walk.turned_rad for walk in walks])):.1f} deg; "
-        f"late {np.median(late_s):.2f} s ({np.quantile(late_s, 0.95):.2f}); "
+        f"late {np.median(both['late_s']):.2f} s ({np.quantile(both['late_s'], 0.95):.2f}); "
         f"{np.mean([walk.ask_ms for walk in walks]):.2f} ms"
     )
 
