@@ -6,7 +6,7 @@ development together.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -70,6 +70,7 @@ def measure_amounts(
     rounds: int = ROUNDS,
     long_rounds: int = LONG_ROUNDS,
     kind: Kind = SURVEYOR,
+    pretraining: PretrainParameters | None = None,
     scratch: ScratchParameters | None = None,
 ) -> list[Record]:
     """Map error and recall against both amounts, and losses from random and trained weights.
@@ -81,7 +82,11 @@ def measure_amounts(
     tasks = [TrainedWalk(PRETRAINED, n, walk) for n in echoes for walk in walks]
     tasks += [TrainedWalk(FINETUNED, m, walk) for m in minutes for walk in long]
     folder = None if context.kept is None else context.kept.parent / "encoders"
-    measure = partial(_measured, folder=folder, announce=silent_elsewhere(context.announce))
+    trained = partial(
+        _trained, folder=folder, parameters=pretraining or PretrainParameters(),
+        announce=silent_elsewhere(context.announce),
+    )  # fmt: skip
+    measure = partial(_measured, trained=trained)
     found = finished(measure, tasks, context)
     context.announce("losses", None)
     records = [
@@ -95,10 +100,10 @@ def measure_amounts(
     return [replace(each, scenario=scenario, world=each.world or both) for each in records]
 
 
-def _measured(task: TrainedWalk, folder: Path | None, announce: Announce) -> list[Record]:
+def _measured(task: TrainedWalk, trained: Callable[[int], Encoder]) -> list[Record]:
     recording, truth = simulated(task.walk)
     if task.method == PRETRAINED:
-        encoder: Encoder = _trained(int(task.amount), folder, announce)
+        encoder = trained(int(task.amount))
         condition = f"{task.amount:.0f} echoes"
     else:
         encoder, condition = _learnt(recording, task.amount), f"{task.amount:g} minutes"
@@ -109,11 +114,12 @@ def _measured(task: TrainedWalk, folder: Path | None, announce: Announce) -> lis
     return [replace(each, condition=condition) for each in (error, recall)]
 
 
-def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncoder:
+def _trained(
+    echoes: int, folder: Path | None, parameters: PretrainParameters, announce: Announce
+) -> Encoder:
     """The encoder of so many echoes, made once where there is a folder to keep it."""
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
-    parameters = PretrainParameters()
     steps = max(echoes // (2 * parameters.pairs), 1)
     file = (folder or Path("encoders")) / f"{echoes}.onnx"
     if not file.exists():
@@ -159,5 +165,6 @@ STUDY = Study(
     "How many echoes and minutes does training take?",
     measure_amounts, minutes=60, scenarios=("surveyor",), needs=("torch",), long=True,
     fast={"echoes": (512,), "minutes": (), "worlds": ("studio",), "seeds": (100,), "rounds": 2,
-          "scratch": ScratchParameters(steps=20, pairs=32)},
+          "pretraining": PretrainParameters(component_batches=1),
+          "scratch": ScratchParameters(steps=20, pairs=32, threads=1)},
 )  # fmt: skip

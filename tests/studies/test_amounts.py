@@ -9,6 +9,8 @@ import pytest
 
 from elfslam.app import simulated_training as pretraining
 from elfslam.base.progress import silent
+from elfslam.learn.parameters import PretrainParameters
+from elfslam.line.feature import OnnxEncoder
 from studies import amounts
 from studies.amounts import ERROR, FINETUNED, LOSS, PRETRAINED, RECALL, STARTS, STUDY, TrainedWalk
 from studies.results import Record
@@ -46,7 +48,8 @@ def test_an_encoder_is_trained_once(
 ) -> None:
     assert found
     monkeypatch.setattr(pretraining, "pretrain_on_simulated_echoes", None)
-    again = amounts._trained(512, folder / "encoders", silent)
+    again = amounts._trained(512, folder / "encoders", PretrainParameters(), silent)
+    assert isinstance(again, OnnxEncoder)
     assert again.content == (folder / "encoders" / "512.onnx").read_bytes()
 
 
@@ -60,6 +63,6 @@ def test_fine_tuning_learns_from_the_first_minutes_alone(monkeypatch: pytest.Mon
     monkeypatch.setattr(amounts, "finetuned", listen)
     with pytest.raises(InterruptedError):
         amounts._measured(
-            TrainedWalk(FINETUNED, 0.5, SimulatedWalk("studio", 100, 2)), None, silent
+            TrainedWalk(FINETUNED, 0.5, SimulatedWalk("studio", 100, 2)), lambda echoes: None
         )
     assert 29.0 < np.ptp(given[0].t_s) <= 30.0
