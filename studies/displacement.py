@@ -7,7 +7,7 @@ half as far. Features lose what the places have in common, as those of a walk do
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -61,7 +61,9 @@ def measure_displacement(
 def _records(of: Record, place: Place, encoders: Mapping[str, Encoder]) -> list[Record]:
     here = echoes_of(place.responses)
     known = {name: own(encoder.embed(here)) for name, encoder in encoders.items()}
-    measures = {SIMILARITY: contrast, RECALL: partial(recall, other=_other(place))}
+    measures: Mapping[str, Callable[[F32, F32], float]] = {
+        SIMILARITY: contrast, RECALL: partial(recall, other=_other(place)),
+    }  # fmt: skip
     records = []
     for far_m, responses in place.moved.items():
         moved, at = echoes_of(responses), replace(of, condition=f"{100 * far_m:g} cm")
