@@ -1,11 +1,12 @@
-"""How much must be heard: echoes of pre-training, minutes of a walk, and the loss with and without.
+"""How much training takes: echoes to pre-train, minutes to fine-tune, and the loss of both starts.
 
-After the paper's figures on pre-training and fine-tuning data.
+After the paper's figures on pre-training and fine-tuning data. Walks are in two worlds of
+development together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -13,86 +14,112 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.app.map import finetuned
+from elfslam.app.settings import Settings
 from elfslam.app.workers import silent_elsewhere
-from elfslam.base.progress import Announce
+from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run, Truth
 from elfslam.learn.parameters import FinetuneParameters, PretrainParameters, ScratchParameters
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
-from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.front_end import hear
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, Kind
+from studies.cached import hear
 from studies.elf import labelled_pairs
-from studies.figures.curves import Curve, curves_figure
-from studies.figures.separation import histograms, recall_at
-from studies.finding import Finding, Given, Row
-from studies.intervals import curve_of, mean_row
-from studies.repeats import Numbers, finished
+from studies.finetuning import ERROR, WORLDS, median_error_m
+from studies.repeats import finished
+from studies.results import Record, averaged
+from studies.separation import histograms, recall_at
 from studies.simulated_walk import SimulatedWalk, simulated
+from studies.study import SCENARIOS, Study, StudyContext
 
 ECHOES = (20_480, 61_440, 204_800, 614_400, 1_024_000)
 MINUTES = (1.5, 2.0, 3.0, 5.0, 7.0, 10.0)
-WORLDS = ("studio", "lounge")
 SEEDS = (100, 101, 102)
 ROUNDS = 5
 LONG_ROUNDS = 30
-"""About ten minutes in the worlds above."""
-ERROR, RECALL = "median error, aligned (m)", "recall at 1 %"
-PRETRAINED, FINETUNED = "echoes of pre-training", "minutes of fine-tuning"
+"""About ten minutes in these worlds."""
+RECALL, LOSS = "recall at 1 % false positives", "NT-Xent loss"
+PRETRAINED, FINETUNED = "ELF pre-trained", "ELF fine-tuned"
+STARTS = ("ELF without pre-training", PRETRAINED)
+EVERY = 10
+"""Steps of which a loss is the mean."""
+PAPER_M = {
+    (PRETRAINED, 614_400): 0.15, (PRETRAINED, 1_024_000): 0.15, (FINETUNED, 2.0): 0.56,
+    (FINETUNED, 3.0): 0.15, (FINETUNED, 5.0): 0.15, (FINETUNED, 7.0): 0.15,
+    (FINETUNED, 10.0): 0.15,
+}  # fmt: skip
+"""The median error in the living room: from 600,000 simulated echoes on, and by minutes."""
 
 
 @dataclass(frozen=True)
 class TrainedWalk:
-    """A simulated walk and how much the encoder that maps it has heard."""
+    """A simulated walk, and how much the encoder that maps it has learnt from."""
 
-    varied: str
+    method: str
     amount: float
     walk: SimulatedWalk
 
 
 def measure_amounts(
-    given: Given,
+    context: StudyContext,
     *,
     echoes: Sequence[int] = ECHOES,
     minutes: Sequence[float] = MINUTES,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
+    rounds: int = ROUNDS,
     long_rounds: int = LONG_ROUNDS,
     kind: Kind = SURVEYOR,
-) -> Finding:
+    pretraining: PretrainParameters | None = None,
+    scratch: ScratchParameters | None = None,
+) -> list[Record]:
     """Map error and recall against both amounts, and losses from random and trained weights.
 
     Encoders of so many echoes are trained by the recipe of the shipped one and kept beside `kept`.
     """
-    walks = [SimulatedWalk(w, seed, ROUNDS, kind.name) for w in worlds for seed in seeds]
+    walks = [SimulatedWalk(w, seed, rounds, kind.name) for w in worlds for seed in seeds]
     long = [SimulatedWalk(w, seeds[0], long_rounds, kind.name) for w in worlds]
     tasks = [TrainedWalk(PRETRAINED, n, walk) for n in echoes for walk in walks]
     tasks += [TrainedWalk(FINETUNED, m, walk) for m in minutes for walk in long]
-    folder = None if given.kept is None else given.kept.parent / "encoders"
-    measure = partial(_measured, folder=folder, announce=silent_elsewhere(given.announce))
-    numbers = finished(measure, tasks, given)
-    rows = _rows(tasks, numbers)
-    given.announce("losses", None)
-    return Finding(rows, _page(rows, _losses(walks[0])))
+    folder = None if context.kept is None else context.kept.parent / "encoders"
+    trained = partial(
+        _trained, folder=folder, parameters=pretraining or PretrainParameters(),
+        announce=silent_elsewhere(context.announce),
+    )  # fmt: skip
+    measure = partial(_measured, trained=trained)
+    found = finished(measure, tasks, context)
+    context.announce("losses", None)
+    records = [
+        *averaged([each for task, each in zip(tasks, found, strict=True)
+                   if task.method == PRETRAINED], seeds),
+        *averaged([each for task, each in zip(tasks, found, strict=True)
+                   if task.method == FINETUNED], seeds[:1]),
+        *_losses(walks[0], scratch or ScratchParameters()),
+    ]  # fmt: skip
+    scenario, both = SCENARIOS[kind.name], ", ".join(worlds)
+    return [replace(each, scenario=scenario, world=each.world or both) for each in records]
 
 
-def _measured(task: TrainedWalk, folder: Path | None, announce: Announce) -> Numbers:
+def _measured(task: TrainedWalk, trained: Callable[[int], Encoder]) -> list[Record]:
     recording, truth = simulated(task.walk)
-    if task.varied == PRETRAINED:
-        encoder: Encoder = _trained(int(task.amount), folder, announce)
+    if task.method == PRETRAINED:
+        encoder = trained(int(task.amount))
+        condition = f"{task.amount:.0f} echoes"
     else:
-        encoder = _learnt(recording, task.amount)
+        encoder, condition = _learnt(recording, task.amount), f"{task.amount:g} minutes"
     run = map_by_echoes(recording, encoder, Parameters())
-    return {ERROR: _median_error_m(run, truth), RECALL: _recall(run, truth, task.walk.rounds)}
+    paper_m = PAPER_M.get((task.method, task.amount))
+    error = Record(task.method, ERROR, median_error_m(run, truth), paper=paper_m)
+    recall = Record(task.method, RECALL, _recall(run, truth, task.walk.rounds))
+    return [replace(each, condition=condition) for each in (error, recall)]
 
 
-def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncoder:
+def _trained(
+    echoes: int, folder: Path | None, parameters: PretrainParameters, announce: Announce
+) -> Encoder:
     """The encoder of so many echoes, made once where there is a folder to keep it."""
     from elfslam.app.simulated_training import pretrain_on_simulated_echoes
 
-    parameters = PretrainParameters()
     steps = max(echoes // (2 * parameters.pairs), 1)
     file = (folder or Path("encoders")) / f"{echoes}.onnx"
     if not file.exists():
@@ -104,15 +131,10 @@ def _trained(echoes: int, folder: Path | None, announce: Announce) -> OnnxEncode
 
 def _learnt(recording: Recording, minutes: float) -> Encoder:
     """The shipped encoder, fine-tuned on the first minutes of the walk."""
-    shipped, echoes = load_encoder("compact"), hear(recording, Parameters())
-    heard = echoes.t_s - echoes.t_s[0] <= 60.0 * minutes
-    part = Echoes(echoes.t_s[heard], echoes.samples[heard], echoes.losses_s)
-    return finetuned(shipped, part, FinetuneParameters(), 0, lambda what, share: None).encoder
-
-
-def _median_error_m(run: Run, truth: Truth) -> float:
-    poses = run.trajectory.world_from_body
-    return float(np.median(position_errors(run.trajectory.t_s, poses, truth, Alignment.ALIGNED)))
+    shipped, echoes = load_encoder("compact"), hear(recording, Settings())
+    early = echoes.t_s - echoes.t_s[0] <= 60.0 * minutes
+    part = Echoes(echoes.t_s[early], echoes.samples[early], echoes.losses_s)
+    return finetuned(shipped, part, FinetuneParameters(), 0, silent).encoder
 
 
 def _recall(run: Run, truth: Truth, rounds: int) -> float:
@@ -121,51 +143,28 @@ def _recall(run: Run, truth: Truth, rounds: int) -> float:
     return recall_at(histograms(scores[same], scores[elsewhere]), 0.01)
 
 
-def _rows(tasks: Sequence[TrainedWalk], numbers: Sequence[Numbers]) -> list[Row]:
-    points = dict.fromkeys((task.varied, task.amount) for task in tasks)
-    return [
-        mean_row(varied, amount, measure, values, "walks")
-        for varied, amount in points
-        for measure in (ERROR, RECALL)
-        if (
-            values := [
-                found[measure]
-                for task, found in zip(tasks, numbers, strict=True)
-                if (task.varied, task.amount) == (varied, amount)
-            ]
-        )
-    ]
-
-
-def _losses(walk: SimulatedWalk) -> dict[str, Curve]:
-    """The loss of the paper's fine-tuning, step by step, from random and from trained weights."""
+def _losses(walk: SimulatedWalk, parameters: ScratchParameters) -> list[Record]:
+    """The loss of the paper's fine-tuning on one walk, from random and from trained weights."""
     from studies.paper_training import learnt_from_walk
 
-    echoes, curves = hear(simulated(walk)[0], Parameters()), {}
-    shipped = load_encoder("compact")
+    echoes, shipped = hear(simulated(walk)[0], Settings()), load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
-    for name, start in {"random weights": None, "pre-trained": shipped}.items():
+    records: list[Record] = []
+    for name, start in zip(STARTS, (None, shipped), strict=True):
         losses: list[float] = []
-        learnt_from_walk(echoes, ScratchParameters(), seed=0, start=start, report=losses.append)
-        curves[name] = Curve(np.arange(1.0, len(losses) + 1), np.array(losses))
-    return curves
+        learnt_from_walk(echoes, parameters, seed=0, start=start, report=losses.append)
+        records += [
+            Record(name, LOSS, float(np.mean(losses[k : k + EVERY])), world=walk.world,
+                   condition=f"{min(k + EVERY, len(losses))} steps", seeds=str(walk.seed))
+            for k in range(0, len(losses), EVERY)
+        ]  # fmt: skip
+    return records
 
 
-def _page(rows: Sequence[Row], losses: dict[str, Curve]) -> Page:
-    panels = [
-        _panel(rows, varied, measure)
-        for varied in (PRETRAINED, FINETUNED)
-        for measure in (ERROR, RECALL)
-        if any(row["varied"] == varied for row in rows)
-    ]
-    figure = curves_figure(losses, "step", "NT-Xent")
-    panels.append(Panel("Loss on one walk", figure, "The paper's fine-tuning of one walk."))
-    panels.append(Panel("Figures", rows_table(list(rows)), wide=True))
-    return Page("How much must be heard", "Walks in the development worlds", panels)
-
-
-def _panel(rows: Sequence[Row], varied: str, measure: str) -> Panel:
-    chosen = [row for row in rows if (row["varied"], row["measure"]) == (varied, measure)]
-    curve = curve_of(chosen)
-    figure = curves_figure({measure: curve}, varied, measure, ticks=curve.x.tolist())
-    return Panel(f"{measure} against {varied}", figure, "Band: 95 %, by resampling walks.")
+STUDY = Study(
+    "How many echoes and minutes does training take?",
+    measure_amounts, minutes=60, scenarios=("surveyor",), needs=("torch",), long=True,
+    fast={"echoes": (512,), "minutes": (), "worlds": ("studio",), "seeds": (100,), "rounds": 2,
+          "pretraining": PretrainParameters(component_batches=1),
+          "scratch": ScratchParameters(steps=20, pairs=32, threads=1)},
+)  # fmt: skip

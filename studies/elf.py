@@ -9,24 +9,27 @@ from functools import partial
 import numpy as np
 
 from elfslam.app.map import finetuned
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.geometry import interpolate_poses, wrap_angle
+from elfslam.base.progress import silent
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
 from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.feature import Encoder, load_encoder
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.slam.front_end import hear, walk_nodes
-from elfslam.slam.parameters import Parameters
+from elfslam.slam.front_end import walk_nodes
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.kinds import QUIET, SURVEYOR, Kind
-from elfslam.world.simulate import load_world, simulate
-from studies.figures.separation import histograms, separation_row
-from studies.finding import Given, Row
+from elfslam.world.simulate import load_world
+from studies.cached import extract_features, hear, simulate
+from studies.results import Record, seeds_text
+from studies.separation import histograms, separation_records
+from studies.study import SCENARIOS, Study, StudyContext
 
 SECOND_ENGINE = " by pyroomacoustics"
-"""Behind the name of a world: its closed solids on a quiet day, rendered by the second engine."""
+"""Behind the name of a world: its closed solids, controlled, rendered by the second engine."""
 WORLDS = ("living_room", "office", "mall", "living_room" + SECOND_ENGINE)
 SEEDS = (0, 1, 2)
 ROUNDS = 4
@@ -37,45 +40,47 @@ SEQUENCE = 8
 """Footsteps compared in a row."""
 PRINCIPAL_ECHOES = 2048
 """From random rooms, never from the worlds that are measured."""
-UNITS = ("footstep", f"{SEQUENCE} footsteps")
+UNITS = ("1 footstep", f"{SEQUENCE} footsteps")
+SHIPPED = "ELF, shipped"
 
 Adapt = Callable[[Echoes], Encoder]
 """An encoder made from the echoes of the walk that is measured, without labels."""
 Counts = dict[tuple[str, str], list[F64]]
-"""Histograms of each walk, by feature and by what is compared."""
+"""Histograms of each walk, by method and by what is compared."""
 
 
 def measure_elf(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = ROUNDS,
     kind: Kind = SURVEYOR,
     encoders: Mapping[str, Encoder] | None = None,
-    adapted: Mapping[str, Adapt] | None = None,
-) -> list[Row]:
-    """A row per world, feature and length: how similarity tells the same place from elsewhere.
+    learning: bool = True,
+) -> list[Record]:
+    """How similarity tells the same place from elsewhere, by feature and length (the condition).
 
-    `encoders` are compared by name, `adapted` are made anew for each walk; by default the generic
-    features, the shipped encoder, it after fine-tuning, and one without pre-training.
+    `encoders` are compared by name; by default the generic features and the shipped encoder, and
+    where `learning` it after fine-tuning, and one without pre-training, for each walk anew.
     """
-    if encoders is None and adapted is None:
-        encoders, adapted = shipped_and_generic(), learnt_from_the_walk()
-    compared: dict[str, Adapt] = {
-        **{name: partial(_as_it_is, encoder) for name, encoder in (encoders or {}).items()},
-        **(adapted or {}),
-    }
-    rows: list[Row] = []
+    known = shipped_and_generic() if encoders is None else encoders
+    compared: dict[str, Adapt] = {name: partial(_as_it_is, each) for name, each in known.items()}
+    if encoders is None and learning:
+        compared |= _learnt_from_the_walk()
+    records: list[Record] = []
     for place, world in enumerate(worlds):
         counts: Counts = {}
         for k, seed in enumerate(seeds):
             share = (place + k / len(seeds)) / len(worlds)
-            given.announce(f"{world}, walk {seed}", share)
-            measure_walk(world, seed, rounds, kind, compared, counts)
-        given.announce(f"{world}, intervals", (place + 1) / len(worlds))
-        rows += _rows(world, counts)
-    return rows
+            context.announce(f"{world}, walk {seed}", share)
+            _measure_walk(world, seed, rounds, kind, compared, counts)
+        scenario = SCENARIOS[QUIET.name if world.endswith(SECOND_ENGINE) else kind.name]
+        for (method, unit), walks in counts.items():
+            of = Record(method, "", 0.0, world=world, scenario=scenario, condition=unit,
+                        seeds=seeds_text(seeds))  # fmt: skip
+            records += separation_records(walks, ClosureParameters().threshold, of)
+    return records
 
 
 def shipped_and_generic() -> dict[str, Encoder]:
@@ -84,21 +89,21 @@ def shipped_and_generic() -> dict[str, Encoder]:
     return {
         **generic_encoders(),
         "principal components": principal_encoder(echoes),
-        "ELF, shipped": load_encoder("compact"),
+        SHIPPED: load_encoder("compact"),
     }
 
 
-def learnt_from_the_walk() -> dict[str, Adapt]:
+def _learnt_from_the_walk() -> dict[str, Adapt]:
     """The encoders that learn each walk by itself, by name."""
     from studies.paper_training import learnt_from_walk
 
     shipped = load_encoder("compact")
     return {
-        "ELF, without pre-training": lambda echoes: learnt_from_walk(
+        "ELF without pre-training": lambda echoes: learnt_from_walk(
             echoes, ScratchParameters(), seed=0
         ),
-        "ELF, fine-tuned": lambda echoes: (
-            finetuned(shipped, echoes, FinetuneParameters(), 0, lambda what, share: None).encoder
+        "ELF fine-tuned": lambda echoes: (
+            finetuned(shipped, echoes, FinetuneParameters(), 0, silent).encoder
         ),
     }
 
@@ -107,24 +112,23 @@ def _as_it_is(encoder: Encoder, echoes: Echoes) -> Encoder:
     return encoder
 
 
-def measure_walk(
+def _measure_walk(
     world: str, seed: int, rounds: int, kind: Kind, compared: Mapping[str, Adapt], counts: Counts
 ) -> None:
-    """Simulate a walk and append its histograms (2, 4000) to `counts`."""
-    place = load_world(world.removesuffix(SECOND_ENGINE))
+    """Append the histograms (2, 4000) of a walk to `counts`."""
+    place, settings = load_world(world.removesuffix(SECOND_ENGINE)), Settings()
     today = kind.mapping(place.room)
     if world.endswith(SECOND_ENGINE):
         today = replace(QUIET.mapping(place.room), engine="pyroomacoustics")
     recording, truth = simulate(place, seed, rounds=rounds, walker=kind.walker, circumstances=today)
-    parameters = Parameters()
-    nodes, echoes = walk_nodes(recording, parameters), hear(recording, parameters)
+    nodes, echoes = walk_nodes(recording, settings), hear(recording, settings)
     same, elsewhere = labelled_pairs(nodes, truth, rounds)
-    for feature, encoder_for in compared.items():
+    for method, encoder_for in compared.items():
         single = _similarity(echoes, nodes, encoder_for(echoes))
         for unit, scores in zip(UNITS, (single, sequence_similarity(single)), strict=True):
             known = np.isfinite(scores)
             made = histograms(scores[same & known], scores[elsewhere & known])
-            counts.setdefault((feature, unit), []).append(made)
+            counts.setdefault((method, unit), []).append(made)
 
 
 def labelled_pairs(nodes: Odometry, truth: Truth, rounds: int) -> tuple[Bool, Bool]:
@@ -166,9 +170,9 @@ def _similarity(echoes: Echoes, nodes: Odometry, encoder: Encoder) -> F32:
     """ESS between footsteps; NaN where a footstep has no echo."""
     features = extract_features(echoes, encoder)
     scores = echo_sequence_similarity(features, nodes).scores.copy()
-    heard = np.histogram(features.t_s, nodes.t_s)[0] > 0
-    scores[~heard] = np.nan
-    scores[:, ~heard] = np.nan
+    empty = np.histogram(features.t_s, nodes.t_s)[0] == 0
+    scores[empty] = np.nan
+    scores[:, empty] = np.nan
     return scores
 
 
@@ -178,11 +182,9 @@ def _walked_laps(truth: Truth, t_s: F64, rounds: int) -> F64:
     return np.asarray(np.interp(t_s, truth.t_s, rounds * walked_m / walked_m[-1]))
 
 
-def _rows(world: str, counts: Counts) -> list[Row]:
-    threshold = ClosureParameters().threshold
-    return [
-        {"world": world, "compared": unit, "feature": name, **separation_row(walks, threshold)}
-        for unit in UNITS
-        for (name, compared), walks in counts.items()
-        if compared == unit
-    ]
+STUDY = Study(
+    "How well does each feature know a place again in another round?",
+    measure_elf, minutes=30, scenarios=("surveyor",), encoders=True,
+    needs=("torch", "pyroomacoustics"),
+    fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2, "learning": False},
+)  # fmt: skip

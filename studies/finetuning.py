@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from elfslam.app.map import finetuned
 from elfslam.base.arrays import F64
+from elfslam.base.progress import silent
 from elfslam.base.values import Run, Truth
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.line.closure import ClosureParameters
@@ -18,29 +19,38 @@ from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.elf import labelled_pairs
-from studies.figures.separation import histograms, separation_row
-from studies.finding import Given, Row
-from studies.intervals import mean_range
+from studies.results import Record, mean_of, seeds_text
+from studies.separation import histograms, separation_records
 from studies.simulated_walk import SimulatedWalk, simulated
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS = ("studio", "lounge")
-"""For development: the worlds of evaluation stay unheard."""
+"""For development: those of evaluation stay unseen."""
 SEEDS = (100, 101, 102, 103, 104, 105)
 ROUNDS = 5
-ENCODERS = ("pre-trained", "fine-tuned")
+BEFORE, AFTER = "ELF pre-trained", "ELF fine-tuned"
+ERROR, CLOSURES = "median error, aligned (m)", "closures"
 
 
 @dataclass
 class Walks:
-    """Histograms, closures and median aligned errors (m) of one encoder, walk by walk."""
+    """Histograms of pairs, numbers of closures and median errors (m) by one encoder."""
 
     counts: list[F64] = field(default_factory=list)
-    closures: list[int] = field(default_factory=list)
+    closures: list[float] = field(default_factory=list)
     error_m: list[float] = field(default_factory=list)
+
+    def add(self, run: Run, truth: Truth, rounds: int) -> None:
+        """The numbers of one more walk."""
+        same, elsewhere = labelled_pairs(run.odometry, truth, rounds)
+        scores = run.similarity.scores
+        self.counts.append(histograms(scores[same], scores[elsewhere]))
+        self.closures.append(len(run.closures.i))
+        self.error_m.append(median_error_m(run, truth))
 
 
 def measure_finetuning(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
@@ -48,54 +58,54 @@ def measure_finetuning(
     encoder: str = "compact",
     parameters: FinetuneParameters | None = None,
     kind: Kind = SURVEYOR,
-) -> list[Row]:
-    """A row per world and encoder, before and after."""
+) -> list[Record]:
+    """Separation of places, closures and map error by world, before and after."""
     known, pretrained = parameters or FinetuneParameters(), load_encoder(encoder)
-    rows: list[Row] = []
+    records: list[Record] = []
     for place, world in enumerate(worlds):
-        collected = {name: Walks() for name in ENCODERS}
+        collected = {BEFORE: Walks(), AFTER: Walks()}
         for k, seed in enumerate(seeds):
-            given.announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
-            _measure_walk(
-                SimulatedWalk(world, seed, rounds, kind.name), pretrained, known, collected
-            )
-        rows += [_row(world, name, walks) for name, walks in collected.items()]
-    return rows
+            context.announce(f"{world}, walk {seed}", (place + k / len(seeds)) / len(worlds))
+            walk = SimulatedWalk(world, seed, rounds, kind.name)
+            _measure_walk(walk, pretrained, known, collected)
+        of = Record("", "", 0.0, world=world, scenario=SCENARIOS[kind.name],
+                    seeds=seeds_text(seeds))  # fmt: skip
+        for name, walks in collected.items():
+            records += _records(replace(of, method=name), walks)
+    return records
 
 
 def _measure_walk(
     walk: SimulatedWalk,
     encoder: Encoder,
     parameters: FinetuneParameters,
-    collected: dict[str, Walks],
+    collected: Mapping[str, Walks],
 ) -> None:
     recording, truth = simulated(walk)
     before = map_by_echoes(recording, encoder, Parameters())
     assert before.echoes is not None
-    learnt = finetuned(
-        encoder, before.echoes, parameters, walk.seed, lambda what, share: None
-    ).encoder
+    learnt = finetuned(encoder, before.echoes, parameters, walk.seed, silent).encoder
     after = map_by_echoes(recording, encoder, Parameters(), adapt=lambda *_: learnt)
-    for name, run in zip(ENCODERS, (before, after), strict=True):
-        _collect(collected[name], run, truth, walk.rounds)
+    collected[BEFORE].add(before, truth, walk.rounds)
+    collected[AFTER].add(after, truth, walk.rounds)
 
 
-def _collect(walks: Walks, run: Run, truth: Truth, rounds: int) -> None:
-    same, elsewhere = labelled_pairs(run.odometry, truth, rounds)
-    scores, poses = run.similarity.scores, run.trajectory.world_from_body
-    errors_m = position_errors(run.trajectory.t_s, poses, truth, Alignment.ALIGNED)
-    walks.counts.append(histograms(scores[same], scores[elsewhere]))
-    walks.closures.append(len(run.closures.i))
-    walks.error_m.append(float(np.median(errors_m)))
+def median_error_m(run: Run, truth: Truth) -> float:
+    """The median error of a map that is laid on the truth as well as it can be."""
+    poses = run.trajectory.world_from_body
+    return float(np.median(position_errors(run.trajectory.t_s, poses, truth, Alignment.ALIGNED)))
 
 
-def _row(world: str, name: str, walks: Walks) -> Row:
-    low, high = mean_range(walks.error_m)
-    return {
-        "world": world,
-        "encoder": name,
-        **separation_row(walks.counts, ClosureParameters().threshold),
-        "closures": round(float(np.mean(walks.closures)), 1),
-        "median error, aligned (m)": round(float(np.mean(walks.error_m)), 3),
-        "error, 95 %": f"{low:.3f} to {high:.3f}",
-    }
+def _records(of: Record, walks: Walks) -> list[Record]:
+    return [
+        *separation_records(walks.counts, ClosureParameters().threshold, of),
+        mean_of(replace(of, metric=CLOSURES), walks.closures),
+        mean_of(replace(of, metric=ERROR), walks.error_m),
+    ]
+
+
+STUDY = Study(
+    "What is fine-tuning on the walk itself worth?",
+    measure_finetuning, minutes=20, scenarios=("surveyor",), needs=("torch",),
+    fast={"worlds": ("studio",), "seeds": (100,), "parameters": FinetuneParameters(steps=5)},
+)  # fmt: skip

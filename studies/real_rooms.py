@@ -22,8 +22,8 @@ from elfslam.baselines.generic import generic_encoders
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo import EchoParameters, cut_echoes
 from elfslam.line.feature import Encoder, load_encoder
-from studies.finding import Given, Row
-from studies.intervals import mean_range
+from studies.results import Record, mean_of
+from studies.study import Study, StudyContext
 
 FILES: Mapping[float, Path] = {
     2.0: Path("rirs") / "r3vival_2m.npz",
@@ -36,35 +36,32 @@ PERIOD_S = 0.25
 PEAK = 0.5
 REFERENCE = 0
 """State of the walls and microphone that make the gallery: 000, at the centre."""
-PLAIN, AS_HEARD = "plain spectrogram", ", as heard"
+PLAIN, NOT_NORMALISED = "plain spectrogram", ", no mean normalisation"
 """Features lose what all places of a state have in common, as those of a walk do, or do not."""
 
 
-def measure_real_rooms(given: Given, *, encoders: Mapping[str, Encoder] | None = None) -> list[Row]:
-    """Per circle, microphone and feature: how often the right one of twelve places is nearest.
+def measure_real_rooms(
+    context: StudyContext, *, encoders: Mapping[str, Encoder] | None = None
+) -> list[Record]:
+    """By circle (world), microphone (condition) and feature, the share of queries (states of the
+    walls, places) whose nearest of twelve places is the right one.
 
     Against `PLAIN`, paired query by query; intervals resample the places. `encoders` are compared
     with it by name, by default the shipped one. Raises InputError without the real recordings.
     """
     compared = {**hand_made(), **(encoders or {"ELF, shipped": load_encoder("compact")})}
-    rows: list[Row] = []
+    records: list[Record] = []
     for done, circle_m in enumerate(FILES):
-        given.announce(f"circle of {circle_m:g} m", done / len(FILES))
-        rows += [{"circle (m)": circle_m, **row} for row in _on_circle(given, circle_m, compared)]
-    given.announce("done", 1.0)
-    return rows
-
-
-def _on_circle(given: Given, circle_m: float, compared: Mapping[str, Encoder]) -> list[Row]:
-    responses, rate_hz, microphones = read_responses(given.data, circle_m)
-    echoes = np.stack([_heard(state, rate_hz) for state in responses])
-    vectors = {name: _vectors(echoes, encoder) for name, encoder in compared.items()}
-    rows: list[Row] = []
-    for k, microphone in enumerate(microphones):
-        right = {name: recognised(own(each, places=1), k) for name, each in vectors.items()}
-        right |= {name + AS_HEARD: recognised(each, k) for name, each in vectors.items()}
-        rows += [_row(microphone, name, right) for name in right]
-    return rows
+        context.announce(f"circle of {circle_m:g} m", done / len(FILES))
+        responses, rate_hz, microphones = read_responses(context.data, circle_m)
+        echoes = np.stack([_echoes(state, rate_hz) for state in responses])
+        vectors = {name: _vectors(echoes, encoder) for name, encoder in compared.items()}
+        for k, microphone in enumerate(microphones):
+            right = {name: recognised(own(each, places=1), k) for name, each in vectors.items()}
+            right |= {name + NOT_NORMALISED: recognised(each, k) for name, each in vectors.items()}
+            of = Record("", "", 0.0, world=f"circle of {circle_m:g} m", condition=microphone)
+            records += [each for name in right for each in _records(of, name, right)]
+    return records
 
 
 def read_responses(data: Path | None, circle_m: float) -> tuple[F32, int, list[str]]:
@@ -101,18 +98,12 @@ def recognised(vectors: F32, microphone: int) -> Bool:
     `vectors` are (states, places, microphones, d); the gallery is always the centre microphone.
     """
     gallery = vectors[REFERENCE, :, REFERENCE]
-    asked = np.delete(vectors[:, :, microphone], REFERENCE, axis=0)
-    return np.asarray((asked @ gallery.T).argmax(axis=2) == np.arange(len(gallery)))
-
-
-def _vectors(echoes: F32, encoder: Encoder) -> F32:
-    """Unit vectors (states, places, microphones, d) of echoes (states, places, microphones, n)."""
-    rows = encoder.embed(echoes.reshape(-1, echoes.shape[-1]))
-    return rows.reshape(*echoes.shape[:3], -1)
+    queries = np.delete(vectors[:, :, microphone], REFERENCE, axis=0)
+    return np.asarray((queries @ gallery.T).argmax(axis=2) == np.arange(len(gallery)))
 
 
 def echo_of(response: F64, chirp: Chirp) -> F32:
-    """The echo trace (2352) that the line cuts from chirps played through a response (n)."""
+    """The echo trace (2352) that the pipeline cuts from chirps played through a response (n)."""
     sound = signal.fftconvolve(chirp.samples.astype(np.float64), response)
     frame = np.zeros(round(chirp.period_s * chirp.rate_hz))
     frame[: len(sound)] = PEAK * sound / np.abs(sound).max()
@@ -121,23 +112,31 @@ def echo_of(response: F64, chirp: Chirp) -> F32:
     return np.asarray(echoes.samples[REPEATS // 2])
 
 
-def _heard(state: F32, rate_hz: int) -> F32:
+def _echoes(state: F32, rate_hz: int) -> F32:
     """Echoes (places, microphones, 2352) of the responses of one state."""
     chirp = make_chirp(replace(ChirpParameters(), period_s=PERIOD_S), rate_hz)
     return np.stack([[echo_of(response, chirp) for response in place] for place in state])
 
 
-def _row(microphone: str, name: str, right: Mapping[str, Bool]) -> Row:
-    """Top-1 of one feature, and how much more than the plain spectrogram's."""
-    better = right[name].astype(np.float64) - right[PLAIN]
-    low, high = mean_range(right[name].astype(np.float64).T)
-    lower, higher = mean_range(better.T)
-    return {
-        "microphone": microphone,
-        "feature": name,
-        "queries": right[name].size,
-        "top-1": round(float(right[name].mean()), 3),
-        "top-1, 95 %": f"{low:.3f} to {high:.3f}",
-        "over plain": round(float(better.mean()), 3),
-        "over plain, 95 %": f"{lower:.3f} to {higher:.3f}",
+def _vectors(echoes: F32, encoder: Encoder) -> F32:
+    """Unit vectors (states, places, microphones, d) of echoes (states, places, microphones, n)."""
+    rows = encoder.embed(echoes.reshape(-1, echoes.shape[-1]))
+    return rows.reshape(*echoes.shape[:3], -1)
+
+
+def _records(of: Record, name: str, right: Mapping[str, Bool]) -> list[Record]:
+    """Top-1 accuracy of one feature, and how much higher than the plain spectrogram's it is."""
+    numbers = {
+        "top-1 accuracy": right[name].astype(np.float64),
+        f"top-1 accuracy over the {PLAIN}": right[name].astype(np.float64) - right[PLAIN],
     }
+    return [
+        mean_of(replace(of, method=name, metric=metric), each.mean(axis=0))
+        for metric, each in numbers.items()
+    ]
+
+
+STUDY = Study(
+    "Is a real place known again when its walls or the microphone changed?",
+    measure_real_rooms, minutes=1, data=tuple(map(str, FILES.values())), encoders=True,
+)  # fmt: skip

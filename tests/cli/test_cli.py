@@ -560,18 +560,31 @@ def test_the_card_of_an_encoder_is_printed(tmp_path: Path, elfslam: Elfslam) -> 
     assert "parameters_digest" in out
 
 
+def elf_results(method: str, value: str = "0.7", study: str = "elf") -> str:
+    """Results of a study about one encoder, all figures the same."""
+    return "".join(f"{study},hall,{method},1 footstep,{metric},{value}\n" for metric in ON_THE_CARD)
+
+
 def test_figures_of_a_study_go_on_a_card(tmp_path: Path, elfslam: Elfslam) -> None:
-    row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
-    recalls = dict.fromkeys(ON_THE_CARD, 0.7)
-    table, out = tmp_path / "elf.json", tmp_path / "measured.onnx"
-    table.write_text(json.dumps([recalls | row]))
+    table, out = tmp_path / "elf.csv", tmp_path / "measured.onnx"
+    head = "study,world,method,condition,metric,value\n"
+    table.write_text(head + elf_results("compact"))
     assert elfslam("card", "--measured", table, "--out", out)[0] == 0
     shown = {each["what"]: each["value"] for each in json.loads(elfslam("card", out, "--json")[1])}
-    assert shown["recall at 1 %, footstep, hall"] == 0.7
-    table.write_text(json.dumps([row | recalls, {**row, **recalls, "feature": "PSD"}]))
+    assert shown["recall at 1 % false positives, 1 footstep, hall"] == 0.7
+    for text, refused in (
+        (elf_results("compact") + elf_results("PSD"), "got PSD, compact"),
+        (elf_results("compact", study="laps"), "got another study"),
+        ("", "got none"),
+        (elf_results("compact", value="good"), "good is no number"),
+    ):
+        table.write_text(head + text)
+        code, _, err = elfslam("card", "--measured", table, "--out", tmp_path / "no.onnx")
+        assert (code, (tmp_path / "no.onnx").exists()) == (2, False)
+        assert refused in err.replace("'", "")
+    table.write_text("study,method\n")
     code, _, err = elfslam("card", "--measured", table, "--out", tmp_path / "no.onnx")
-    assert (code, (tmp_path / "no.onnx").exists()) == (2, False)
-    assert "got PSD, compact" in err
+    assert "column world is missing" in err
     code, _, err = elfslam("card", "--measured", table)
     assert code == 2
     assert "go together" in err

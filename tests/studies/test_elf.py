@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from elfslam.app.card import ON_THE_CARD, metrics_of
-from elfslam.base.errors import InputError
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.closure import ClosureParameters
 from elfslam.line.feature import load_encoder
 from elfslam.world.kinds import QUIET, SURVEYOR
 from studies.elf import labelled_pairs, measure_elf, sequence_similarity
-from studies.finding import Given, Row
+from studies.results import Record, stamped, write_results
+from studies.study import StudyContext
 
 CIRCLE_M = 4.0
 
@@ -69,75 +70,42 @@ def test_a_walk_too_short_for_a_sequence_has_none() -> None:
 
 
 @pytest.fixture(scope="module")
-def rows() -> list[Row]:
+def found() -> list[Record]:
     encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
-    return measure_elf(Given(), worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders)
+    return measure_elf(
+        StudyContext(), worlds=("studio",), seeds=(100,), rounds=3, encoders=encoders
+    )
 
 
-def test_an_elf_knows_a_place_better_than_its_spectrum(rows: list[Row]) -> None:
-    by_kind = {(row["feature"], row["compared"]): row for row in rows}
-    assert set(by_kind) == {(f, u) for f in ("PSD", "ELF") for u in ("footstep", "8 footsteps")}
-    psd, elf = by_kind["PSD", "footstep"], by_kind["ELF", "footstep"]
-    assert elf["AUC"] > 0.97 > psd["AUC"]  # type: ignore[operator]
-    assert elf["same place (pairs)"] == psd["same place (pairs)"]
-    assert by_kind["ELF", "8 footsteps"]["AUC"] >= elf["AUC"]  # type: ignore[operator]
+def test_an_elf_knows_a_place_better_than_its_spectrum(found: list[Record]) -> None:
+    value = {(each.method, each.condition, each.metric): each.value for each in found}
+    psd, elf = (value[method, "1 footstep", "AUC"] for method in ("PSD", "ELF"))
+    assert elf > 0.97 > psd
+    assert value["ELF", "8 footsteps", "AUC"] >= elf
+    for method in ("PSD", "ELF"):
+        same, elsewhere = (
+            value[method, "1 footstep", f"mean similarity, {where}"]
+            for where in ("same place", "elsewhere")
+        )
+        assert same > elsewhere - 0.02
 
 
-def test_who_walks_in_what_life_is_chosen() -> None:
+def test_who_walks_in_what_scenario_is_chosen() -> None:
     encoders = {"PSD": generic_encoders()["PSD"]}
-    made = [
+    quiet, surveyor = (
         measure_elf(
-            Given(), worlds=("studio",), seeds=(100,), rounds=2, kind=kind, encoders=encoders
+            StudyContext(), worlds=("studio",), seeds=(100,), rounds=2, kind=kind, encoders=encoders
         )[0]
         for kind in (QUIET, SURVEYOR)
-    ]
-    assert made[0]["AUC"] != made[1]["AUC"]
+    )
+    assert (quiet.scenario, surveyor.scenario) == ("controlled", "surveyor")
+    assert quiet.value != surveyor.value
 
 
-CLOSING = ClosureParameters().threshold
-
-
-def test_means_agree_with_the_threshold(rows: list[Row]) -> None:
-    for row in rows:
-        assert row["world"] == "studio"
-        assert row["walks"] == 1
-        assert row["mean, same place"] > row["mean, elsewhere"] - 0.02  # type: ignore[operator]
-        assert row[f"kept at {CLOSING:g}"] >= row[f"false at {CLOSING:g}"]  # type: ignore[operator]
-
-
-ROW = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9} | dict.fromkeys(
-    ON_THE_CARD[1:], 1
-)
-
-
-def test_the_figures_of_a_card_are_those_of_the_table() -> None:
-    assert metrics_of([ROW])["AUC, footstep, hall"] == 0.9
-    assert len(metrics_of([ROW, {**ROW, "world": "lab"}])) == 2 * len(ON_THE_CARD)
-
-
-def test_what_the_study_gives_fits_on_a_card(rows: list[Row]) -> None:
-    of_one = [row for row in rows if row["feature"] == "ELF"]
-    assert len(metrics_of(of_one)) == len(of_one) * len(ON_THE_CARD)
-
-
-@pytest.mark.parametrize(
-    "table",
-    [
-        {},
-        [],
-        None,
-        3,
-        "rows",
-        [[]],
-        [ROW, None],
-        {"rows": [ROW]},
-        [{**ROW, "AUC": "good"}],
-        [{**ROW, "AUC": None}],
-        [{**ROW, "world": ["hall"]}],
-        [{name: value for name, value in ROW.items() if name != "compared"}],
-        [ROW, {**ROW, "feature": "PSD"}],
-    ],
-)
-def test_another_table_is_no_figures_of_a_card(table: object) -> None:
-    with pytest.raises(InputError, match="figures: wanted the rows"):
-        metrics_of(table)
+def test_what_the_study_gives_fits_on_a_card(found: list[Record], tmp_path: Path) -> None:
+    of_one = [each for each in found if each.method == "ELF"]
+    write_results(tmp_path / "elf.csv", stamped("elf", of_one, "12345678", "2026-11-28"))
+    on_card = metrics_of(tmp_path / "elf.csv")
+    assert len(on_card) == 2 * len(ON_THE_CARD)
+    (wanted,) = (e for e in of_one if (e.metric, e.condition) == ("AUC", "1 footstep"))
+    assert on_card["AUC, 1 footstep, studio"] == pytest.approx(wanted.value, rel=1e-5)

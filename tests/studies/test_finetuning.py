@@ -1,4 +1,4 @@
-"""The study of fine-tuning, in miniature: the row after it is of what fine-tuning gave."""
+"""The study of fine-tuning, in miniature: what is told after it is of what it gave."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from elfslam.base.arrays import F32
 from elfslam.base.values import Echoes
 from elfslam.learn.parameters import FinetuneParameters
 from studies import finetuning
-from studies.finding import Given
+from studies.finetuning import AFTER, BEFORE, CLOSURES
+from studies.study import StudyContext
 
 
 class Deaf:
@@ -28,7 +29,9 @@ class Deaf:
         return np.asarray(rows / np.linalg.norm(rows, axis=1, keepdims=True), dtype=np.float32)
 
 
-def test_a_row_before_and_one_of_what_fine_tuning_gave(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_before_is_the_shipped_encoder_and_after_what_fine_tuning_gave(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """A fine-tuning that makes the encoder deaf is planted."""
     asked: list[tuple[int, int]] = []
 
@@ -40,20 +43,15 @@ def test_a_row_before_and_one_of_what_fine_tuning_gave(monkeypatch: pytest.Monke
         return SimpleNamespace(encoder=Deaf())
 
     monkeypatch.setattr(finetuning, "finetuned", deafened)
-    shares: list[float | None] = []
-    before, after = finetuning.measure_finetuning(
-        Given(announce=lambda what, share: shares.append(share)),
-        worlds=("studio",),
-        seeds=(108,),
-        rounds=2,
+    found = finetuning.measure_finetuning(
+        StudyContext(), worlds=("studio",), seeds=(108,), rounds=2,
         parameters=FinetuneParameters(steps=7),
-    )
+    )  # fmt: skip
     assert asked == [(7, 108)]
-    assert (before["encoder"], after["encoder"]) == ("pre-trained", "fine-tuned")
-    assert before["same place (pairs)"] == after["same place (pairs)"]
-    assert float(str(before["AUC"])) > 0.9
-    assert float(str(after["AUC"])) < 0.75
-    assert float(str(before["recall at 1 %"])) > 0.5
-    assert float(str(after["recall at 1 %"])) < 0.1
-    assert float(str(before["closures"])) >= 5
-    assert shares == [0.0]
+    value = {(each.method, each.metric): each.value for each in found}
+    assert value[BEFORE, "AUC"] > 0.9
+    assert value[AFTER, "AUC"] < 0.75
+    recall = "recall at 1 % false positives"
+    assert value[BEFORE, recall] > 0.5
+    assert value[AFTER, recall] < 0.1
+    assert value[BEFORE, CLOSURES] >= 5

@@ -13,7 +13,6 @@ from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
 from elfslam.baselines.generic import GenericEncoder
 from elfslam.line.chirp import ChirpParameters, make_chirp
-from studies.finding import Given
 from studies.real_rooms import (
     FILES,
     PERIOD_S,
@@ -24,6 +23,7 @@ from studies.real_rooms import (
     read_responses,
     recognised,
 )
+from studies.study import StudyContext
 
 RATE_HZ = 48_000
 DIRECT = 480
@@ -54,7 +54,7 @@ def planted(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_the_line_cuts_behind_the_direct_sound() -> None:
+def test_the_pipeline_cuts_behind_the_direct_sound() -> None:
     """A reflection planted 20 ms behind the direct sound stands where it was planted."""
     chirp = make_chirp(replace(ChirpParameters(), period_s=PERIOD_S), RATE_HZ)
     echo = echo_of(response(np.array([0.020]), np.array([0.5])), chirp)
@@ -65,18 +65,17 @@ def test_the_line_cuts_behind_the_direct_sound() -> None:
     )
 
 
-def test_known_places_are_recognised_and_unheard_ones_are_not(planted: Path) -> None:
+def test_known_places_are_recognised_and_others_are_not(planted: Path) -> None:
     deaf = GenericEncoder("deaf", lambda samples: np.ones((len(samples), 3), dtype=np.float32))
-    rows = measure_real_rooms(Given(planted), encoders={"deaf": deaf})
-    assert {row["circle (m)"] for row in rows} == {1.5, 2.0}
-    by_kind = {(row["microphone"], row["feature"]): row for row in rows}
-    plain, other = by_kind["near", PLAIN], by_kind["near", "deaf"]
-    assert plain["queries"] == 8, "two changed states of four places"
-    assert plain["top-1"] == 1.0
-    assert (plain["over plain"], plain["over plain, 95 %"]) == (0.0, "0.000 to 0.000")
-    assert other["top-1"] == 0.25, "all alike, so the first is named"
-    assert other["over plain"] == -0.75
-    assert by_kind["deaf", PLAIN]["top-1"] < 1.0  # type: ignore[operator]
+    found = measure_real_rooms(StudyContext(planted), encoders={"deaf": deaf})
+    assert {each.world for each in found} == {"circle of 2 m", "circle of 1.5 m"}
+    value = {(each.condition, each.method, each.metric): each.value for each in found}
+    top_1, over = "top-1 accuracy", f"top-1 accuracy over the {PLAIN}"
+    assert value["near", PLAIN, top_1] == 1.0
+    assert value["near", PLAIN, over] == 0.0
+    assert value["near", "deaf", top_1] == 0.25, "all the same, so the first is named"
+    assert value["near", "deaf", over] == -0.75
+    assert value["deaf", PLAIN, top_1] < 1.0
 
 
 def test_the_gallery_is_the_first_state_at_the_first_microphone() -> None:
@@ -99,7 +98,7 @@ def test_what_a_microphone_adds_to_every_place_is_taken_away() -> None:
 @pytest.mark.parametrize("given", [True, False])
 def test_absent_recordings_are_refused(tmp_path: Path, *, given: bool) -> None:
     with pytest.raises(InputError, match="is absent; pass --data or set ELFSLAM_DATA"):
-        measure_real_rooms(Given(tmp_path if given else None))
+        measure_real_rooms(StudyContext(tmp_path if given else None))
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ def card(
     encoder: Annotated[str, typer.Argument(help="compact or an ONNX file.")] = "compact",
     measured: Annotated[
         Path | None,
-        typer.Option(metavar="ELF.json", help="Rows of `study elf` about it, for its card."),
+        typer.Option(metavar="ELF.csv", help="Results of the study elf about it, for its card."),
     ] = None,
     out: Annotated[
         Path | None, typer.Option(metavar="OUT.onnx", help="Where it goes with these figures.")

@@ -22,22 +22,16 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import onnxruntime
 
+from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
 from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.slam.front_end import hear
-from elfslam.slam.parameters import Parameters
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
+from studies.cached import hear, simulate
 
 COUNTS = (1, 64)
 MOST_DIFFERENCE = 1e-4
 REPEATS = 5
 HERE = Path(__file__).parent
-
-
-def walk_samples(count: int) -> F32:
-    """The first traces (count, 2352) of a walk in the studio."""
-    recording, _ = simulate(load_world("studio"), 100, rounds=1)
-    return hear(recording, Parameters()).samples[:count]
 
 
 def by_web(content: bytes, samples: F32) -> tuple[dict[int, F32], dict[int, float]]:
@@ -78,7 +72,8 @@ def main() -> int:
     parser.add_argument("--encoder", default="compact")
     encoder = load_encoder(parser.parse_args().encoder)
     assert isinstance(encoder, OnnxEncoder), "name an ONNX file"
-    samples = walk_samples(max(COUNTS))
+    recording, _ = simulate(load_world("studio"), 100, rounds=1)
+    samples = hear(recording, Settings()).samples[: max(COUNTS)]
     (web, web_ms), (python, python_ms) = (
         by(encoder.content, samples) for by in (by_web, by_python)
     )

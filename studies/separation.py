@@ -6,6 +6,7 @@ Histograms add up: pooling walks, and drawing them again for an interval, needs 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.scoring.bootstrap import interval
+from studies.results import Record
 
 CELLS = 4000
 EDGES = np.round(np.linspace(-1.0, 1.0, CELLS + 1), 6)
@@ -44,13 +46,6 @@ def recall_at(counts: F64, false_positive_rate: float) -> float:
     return float(found[false <= false_positive_rate].max())
 
 
-MEASURES: Mapping[str, Measure] = {
-    "AUC": area_under_curve,
-    "recall at 1 %": partial(recall_at, false_positive_rate=0.01),
-    "recall at 0.1 %": partial(recall_at, false_positive_rate=0.001),
-}
-
-
 def shares_above(counts: F64) -> tuple[F64, F64]:
     """Shares (4001) of same-place pairs and of others at or above each threshold of `EDGES`."""
     above = np.cumsum(counts[:, ::-1], axis=1)[:, ::-1]
@@ -58,7 +53,7 @@ def shares_above(counts: F64) -> tuple[F64, F64]:
     return shares[SAME], shares[ELSEWHERE]
 
 
-def separation_row(walks: Sequence[F64], threshold: float) -> dict[str, object]:
+def separation_records(walks: Sequence[F64], threshold: float, of: Record) -> list[Record]:
     """Measures of the pooled histograms (2, 4000) of walks, with 95 % intervals over walks.
 
     Raises InputError where no walk has a pair of both kinds.
@@ -66,31 +61,43 @@ def separation_row(walks: Sequence[F64], threshold: float) -> dict[str, object]:
     walks = [counts for counts in walks if counts.sum(axis=1).all()]
     if not walks:
         raise InputError("separation: no walk comes back to a place; walk more rounds")
-    pooled = np.sum(walks, axis=0)
-    cells = (EDGES[:-1] + EDGES[1:]) / 2
+    stacked = [counts[None] for counts in walks]
+    measures = {**MEASURES, **_at(threshold)}
+    return [
+        _record(of, metric, stacked, partial(_of_pooled, measure))
+        for metric, measure in measures.items()
+    ]
+
+
+def _record(of: Record, metric: str, walks: Sequence[F64], measure: Measure) -> Record:
+    low, high = interval(walks, measure, np.random.default_rng(0))
+    value = measure(np.concatenate(walks))
+    return replace(of, metric=metric, value=value, low=low, high=high)
+
+
+def _at(threshold: float) -> Mapping[str, Measure]:
+    """What a threshold keeps of both kinds of pairs."""
     at = int(np.searchsorted(EDGES, threshold))
-    kept, false = shares_above(pooled)
-    same, elsewhere = pooled @ cells / pooled.sum(axis=1)
     return {
-        "walks": len(walks),
-        "same place (pairs)": int(pooled[SAME].sum()),
-        "elsewhere (pairs)": int(pooled[ELSEWHERE].sum()),
-        **_measured(walks),
-        "mean, same place": round(float(same), 3),
-        "mean, elsewhere": round(float(elsewhere), 3),
-        f"kept at {threshold:g}": round(float(kept[at]), 3),
-        f"false at {threshold:g}": round(float(false[at]), 4),
+        f"recall at {threshold:g}": lambda counts: float(shares_above(counts)[SAME][at]),
+        f"false positives at {threshold:g}": (
+            lambda counts: float(shares_above(counts)[ELSEWHERE][at])
+        ),
     }
 
 
-def _measured(walks: Sequence[F64]) -> dict[str, object]:
-    stacked = [counts[None] for counts in walks]
-    row: dict[str, object] = {}
-    for name, measure in MEASURES.items():
-        low, high = interval(stacked, partial(_of_pooled, measure), np.random.default_rng(0))
-        row[name] = round(_of_pooled(measure, np.concatenate(stacked)), 3)
-        row[f"{name}, 95 %"] = f"{low:.3f} to {high:.3f}"
-    return row
+def _mean(counts: F64, kind: int) -> float:
+    cells = (EDGES[:-1] + EDGES[1:]) / 2
+    return float(counts[kind] @ cells / counts[kind].sum())
+
+
+MEASURES: Mapping[str, Measure] = {
+    "AUC": area_under_curve,
+    "recall at 1 % false positives": partial(recall_at, false_positive_rate=0.01),
+    "recall at 0.1 % false positives": partial(recall_at, false_positive_rate=0.001),
+    "mean similarity, same place": partial(_mean, kind=SAME),
+    "mean similarity, elsewhere": partial(_mean, kind=ELSEWHERE),
+}
 
 
 def _of_pooled(measure: Measure, walks: F64) -> float:

@@ -7,13 +7,16 @@ import pytest
 from sklearn.metrics import roc_auc_score
 
 from elfslam.base.errors import InputError
-from studies.figures.separation import (
+from studies.results import Record
+from studies.separation import (
     area_under_curve,
     histograms,
     recall_at,
-    separation_row,
+    separation_records,
     shares_above,
 )
+
+OF = Record("ELF", "", 0.0, world="studio")
 
 
 def planted(seed: int = 0, same: int = 400, elsewhere: int = 5000) -> tuple:
@@ -56,23 +59,22 @@ def test_shares_fall_from_all_to_none() -> None:
         assert (np.diff(shares) <= 0).all()
 
 
-def test_the_row_pools_walks_and_reads_the_threshold() -> None:
+def test_walks_are_pooled_and_the_threshold_is_read() -> None:
     walks = [
         histograms(np.array([0.5, 0.39]), np.array([0.0, 0.0, 0.4, 0.2])),
         histograms(np.array([0.41, 0.7]), np.array([0.1, 0.1, 0.1, 0.1])),
     ]
-    row = separation_row(walks, 0.4)
-    assert (row["walks"], row["same place (pairs)"], row["elsewhere (pairs)"]) == (2, 4, 8)
-    assert row["kept at 0.4"] == 0.75
-    assert row["false at 0.4"] == 0.125
-    assert row["mean, same place"] == 0.5
-    assert row["recall at 1 %"] == 0.75
-    assert row["recall at 1 %, 95 %"] == "0.500 to 1.000"
+    found = {each.metric: each for each in separation_records(walks, 0.4, OF)}
+    assert found["recall at 0.4"].value == 0.75
+    assert found["false positives at 0.4"].value == 0.125
+    assert found["mean similarity, same place"].value == pytest.approx(0.5, abs=0.001)
+    recall = found["recall at 1 % false positives"]
+    assert (recall.value, recall.low, recall.high, recall.world) == (0.75, 0.5, 1.0, "studio")
 
 
 def test_walks_that_never_return_are_left_out_and_refused_alone() -> None:
     empty = histograms(np.array([]), np.array([0.1]))
     whole = histograms(np.array([0.9]), np.array([0.1]))
-    assert separation_row([empty, whole], 0.4)["walks"] == 1
+    assert separation_records([empty, whole], 0.4, OF) == separation_records([whole], 0.4, OF)
     with pytest.raises(InputError, match="no walk comes back to a place"):
-        separation_row([empty], 0.4)
+        separation_records([empty], 0.4, OF)
