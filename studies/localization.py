@@ -59,12 +59,9 @@ ELSEWHERE: Mapping[str, str] = {"studio": "lounge"}
 """Where the query walk of an unmapped place goes: the studio, unless that is the map's."""
 SENSORS = (Sensor.WIFI, Sensor.MAGNETIC)
 BASELINES = (Modality.WIFI, Modality.MAGNETIC)
-ONE_SHOT, TRAJECTORY, TRACK = "one-shot", "trajectory", "particle filter"
-MODES: Mapping[Mode, str] = {
-    Mode.ONE_SHOT: ONE_SHOT, Mode.TRAJECTORY: TRAJECTORY, Mode.TRACK: TRACK,
-}  # fmt: skip
-"""What the way of locating is called in results: the condition."""
-ALWAYS_ANSWERED = "one-shot, always answered"
+ONE_SHOT, TRAJECTORY, TRACK = Mode.ONE_SHOT.value, Mode.TRAJECTORY.value, Mode.TRACK.value
+"""The way of locating is the condition; `track` is the particle filter."""
+ALWAYS_ANSWERED = "{}, always answered"
 ANSWERED_ELSEWHERE = "answered elsewhere"
 """The share answered of a query walk that is not in the map at all."""
 VARIANTS: Mapping[str, str] = {"tuned": "", "paper": ", paper's"}
@@ -123,12 +120,8 @@ def measure_localization(
 
 
 def paper_m(record: Record) -> float | None:
-    """What the paper has in its three places.
-
-    It locates walkers by trajectory matching; that stands beside our particle filter, too.
-    """
-    way = TRAJECTORY if record.condition == TRACK else record.condition
-    known = PAPER_M.get((record.method, way), {}).get(record.world, ())
+    """What the paper has in its three places."""
+    known = PAPER_M.get((record.method, record.condition), {}).get(record.world, ())
     return dict(zip(ERRORS, known, strict=False)).get(record.metric)
 
 
@@ -147,12 +140,16 @@ def _measured(pair: Pair) -> list[Record]:
             for metric, value in numbers.items()
         )  # fmt: skip
 
-    for mode, way in MODES.items():
+    for mode in Mode:
+        way = mode.value
         fixes = located(mapped, other, mode, Settings())
         told(ELF, way, fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth))
         wrongly = located(mapped, lost, mode, Settings()).status == FixStatus.OK
         told(ELF, way, {ANSWERED_ELSEWHERE: float(np.mean(wrongly))})
-    for method, way, fixes, run in (*_always(pair, mapped, other), *_baselines(pair, mapped, other)):
+    for method, way, fixes, run in (
+        *_always(pair, mapped, other),
+        *_baselines(pair, mapped, other),
+    ):
         told(method, way, fix_numbers(fixes, other.truth, run.trajectory, mapped.truth))
     return records
 
@@ -161,7 +158,7 @@ def _always(pair: Pair, mapped: Mapped, other: Stranger) -> Iterator[tuple[str, 
     """Each feature in a map of its own making; every window is where the most similar spot is."""
     settings = walkers(pair.seed, kind_named(pair.kind))[CALIBRATED]
     for feature, own in feature_maps(mapped.recording, mapped.run, settings).items():
-        yield feature, ALWAYS_ANSWERED, own.asked(other.echoes), own.run
+        yield ALWAYS_ANSWERED.format(feature), ONE_SHOT, own.asked(other.echoes), own.run
 
 
 @cache
