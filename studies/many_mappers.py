@@ -28,7 +28,7 @@ from studies.localization import (
 )
 from studies.located import Stranger, at_its_start, fix_numbers, located_in, stranger
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
-from studies.merged_walks import one_after_another
+from studies.merged_walks import MAP, WALKS, one_after_another
 from studies.plain_features import ALWAYS, ELF, compared_encoders
 from studies.repeats import finished
 from studies.results import Record, averaged
@@ -47,7 +47,6 @@ WAYS = (MAPPED_WAY, ACROSS)
 """Where query walks go, in lanes as those who map do."""
 LAPS = 2
 """Of each who maps, every other one the opposite way round."""
-MAP, WALKS = "map", "walks in the map"
 
 
 @dataclass(frozen=True)

@@ -16,9 +16,10 @@ from elfslam.base.values import Trajectory, Truth
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
+from studies.cached import simulate
 from studies.localization import shipped
 
 CORNER_SIGMA_M = 0.15
@@ -28,6 +29,8 @@ TOGETHER_M = 0.6
 """Footsteps of two walks this close in a map lie together there."""
 WHOLE, FIRST, SECOND = "whole", "first part", "second part"
 MOVED = "moved"
+MAP, WALKS = "map", "walks in the map"
+"""The method whose error is the map's own, and how many walks came into it."""
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,13 @@ from elfslam.base.values import Fixes
 from elfslam.world.kinds import QUIET
 from studies.located import MEDIAN_M
 from studies.many_mappers import (
-    MAP,
     MAPPED_WAY,
     STUDY,
-    WALKS,
     _most_similar,
     measure_many_mappers,
 )
 from studies.mapping import MEDIAN_ALIGNED
+from studies.merged_walks import MAP, WALKS
 from studies.study import StudyContext
 
 
