@@ -245,8 +245,8 @@ def _means(tasks: Sequence[Crowd], numbers: Sequence[Sequence[Record]]) -> list[
     seeds: dict[tuple[str, str, str], dict[int, list[Record]]] = {}
     for task, records in zip(tasks, numbers, strict=True):
         for each in records:
-            of = (each.world, each.scenario, each.condition)
-            seeds.setdefault(of, {}).setdefault(task.seed, []).append(each)
+            group = (each.world, each.scenario, each.condition)
+            seeds.setdefault(group, {}).setdefault(task.seed, []).append(each)
     found = [each for walks in seeds.values() for each in averaged(walks.values(), list(walks))]
     counts = {replace(each, value=0.0, low=None, high=None): each.value for each in found}
     recalled: list[Record] = []

@@ -100,8 +100,8 @@ def measure_merging(
     for common, each in outcomes.items():
         counts = {DRAWN: len(each), **{name: each.count(name) for name in OUTCOMES}}
         records += [Record(ELF, name, count, condition=common) for name, count in counts.items()]
-    known = {"scenario": SCENARIOS[kind.name], "seeds": seeds_text(seeds)}
-    return [replace(each, **known) for each in records]
+    scenario, of = SCENARIOS[kind.name], seeds_text(seeds)
+    return [replace(each, scenario=scenario, seeds=of) for each in records]
 
 
 def _drawn(
