@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Trajectory, Truth
+from elfslam.base.values import Recording, Trajectory, Truth
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
@@ -53,14 +53,19 @@ class Stroll:
 @cache
 def strolled(stroll: Stroll) -> tuple[MappedWalk, Truth]:
     """The walk as it is mapped by itself, its start unknown, and the truth."""
+    recording, truth = recorded(stroll)
+    run = map_by_echoes(recording, shipped(), Settings())
+    return replace(walk_of(run), name=repr(stroll)), truth
+
+
+def recorded(stroll: Stroll) -> tuple[Recording, Truth]:
+    """The recording of a walk, and the truth."""
     world, kind = _routed(stroll), kind_named(stroll.kind)
     today = kind.asking(world.room) if stroll.later else kind.mapping(world.room)
-    recording, truth = simulate(
+    return simulate(
         world, stroll.seed, rounds=stroll.rounds, reverse=stroll.reverse, walker=kind.walker,
         circumstances=replace(today, state=stroll.state),
     )  # fmt: skip
-    run = map_by_echoes(recording, shipped(), Settings())
-    return replace(walk_of(run), name=repr(stroll)), truth
 
 
 def truly_apart_m(trajectories: Sequence[Trajectory], truths: Sequence[Truth]) -> F64:

@@ -21,7 +21,7 @@ from studies.merged_walks import (
     WHOLE,
     Stroll,
     one_after_another,
-    strolled,
+    recorded,
     truly_apart_m,
 )
 from studies.merging import (
@@ -92,14 +92,14 @@ def test_who_walks_later_has_another_phone(
 
     monkeypatch.setattr(merged_walks, "simulate", listen)
     with pytest.raises(InterruptedError):
-        strolled(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
+        recorded(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
     today = asked["circumstances"]
     assert (today.device, today.day, today.state) == (phone, day, MOVED)
     assert asked["walker"] == PEOPLE.walker
 
 
 def test_two_parts_of_a_route_share_no_ground() -> None:
-    truths = [strolled(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
+    truths = [recorded(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
     one, other = (truth.world_from_body[::25, :2] for truth in truths)
     assert np.linalg.norm(one[:, None] - other[None], axis=2).min() > 0.8
 
