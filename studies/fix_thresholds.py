@@ -1,8 +1,7 @@
-"""How alike a place must be to be told: fixes of strangers in development worlds by threshold.
+"""How similar a place must be to be reported: fixes in development worlds by threshold.
 
-A threshold too high leaves most queries unanswered on another phone's day; one too low answers
-where nobody has mapped. Both are counted for people, surveyors and a quiet day, for one shot, eight
-footsteps and the tracker, which have thresholds of their own.
+A threshold too high leaves most queries of another phone on another day unanswered; one too low
+answers where nobody has mapped. The three ways of locating have thresholds of their own.
 """
 
 from __future__ import annotations
@@ -17,58 +16,69 @@ from elfslam.base.choices import Mode
 from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world
-from studies.finding import Finding, Given, Row
-from studies.localization import ELSEWHERE, shipped
-from studies.located import MAPPING_ROUNDS, fix_numbers, located, mapped_walk, stranger
-from studies.repeats import Numbers, finished
+from studies.localization import ANSWERED_ELSEWHERE, ELSEWHERE, ROUNDS, shipped
+from studies.located import (
+    MAPPING_ROUNDS,
+    MEDIAN_M,
+    OVER_1_M,
+    fix_numbers,
+    located,
+    mapped_walk,
+    stranger,
+)
+from studies.repeats import finished
+from studies.results import Record, averaged
 from studies.simulated_walk import SimulatedWalk
-from studies.thresholds import SEEDS, WORLDS
+from studies.study import SCENARIOS, Study, StudyContext
 
-ROUNDS = 2
+WORLDS = ("studio", "lounge", "concourse")
+SEEDS = (100, 101, 102)
 UNKNOWN_BELOW = (0.3, 0.35, 0.4, 0.43, 0.45, 0.47, 0.5, 0.55, 0.6, 0.65, 0.7)
+METRICS = ("answered", MEDIAN_M, OVER_1_M)
 
 
 def measure_fix_thresholds(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = MAPPING_ROUNDS,
-) -> Finding:
-    """A row per kind and threshold: what is answered, rightly and elsewhere."""
+) -> list[Record]:
+    """What is answered, how well, and how much elsewhere, by threshold (the condition)."""
     tasks = [
         SimulatedWalk(world, seed, rounds, kind)
         for kind in KINDS
         for world in worlds
         for seed in seeds
     ]
-    numbers = finished(_measured, tasks, given)
-    return Finding(_rows(tasks, numbers))
+    return averaged(finished(_measured, tasks, context), seeds)
 
 
-def _measured(walk: SimulatedWalk) -> Numbers:
+def _measured(walk: SimulatedWalk) -> list[Record]:
     world, kind = load_world(walk.world), kind_named(walk.kind)
     mapped = mapped_walk(world, walk.seed, walk.rounds, shipped(), kind=kind)
     other = stranger(world, walk.seed, ROUNDS, shipped(), kind=kind)
     strange = load_world(ELSEWHERE.get(walk.world, "studio"))
     lost = stranger(strange, walk.seed, 1, shipped(), kind=kind)
-    numbers: Numbers = {}
+    records: list[Record] = []
     for mode in Mode:
         for least in UNKNOWN_BELOW:
             settings = known_above(least)
             fixes = located(mapped, other, mode, settings)
             found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
             wrongly = located(mapped, lost, mode, settings).status == FixStatus.OK
-            key = f"{mode.value}|{least:g}"
-            numbers[f"{key}|answered"] = found["answered"]
-            numbers[f"{key}|median (m)"] = found["median"]
-            numbers[f"{key}|over 1 m off"] = found["gross"]
-            numbers[f"{key}|elsewhere"] = float(np.mean(wrongly))
-    return numbers
+            numbers = {metric: found[metric] for metric in METRICS}
+            numbers[ANSWERED_ELSEWHERE] = float(np.mean(wrongly))
+            records += [
+                Record(mode.value, metric, value, world=walk.world, scenario=SCENARIOS[walk.kind],
+                       condition=f"{least:g}")
+                for metric, value in numbers.items()
+            ]  # fmt: skip
+    return records
 
 
 def known_above(least: float) -> Settings:
-    """The settings with one least likeness for all three ways of locating."""
+    """The settings with one least similarity for all three ways of locating."""
     usual = Settings()
     return replace(
         usual,
@@ -78,27 +88,8 @@ def known_above(least: float) -> Settings:
     )
 
 
-def _rows(tasks: Sequence[SimulatedWalk], numbers: Sequence[Numbers]) -> list[Row]:
-    rows: list[Row] = []
-    for kind in dict.fromkeys(task.kind for task in tasks):
-        some = [n for task, n in zip(tasks, numbers, strict=True) if task.kind == kind]
-        for key in dict.fromkeys(name.rsplit("|", 1)[0] for name in some[0]):
-            mode, least = key.split("|")
-            rows.append(
-                {
-                    "kind": kind,
-                    "mode": mode,
-                    "unknown below": float(least),
-                    **{what: _mean(some, f"{key}|{what}") for what in WHAT},
-                }
-            )
-    return rows
-
-
-WHAT = ("answered", "median (m)", "over 1 m off", "elsewhere")
-
-
-def _mean(numbers: Sequence[Numbers], key: str) -> float | None:
-    """Over the walks in which there was an answer."""
-    known = [each[key] for each in numbers if np.isfinite(each[key])]
-    return round(float(np.mean(known)), 3) if known else None
+STUDY = Study(
+    "From what similarity on should a place be reported?",
+    measure_fix_thresholds, minutes=60, long=True,
+    fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2},
+)  # fmt: skip

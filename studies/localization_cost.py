@@ -14,30 +14,32 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Odometry, Payl
 from elfslam.line.locate import fixes_of, likeness
 from elfslam.line.segments import locate_by_segments
 from elfslam.line.track import Tracker
-from studies.finding import Given, Row
-from studies.localization import shipped
+from studies.localization import ONE_SHOT, TRACK, TRAJECTORY, shipped
+from studies.results import Record
+from studies.study import Study, StudyContext
 
 SPOTS = (4_000, 100_000)
 ECHOES = 6
 """Of a sequence of 0.6 s."""
 SPACING_M, STEP_M = 0.1, 0.7
-GOAL_SPOTS, GOAL_MS, GOAL_MB = 4_000, 10.0, 4.0
 REPEATS = 15
+TIME, MEMORY = "processor time of a fix (ms)", "map in memory (MB)"
 
 
 def measure_localization_cost(
-    given: Given, *, spots: Sequence[int] = SPOTS, repeats: int = REPEATS
-) -> list[Row]:
+    context: StudyContext, *, spots: Sequence[int] = SPOTS, repeats: int = REPEATS
+) -> list[Record]:
     """Medians over repeats of the processor time of one fix, encoder included."""
-    rows: list[Row] = []
+    records: list[Record] = []
     for number, count in enumerate(spots):
-        given.announce(f"{count} spots", number / len(spots))
-        floor_map = grid_map(count, np.random.default_rng(0))
-        goal = (GOAL_MS, GOAL_MB) if count <= GOAL_SPOTS else (None, None)
-        for what, once in _ways(floor_map):
-            rows.append(_row(count, what, _median_ms(once, repeats), "ms", goal[0]))
-        rows.append(_row(count, "map in memory", map_bytes(floor_map) / 1e6, "MB", goal[1]))
-    return rows
+        context.announce(f"{count} spots", number / len(spots))
+        floor_map, of = grid_map(count, np.random.default_rng(0)), f"{count} spots"
+        records += [
+            Record(way, TIME, _median_ms(once, repeats), condition=of)
+            for way, once in _ways(floor_map)
+        ]
+        records.append(Record("map", MEMORY, map_bytes(floor_map) / 1e6, condition=of))
+    return records
 
 
 def grid_map(count: int, generator: np.random.Generator) -> FloorMap:
@@ -92,9 +94,9 @@ def _ways(floor_map: FloorMap) -> Iterator[tuple[str, Callable[[], object]]]:
         heard()
         return locate_by_segments(nodes, scores, floor_map, known.segments)
 
-    yield "one-shot, encoder and all", one_shot
-    yield "tracker, encoder and all", tracked
-    yield "trajectory, encoder and all", by_trajectory
+    yield ONE_SHOT, one_shot
+    yield TRACK, tracked
+    yield TRAJECTORY, by_trajectory
 
 
 def _straight(footsteps: int) -> Odometry:
@@ -113,11 +115,7 @@ def _median_ms(once: Callable[[], object], repeats: int) -> float:
     return 1e3 * float(np.median(taken))
 
 
-def _row(spots: int, what: str, value: float, unit: str, goal: float | None) -> Row:
-    return {
-        "spots": spots,
-        "what": what,
-        "value": float(f"{value:.3g}"),
-        "unit": unit,
-        "goal": goal,
-    }
+STUDY = Study(
+    "What does a fix cost, by the number of spots of the map?",
+    measure_localization_cost, minutes=1, fast={"spots": (400, 900), "repeats": 2},
+)  # fmt: skip

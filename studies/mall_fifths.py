@@ -1,8 +1,12 @@
-"""Real floors: four fifths of the walks make the map, the others are located in it."""
+"""Real floors: four fifths of the walks make the map, the others are located in it.
+
+Mapping walks begin at a known place, query walks anywhere. The labelled baseline knows where every
+mapped scan was made.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from pathlib import Path
@@ -13,7 +17,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.choices import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Fixes, Trajectory, WifiScans
+from elfslam.base.values import Fixes, Trajectory, Truth, WifiScans
 from elfslam.baselines.floor_places import (
     FloorPlaces,
     at_each_place,
@@ -22,14 +26,20 @@ from elfslam.baselines.floor_places import (
     whole_walk,
 )
 from elfslam.baselines.floor_walks import FloorParameters, floor_map, floor_turn, solved, turned
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.figures import SLAM
-from elfslam.scoring.page import Page, Panel, rows_table
-from studies.figures.walks_figure import floor_of_walks
-from studies.finding import Finding, Given, Row
-from studies.labelled_neighbours import labelled_neighbours
-from studies.mall_floor import FLOORS, SurveyedWalk, archive_of, surveyed_walks
-from studies.repeats import Numbers, finished
+from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters
+from elfslam.baselines.wifi_places import place_scores, powers, wifi_places
+from studies.mall_floor import (
+    ARCHIVE,
+    FLOORS,
+    SurveyedWalk,
+    archive_of,
+    error_records,
+    surveyed_walks,
+    use_of,
+)
+from studies.repeats import finished
+from studies.results import Record
+from studies.study import Study, StudyContext
 
 SPLITS = 5
 MAPPED_BY = (Modality.WIFI, Modality.MAGNETIC)
@@ -37,19 +47,15 @@ SOERENSEN, EUCLIDEAN = "Wi-Fi, labelled, Soerensen", "Wi-Fi, labelled, Euclidean
 ONE_PLACE, LIVE = "Wi-Fi, one place", "Wi-Fi, live"
 TRAJECTORY, WITH_FIELD = "Wi-Fi, whole walk", "Wi-Fi and magnetic, whole walk"
 METHODS = (SOERENSEN, EUCLIDEAN, ONE_PLACE, LIVE, TRAJECTORY, WITH_FIELD)
-NOTE = (
-    "Every fifth walk is located in the map that the others make. Mapped walks begin at a known "
-    "place, those to be located anywhere. Labelled rivals know where every mapped scan was made."
-)
-ROWS_NOTE = (
-    "Errors at all waypoints that got an answer, of every walk once; in brackets 95 %, over walks. "
-    "Labelled: the three most alike scans, whose true positions are known. One place: what is "
-    "heard around the waypoint. Live: what was known by then. Whole walk: all of it, afterwards."
-)
-MAP_NOTE = (
-    "Dots: waypoints. Red lines lead to where they are thought to be; these are joined to "
-    "walks. By: "
-)
+NEIGHBOURS = 3
+UNSEEN_DBM = -104.0
+POWED = WifiFingerprintParameters(floor_dbm=UNSEEN_DBM, power=float(np.e))
+"""Strengths above the floor to the power of e (Torres-Sospedra et al. 2015). By these the share of
+power in common orders places as Soerensen's distance does, which is a function of it."""
+LINEAR = WifiFingerprintParameters(floor_dbm=UNSEEN_DBM, power=1.0)
+Scan = tuple[WifiScans, Truth]
+Alike = Callable[[Fingerprints], F64]
+ERROR = "error (m)"
 
 
 @dataclass(frozen=True)
@@ -61,28 +67,36 @@ class Split:
 
 
 def measure_mall_fifths(
-    given: Given, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
-) -> Finding:
-    """A row per floor and method: errors at the waypoints of walks that are held out in turn.
+    context: StudyContext, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
+) -> list[Record]:
+    """Errors at the waypoints of walks that are held out in turn, by floor and method.
 
-    `data` holds `mall_walks/*.tar.xz`. Raises InputError where they are missing.
+    Raises InputError where there are no walks.
     """
     tasks = [Split(floor, which) for floor in floors for which in range(SPLITS)]
-    measure = partial(_measured, data=given.data, most_walks=most_walks)
-    numbers = finished(measure, tasks, given)
-    rows: list[Row] = []
-    panels: list[Panel] = []
-    for floor in floors:
-        found: Numbers = {}
-        for task, each in zip(tasks, numbers, strict=True):
-            found |= each if task.floor == floor else {}
-        walks = _walks_on(floor, given.data, most_walks)
-        rows += [
-            fifths_row(floor, method, walks, _found(found, method, walks)) for method in METHODS
-        ]
-        panels.append(_panel(floor, walks, _found(found, TRAJECTORY, walks)))
-    table = Panel("Errors", rows_table(rows), ROWS_NOTE, wide=True)
-    return Finding(rows, Page("Located on a floor that others mapped", NOTE, [table, *panels]))
+    measure = partial(_measured, data=context.data, most_walks=most_walks)
+    errors: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for each in (record for found in finished(measure, tasks, context) for record in found):
+        of_walk = errors.setdefault((each.world, each.method), {})
+        of_walk.setdefault(each.condition, []).append(each.value)
+    return [
+        record
+        for (floor, method), walks in errors.items()
+        for record in fifths_records(floor, method, [np.array(each) for each in walks.values()])
+    ]
+
+
+def fifths_records(floor: str, method: str, errors: Sequence[F64]) -> Iterator[Record]:
+    """Errors of one method over all walks at their waypoints (k), and how many have an answer."""
+    answered = [each[np.isfinite(each)] for each in errors]
+    yield from error_records(floor, method, answered)
+    waypoints = sum(map(len, errors))
+    numbers = {
+        "answered": sum(map(len, answered)) / waypoints, "walks": len(errors),
+        "waypoints": waypoints,
+    }  # fmt: skip
+    for metric, value in numbers.items():
+        yield Record(method, metric, float(value), world=floor, condition=use_of(floor))
 
 
 def located_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:
@@ -147,77 +161,86 @@ def _at_waypoints(walk: SurveyedWalk, found: Trajectory | None) -> F64:
     return interpolate_poses(found.t_s, found.world_from_body, walk.truth.t_s)[:, :2]
 
 
-def fifths_row(floor: str, method: str, walks: Sequence[SurveyedWalk], found: Sequence[F64]) -> Row:
-    """Errors of one method over all walks, from its positions (k, 2) at their waypoints."""
-    errors = [
-        np.linalg.norm(at - walk.truth.world_from_body[:, :2], axis=1)
-        for walk, at in zip(walks, found, strict=True)
-    ]
-    each = np.concatenate(errors)
-    answered = [some[np.isfinite(some)] for some in errors]
-    given = np.concatenate(answered)
-    row: Row = {
-        "floor": floor,
-        "used to": FLOORS.get(floor, "develop"),
-        "method": method,
-        "walks": len(walks),
-        "waypoints": len(each),
-        "answered (%)": round(100 * len(given) / len(each), 1),
-    }
-    for name, statistic in STATISTICS.items():
-        low, high = interval(answered, statistic, np.random.default_rng(0))
-        row[f"{name} (m)"] = f"{statistic(given):.1f} [{low:.1f}, {high:.1f}]"
-    return row
-
-
-STATISTICS: Mapping[str, Callable[[F64], float]] = {
-    "median": lambda errors: float(np.median(errors)),
-    "mean": lambda errors: float(np.mean(errors)),
-    "third quartile": lambda errors: float(np.quantile(errors, 0.75)),
-}
-
-
 @cache
 def _walks_on(floor: str, data: Path | None, most: int | None) -> list[SurveyedWalk]:
     return located_walks(archive_of(data, floor), most)
 
 
-def _measured(split: Split, data: Path | None, most_walks: int | None) -> Numbers:
+def _measured(split: Split, data: Path | None, most_walks: int | None) -> list[Record]:
+    """Errors at waypoints of held-out walks, NaN without an answer; the condition is the walk."""
     mapped, held = split_walks(_walks_on(split.floor, data, most_walks), split.which)
     parameters = FloorParameters()
     trajectories, _ = solved(mapped, MAPPED_BY, parameters)
     known = floor_map(mapped, trajectories, MAPPED_BY, parameters)
     places = floor_places(known, MAPPED_BY, parameters)
     found = positions(mapped, places, list(held.values()))
-    return {
-        f"{method}|{number}|{k}|{axis}": float(value)
-        for method, walks in found.items()
-        for number, at in zip(held, walks, strict=True)
-        for k, point in enumerate(at)
-        for axis, value in zip("xy", point, strict=True)
-    }
-
-
-def _found(numbers: Numbers, method: str, walks: Sequence[SurveyedWalk]) -> list[F64]:
-    """The positions (k, 2) of one method at the waypoints of each walk."""
     return [
-        np.array(
-            [
-                [numbers[f"{method}|{number}|{k}|{axis}"] for axis in "xy"]
-                for k in range(len(walk.truth.t_s))
-            ]
-        )
-        for number, walk in enumerate(walks)
+        Record(method, ERROR, float(error_m), world=split.floor, condition=str(number))
+        for method, walks in found.items()
+        for (number, walk), at in zip(held.items(), walks, strict=True)
+        for error_m in np.linalg.norm(at - walk.truth.world_from_body[:, :2], axis=1)
     ]
-
-
-def _panel(floor: str, walks: Sequence[SurveyedWalk], found: Sequence[F64]) -> Panel:
-    true = [walk.truth.world_from_body[:, :2] for walk in walks]
-    return Panel(
-        f"{floor}, located", floor_of_walks(found, found, true, SLAM), MAP_NOTE + TRAJECTORY
-    )
 
 
 def _scans(walk: SurveyedWalk) -> WifiScans:
     assert walk.recording.wifi is not None
     return walk.recording.wifi
+
+
+def labelled_neighbours(
+    walks: Sequence[Scan], known: Sequence[Scan], distance: str
+) -> Iterator[F64]:
+    """Positions (k, 2) at the waypoints of each walk: each from the scans before and after it.
+
+    A scan is where the three most similar scans of the known walks truly were.
+    """
+    xy_m = np.vstack([_true_at(scans.t_s, truth) for scans, truth in known])
+    alike = ALIKE[distance]([_each(scans) for scans, _ in known])
+    for scans, truth in walks:
+        best = np.argsort(-alike(_each(scans)), axis=1, kind="stable")[:, :NEIGHBOURS]
+        at_m = xy_m[best].mean(axis=1)
+        yield _between(scans.t_s, at_m, truth.t_s)
+
+
+def _each(scans: WifiScans) -> Fingerprints:
+    heard = np.where(np.isfinite(scans.rssi_dbm), scans.rssi_dbm, UNSEEN_DBM)
+    return Fingerprints(scans.bssids, heard)
+
+
+def _true_at(t_s: F64, truth: Truth) -> F64:
+    return _between(truth.t_s, truth.world_from_body[:, :2], t_s)
+
+
+def _between(t_s: F64, xy_m: F64, at_s: F64) -> F64:
+    return np.column_stack([np.interp(at_s, t_s, xy_m[:, axis]) for axis in (0, 1)])
+
+
+def _soerensen(known: Sequence[Fingerprints]) -> Alike:
+    nowhere = [np.zeros((len(each.rssi_dbm), 2)) for each in known]
+    places = wifi_places(known, nowhere, POWED)
+    return lambda one: place_scores(one, places, POWED)
+
+
+def _euclidean(known: Sequence[Fingerprints]) -> Alike:
+    """Minus the squared distances, but for what is heard at the one place and never there."""
+    places = wifi_places(known, [np.zeros((len(each.rssi_dbm), 2)) for each in known], LINEAR)
+    square = (places.power**2).sum(axis=0)
+
+    def alike(one: Fingerprints) -> F64:
+        here = powers(one, places.bssids, LINEAR)
+        return np.asarray(2 * here @ places.power - square)
+
+    return alike
+
+
+ALIKE: Mapping[str, Callable[[Sequence[Fingerprints]], Alike]] = {
+    "Soerensen": _soerensen,
+    "Euclidean": _euclidean,
+}
+
+
+STUDY = Study(
+    "How far off are walks located on a real mall floor that other people's walks mapped?",
+    measure_mall_fifths, minutes=10, data=tuple(map(ARCHIVE.format, FLOORS)), long=True,
+    fast={"floors": ("F1",), "most_walks": 8},
+)  # fmt: skip

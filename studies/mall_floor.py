@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -27,12 +27,13 @@ from elfslam.data.importing import declared_start
 from elfslam.data.log_files import Imported
 from elfslam.data.mall import read_walk, walks_in
 from elfslam.line.motion import MotionParameters
-from elfslam.scoring.figures import DEAD_RECKONING, SLAM
-from elfslam.scoring.page import Page, Panel, rows_table
-from studies.figures.walks_figure import floor_of_walks
-from studies.finding import Finding, Given, Row
+from elfslam.scoring.bootstrap import interval
+from studies.results import Record
+from studies.study import Study, StudyContext
 
-FLOORS = {"F1": "develop", "F4": "report"}
+ARCHIVE = "mall_walks/site1-{}.tar.xz"
+FLOORS: Mapping[str, str] = {"F1": "developed on", "F4": "reported"}
+"""What each floor was used to: the condition."""
 RECKONED, TOGETHER = "dead reckoning", "wifi and magnetic"
 METHODS: Mapping[str, tuple[Modality, ...]] = {
     RECKONED: (),
@@ -40,14 +41,12 @@ METHODS: Mapping[str, tuple[Modality, ...]] = {
     "wifi": (Modality.WIFI,),
     TOGETHER: (Modality.WIFI, Modality.MAGNETIC),
 }
-NOTE = (
-    "Walks of many people at many times, each from its known start with the heading of the phone's "
-    "own sensors. Dots: waypoints. Lines lead from each to where the walk is thought to have been."
-)
-ROWS_NOTE = (
-    "Errors at the waypoints after the start; nothing is aligned, and the angle from compass to "
-    "floor is what the walks themselves tell. Found: walks with a closure to another."
-)
+STATISTICS: Mapping[str, Callable[[F64], float]] = {
+    "median error (m)": lambda errors: float(np.median(errors)),
+    "mean error (m)": lambda errors: float(np.mean(errors)),
+    "third quartile (m)": lambda errors: float(np.quantile(errors, 0.75)),
+}
+TWO_SIGMA = 1.96
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,32 +57,55 @@ class SurveyedWalk(FloorWalk):
 
 
 def measure_mall_floor(
-    given: Given, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
-) -> Finding:
-    """A row per floor and method: errors at the waypoints of walks that are solved together.
+    context: StudyContext, *, floors: Sequence[str] = tuple(FLOORS), most_walks: int | None = None
+) -> list[Record]:
+    """Errors at the waypoints after the start, nothing aligned, of walks solved together.
 
-    `data` holds `mall_walks/*.tar.xz`. `most_walks` takes the first few of each floor alone.
-    Raises InputError where they are missing.
+    `most_walks` takes the first few of each floor alone. Raises InputError where there are none.
     """
-    rows: list[Row] = []
-    panels: list[Panel] = []
+    records: list[Record] = []
     parameters = FloorParameters()
     for floor in floors:
-        given.announce(f"reading {floor}", None)
-        walks = surveyed_walks(archive_of(given.data, floor), most_walks)
+        context.announce(f"reading {floor}", None)
+        walks = surveyed_walks(archive_of(context.data, floor), most_walks)
         turn = floor_turn(walks, parameters)
         walks = [turned(walk, turn.turn_rad) for walk in walks]
-        poses: dict[str, list[F64]] = {}
+        records += _of_the_floor(floor, walks, turn)
         for k, method in enumerate(METHODS):
-            given.announce(f"{floor}: {method}", k / len(METHODS))
-            poses[method], found = _solved(walks, METHODS[method])
-            errors = [
-                waypoint_errors(walk, each) for walk, each in zip(walks, poses[method], strict=True)
-            ]
-            rows.append(_row(floor, FLOORS[floor], method, errors, found, turn))
-        panels += _panels(floor, walks, poses)
-    table = Panel("Errors", rows_table(rows), ROWS_NOTE, wide=True)
-    return Finding(rows, Page("A floor from everybody's walks", NOTE, [table, *panels]))
+            context.announce(f"{floor}: {method}", k / len(METHODS))
+            poses, found = _solved(walks, METHODS[method])
+            errors = [waypoint_errors(*pair) for pair in zip(walks, poses, strict=True)]
+            records += error_records(floor, method, errors)
+            share = Record(method, "walks with a closure to another", found, world=floor,
+                           condition=use_of(floor))  # fmt: skip
+            records += [share] if METHODS[method] else []
+    return records
+
+
+def use_of(floor: str) -> str:
+    """What a floor was used to; every other one was developed on."""
+    return FLOORS.get(floor, FLOORS["F1"])
+
+
+def error_records(floor: str, method: str, errors: Sequence[F64]) -> Iterator[Record]:
+    """Median, mean and third quartile of all errors (k) of walks, with intervals over walks."""
+    for metric, statistic in STATISTICS.items():
+        low, high = interval(errors, statistic, np.random.default_rng(0))
+        yield Record(method, metric, statistic(np.concatenate(errors)), low, high, world=floor,
+                     condition=use_of(floor))  # fmt: skip
+
+
+def _of_the_floor(floor: str, walks: Sequence[SurveyedWalk], turn: FloorTurn) -> Iterator[Record]:
+    """How many walks there are, and by what angle the floor lies turned against the compass."""
+    turn_deg, sigma_deg = np.rad2deg(turn.turn_rad), TWO_SIGMA * np.rad2deg(turn.sigma_rad)
+    numbers = {
+        "walks": (len(walks), None, None),
+        "waypoints": (sum(len(walk.truth.t_s) - 1 for walk in walks), None, None),
+        "turn (degrees)": (turn_deg, turn_deg - sigma_deg, turn_deg + sigma_deg),
+    }
+    for metric, (value, low, high) in numbers.items():
+        yield Record("floor", metric, float(value), low, high, world=floor,
+                     condition=use_of(floor))  # fmt: skip
 
 
 def surveyed_walks(archive: Path, most: int | None) -> list[SurveyedWalk]:
@@ -116,37 +138,11 @@ def archive_of(data: Path | None, floor: str) -> Path:
     """Where the walks of a floor lie. Raises InputError where there is no data at all."""
     if data is None:
         raise InputError("mall floor: wanted real walks; set ELFSLAM_DATA to the folder of them")
-    return data / "mall_walks" / f"site1-{floor}.tar.xz"
+    return data / ARCHIVE.format(floor)
 
 
-def _row(
-    floor: str, use: str, method: str, errors: Sequence[F64], found: float, turn: FloorTurn
-) -> Row:
-    each = np.concatenate(errors)
-    return {
-        "floor": floor,
-        "used to": use,
-        "method": method,
-        "walks": len(errors),
-        "waypoints": len(each),
-        "median (m)": round(float(np.median(each)), 2),
-        "mean (m)": round(float(each.mean()), 2),
-        "third quartile (m)": round(float(np.quantile(each, 0.75)), 2),
-        "found (%)": round(100 * found),
-        "turned (degrees)": f"{np.rad2deg(turn.turn_rad):.1f} +- {np.rad2deg(turn.sigma_rad):.1f}",
-    }
-
-
-def _panels(floor: str, walks: Sequence[SurveyedWalk], poses: dict[str, list[F64]]) -> list[Panel]:
-    """The floor before and after."""
-    shown = {RECKONED: DEAD_RECKONING, TOGETHER: SLAM}
-    panels = []
-    for method, color in shown.items():
-        at = [
-            interpolate_poses(walk.nodes.t_s, each, walk.truth.t_s)[:, :2]
-            for walk, each in zip(walks, poses[method], strict=True)
-        ]
-        true = [walk.truth.world_from_body[:, :2] for walk in walks]
-        figure = floor_of_walks([each[:, :2] for each in poses[method]], at, true, color)
-        panels.append(Panel(f"{floor}, {method}", figure))
-    return panels
+STUDY = Study(
+    "How far off are all walks of a mall floor, solved together by Wi-Fi and magnetic field?",
+    measure_mall_floor, minutes=3, data=tuple(map(ARCHIVE.format, FLOORS)),
+    fast={"floors": ("F1",), "most_walks": 8},
+)  # fmt: skip

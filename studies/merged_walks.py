@@ -12,13 +12,14 @@ from scipy.spatial import cKDTree
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.values import Trajectory, Truth
+from elfslam.base.values import Recording, Trajectory, Truth
 from elfslam.slam.merging import MappedWalk, walk_of
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World
+from studies.cached import simulate
 from studies.localization import shipped
 
 CORNER_SIGMA_M = 0.15
@@ -28,6 +29,8 @@ TOGETHER_M = 0.6
 """Footsteps of two walks this close in a map lie together there."""
 WHOLE, FIRST, SECOND = "whole", "first part", "second part"
 MOVED = "moved"
+MAP, WALKS = "map", "walks in the map"
+"""The method whose error is the map's own, and how many walks came into it."""
 
 
 @dataclass(frozen=True)
@@ -50,14 +53,19 @@ class Stroll:
 @cache
 def strolled(stroll: Stroll) -> tuple[MappedWalk, Truth]:
     """The walk as it is mapped by itself, its start unknown, and the truth."""
+    recording, truth = recorded(stroll)
+    run = map_by_echoes(recording, shipped(), Settings())
+    return replace(walk_of(run), name=repr(stroll)), truth
+
+
+def recorded(stroll: Stroll) -> tuple[Recording, Truth]:
+    """The recording of a walk, and the truth."""
     world, kind = _routed(stroll), kind_named(stroll.kind)
     today = kind.asking(world.room) if stroll.later else kind.mapping(world.room)
-    recording, truth = simulate(
+    return simulate(
         world, stroll.seed, rounds=stroll.rounds, reverse=stroll.reverse, walker=kind.walker,
         circumstances=replace(today, state=stroll.state),
     )  # fmt: skip
-    run = map_by_echoes(recording, shipped(), Settings())
-    return replace(walk_of(run), name=repr(stroll)), truth
 
 
 def truly_apart_m(trajectories: Sequence[Trajectory], truths: Sequence[Truth]) -> F64:

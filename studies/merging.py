@@ -3,32 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from elfslam.base.values import FloorMap
+from elfslam.base.choices import Mode
+from elfslam.base.values import FloorMap, Trajectory, Truth
 from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position_errors
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.merging import MergeParameters, add_walk, merge
+from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge
 from elfslam.slam.merging.grow import map_of
 from elfslam.world.kinds import SURVEYOR, Kind
-from studies.figures.curves import Curve, curves_figure
-from studies.figures.outcomes import outcomes_figure
-from studies.finding import Finding, Given, Row
+from studies.localization_cost import map_bytes
+from studies.located import MEDIAN_M
+from studies.mapping import MEDIAN_ALIGNED
 from studies.merged_walks import (
     FIRST,
+    MAP,
     MOVED,
     SECOND,
+    WALKS,
     WHOLE,
     Stroll,
     one_after_another,
     strolled,
     truly_apart_m,
 )
-from studies.repeats import Numbers, finished
+from studies.plain_features import ELF
+from studies.repeats import finished
+from studies.results import Record, seeds_text
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(10))
@@ -39,8 +44,11 @@ BESIDES: Mapping[str, int] = {OPPOSITE: 10, CHANGED: 10}
 OVERLAPPING = (SAME, PARTLY)
 RIGHT_M = 1.0
 """Walks that typically are less far apart where the map has them together are merged rightly."""
-WALKS = (1, 2, 4, 8)
-OUTCOMES = ("right", "refused", "wrong")
+COUNTS = (1, 2, 4, 8)
+"""Of walks in a map."""
+RIGHT, REFUSED, WRONG = OUTCOMES = ("right (pairs)", "refused (pairs)", "wrong (pairs)")
+DRAWN = "drawn (pairs)"
+OVERLAP = "all that overlap"
 
 
 @dataclass(frozen=True)
@@ -63,15 +71,15 @@ class Growth:
 
 
 def measure_merging(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     pairs: Mapping[str, int] | None = None,
-    walks: Sequence[int] = WALKS,
+    walks: Sequence[int] = COUNTS,
     kind: Kind = SURVEYOR,
-) -> Finding:
-    """Outcomes of random pairs of walks, and maps of 1 to 8 walks."""
+) -> list[Record]:
+    """Outcomes of random pairs by what they have in common, and maps of 1 to 8 walks."""
     wanted = {**HUNDRED, **BESIDES} if pairs is None else pairs
     generator = np.random.default_rng(0)
     every = [common for common, count in wanted.items() for _ in range(count)]
@@ -82,17 +90,18 @@ def measure_merging(
         for count in walks
     ]
     tasks: list[Pair | Growth] = [*dict.fromkeys(drawn), *grown]
-    numbers = finished(_measured, tasks, given)
-    found = dict(zip(tasks, numbers, strict=True))
+    found = dict(zip(tasks, finished(_measured, tasks, context), strict=True))
     outcomes = {
-        common: _counted([found[pair] for pair in drawn if pair.common == common])
+        common: [record.metric for pair in drawn if pair.common == common for record in found[pair]]
         for common in wanted
     }
-    growth = _whole(
-        [{"world": each.world, "walks": len(each.walks), **_rounded(found[each])} for each in grown]
-    )
-    rows: list[Row] = [{"pairs": common, **counts} for common, counts in outcomes.items()]
-    return Finding(_together(outcomes, rows, growth), _page(outcomes, rows, growth))
+    outcomes[OVERLAP] = [each for common in OVERLAPPING for each in outcomes.get(common, [])]
+    records = [each for growth in grown for each in found[growth]]
+    for common, each in outcomes.items():
+        counts = {DRAWN: len(each), **{name: each.count(name) for name in OUTCOMES}}
+        records += [Record(ELF, name, count, condition=common) for name, count in counts.items()]
+    scenario, of = SCENARIOS[kind.name], seeds_text(seeds)
+    return [replace(each, scenario=scenario, seeds=of) for each in records]
 
 
 def _drawn(
@@ -123,133 +132,83 @@ def _drawn(
     )
 
 
-def _measured(task: Pair | Growth) -> Numbers:
-    return _pair(task) if isinstance(task, Pair) else _growth(task)
+def _measured(task: Pair | Growth) -> list[Record]:
+    return [_outcome(task)] if isinstance(task, Pair) else list(_growth(task))
 
 
-def _pair(pair: Pair) -> Numbers:
-    """What came of a pair: right, wrong or refused, and its error where it was merged."""
+def _outcome(pair: Pair) -> Record:
+    """What came of a pair: merged rightly, wrongly, or refused."""
     (one, one_truth), (other, other_truth) = strolled(pair.one), strolled(pair.other)
     made = merge([one, other], MergeParameters())
     if not made.maps:
-        return {"refused": 1.0}
+        return Record(ELF, REFUSED, 1.0)
     if pair.common in (OTHER, APART):
-        return {"wrong": 1.0}
+        return Record(ELF, WRONG, 1.0)
     apart_m = truly_apart_m(made.maps[0].trajectories, [one_truth, other_truth])
-    typical_m = float(np.median(apart_m)) if len(apart_m) else np.inf
-    return {"right" if typical_m < RIGHT_M else "wrong": 1.0, "apart (m)": min(typical_m, 1e3)}
+    right = len(apart_m) > 0 and float(np.median(apart_m)) < RIGHT_M
+    return Record(ELF, RIGHT if right else WRONG, 1.0)
 
 
-def _growth(growth: Growth) -> Numbers:
-    """Errors of a map of some walks and of a stranger in it, its size, and the last walk's cost."""
-    parameters = MergeParameters()
+def _growth(growth: Growth) -> Iterator[Record]:
+    """Errors of a map of some walks and of a query walk in it, its size, and one more walk's cost.
+
+    Where nothing was merged there is but one walk in the map.
+    """
     strolls = [
         strolled(Stroll(growth.world, seed, later=number % 2 == 1, kind=growth.kind))
         for number, seed in enumerate(growth.walks)
     ]
-    walks, truths = zip(*strolls, strict=True)
+    asked, truth = strolled(Stroll(growth.world, growth.stranger, later=True, kind=growth.kind))
+    made = _map_of([walk for walk, _ in strolls])
+    numbers: dict[tuple[str, str], float] = {(MAP, WALKS): 1.0}
+    if made is not None:
+        names, trajectories, floor_map = made
+        truths = {walk.name: true for walk, true in strolls}
+        walked, true = one_after_another(trajectories, [truths[name] for name in names])
+        fixes = locate_one_shot(asked.features, floor_map, LocateParameters())
+        found = fix_errors(fixes, truth, alignment_of(walked, true))
+        query = f"{ELF}, {Mode.ONE_SHOT.value}"
+        numbers = {
+            (MAP, WALKS): float(len(trajectories)),
+            (MAP, MEDIAN_ALIGNED): _median_m(walked, true),
+            (query, MEDIAN_M): found.ok.median_m,
+            (query, "third quartile (m)"): found.ok.q3_m,
+            (query, "answered"): found.coverage,
+            (MAP, "spots"): float(len(floor_map.xy_m)),
+            (MAP, "memory (MB)"): map_bytes(floor_map) / 1e6,
+            (MAP, "one more walk (s)"): _adding_s(floor_map, asked),
+        }
+    for (method, metric), value in numbers.items():
+        if np.isfinite(value):
+            condition = f"{len(growth.walks)} walks"
+            yield Record(method, metric, value, world=growth.world, condition=condition)
+
+
+def _map_of(
+    walks: Sequence[MappedWalk],
+) -> tuple[Sequence[str], Sequence[Trajectory], FloorMap] | None:
+    """The names and trajectories of the walks that came into one map, and the map."""
     if len(walks) == 1:
-        trajectories, inside = [walks[0].trajectory], list(truths)
-        floor_map = map_of(walks[0], walks[0].trajectory, parameters)
-    else:
-        made = merge(walks, parameters).maps
-        if not made:
-            return {"merged": 1.0}
-        named = {walk.name: truth for walk, truth in zip(walks, truths, strict=True)}
-        trajectories, inside = list(made[0].trajectories), [named[name] for name in made[0].names]
-        floor_map = made[0].floor_map
-    stranger, truth = strolled(Stroll(growth.world, growth.stranger, later=True, kind=growth.kind))
-    fixes = locate_one_shot(stranger.features, floor_map, LocateParameters())
-    walked, true = one_after_another(trajectories, inside)
-    found = fix_errors(fixes, truth, alignment_of(walked, true))
+        (walk,) = walks
+        return [walk.name], [walk.trajectory], map_of(walk, walk.trajectory, MergeParameters())
+    made = merge(walks, MergeParameters()).maps
+    return (made[0].names, made[0].trajectories, made[0].floor_map) if made else None
+
+
+def _median_m(walked: Trajectory, true: Truth) -> float:
     errors_m = position_errors(walked.t_s, walked.world_from_body, true, Alignment.ALIGNED)
+    return float(np.median(errors_m))
+
+
+def _adding_s(floor_map: FloorMap, walk: MappedWalk) -> float:
     began_s = time.perf_counter()
-    add_walk(floor_map, stranger, parameters)
-    return {
-        "merged": float(len(trajectories)),
-        "map error (m)": float(np.median(errors_m)),
-        "one-shot error (m)": found.ok.median_m,
-        "one-shot Q3 (m)": found.ok.q3_m,
-        "answered": found.coverage,
-        "spots": float(len(floor_map.xy_m)),
-        "memory (MB)": _megabytes(floor_map),
-        "one more walk (s)": time.perf_counter() - began_s,
-    }
+    add_walk(floor_map, walk, MergeParameters())
+    return time.perf_counter() - began_s
 
 
-def _megabytes(floor_map: FloorMap) -> float:
-    arrays = [value for value in vars(floor_map).values() if isinstance(value, np.ndarray)]
-    return sum(each.nbytes for each in [*arrays, *(p.vectors for p in floor_map.payloads)]) / 1e6
-
-
-def _counted(found: Sequence[Numbers]) -> dict[str, int]:
-    return {name: sum(name in each for each in found) for name in OUTCOMES}
-
-
-def _rounded(numbers: Numbers) -> Row:
-    return {
-        name: round(value, 3) if np.isfinite(value) else None for name, value in numbers.items()
-    }
-
-
-def _overlapping(outcomes: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
-    """The outcomes of all pairs that share ground in the same direction."""
-    return {
-        name: sum(outcomes.get(common, {}).get(name, 0) for common in OVERLAPPING)
-        for name in OUTCOMES
-    }
-
-
-def _together(
-    outcomes: Mapping[str, Mapping[str, int]], rows: Sequence[Row], growth: Sequence[Row]
-) -> list[Row]:
-    """Both tables as one; the overlapping pairs summed up."""
-    return _whole([*rows, {"pairs": "all that overlap", **_overlapping(outcomes)}, *growth])
-
-
-def _whole(rows: Sequence[Row]) -> list[Row]:
-    """Rows that have all columns of all; empty where nothing was merged."""
-    names = list(dict.fromkeys(name for row in rows for name in row))
-    return [{name: row.get(name) for name in names} for row in rows]
-
-
-def _page(
-    outcomes: Mapping[str, Mapping[str, int]], rows: Sequence[Row], growth: Sequence[Row]
-) -> Page:
-    total = _overlapping(outcomes)
-    overlapping = max(sum(total.values()), 1)
-    wrong = sum(counts["wrong"] for counts in outcomes.values())
-    panels = [
-        Panel("How pairs came out", outcomes_figure(outcomes, "pairs"), PAIRS_NOTE, wide=True),
-        *(_growth_panel(growth, name) for name in ("map error (m)", "one-shot error (m)")),
-        *(_growth_panel(growth, name) for name in ("answered", "one more walk (s)")),
-        Panel("Pairs", rows_table(rows), wide=True),
-        Panel("Maps of several walks", rows_table(growth), GROWTH_NOTE, wide=True),
-    ]
-    tiles = {
-        "of the overlapping merged rightly": f"{total['right'] / overlapping:.0%}",
-        "merged wrongly": str(wrong),
-        "pairs": str(sum(sum(counts.values()) for counts in outcomes.values())),
-    }
-    return Page("Merging walks", "unknown starts, one map", panels, tiles=tiles)
-
-
-PAIRS_NOTE = (
-    "Two people each, with routes, rounds and starting corners of their own; nobody knows where "
-    "they began, and the second walks on another day with another phone. Right: of the footsteps "
-    f"that the map puts together, half were truly within {RIGHT_M:g} m of each other."
-)
-GROWTH_NOTE = (
-    "Map error: median over all footsteps, all walks aligned together. One-shot: a "
-    "stranger in 0.6 s, of the windows answered."
-)
-
-
-def _growth_panel(growth: Sequence[Row], name: str) -> Panel:
-    curves = {}
-    for world in dict.fromkeys(str(row["world"]) for row in growth):
-        rows = [row for row in growth if row["world"] == world and row.get(name) is not None]
-        numbers = np.array([(row["walks"], row[name]) for row in rows], dtype=np.float64)
-        curves[world] = Curve(*numbers.reshape(-1, 2).T)
-    ticks = sorted({float(str(row["walks"])) for row in growth})
-    return Panel(name.capitalize(), curves_figure(curves, "walks in the map", name, ticks=ticks))
+STUDY = Study(
+    "Which walks of unknown starts are merged, rightly or wrongly, and what do many make of a map?",
+    measure_merging, minutes=30, long=True, scenarios=("surveyor", "people"),
+    fast={"worlds": ("studio", "lounge"), "seeds": (130, 131, 132),
+          "pairs": {SAME: 1, OTHER: 1}, "walks": (2,)},
+)  # fmt: skip

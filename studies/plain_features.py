@@ -1,6 +1,6 @@
-"""The ELF beside plain features on the same line, each with thresholds of its own.
+"""The ELF beside hand-made features in the same pipeline, each with thresholds of its own.
 
-The thresholds were chosen in the development worlds: `python -m studies thresholds OUT`.
+The thresholds were chosen in the development worlds: `python -m studies thresholds`.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from elfslam.base.arrays import F32
 from elfslam.base.values import ELF_SIZE, Echoes, Fixes, Recording, Run
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, extract_features, load_encoder
+from elfslam.line.feature import Encoder, load_encoder
 from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.slam.pipeline import map_by_echoes
+from studies.cached import extract_features
 
 ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"
 FEATURES = (ELF, PLAIN, ROOT, LOG)
@@ -36,7 +37,7 @@ class FeatureMap:
     run: Run
 
     def asked(self, echoes: Echoes) -> Fixes:
-        """Where the most alike spot of each window is, however little alike."""
+        """Where the most similar spot of each window is, however little similar."""
         assert self.run.floor_map is not None
         features = extract_features(echoes, self.encoder)
         return locate_one_shot(features, self.run.floor_map, ALWAYS)

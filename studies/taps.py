@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,44 +11,37 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, Trajectory, Truth
 from elfslam.line.checkpoints import lies_on_plan
 from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.scoring.page import Page, Panel, rows_table
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
-from studies.figures.curves import curves_figure
-from studies.finding import Finding, Given, Row
-from studies.intervals import curve_of, mean_row
 from studies.localization import SEEDS, WORLDS, shipped
 from studies.located import MAPPING_ROUNDS, at_its_start
-from studies.mapping import CALIBRATED, walkers
-from studies.repeats import Numbers, by_world, finished
+from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, walkers
+from studies.plain_features import ELF
+from studies.repeats import finished
+from studies.results import Record, averaged
 from studies.simulated_walk import SimulatedWalk, simulated
+from studies.study import SCENARIOS, Study, StudyContext
 
 TAPS = (0, 2, 4, 8)
 """Without any the walker declares where the walk begins."""
 GOLDEN = 0.5 * (5**0.5 - 1)
 """Times at multiples of this share of a walk are at different places of its rounds."""
 TAP_SIGMA_M = 0.3
-IN_FRAME, ALIGNED, ON_PLAN = "in its frame (m)", "aligned (m)", "on the plan"
+IN_FRAME, ON_PLAN = "median error, in its frame (m)", "on the plan"
+"""A map that its taps do not turn is on no plan, and has no error in its frame."""
 
 
 def measure_taps(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = MAPPING_ROUNDS,
     kind: Kind = PEOPLE,
-) -> Finding:
+) -> list[Record]:
     """Median errors of maps by taps: in the frame that they claim, and after a rigid fit."""
     tasks = [SimulatedWalk(world, seed, rounds, kind.name) for world in worlds for seed in seeds]
-    found = by_world(tasks, finished(_measured, tasks, given))
-    rows = [
-        {"world": world, **mean_row("taps", taps, measure, _each(walks, taps, measure), "walks")}
-        for world, walks in found.items()
-        for measure in (IN_FRAME, ALIGNED, ON_PLAN)
-        for taps in TAPS
-    ]
-    return Finding(rows, _page(rows))
+    return averaged(finished(_measured, tasks, context), seeds)
 
 
 def tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
@@ -61,20 +54,27 @@ def tapped(truth: Truth, taps: int, seed: int) -> Checkpoints:
     return Checkpoints(t_s, names, xy_m + generator.normal(0, TAP_SIGMA_M, xy_m.shape))
 
 
-def _measured(walk: SimulatedWalk) -> Numbers:
+def _measured(walk: SimulatedWalk) -> list[Record]:
     kind = kind_named(walk.kind)
     recording, truth = simulated(walk)
-    settings, numbers = walkers(walk.seed, kind)[CALIBRATED], Numbers()
+    settings = walkers(walk.seed, kind)[CALIBRATED]
+    records: list[Record] = []
     for taps in TAPS:
         told = tapped(truth, taps, walk.seed) if taps else None
         begun = at_its_start(recording, truth) if told is None else recording
         run = map_by_echoes(replace(begun, checkpoints=told), shipped(), settings)
         on_plan = told is None or lies_on_plan(told, run.trajectory, settings.checkpoint)
-        aligned = _aligned_m(run.trajectory, truth)
-        in_frame = _in_frame_m(run.trajectory, truth) if on_plan else float("nan")
-        found = {IN_FRAME: in_frame, ALIGNED: aligned, ON_PLAN: float(on_plan)}
-        numbers |= {f"{taps}|{name}": value for name, value in found.items()}
-    return numbers
+        numbers = {
+            IN_FRAME: _in_frame_m(run.trajectory, truth) if on_plan else float("nan"),
+            MEDIAN_ALIGNED: _aligned_m(run.trajectory, truth),
+            ON_PLAN: float(on_plan),
+        }
+        records += [
+            Record(ELF, metric, value, world=walk.world, scenario=SCENARIOS[walk.kind],
+                   condition=f"{taps} taps")
+            for metric, value in numbers.items()
+        ]  # fmt: skip
+    return records
 
 
 def _in_frame_m(mapped: Trajectory, truth: Truth) -> float:
@@ -88,20 +88,8 @@ def _aligned_m(mapped: Trajectory, truth: Truth) -> float:
     return float(np.median(errors_m))
 
 
-def _each(walks: Sequence[Mapping[str, float]], taps: int, measure: str) -> list[float]:
-    values = [walk[f"{taps}|{measure}"] for walk in walks]
-    return [value for value in values if np.isfinite(value)]
-
-
-def _page(rows: Sequence[Row]) -> Page:
-    """Errors against taps in each world, and the table."""
-    panels = []
-    for world in dict.fromkeys(str(row["world"]) for row in rows):
-        here = [row for row in rows if row["world"] == world]
-        curves = {
-            measure: curve_of([row for row in here if row["measure"] == measure])
-            for measure in (IN_FRAME, ALIGNED)
-        }
-        panels.append(Panel(world, curves_figure(curves, "places tapped", "median error (m)")))
-    panels.append(Panel("All of it", rows_table(rows), wide=True))
-    return Page("Places tapped on a plan", "0: where the walk begins was declared", panels)
+STUDY = Study(
+    "What is a place tapped on the floor plan worth to a map?",
+    measure_taps, minutes=10, long=True,
+    fast={"worlds": ("studio",), "seeds": (100,), "rounds": 2},
+)  # fmt: skip

@@ -1,4 +1,4 @@
-"""A phone that the map never met: what both ways and translation are worth."""
+"""A phone that the map never met: what both ways and a learnt translation are worth."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from elfslam.app.settings import Settings
 from elfslam.app.superimpose import drawn
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
@@ -16,25 +17,22 @@ from elfslam.base.values import Features, FloorMap
 from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
 from elfslam.line.feature import OnnxEncoder, load_encoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, floor_spots, superimposed_map
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.front_end import hear
-from elfslam.slam.parameters import Parameters
 from elfslam.world.kinds import ASKING_PHONE, SURVEYOR, Kind, kind_named
-from elfslam.world.simulate import load_world, simulate
-from studies.figures.dots import Dot, dots_figure
-from studies.finding import Finding, Given, Row
-from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
-from studies.intervals import mean_row
+from elfslam.world.simulate import load_world
+from studies.cached import hear, simulate
+from studies.floor_spots import SPACING_M, TOGETHER, fixes_m
+from studies.located import GROSS_M, MEDIAN_M, OVER_1_M
 from studies.opposite_ways import walking
-from studies.repeats import Numbers, finished
+from studies.repeats import finished
+from studies.results import Record, averaged
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS = ("studio", "lounge")
 SEEDS = (110, 111, 112, 113)
 PHONES = (ASKING_PHONE, "cheap", "bottom-fired")
 BACK, ASKER, LEARNER = 700, 500, 600
 """Added to the seed of a map for who walks back, who is located, and for the phone's own walk."""
-MEASURES = ("median", "mean", "over 1 m")
-NOTE = "Means over the walks of each walk's mean error, with 95 % by resampling walks."
+MEAN_M = "mean error (m)"
 
 
 @dataclass(frozen=True)
@@ -60,7 +58,7 @@ class PhoneWalk:
 
 
 def measure_unknown_phone(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
@@ -68,34 +66,40 @@ def measure_unknown_phone(
     rounds: int = 4,
     steps: int = 200,
     kind: Kind = SURVEYOR,
-) -> Finding:
+) -> list[Record]:
     """One-shot errors of each phone by map and by what is done about it."""
-    folder = (given.kept or Path("unknown-phone.partial")).parent
+    folder = (context.kept or Path("unknown-phone.partial")).parent
     tasks = [
         Place(world, seed, kind.name, tuple(phones), rounds, min(rounds, 3), steps)
         for seed in seeds
         for world in worlds
     ]
     measure = partial(measure_place, folder=folder)
-    numbers = finished(measure, tasks, given)
-    rows = _rows(tasks, numbers)
-    return Finding(rows, _page(rows))
+    return averaged(finished(measure, tasks, context), seeds)
 
 
-def measure_place(task: Place, folder: Path) -> Numbers:
-    """Errors (m) of each phone, keyed by phone, map and what was done about the phone."""
+def measure_place(task: Place, folder: Path) -> list[Record]:
+    """Errors of each phone (the condition) by map and by what was done about the phone."""
     there = _walk(task, task.seed, task.rounds)
     back = _walk(task, task.seed + BACK, task.rounds, reverse=True)
     maps = list(_maps(task, [there, back], folder))
-    numbers: Numbers = {}
+    records: list[Record] = []
     for phone in task.phones:
         asked = _walk(task, task.seed + ASKER, 1, phone=phone)
         own = _walk(task, task.seed + LEARNER, task.learner_rounds, phone=phone)
         for name, encoder, floor_map in maps:
             for done, features in _heard(encoder, floor_map, asked, own):
-                key = f"{phone}|{name}|{done}"
-                numbers |= errors(key, _fixes(features, floor_map), _middles(asked))
-    return numbers
+                error_m = np.linalg.norm(_fixes(features, floor_map) - _middles(asked), axis=1)
+                numbers = {
+                    MEDIAN_M: np.median(error_m), MEAN_M: error_m.mean(),
+                    OVER_1_M: (error_m > GROSS_M).mean(),
+                }  # fmt: skip
+                records += [
+                    Record(f"{name}, {done}", metric, float(value), world=task.world,
+                           scenario=SCENARIOS[task.kind], condition=phone)
+                    for metric, value in numbers.items()
+                ]  # fmt: skip
+    return records
 
 
 def _heard(
@@ -150,7 +154,7 @@ def _walk(
     recording, truth = simulate(
         world, seed, rounds=rounds, reverse=reverse, walker=kind.walker, circumstances=today
     )
-    echoes = hear(recording, Parameters())
+    echoes = hear(recording, Settings())
     rows = walking(truth, echoes.t_s)
     poses = interpolate_poses(truth.t_s, truth.world_from_body, echoes.t_s[rows])
     return PhoneWalk(echoes.t_s[rows], echoes.samples[rows], poses)
@@ -172,38 +176,10 @@ def _middles(walk: PhoneWalk) -> F64:
     return middles
 
 
-def _rows(tasks: Sequence[Place], numbers: Sequence[Numbers]) -> list[Row]:
-    """A row for each world, phone, map and what was done about the phone."""
-    rows: list[Row] = []
-    for world in dict.fromkeys(task.world for task in tasks):
-        own = [found for task, found in zip(tasks, numbers, strict=True) if task.world == world]
-        for key in dict.fromkeys(name.rsplit("|", 1)[0] for name in own[0]):
-            phone, name, done = key.split("|")
-            row: Row = {"world": world, "phone": phone, "map": name, "phone is heard": done}
-            for measure in MEASURES:
-                found = mean_row("", None, "", [each[f"{key}|{measure}"] for each in own], "walks")
-                row |= {
-                    measure: found["mean"],
-                    f"{measure}, 95 %": f"{found['from']} to {found['to']}",
-                }
-            rows.append(row)
-    return rows
-
-
-def _page(rows: Sequence[Row]) -> Page:
-    panels = []
-    for world in dict.fromkeys(str(row["world"]) for row in rows):
-        dots: dict[str, list[Dot]] = {}
-        for row in rows:
-            if row["world"] == world:
-                low, high = str(row["mean, 95 %"]).split(" to ")
-                name = f"{row['map']}, {row['phone is heard']}"
-                value = float(str(row["mean"]))
-                dots.setdefault(str(row["phone"]), []).append(
-                    Dot(name, value, float(low), float(high))
-                )
-        figure = dots_figure(dots, "mean error (m)", "")
-        panels.append(Panel(f"In the {world}", figure, NOTE, wide=True))
-    panels.append(Panel("In figures", rows_table(list(rows)), wide=True))
-    subtitle = "Maps by one phone; fixes from 0.6 s, walks placed where they truly were"
-    return Page("Unknown phones", subtitle, panels)
+STUDY = Study(
+    "What helps a phone that nobody mapped with?",
+    measure_unknown_phone, minutes=60, long=True, scenarios=("surveyor", "quiet"),
+    needs=("torch",),
+    fast={"worlds": ("studio",), "seeds": (110,), "phones": ("bottom-fired",), "rounds": 1,
+          "steps": 10},
+)  # fmt: skip

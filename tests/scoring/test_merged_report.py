@@ -11,7 +11,6 @@ from elfslam.base.values import FloorMap, Payload
 from elfslam.line.quality import MapQuality
 from elfslam.scoring.merged_report import write_merged_report
 from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
-from studies.figures.outcomes import outcomes_figure
 
 QUALITY = MapQuality(
     xy_m=[[0.5, 0.5], [1.5, 0.5], [0.5, 2.5]],
@@ -61,9 +60,3 @@ def test_the_page_names_who_stayed_out_and_escapes_it(tmp_path: Path) -> None:
     assert "&lt;b&gt;three" in text
     assert "<b>three" not in text
     assert "nothing sounds alike" in text
-
-
-def test_outcomes_are_stacked_from_right_to_wrong() -> None:
-    bars = outcomes_figure({"a": {"right": 3, "wrong": 1}, "b": {"refused": 2}}, "pairs").data
-    assert [bar.name for bar in bars] == ["right", "refused", "wrong"]
-    assert [list(bar.x) for bar in bars] == [[3, 0], [0, 2], [1, 0]]

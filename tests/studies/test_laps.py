@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import pickle
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,20 +13,8 @@ from scipy.ndimage import gaussian_filter1d
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders, unit_rows
 from elfslam.line.feature import walk_vectors
-from elfslam.scoring.page import save_page
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
-from studies.finding import Finding, Given
-from studies.lap_answers import (
-    Answers,
-    answers_by,
-    beside,
-    best_answers,
-    least_likeness,
-    numbers_of,
-    recalls,
-    walks_beside,
-)
 from studies.lap_echoes import (
     CHANGES,
     MOVED_M,
@@ -43,8 +30,31 @@ from studies.lap_echoes import (
     strange_laps,
     venue_of,
 )
-from studies.laps import FEW, Feature, crowds, features_of, hear_crowd, measure_laps
+from studies.laps import (
+    FEW,
+    KEPT_MEDIAN_M,
+    KEPT_OVER_1_M,
+    STUDY,
+    Answers,
+    Feature,
+    _means,
+    answers_by,
+    beside,
+    best_answers,
+    condition_of,
+    crowds,
+    features_of,
+    hear_crowd,
+    least_likeness,
+    measure_laps,
+    numbers_of,
+    recalls,
+    walks_beside,
+)
+from studies.located import MEDIAN_M, OVER_1_M
 from studies.plain_features import ChanceEncoder
+from studies.results import Record
+from studies.study import StudyContext
 
 SPECTROGRAM = generic_encoders()["spectrogram without mean"]
 VENUE = ("studio", QUIET.name)
@@ -95,8 +105,8 @@ def test_a_feature_that_is_the_same_everywhere_is_at_chance() -> None:
     same = np.ones((400, 3), dtype=np.float32)
     places = Places(same, ring(angles).xy_m, np.zeros(400))
     numbers = numbers_of(answers_by(places, places), threshold=0.5)
-    assert numbers["median"] == pytest.approx(np.sqrt(2) * 5.0, rel=0.02)
-    assert numbers["gross"] == pytest.approx(1 - 2 * np.arcsin(0.1) / np.pi, abs=0.01)
+    assert numbers[MEDIAN_M] == pytest.approx(np.sqrt(2) * 5.0, rel=0.02)
+    assert numbers[OVER_1_M] == pytest.approx(1 - 2 * np.arcsin(0.1) / np.pi, abs=0.01)
 
 
 def test_more_laps_are_the_best_of_their_answers() -> None:
@@ -114,13 +124,13 @@ def test_more_laps_are_the_best_of_their_answers() -> None:
 def test_errors_are_of_all_answers_and_of_those_kept() -> None:
     answers = answered([0.9, 0.8, 0.7, 0.6], [0.1, 0.3, 4.0, 8.0])
     assert numbers_of(answers, 0.75) == {
-        "answered": 0.5, "median": pytest.approx(2.15), "gross": 0.5,
-        "answered|median": pytest.approx(0.2), "answered|gross": 0.0,
+        "answered": 0.5, MEDIAN_M: pytest.approx(2.15), OVER_1_M: 0.5,
+        KEPT_MEDIAN_M: pytest.approx(0.2), KEPT_OVER_1_M: 0.0,
     }  # fmt: skip
     none = numbers_of(answers, 0.95)
     assert none["answered"] == 0.0
-    assert np.isnan(none["answered|median"])
-    assert np.isnan(none["answered|gross"])
+    assert np.isnan(none[KEPT_MEDIAN_M])
+    assert np.isnan(none[KEPT_OVER_1_M])
 
 
 def test_the_threshold_is_the_least_that_leaves_one_in_twenty_wrong() -> None:
@@ -129,7 +139,7 @@ def test_the_threshold_is_the_least_that_leaves_one_in_twenty_wrong() -> None:
     wrong = answered([0.85, 0.8, 0.7002, 0.6, 0.5], [3.0] * 5)
     together = Answers(*(np.concatenate(pair) for pair in zip(right, wrong, strict=True)))
     assert least_likeness([together]) == pytest.approx(0.701, abs=1e-9)
-    assert numbers_of(together, 0.701)["answered|gross"] == pytest.approx(2 / 40)
+    assert numbers_of(together, 0.701)[KEPT_OVER_1_M] == pytest.approx(2 / 40)
 
 
 def test_where_all_is_wrong_nothing_is_answered() -> None:
@@ -150,13 +160,13 @@ def test_what_is_found_beside_a_lane_is_counted_by_its_offset() -> None:
     angles = evenly(2000)
     lap, near, far = ring(angles), ring(angles[::40], 5.1), ring(angles[::40], 5.3)
     alike = recalls([beside(near, lap)])
-    assert (alike["near|0.15"], alike["found|0.15"]) == (50, 50)
-    assert alike["near|0.4"] == alike["near|0.8"] == 0
+    assert (alike["near 0.15"], alike["found 0.15"]) == (50, 50)
+    assert alike["near 0.4"] == alike["near 0.8"] == 0
     deaf = Places(np.ones_like(far.vectors), far.xy_m, far.heading_rad)
     same = Places(np.ones_like(lap.vectors), lap.xy_m, lap.heading_rad)
     assert recalls([beside(deaf, same)]) == {
-        "near|0.15": 0, "found|0.15": 0, "near|0.4": 50, "found|0.4": 0, "near|0.8": 0,
-        "found|0.8": 0,
+        "near 0.15": 0, "found 0.15": 0, "near 0.4": 50, "found 0.4": 0, "near 0.8": 0,
+        "found 0.8": 0,
     }  # fmt: skip
 
 
@@ -174,8 +184,8 @@ def test_footsteps_together_are_found_where_one_alone_is_lost() -> None:
     assert together.offset_m == pytest.approx(np.full(2 * 93, 0.1), abs=0.02)
     assert together.elsewhere[0] == 0, "a stretch that does not fit on the lap is nowhere"
     alone, eight = recalls([beside(near, lap)], 0.001), recalls([together], 0.001)
-    assert eight["near|0.15"] == 2 * 93
-    assert eight["found|0.15"] / (2 * 93) > 0.8 > 2 * alone["found|0.15"] / 200
+    assert eight["near 0.15"] == 2 * 93
+    assert eight["found 0.15"] / (2 * 93) > 0.8 > 2 * alone["found 0.15"] / 200
 
 
 def test_a_spot_passed_the_other_way_is_not_beside() -> None:
@@ -183,7 +193,7 @@ def test_a_spot_passed_the_other_way_is_not_beside() -> None:
     opposite = beside(ring(angles), ring(angles, heading_rad=np.pi))
     assert np.isinf(opposite.offset_m).all()
     both = recalls([opposite, beside(ring(angles), ring(angles, 5.2))])
-    assert (both["near|0.15"], both["near|0.4"]) == (0, 200)
+    assert (both["near 0.15"], both["near 0.4"]) == (0, 200)
 
 
 def test_laps_go_both_ways_and_every_one_is_anothers() -> None:
@@ -263,49 +273,50 @@ def test_features_travel_and_are_shown_without_their_weights() -> None:
 
 
 @pytest.fixture(scope="module")
-def finding() -> Finding:
-    return small({"deaf": Deaf()})
+def found(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[str, str, str], float]:
+    return small(tmp_path_factory.mktemp("kept") / "laps.partial")
 
 
-def small(encoders: Mapping[str, Deaf], kept: Path | None = None) -> Finding:
-    return measure_laps(
-        Given(kept=kept), encoders=encoders, kind=QUIET, worlds=("lounge",), mirrored=(),
-        development=("studio",), lanes_m=(0.1,), laps=(1, 2), lane_seeds=(0,), lap_seeds=(0,),
-        threshold_seeds=(100,), threshold_laps=2, asked_laps=2,
-    )  # fmt: skip
+def small(kept: Path) -> dict[tuple[str, str, str], float]:
+    context = StudyContext(kept=kept)
+    records = measure_laps(context, encoders={"deaf": Deaf()}, kind=QUIET, **STUDY.fast)
+    return {(each.method, each.condition, each.metric): each.value for each in records}
 
 
-def row_of(
-    finding: Finding, feature: str, lane_m: float, laps: int, asked_by: str = PHONE_AND_DAY
-) -> dict[str, object]:
-    wanted = feature, lane_m, laps, asked_by
-    names = "feature", "lane (m)", "laps", "asked by"
-    (row,) = [row for row in finding.rows if tuple(row[name] for name in names) == wanted]
-    return row
+def test_echoes_tell_places_and_the_deaf_do_not(
+    found: dict[tuple[str, str, str], float],
+) -> None:
+    lanes, recall = "0.1 m lanes", "recall at 1 %, 0 to 0.15 m"
+    assert found["ELF", lanes, MEDIAN_M] < 0.5
+    assert found["deaf", lanes, MEDIAN_M] > 1.5
+    assert found["ELF", lanes, "answered"] > 0.3
+    assert found["deaf", lanes, "answered"] == 0.0
+    assert ("deaf", lanes, KEPT_MEDIAN_M) not in found, "nothing is kept, so there is no error"
+    assert found["ELF", lanes, recall] > 0.5
+    assert found["deaf", lanes, recall] == 0.0
 
 
-def test_a_row_for_each_feature_lane_and_count_of_laps(finding: Finding) -> None:
-    ways = dict.fromkeys((row["lane (m)"], row["laps"]) for row in finding.rows)
-    assert list(ways) == [(0.1, FEW), (0.3, 1), (0.3, 2), (0.3, FEW)]
-    assert len(finding.rows) == (4 + len(CHANGES) - 1) * 6
-    assert row_of(finding, "deaf", 0.1, FEW)["laps per m"] == 10.0
-
-
-def test_echoes_tell_places_and_the_deaf_do_not(finding: Finding) -> None:
-    elf, deaf = (row_of(finding, name, 0.1, FEW) for name in ("ELF", "deaf"))
-    assert float(str(elf["median (m)"])) < 0.5
-    assert float(str(deaf["median (m)"])) > 1.5
-    assert float(str(elf["answered"])) > 0.3
-    assert (deaf["answered"], deaf["answered, median (m)"]) == (0.0, None)
-    assert float(str(elf["recall at 1 %, 0 to 0.15 m"])) > 0.5
-    assert deaf["recall at 1 %, 0 to 0.15 m"] == 0.0
-
-
-def test_on_a_quiet_day_it_does_not_matter_what_would_change(finding: Finding) -> None:
+def test_on_a_quiet_day_it_does_not_matter_what_would_change(
+    found: dict[tuple[str, str, str], float],
+) -> None:
     """Who asks on a quiet day has the phone and the day of the mapping."""
-    for asked_by in CHANGES:
-        row, usual = row_of(finding, "ELF", 0.3, 2, asked_by), row_of(finding, "ELF", 0.3, 2)
-        assert {**row, "asked by": PHONE_AND_DAY} == usual
+    for asked_by in set(CHANGES) - {PHONE_AND_DAY}:
+        for metric in (MEDIAN_M, OVER_1_M, "answered"):
+            assert found["ELF", asked_by, metric] == found["ELF", "2 laps", metric]
+
+
+def test_recall_is_of_all_places_of_all_seeds() -> None:
+    """Three of four and one of sixteen: of all twenty a fifth was found."""
+    tasks = [Crowd(*VENUE, 0.3, seed, (FEW,)) for seed in (0, 1)]
+    counts = ((4.0, 3.0), (16.0, 1.0))
+    walks = [
+        [Record("ELF", f"{what} 0.15", value, condition=condition_of(task, FEW))
+         for what, value in zip(("near", "found"), count, strict=True)]
+        for task, count in zip(tasks, counts, strict=True)
+    ]  # fmt: skip
+    (record,) = _means(tasks, walks)
+    assert (record.metric, record.seeds) == ("recall at 1 %, 0 to 0.15 m", "0 to 1")
+    assert record.value == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize("asked_by", CHANGES)
@@ -329,27 +340,3 @@ def test_chance_is_a_spot_at_random() -> None:
     asked, spots = (replace(ring(angles), vectors=part) for part in (rows[:300], rows[300:]))
     median_m = np.median(answers_by(asked, spots).error_m)
     assert median_m == pytest.approx(np.sqrt(2) * 5.0, rel=0.1)
-
-
-def test_the_same_again_from_what_is_kept(finding: Finding, tmp_path: Path) -> None:
-    kept = tmp_path / "laps.partial"
-    first = small({"deaf": Deaf()}, kept)
-    assert first.rows == finding.rows
-    before = kept.read_bytes()
-    assert small({"deaf": Deaf()}, kept).rows == finding.rows
-    assert kept.read_bytes() == before
-
-
-def test_the_page_has_curves_by_laps_and_by_lanes(finding: Finding, tmp_path: Path) -> None:
-    assert finding.page is not None
-    save_page(tmp_path / "page.html", finding.page)
-    titles = [panel.title for panel in finding.page.panels]
-    assert titles[0] == titles[1] == "lounge, quiet: lanes of 0.3 m"
-    assert titles[2] == titles[3] == "lounge, quiet: 4 laps"
-    (curve,) = [
-        trace
-        for trace in finding.page.panels[0].body.data  # type: ignore[union-attr]
-        if trace.name == "ELF"
-    ]
-    assert list(curve.x) == [1, 2, 4]
-    assert curve.y[2] == row_of(finding, "ELF", 0.3, FEW)["median (m)"]

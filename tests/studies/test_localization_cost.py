@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-from studies.finding import Given
-from studies.localization_cost import grid_map, map_bytes, measure_localization_cost
+from studies.localization_cost import MEMORY, STUDY, grid_map, map_bytes, measure_localization_cost
+from studies.study import StudyContext
 
 
-def test_every_way_is_timed_for_every_size() -> None:
-    rows = measure_localization_cost(Given(), spots=(400, 900), repeats=2)
-    assert [row["spots"] for row in rows] == [400] * 4 + [900] * 4
-    assert all(float(str(row["value"])) > 0 for row in rows)
-    small, large = (row["value"] for row in rows if row["unit"] == "MB")
-    assert float(str(large)) > 2 * float(str(small))
+def test_every_way_is_timed_and_memory_grows_with_the_map() -> None:
+    records = measure_localization_cost(StudyContext(), **STUDY.fast)
+    assert all(each.value > 0 for each in records)
+    small, large = (each.value for each in records if each.metric == MEMORY)
+    assert large > 2 * small
 
 
 def test_a_map_of_4000_spots_fits_in_four_megabytes() -> None:

@@ -13,35 +13,36 @@ from elfslam.base.values import NO_CLOSURES
 from elfslam.baselines.floor_places import floor_places
 from elfslam.baselines.floor_walks import FloorParameters, floor_map
 from elfslam.baselines.walks_graph import corrected
-from studies.finding import Given
-from studies.labelled_neighbours import labelled_neighbours
+from studies.located import MEDIAN_M
 from studies.mall_fifths import (
     MAPPED_BY,
     METHODS,
     SPLITS,
-    fifths_row,
+    STUDY,
+    fifths_records,
+    labelled_neighbours,
     measure_mall_fifths,
     positions,
     split_walks,
 )
+from studies.study import StudyContext
 
 
 def test_real_walks_are_wanted():
     with pytest.raises(InputError, match="wanted real walks"):
-        measure_mall_fifths(Given())
+        measure_mall_fifths(StudyContext())
 
 
 def test_a_few_real_walks_in_small_and_goes_on_where_it_was(shared_data, tmp_path):
-    kept = tmp_path / "kept"
-    small = {"floors": ("F1",), "most_walks": 8}
-    finding = measure_mall_fifths(Given(shared_data, kept=kept), **small)
-    assert [row["method"] for row in finding.rows] == list(METHODS)
-    assert all(row["used to"] == "develop" and row["walks"] == 8 for row in finding.rows)
-    found = json.loads(kept.read_text())
-    assert len(found) == 5
+    context = StudyContext(shared_data, kept=tmp_path / "kept")
+    records = measure_mall_fifths(context, **STUDY.fast)
+    walks = {each.method: each.value for each in records if each.metric == "walks"}
+    assert walks == dict.fromkeys(METHODS, 8)
+    found = json.loads(context.kept.read_text())
+    assert len(found) == SPLITS
     first = next(iter(found))
-    kept.write_text(json.dumps({first: found[first]}))
-    assert measure_mall_fifths(Given(shared_data, kept=kept), **small).rows == finding.rows
+    context.kept.write_text(json.dumps({first: found[first]}))
+    assert measure_mall_fifths(context, **STUDY.fast) == records
 
 
 @pytest.mark.parametrize("distance", ["Soerensen", "Euclidean"])
@@ -59,7 +60,7 @@ def test_every_walk_is_held_out_once():
     assert all(len(split_walks(walks, which)[0]) == count for which, count in ((0, 8), (1, 9)))
 
 
-def test_every_method_answers_and_a_row_counts_it():
+def test_every_method_answers_and_its_answers_are_counted():
     walks = [walk_along(-1.0), walk_along(1.0)]
     as_walked = corrected([walk.nodes for walk in walks], NO_CLOSURES)
     parameters = FloorParameters()
@@ -68,9 +69,10 @@ def test_every_method_answers_and_a_row_counts_it():
     walk = walk_along(0.0, shift_m=(9.0, 9.0))
     found = positions(walks, places, [walk])
     assert tuple(found) == METHODS
-    row = fifths_row("F1", "Wi-Fi, live", [walk], found["Wi-Fi, live"])
-    assert row["waypoints"] == 7
-    assert 50 < row["answered (%)"] < 100
-    assert fifths_row("F1", "same", [walk], [walk.truth.world_from_body[:, :2]])[
-        "median (m)"
-    ].startswith("0.0 [")
+    true = walk.truth.world_from_body[:, :2]
+    error_m = np.linalg.norm(found["Wi-Fi, live"][0] - true, axis=1)
+    live = {each.metric: each.value for each in fifths_records("F1", "Wi-Fi, live", [error_m])}
+    assert live["waypoints"] == 7
+    assert 0.5 < live["answered"] < 1
+    same = {each.metric: each.value for each in fifths_records("F1", "same", [np.zeros(7)])}
+    assert (same[MEDIAN_M], same["answered"]) == (0.0, 1.0)

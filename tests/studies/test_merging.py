@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
@@ -10,18 +9,19 @@ import pytest
 
 from elfslam.base.values import Trajectory, Truth
 from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.scoring.page import save_page
 from elfslam.world.kinds import ASKING_PHONE, DAYS_LATER, MAPPING_PHONE, PEOPLE
 from studies import merged_walks
-from studies.finding import Finding, Given
+from studies.mapping import MEDIAN_ALIGNED
 from studies.merged_walks import (
     FIRST,
+    MAP,
     MOVED,
     SECOND,
+    WALKS,
     WHOLE,
     Stroll,
     one_after_another,
-    strolled,
+    recorded,
     truly_apart_m,
 )
 from studies.merging import (
@@ -29,49 +29,38 @@ from studies.merging import (
     CHANGED,
     OPPOSITE,
     OTHER,
+    OVERLAP,
     PARTLY,
+    REFUSED,
+    RIGHT,
     SAME,
+    STUDY,
+    WRONG,
     _drawn,
-    _page,
-    _whole,
     measure_merging,
 )
+from studies.results import Record
+from studies.study import StudyContext
 
 
 @pytest.fixture(scope="module")
-def finding(tmp_path_factory: pytest.TempPathFactory) -> Finding:
-    return measure_merging(
-        Given(kept=tmp_path_factory.mktemp("kept") / "merging.partial"),
-        worlds=("studio", "lounge"),
-        seeds=(130, 131, 132),
-        pairs={SAME: 1, OTHER: 1},
-        walks=(2,),
-    )
+def records(tmp_path_factory: pytest.TempPathFactory) -> list[Record]:
+    kept = tmp_path_factory.mktemp("kept") / "merging.partial"
+    return measure_merging(StudyContext(kept=kept), **STUDY.fast)
 
 
-def test_pairs_are_counted_by_kind(finding: Finding) -> None:
-    by_kind = {row["pairs"]: row for row in finding.rows if row["pairs"]}
-    assert set(by_kind) == {SAME, OTHER, "all that overlap"}
-    assert by_kind[OTHER]["refused"] == 1
-    assert by_kind[SAME]["wrong"] == 0
-    assert by_kind["all that overlap"]["right"] == by_kind[SAME]["right"]
+def test_pairs_are_counted_by_what_they_have_in_common(records: list[Record]) -> None:
+    counts = {(each.condition, each.metric): each.value for each in records}
+    assert counts[OTHER, REFUSED] == 1
+    assert counts[SAME, WRONG] == 0
+    assert counts[OVERLAP, RIGHT] == counts[SAME, RIGHT]
 
 
-def test_maps_of_two_walks_are_measured_and_drawn(finding: Finding, tmp_path: Path) -> None:
-    rows = [row for row in finding.rows if row["world"]]
-    assert [row["world"] for row in rows] == ["studio", "lounge"]
-    assert all(float(str(row["map error (m)"])) < 0.5 for row in rows if row["merged"] == 2)
-    assert finding.page is not None
-    save_page(tmp_path / "merging.html", finding.page)
-
-
-def test_a_map_that_nothing_was_merged_into_has_empty_columns(tmp_path: Path) -> None:
-    one = {"world": "studio", "walks": 1, "merged": 1.0, "map error (m)": 0.1}
-    numbers = {"one-shot error (m)": 0.2, "answered": 0.9, "one more walk (s)": 0.1}
-    growth = _whole([{**one, **numbers}, {"world": "studio", "walks": 2, "merged": 1.0}])
-    assert growth[1] == {**dict.fromkeys(growth[0]), "world": "studio", "walks": 2, "merged": 1.0}
-    outcomes = {SAME: {"right": 0, "refused": 1, "wrong": 0}}
-    save_page(tmp_path / "page.html", _page(outcomes, [{"pairs": SAME}], growth))
+def test_maps_of_two_walks_are_right(records: list[Record]) -> None:
+    of = {(each.world, each.metric): each.value for each in records if each.method == MAP}
+    merged = [world for (world, metric), value in of.items() if (metric, value) == (WALKS, 2.0)]
+    assert merged
+    assert all(of[world, MEDIAN_ALIGNED] < 0.5 for world in merged)
 
 
 @pytest.mark.parametrize("common", [SAME, PARTLY, OTHER, APART, OPPOSITE, CHANGED])
@@ -103,14 +92,14 @@ def test_who_walks_later_has_another_phone(
 
     monkeypatch.setattr(merged_walks, "simulate", listen)
     with pytest.raises(InterruptedError):
-        strolled(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
+        recorded(Stroll("studio", 131, state=MOVED, later=later, kind=PEOPLE.name))
     today = asked["circumstances"]
     assert (today.device, today.day, today.state) == (phone, day, MOVED)
     assert asked["walker"] == PEOPLE.walker
 
 
 def test_two_parts_of_a_route_share_no_ground() -> None:
-    truths = [strolled(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
+    truths = [recorded(Stroll("studio", 130, 2, part))[1] for part in (FIRST, SECOND)]
     one, other = (truth.world_from_body[::25, :2] for truth in truths)
     assert np.linalg.norm(one[:, None] - other[None], axis=2).min() > 0.8
 
