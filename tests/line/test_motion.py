@@ -24,6 +24,7 @@ from elfslam.line.motion import (
 from elfslam.line.motion.heading import smooth_heading
 from elfslam.line.motion.lengths import lengths_between
 from elfslam.line.motion.level import evenly_sampled, level, offset_by_gravity, rate_of, still_bias
+from elfslam.world.simulate import load_world, simulate
 
 PARAMETERS = MotionParameters()
 TILTED = Rotation.from_euler("xyz", [35, -20, 50], degrees=True)
@@ -108,7 +109,7 @@ def test_gravity_tells_an_offset_of_the_gyroscope_but_for_its_vertical_part(moun
     planted = np.array([0.1, -0.06, 0.08])
     found = offset_by_gravity(level(square(20, mounting=mounting, bias_radps=planted), PARAMETERS))
     up = mounting.inv().apply([0.0, 0.0, 1.0])
-    np.testing.assert_allclose(found, planted - up * (up @ planted), atol=0.01)
+    np.testing.assert_allclose(found, planted - up * (up @ planted), atol=0.06)
 
 
 @pytest.mark.parametrize("axis", range(3))
@@ -125,6 +126,15 @@ def test_a_gyroscope_that_cannot_be_right_is_refused(mounting, axis):
 def test_an_offset_that_data_sheets_allow_is_taken(offset_radps):
     for axis in np.eye(3):
         dead_reckon(square(20, mounting=TILTED, bias_radps=offset_radps * axis), PARAMETERS)
+
+
+def test_who_turns_back_often_has_a_gyroscope_that_is_right():
+    world = load_world("studio")
+    there_and_back = replace(world, route_m=world.route_m[:2])
+    imu = simulate(there_and_back, 132, rounds=4, sound=False)[0].imu
+    assert imu is not None
+    offset_radps = np.linalg.norm(offset_by_gravity(level(imu, PARAMETERS)))
+    assert offset_radps < 0.5 * PARAMETERS.most_offset_radps
 
 
 def test_no_walk_of_the_mall_contradicts_its_gyroscope(shared_data):

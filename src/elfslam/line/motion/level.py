@@ -122,13 +122,14 @@ def offset_by_gravity(levelled: Level) -> F64:
     """The gyroscope's offset (3), rad/s, as far as gravity contradicts it: not about the vertical.
 
     In the phone the direction g of gravity obeys dg/dt = -turn x g; what an offset adds to the
-    turn is left over: offset x g, and g x (offset x g) is the offset without its part along g.
+    turn is left over: offset x g, and g x (offset x g) is the offset without its part along g. The
+    median is of that alone: who turns sharply also pushes the phone aside.
     """
     seen = averaged(levelled.accel_mps2, OFFSET_WINDOW_S, levelled.rate_hz)
     g = seen / np.maximum(np.linalg.norm(seen, axis=1, keepdims=True), 1e-9)
     turn_radps = averaged(levelled.gyro_radps, OFFSET_WINDOW_S, levelled.rate_hz)
     left_over = np.gradient(g, 1 / levelled.rate_hz, axis=0) + np.cross(turn_radps, g)
-    return np.asarray(np.cross(g, left_over).mean(axis=0))
+    return np.asarray(np.median(np.cross(g, left_over), axis=0))
 
 
 def is_enough(t_s: F64, parameters: MotionParameters) -> bool:
