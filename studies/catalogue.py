@@ -37,7 +37,7 @@ STUDIES = (
     "laps", "localization", "localization-cost", "magnetic-left-out", "magnetic-walks",
     "mall-fifths", "mall-floor", "many-mappers", "mapping", "merging", "paper", "passages",
     "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech", "speed",
-    "spots", "superimposition", "taps", "thresholds", "trace", "unknown-phone",
+    "spots", "stability", "superimposition", "taps", "thresholds", "trace", "unknown-phone",
 )  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""
 TIMES = "remake"

@@ -220,7 +220,9 @@ def shown_in(page: Path, drawing: Drawing) -> str:
 
 def figure_text(value: float) -> str:
     """A figure to the digits that can matter: three, and no more than two behind the point."""
-    if value and abs(value) < 0.1:
+    if value == round(value):
+        return f"{value:.0f}"
+    if abs(value) < 0.1:
         return f"{value:.3f}".rstrip("0") if abs(value) >= 0.001 else f"{value:.2g}"
     return (
         f"{value:.2f}"
