@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 
 import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.baselines.generic import PSD_BAND_HZ, power_spectral_density
-from elfslam.scoring.page import Panel
 from elfslam.world.circumstances import Circumstances, air_on, room_on
-from elfslam.world.world_file import World
-from studies.figures.curves import Curve, curves_figure, shades
-from studies.finding import Row
-from studies.intervals import curve_of, mean_row
+from elfslam.world.world_file import World, load_world
+from studies.results import Record, mean_of
 from studies.still_phone import HEIGHT_M, Listener, hear_at, held_still, listener_in
+from studies.study import Study, StudyContext
 
 ECHOES = 40
 """Of which a spectrum is the mean."""
-HEIGHT, YAW, AGE, ELSEWHERE = "altitude (cm)", "yaw (degrees)", "age (days)", "another spot"
+SPOTS = 32
+HEIGHT, YAW, AGE, ELSEWHERE = "cm high", "degrees of yaw", "days", "another spot"
 SWEEPS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     {
         HEIGHT: (100, 105, 110, 115, 120, 125, 130),
@@ -28,44 +27,42 @@ SWEEPS: Mapping[str, tuple[float, ...]] = MappingProxyType(
     }
 )
 """The first of each is the reference; it is heard a second time, and compared with itself."""
+DRAWN: Mapping[str, tuple[float, ...]] = MappingProxyType(
+    {HEIGHT: (100, 110, 130), YAW: (0, 40, 90), AGE: (0, 10, 30)}
+)
+"""Of which the spectra of one spot are kept."""
 WHOLE, PLACE, LEVEL = "correlation", "correlation without the phone's spectrum", "level off by (dB)"
-NOTES = {
-    HEIGHT: "Against the same spot at 100 cm.",
-    YAW: "Against the same spot at a heading of 0 degrees.",
-    AGE: "Against the same spot on day 0: furniture moves a little, the temperature changes.",
-}
-
-Spectra = dict[float, F64]
-"""Spectra in dB (spots, 71) by height, heading or age."""
+POWER_DB = "power (dB)"
+PSD = "PSD"
 
 
-def measure_stability(world: World, spots: int) -> tuple[list[Row], list[Panel]]:
-    """Rows of correlation and level at that many spots of the world, and what to look at.
+def measure_stability(context: StudyContext, *, spots: int = SPOTS) -> list[Record]:
+    """Correlation and level of spectra at that many spots of the lab, and the spectra of the first.
 
-    After the paper, section 3.2. What correlates is the power spectral density in dB, as it is
+    After the paper, section 4.2. What correlates is the power spectral density in dB, as it is
     and without its mean over the spots, which is the phone's own. Intervals are over spots.
     """
-    generator = np.random.default_rng([30, spots])
+    world, generator = load_world("lab"), np.random.default_rng([30, spots])
     spots_m = generator.choice(world.spots_m, spots, replace=False)
-    rows: list[Row] = []
-    panels: list[Panel] = []
-    for varied, values in SWEEPS.items():
+    records: list[Record] = []
+    for k, (varied, values) in enumerate(SWEEPS.items()):
+        context.announce(varied, k / len(SWEEPS))
         reference = _spectra(world, spots_m, varied, values[0], generator)
-        heard = {at: _spectra(world, spots_m, varied, at, generator) for at in values}
-        found = {at: compared(reference, heard[at]) for at in values}
-        elsewhere = compared_elsewhere(reference)
-        rows += [row for at in values for row in _rows(varied, at, found[at])]
-        panels += [_correlation_panel(varied, found, elsewhere), _spectra_panel(varied, heard)]
-    return rows + _rows(ELSEWHERE, None, elsewhere), panels
+        again = {at: _spectra(world, spots_m, varied, at, generator) for at in values}
+        for at, spectra in again.items():
+            records += _records(f"{at:g} {varied}", compared(reference, spectra))
+        for at in DRAWN[varied]:
+            records += _spectrum_records(f"{at:g} {varied}", again[at][0])
+    return records + list(_records(ELSEWHERE, compared_elsewhere(reference)))
 
 
-def compared(reference: F64, heard: F64) -> dict[str, F64]:
+def compared(reference: F64, spectra: F64) -> dict[str, F64]:
     """Correlations and levels (spots) of spectra in dB (spots, 71) at the same spots."""
     phone = reference.mean(axis=0)
     return {
-        WHOLE: _correlation(reference, heard),
-        PLACE: _correlation(reference - phone, heard - phone),
-        LEVEL: np.abs(_level_db(reference) - _level_db(heard)),
+        WHOLE: _correlation(reference, spectra),
+        PLACE: _correlation(reference - phone, spectra - phone),
+        LEVEL: np.abs(_level_db(reference) - _level_db(spectra)),
     }
 
 
@@ -108,26 +105,19 @@ def _correlation(first: F64, second: F64) -> F64:
     return np.asarray((a * b).sum(axis=1) / length)
 
 
-def _rows(varied: str, at: float | None, found: Mapping[str, F64]) -> list[Row]:
-    return [mean_row(varied, at, measure, values, "spots") for measure, values in found.items()]
+def _records(condition: str, found: Mapping[str, F64]) -> Iterator[Record]:
+    for metric, values in found.items():
+        yield mean_of(Record(PSD, metric, 0.0, world="lab", condition=condition), values)
 
 
-def _correlation_panel(
-    varied: str, found: Mapping[float, Mapping[str, F64]], elsewhere: Mapping[str, F64]
-) -> Panel:
-    curves = {
-        name: curve_of([mean_row(varied, at, name, each[name], "") for at, each in found.items()])
-        for name in (WHOLE, PLACE)
-    }
-    anchors = {name: float(elsewhere[name].mean()) for name in curves}
-    note = f"{NOTES[varied]} Dotted: against other spots. Bands: 95 % over spots."
-    figure = curves_figure(curves, varied, "correlation of spectra", anchors=anchors)
-    return Panel(f"Spectrum against {varied.split(' (', maxsplit=1)[0]}", figure, note)
+def _spectrum_records(method: str, spectrum_db: F64) -> Iterator[Record]:
+    """The spectrum of one spot; its method is what was varied, so that each is a curve."""
+    for khz, power_db in zip(np.linspace(*PSD_BAND_HZ, len(spectrum_db)) / 1000, spectrum_db,
+                             strict=True):  # fmt: skip
+        yield Record(method, POWER_DB, round(float(power_db), 2), condition=f"{khz:.4g} kHz")
 
 
-def _spectra_panel(varied: str, heard: Spectra) -> Panel:
-    """The spectra of the first spot alone, as the paper shows them."""
-    khz = np.linspace(*PSD_BAND_HZ, next(iter(heard.values())).shape[1]) / 1000
-    curves = {f"{at:g}": Curve(khz, spectra[0]) for at, spectra in heard.items()}
-    figure = curves_figure(curves, "kHz", "power (dB)", colors=shades(len(curves)))
-    return Panel(f"One spot, by {varied}", figure, f"Mean of {ECHOES} echoes.")
+STUDY = Study(
+    "Does the spectrum of a spot stay when the phone is held higher, turned, or a month later?",
+    measure_stability, minutes=4, fast={"spots": 3},
+)  # fmt: skip

@@ -3,24 +3,20 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
-from elfslam.scoring.page import Panel
-from elfslam.world.world_file import load_world
-from studies.finding import Row
 from studies.stability import (
     AGE,
     ELSEWHERE,
     HEIGHT,
     LEVEL,
     PLACE,
-    SWEEPS,
     WHOLE,
     YAW,
     compared,
     compared_elsewhere,
     measure_stability,
 )
+from studies.study import StudyContext
 
 SPECTRA_DB = np.random.default_rng(0).normal(-40, 3, (5, 71))
 
@@ -40,27 +36,14 @@ def test_what_all_spots_share_is_the_phones() -> None:
     assert elsewhere[LEVEL].shape == (5,)
 
 
-@pytest.fixture(scope="module")
-def found() -> tuple[list[Row], list[Panel]]:
-    return measure_stability(load_world("lab"), 6)
-
-
-def test_every_value_has_a_row_of_each_measure(found: tuple[list[Row], list[Panel]]) -> None:
-    rows, panels = found
-    assert len(rows) == 3 * (sum(map(len, SWEEPS.values())) + 1)
-    assert {row["over"] for row in rows} == {"6 spots"}
-    assert len(panels) == 2 * len(SWEEPS)
-    for row in rows:
-        assert row["from"] <= row["mean"] <= row["to"]  # type: ignore[operator]
-
-
-def test_a_spot_is_itself_again_and_not_another(found: tuple[list[Row], list[Panel]]) -> None:
-    means = {
-        (row["varied"], row["at"], row["measure"]): float(str(row["mean"])) for row in found[0]
-    }
-    for varied, first in ((HEIGHT, 100), (YAW, 0), (AGE, 0)):
-        for measure in (WHOLE, PLACE):
-            assert means[varied, first, measure] > means[ELSEWHERE, None, measure] + 0.005
-        assert means[varied, first, LEVEL] < means[ELSEWHERE, None, LEVEL]
-    assert means[YAW, 180, PLACE] < means[YAW, 10, PLACE]
-    assert means[AGE, 30, PLACE] > means[YAW, 180, PLACE]
+def test_a_spot_is_itself_again_and_not_another() -> None:
+    records = measure_stability(StudyContext(), spots=6)
+    means = {(each.condition, each.metric): each.value for each in records}
+    for first in (f"100 {HEIGHT}", f"0 {YAW}", f"0 {AGE}"):
+        for metric in (WHOLE, PLACE):
+            assert means[first, metric] > means[ELSEWHERE, metric] + 0.005
+        assert means[first, LEVEL] < means[ELSEWHERE, LEVEL]
+    assert means[f"180 {YAW}", PLACE] < means[f"10 {YAW}", PLACE]
+    assert means[f"30 {AGE}", PLACE] > means[f"180 {YAW}", PLACE]
+    spectrum = [each for each in records if each.method == f"40 {YAW}"]
+    assert (spectrum[0].condition, spectrum[-1].condition) == ("15 kHz", "20.25 kHz")
