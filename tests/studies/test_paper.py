@@ -76,7 +76,7 @@ def test_the_opposite_heading_costs_what_nothing_else_does(
     assert errors_m[STRATEGY, MAPPING] < 0.3
     assert errors_m[STRATEGY, OPPOSITE] > 5 * errors_m[STRATEGY, "one-shot"]
     papers = {each.condition: each.paper for each in records if each.method == STRATEGY}
-    assert papers == {MAPPING: None, "one-shot": 1.0, OPPOSITE: 1.0}
+    assert papers == {MAPPING: None, "one-shot": 1.0, "trajectory": None, OPPOSITE: 1.0}
 
 
 def test_a_recording_of_ones_own_is_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
