@@ -33,7 +33,7 @@ SHIPPED = "ELF, shipped"
 PSD = "PSD"
 LEARNING = ScratchParameters()
 """For the encoder that knows nothing but this walk."""
-ESS = "ESS"
+ESS, TRACE = "ESS", f"ESS with footstep {FOOTSTEP}"
 RETURNS, ELSEWHERE = "ESS at returns", "ESS elsewhere"
 HIGHER, ON_TOP = "higher elsewhere (%)", "all three on top (%)"
 PAPER = {
@@ -63,7 +63,11 @@ def measure_trace(
         context.announce(name, k / len(compared))
         similarity = echo_sequence_similarity(extract_features(echoes, encoder), nodes)
         records += _records(name, similarity.scores.astype(np.float64))
-    return records
+    footsteps = range(FOOTSTEP + MARKERS, rounds * MARKERS, MARKERS)
+    return records + [
+        Record("returns", TRACE, 1.0, world="lab", condition=str(footstep))
+        for footstep in footsteps
+    ]
 
 
 def returns_of(scores: F64) -> dict[str, F64]:
@@ -131,7 +135,7 @@ def _records(name: str, scores: F64) -> Iterator[Record]:
     for footstep, score in enumerate(scores[FOOTSTEP]):
         if footstep != FOOTSTEP:
             yield Record(
-                name, f"ESS with footstep {FOOTSTEP}", round(float(score), 3), world="lab",
+                name, TRACE, round(float(score), 3), world="lab",
                 condition=str(footstep),
             )  # fmt: skip
 

@@ -21,6 +21,7 @@ from studies.trace import (
     ON_TOP,
     PSD,
     RETURNS,
+    TRACE,
     all_encoders,
     embedded,
     learnt_on,
@@ -66,7 +67,7 @@ def test_an_elf_stands_out_where_a_spectrum_does_not() -> None:
     assert ahead["ELF"] > 0.3 > ahead[PSD]
     assert found["ELF", ESS, "footsteps 0 and 58"] > found["ELF", ESS, "footsteps 0 and 30"] + 0.3
     trace = {int(at): value for (name, metric, at), value in found.items()
-             if name == "ELF" and metric == f"ESS with footstep {FOOTSTEP}"}  # fmt: skip
+             if name == "ELF" and metric == TRACE}  # fmt: skip
     assert max(trace, key=lambda at: trace[at] if abs(at - FOOTSTEP) > 3 else 0) == 58 + FOOTSTEP
 
 
