@@ -30,7 +30,14 @@ from studies.results import (
 )
 from studies.study import SCENARIOS, Study, StudyContext
 
-STUDIES = ("mapping",)
+STUDIES = (
+    "acoustic-odometry", "amounts", "attacks", "closures", "contention", "dead-reckoning",
+    "displacement", "distinctness", "elf", "fidelity", "finetuning", "fix-thresholds", "floor-plan",
+    "laps", "localization", "localization-cost", "magnetic-left-out", "magnetic-walks",
+    "mall-fifths", "mall-floor", "many-mappers", "mapping", "merging", "paper", "passages",
+    "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech", "speed",
+    "spots", "superimposition", "taps", "thresholds", "trace", "unknown-phone",
+)  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""
 TIMES = "remake"
 """The result file of how long each study took."""

@@ -163,8 +163,8 @@ def table(shown: Shown) -> str:
     if not chosen:
         raise InputError("no result fits; look into the CSV for what there is")
     cells = _cells(chosen, shown)
-    rows = list(dict.fromkeys(row for row, _ in cells))
-    columns = list(dict.fromkeys(column for _, column in cells))
+    rows = _ordered((row for row, _ in cells), shown.rows, shown.where)
+    columns = _ordered((column for _, column in cells), shown.columns, shown.where)
     if shown.paper:
         columns = [each for column in columns for each in (column, (*column, PAPER))]
         columns = [each for each in columns if any((row, each) in cells for row in rows)]
@@ -239,6 +239,18 @@ def _cell(result: Result, shown: Shown) -> str:
     if result.low is None or result.high is None or not shown.interval:
         return text
     return f"{text} ({figure_text(result.low)} to {figure_text(result.high)})"
+
+
+def _ordered(
+    keys: Iterable[tuple[str, ...]], names: Sequence[str], where: Mapping[str, tuple[str, ...]]
+) -> list[tuple[str, ...]]:
+    """Each key once, as its columns' values were named, and as it came where none was."""
+
+    def rank(key: tuple[str, ...]) -> list[int]:
+        ranks = (_rank(value, where.get(name, ())) for name, value in zip(names, key, strict=False))
+        return [0 if each is None else each for each in ranks]
+
+    return sorted(dict.fromkeys(keys), key=rank)
 
 
 def _rank(value: str, wanted: Sequence[str]) -> int | None:

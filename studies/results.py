@@ -13,7 +13,6 @@ import subprocess
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -118,9 +117,12 @@ def read_results(file: Path) -> list[Result]:
     """The results of a file. Raises InputError for a file that is missing, or of another form."""
     try:
         with file.open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.DictReader(stream))
+            read = csv.DictReader(stream)
+            rows = list(read)
+        if list(read.fieldnames or ()) != list(COLUMNS):
+            raise ValueError(f"got {', '.join(read.fieldnames or ['nothing'])}")
         return [_result(row) for row in rows]
-    except (OSError, KeyError, TypeError, ValueError) as cause:
+    except (OSError, KeyError, TypeError, ValueError, csv.Error) as cause:
         raise InputError(f"{file.name}: wanted columns {', '.join(COLUMNS)} ({cause})") from cause
 
 
@@ -183,15 +185,13 @@ def git(*arguments: str) -> str:
 
 @cache
 def _file_of(module: str) -> str | None:
-    if not module.startswith(("elfslam", "studies")):
+    """The file of a module of the project, from its root; None for what is no such module."""
+    top, *_ = names = module.split(".")
+    if top not in ("elfslam", "studies"):
         return None
-    try:
-        spec = find_spec(module)
-    except ModuleNotFoundError:
-        return None
-    if spec is None or spec.origin is None:
-        return None
-    return Path(spec.origin).resolve().relative_to(ROOT).as_posix()
+    path = ROOT.joinpath("src" if top == "elfslam" else "", *names)
+    found = (each for each in (path.with_suffix(".py"), path / "__init__.py") if each.exists())
+    return next((each.relative_to(ROOT).as_posix() for each in found), None)
 
 
 @cache

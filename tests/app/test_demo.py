@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.app.anchor import floor_plan
-from elfslam.app.demo import run_demo
+from elfslam.app.demo import LOCATED, run_demo
 from elfslam.data.recordings import read_recording
 from elfslam.line.feature import load_encoder
 from elfslam.scoring.truth import read_truth
@@ -19,7 +19,7 @@ from elfslam.world.world_file import load_world
 @pytest.mark.real
 def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     heard: list[float | None] = []
-    walks, fixes = run_demo(
+    rows = run_demo(
         tmp_path,
         load_encoder("compact"),
         Parameters(),
@@ -27,13 +27,17 @@ def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
         announce=lambda what, share: heard.append(share),
         seeds=(500,),
     )
-    median = {(row["method"], row["alignment"]): row["median_m"] for row in walks}
-    assert median["SLAM", "aligned"] < 0.4 * median["dead reckoning", "aligned"]  # type: ignore[operator]
-    one_shot, tracked, crossing = fixes
-    assert one_shot["median_m"] < 0.25  # type: ignore[operator]
-    assert tracked["answered"] > max(0.9, one_shot["answered"])  # type: ignore[operator, type-var]
-    assert tracked["median_m"] < 0.25  # type: ignore[operator]
-    assert 0 < crossing["answered"] <= 1  # type: ignore[operator]
+    median, answered = (
+        {(row["method"], row["condition"]): float(str(row["value"])) for row in rows
+         if row["metric"] == metric}
+        for metric in ("median error (m)", "answered")
+    )  # fmt: skip
+    assert median["SLAM", "aligned"] < 0.4 * median["dead reckoning", "aligned"]
+    one_shot, tracked, crossing = ((name, "located") for *_, name in LOCATED)
+    assert median[one_shot] < 0.25
+    assert median[tracked] < 0.25
+    assert answered[tracked] > max(0.9, answered[one_shot])
+    assert 0 < answered[crossing] <= 1
     assert heard == [0.0, 1.0]
     names = {item.name for item in tmp_path.iterdir() if not item.name.startswith("plotly-")}
     assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}

@@ -118,6 +118,16 @@ def test_a_plan_in_the_grid_of_a_country_is_in_metres_and_stays_there(
     npt.assert_allclose(there.corner_m - here.corner_m, corner_m, atol=1e-6)
 
 
+def test_metres_of_a_web_map_are_refused(tmp_path: Path) -> None:
+    crs = {"type": "name", "properties": {"name": "urn:ogc:def:crs:EPSG::3857"}}
+    file = tmp_path / "p.geojson"
+    file.write_text(json.dumps({"type": "FeatureCollection", "crs": crs, "features": [room(0)]}))
+    with pytest.raises(InputError, match="Web Mercator"):
+        read_plan_shapes(file)
+    file.write_text(json.dumps({"type": "FeatureCollection", "features": [room(0)]}))
+    assert lefts_m(read_plan_shapes(file)) == [0.0]
+
+
 def room(left_m: float, **stated: Any) -> dict[str, Any]:
     """A room 4 m wide with what is stated of it."""
     ring = [[left_m, 0], [left_m + 4, 0], [left_m + 4, 5], [left_m, 5], [left_m, 0]]

@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 HERE = Path(__file__).parent
+
+
+@pytest.fixture(scope="session", autouse=True)
+def nothing_kept() -> Iterator[None]:
+    """Tests leave nothing in the cache of whoever runs them, and take nothing from there."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ELFSLAM_CACHE", "")
+        yield
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -1,9 +1,13 @@
-"""Studies by name, and their tables on disk."""
+"""Studies by name: what they are told and need, which are stale, and that a kill costs little."""
 
 from __future__ import annotations
 
-import csv
-import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,136 +15,150 @@ import pytest
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.progress import silent
 from elfslam.line.feature import SpectralEncoder
-from elfslam.scoring.page import Page
-from elfslam.world.kinds import QUIET
+from elfslam.world.kinds import Kind
 from studies import catalogue
-from studies.catalogue import STUDIES, run_study
-from studies.finding import Finding, Given, LongStudy
+from studies.catalogue import STUDIES, Choice, Stale, run_stale, run_study, stale_studies
+from studies.results import Record, commit_now, read_results, write_results
+from studies.study import SCENARIOS, Study, StudyContext
 
-Row = dict[str, object]
-ROWS: list[Row] = [
-    {"quantity": "speed", "value": 1.25},
-    {"quantity": "size, of steps", "value": None},
-]
+ROOT = Path(__file__).parents[2]
+MEDIAN = Record("ELF", "median error (m)", 0.25)
 
 
-def test_a_table_is_written_twice(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Path | None] = []
-
-    def study(given: Given) -> list[Row]:
-        asked.append(given.data)
-        return ROWS
-
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": study})
-    out = tmp_path / "new" / "folder"
-    assert run_study("gait", out, tmp_path, silent) == ROWS
-    assert asked == [tmp_path]
-    assert json.loads((out / "gait.json").read_text()) == ROWS
-    with (out / "gait.csv").open(newline="") as stream:
-        read = list(csv.DictReader(stream))
-    assert read == [
-        {"quantity": "speed", "value": "1.25"},
-        {"quantity": "size, of steps", "value": ""},
-    ]
+def measure(context: StudyContext, *, kind: Kind | None = None, much: int = 3) -> Iterable[Record]:
+    scenario = "" if kind is None else SCENARIOS[kind.name]
+    yield replace(MEDIAN, value=float(much), scenario=scenario)
 
 
-def test_a_page_is_written_beside_the_tables(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+GAIT = Study("How do people walk?", measure, minutes=5, fast={"much": 1}, long=True)
+LANES = Study("Where?", measure, minutes=2, scenarios=("people", "surveyor"))
+
+
+@pytest.fixture(autouse=True)
+def planted(monkeypatch: pytest.MonkeyPatch) -> dict[str, Study]:
+    """Two studies in place of all."""
+    known = {"gait": GAIT, "lanes": LANES}
+    monkeypatch.setattr(catalogue, "STUDIES", tuple(known))
+    monkeypatch.setattr(catalogue, "study_named", known.__getitem__)
+    monkeypatch.setattr(catalogue, "changed_since", lambda commit, module: [])
+    monkeypatch.setattr(catalogue, "bound_cache", lambda: None)
+    return known
+
+
+def test_results_say_what_they_are_of(tmp_path: Path) -> None:
+    run_study("gait", Choice(tmp_path), silent)
+    (found,) = read_results(tmp_path / "gait.csv")
+    assert (found.study, found.value, found.commit) == ("gait", 3.0, commit_now())
+    (took,) = read_results(tmp_path / "remake.csv")
+    assert (took.method, took.metric) == ("gait", "time (min)")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["gait.csv", "remake.csv"]
+
+
+def test_a_scenario_takes_the_place_of_itself_alone(tmp_path: Path) -> None:
+    for kind in ("people", "surveyor", "people"):
+        run_study("lanes", Choice(tmp_path, kind=kind), silent)
+    found = read_results(tmp_path / "lanes.csv")
+    assert sorted(each.scenario for each in found) == ["pedestrian", "surveyor"]
+    times = read_results(tmp_path / "remake.csv")
+    assert sorted(each.condition for each in times) == ["people", "surveyor"]
+
+
+@pytest.mark.parametrize(
+    ("name", "choice", "words"),
+    [
+        ("gait", Choice(kind="people"), "kind 'people': wanted none"),
+        ("lanes", Choice(kind="nobody"), "kind 'nobody': wanted people, surveyor"),
+        ("lanes", Choice(on="2"), "leave --on out"),
+        ("gait", Choice(encoders={"mine": SpectralEncoder()}), "leave --encoder out"),
+    ],
+)
+def test_what_a_study_does_not_know_is_refused(
+    tmp_path: Path, name: str, choice: Choice, words: str
 ) -> None:
-    page = Page("Walks", "of today", [])
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": lambda given: Finding(ROWS, page)})
-    assert run_study("gait", tmp_path, None, silent) == ROWS
-    assert "<title>Walks</title>" in (tmp_path / "gait.html").read_text()
-    assert (tmp_path / "gait.html").stat().st_size < 500_000
-    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".csv", ".html", ".js", ".json"]
+    with pytest.raises((InputError, ParameterError), match=words):
+        run_study(name, replace(choice, out=tmp_path / "new"), silent)
+    assert not (tmp_path / "new" / f"{name}.csv").exists()
 
 
-def test_a_long_study_is_told_where_to_keep_what_is_finished(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_what_is_needed_is_said_before_the_first_second(
+    tmp_path: Path, planted: dict[str, Study]
 ) -> None:
-    told: list[str] = []
-
-    def gait(given: Given) -> list[Row]:
-        kept = given.kept
-        assert kept is not None
-        told.append(kept.read_text() if kept.exists() else "")
-        kept.write_text("half")
-        if len(told) == 1:
-            raise KeyboardInterrupt
-        return ROWS
-
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": LongStudy(gait)})
-    with pytest.raises(KeyboardInterrupt):
-        run_study("gait", tmp_path, None, silent)
-    assert run_study("gait", tmp_path, None, silent) == ROWS
-    assert told == ["", "half"]
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["gait.csv", "gait.json"]
+    planted["gait"] = replace(GAIT, needs=("torchless",), minutes=9)
+    with pytest.raises(KeyError):
+        run_study("gait", Choice(tmp_path), silent)
+    planted["gait"] = replace(GAIT, data=("mall.mat",))
+    for data, words in ((None, "ELFSLAM_DATA"), (tmp_path, "has no mall.mat")):
+        with pytest.raises(InputError, match=words):
+            list(run_stale((), Choice(tmp_path, data=data), silent))
+    assert not (tmp_path / "lanes.csv").exists()
 
 
-def test_a_long_study_is_given_workers_and_a_short_one_refuses_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    counts: list[int] = []
-
-    def gait(given: Given) -> list[Row]:
-        assert given.workers is not None
-        counts.append(given.workers.count)
-        return ROWS
-
-    monkeypatch.setattr(
-        catalogue, "STUDIES", {"gait": LongStudy(gait), "brief": lambda given: ROWS}
-    )
-    run_study("gait", tmp_path, None, silent)
-    run_study("gait", tmp_path, None, silent, on="3")
-    assert counts == [1, 3]
-    with pytest.raises(InputError, match="study brief: is short and runs in this process"):
-        run_study("brief", tmp_path, None, silent, on="2")
+def test_all_runs_what_is_stale_the_cheapest_first(tmp_path: Path) -> None:
+    done = [(each.name, each.kind) for each in run_stale((), Choice(tmp_path), silent)]
+    assert done == [("lanes", "people"), ("lanes", "surveyor"), ("gait", None)]
+    assert list(run_stale((), Choice(tmp_path), silent)) == []
+    assert list(run_stale(("gait",), Choice(tmp_path), silent)) == []
 
 
-def test_encoders_reach_the_studies_that_compare_them(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    told: list[object] = []
+def test_progress_is_of_the_whole(tmp_path: Path, planted: dict[str, Study]) -> None:
+    heard: list[float | None] = []
 
-    def study(given: Given, encoders: object = "usual") -> list[Row]:
-        told.append(encoders)
-        return ROWS
+    def slow(context: StudyContext) -> Iterable[Record]:
+        context.announce("half of it", 0.5)
+        return [MEDIAN]
 
-    monkeypatch.setattr(catalogue, "STUDIES", {"elf": study, "gait": study})
-    mine = {"mine": SpectralEncoder()}
-    assert run_study("elf", tmp_path, None, silent) == ROWS
-    assert run_study("elf", tmp_path, None, silent, encoders=mine) == ROWS
-    assert told == ["usual", mine]
-    with pytest.raises(
-        InputError, match="study gait: compares no encoders, only displacement, elf"
-    ):
-        run_study("gait", tmp_path, None, silent, encoders=mine)
+    planted["gait"] = replace(GAIT, measure=slow, minutes=6)
+    list(run_stale((), Choice(tmp_path), lambda what, share: heard.append(share)))
+    assert heard == [pytest.approx((2 + 3) / 8)]
 
 
-def test_an_unknown_study_is_refused_with_the_known_ones(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=f"study 'sensor': wanted {', '.join(STUDIES)}; no such"):
-        run_study("sensor", tmp_path / "out", None, silent)
-    assert not (tmp_path / "out").exists()
+@pytest.mark.parametrize("what", ["encoder", "code", "commits", "missing"])
+def test_why_results_are_stale(tmp_path: Path, what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    run_study("gait", Choice(tmp_path), silent)
+    (found,) = read_results(tmp_path / "gait.csv")
+    file, wanted = tmp_path / "gait.csv", "never run"
+    if what == "encoder":
+        write_results(file, [replace(found, encoder="older")])
+        wanted = "encoder older, now"
+    elif what == "code":
+        monkeypatch.setattr(catalogue, "changed_since", lambda commit, module: ["a.py"])
+        wanted = "1 files changed since"
+    elif what == "commits":
+        write_results(file, [found, replace(found, commit="older")])
+        wanted = "of several commits"
+    else:
+        file.unlink()
+    (stale,) = stale_studies(("gait",), Choice(tmp_path))
+    assert isinstance(stale, Stale)
+    assert stale.why.startswith(wanted)
 
 
-def test_only_some_studies_are_of_a_kind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[object] = []
-
-    def study(given: Given, **chosen: object) -> list[Row]:
-        told.append(chosen)
-        return ROWS
-
-    monkeypatch.setattr(catalogue, "STUDIES", {"gait": study, "mapping": study})
-    run_study("mapping", tmp_path, None, silent, kind="quiet")
-    run_study("mapping", tmp_path, None, silent)
-    assert told == [{"kind": QUIET}, {}]
-    with pytest.raises(InputError, match="study gait: is of no kind"):
-        run_study("gait", tmp_path, None, silent, kind="quiet")
-    with pytest.raises(ParameterError, match="kind 'lazy'"):
-        run_study("mapping", tmp_path, None, silent, kind="lazy")
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_says_what_it_is(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.undo()
+    study = catalogue.study_named(name)
+    assert study.question.endswith("?")
+    assert study.minutes > 0
+    assert study.fast or study.minutes < 2
+    assert set(study.scenarios) <= set(SCENARIOS)
 
 
-def test_a_column_that_only_some_rows_have_is_empty_in_the_others(tmp_path: Path) -> None:
-    file = tmp_path / "table.csv"
-    catalogue._write_csv(file, [{"step": "a", "pairs": 3}, {"step": "b", "map (m)": 0.2}])
-    assert file.read_text().splitlines() == ["step,pairs,map (m)", "a,3,", "b,,0.2"]
+@pytest.mark.real
+def test_a_run_that_was_killed_twice_goes_on(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "studies", "all", "--only", "mapping", "--fast",
+               "--out", str(tmp_path)]  # fmt: skip
+    environment = {**os.environ, "ELFSLAM_CACHE": str(tmp_path / "cache")}
+    kept = tmp_path / "mapping.people.partial"
+    sizes = []
+    for _ in range(2):
+        with subprocess.Popen(command, cwd=ROOT, env=environment) as running:
+            seen = kept.stat().st_size if kept.exists() else 0
+            while running.poll() is None and (kept.stat().st_size if kept.exists() else 0) <= seen:
+                os.sched_yield()
+            running.send_signal(signal.SIGKILL)
+        sizes.append(kept.stat().st_size if kept.exists() else None)
+    subprocess.run(command, cwd=ROOT, env=environment, check=True)
+    assert not kept.exists()
+    assert sizes[0] is not None
+    scenarios = {each.scenario for each in read_results(tmp_path / "mapping.csv")}
+    assert scenarios == set(SCENARIOS.values())

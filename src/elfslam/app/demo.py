@@ -72,12 +72,11 @@ def run_demo(
     facts: Mapping[str, object],
     announce: Callable[[str, float | None], None],
     seeds: Sequence[int] = SEEDS,
-) -> tuple[list[Row], list[Row]]:
-    """Write the first walk's recording, run, fixes and reports to `out`; give the two tables.
+) -> list[Row]:
+    """Write the first walk's recording, run, fixes and reports to `out`; give a row a figure.
 
-    The first table has errors of dead reckoning and SLAM over all seeds, the second those of who is
-    located how, with the share of queries that got a fix. `announce` hears what is being done and
-    the share done.
+    First the errors of dead reckoning and SLAM over all seeds, then of who is located how, with
+    the share of queries that got a fix. `announce` hears what is being done and the share done.
     """
     for name in ("walk", "stranger", "run"):
         refuse_occupied(out / name, None)
@@ -85,7 +84,7 @@ def run_demo(
         files = [stack.enter_context(new_file(out / name)) for name in FILES]
         collected = _collected(out, files, encoder, parameters, facts, announce, seeds)
     announce("done", 1.0)
-    return _mapping_rows(collected), _fix_rows(collected)
+    return _rows(collected)
 
 
 def _collected(
@@ -164,36 +163,38 @@ def _collect_fixes(
     collected.queries[name] = collected.queries.get(name, 0) + len(status)
 
 
-def _mapping_rows(collected: Collected) -> list[Row]:
-    return [
-        {"method": method, "alignment": alignment, **_statistics(walks)}
+def _rows(collected: Collected) -> list[Row]:
+    mapped = [
+        row
         for (method, alignment), walks in collected.mapping.items()
+        for row in _statistics({"method": method, "condition": alignment}, walks)
     ]
-
-
-def _fix_rows(collected: Collected) -> list[Row]:
-    return [
-        {
-            "who, how": name,
-            **_statistics(walks),
-            "answered": sum(len(walk) for walk in walks) / collected.queries[name],
-        }
+    located = [
+        row
         for name, walks in collected.fixes.items()
+        for of in [{"method": name, "condition": "located"}]
+        for row in [*_statistics(of, walks), _answered(of, walks, collected.queries[name])]
     ]
+    return mapped + located
 
 
-def _statistics(walks: list[F64]) -> Row:
-    """Median, mean and Q3 over all footsteps; the median's 95 % interval by resampling walks."""
-    summary = summarise(np.concatenate(walks))
-    low, high = interval(walks, lambda errors: float(np.median(errors)), np.random.default_rng(0))
-    return {
-        "median_m": summary.median_m,
-        "mean_m": summary.mean_m,
-        "q3_m": summary.q3_m,
-        "median_low_m": low,
-        "median_high_m": high,
-        "walks": len(walks),
+def _statistics(of: Mapping[str, object], walks: list[F64]) -> list[Row]:
+    """Median, mean and third quartile over all footsteps, with 95 % by resampling walks."""
+    found = summarise(np.concatenate(walks))
+    values: dict[str, tuple[float, Callable[[F64], float]]] = {
+        "median error (m)": (found.median_m, lambda errors: float(np.median(errors))),
+        "mean error (m)": (found.mean_m, lambda errors: float(np.mean(errors))),
+        "third quartile (m)": (found.q3_m, lambda errors: float(np.quantile(errors, 0.75))),
     }
+    rows = []
+    for metric, (value, statistic) in values.items():
+        low, high = interval(walks, statistic, np.random.default_rng(0))
+        rows.append({**of, "metric": metric, "value": value, "low": low, "high": high})
+    return rows
+
+
+def _answered(of: Mapping[str, object], walks: list[F64], queries: int) -> Row:
+    return {**of, "metric": "answered", "value": sum(map(len, walks)) / queries}
 
 
 def _write_example(

@@ -32,9 +32,8 @@ def demo(
     """Map ten simulated surveys, locate others in them, write one of each with its reports."""
     parameters = load(Settings(), parameter_file, setting or [])
     with progress_bar() as announce, compilation_announced(announce):
-        walks, fixes = run_demo(
+        rows = run_demo(
             out, load_encoder(encoder), line_only(parameters), facts=versions(), announce=announce
         )
-    print_rows(walks, title="Mapping, 5 rounds in a room of 60 m2 (m)", as_json=as_json)
-    print_rows(fixes, title="Others located, another day, another phone (m)", as_json=as_json)
+    print_rows(rows, title="Ten surveys of a room of 60 m2, and ten query walks", as_json=as_json)
     say(f"look at {out / 'score.html'}, {out / 'fixes.html'} and {out / 'run' / 'report.html'}")

@@ -9,6 +9,7 @@ Tagging, `level` and `repeat_on` ("0", "-1", "0;2", "0-2"), or as in IMDF, by `l
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -33,6 +34,8 @@ POLYGONS = {"Polygon": False, "MultiPolygon": True}
 LEVEL_KEYS = ("level", "repeat_on", "level_id")
 RANGE = re.compile(r"(-?\d{1,4})-(-?\d{1,4})")
 MOST_LEVELS = 300
+WEB_MERCATOR = re.compile(r"\b(3857|900913|3785|102100)\b")
+"""As a member `crs` names it: its metres are longer than metres, by half at 48 degrees."""
 
 
 class LevelError(InputError):
@@ -121,6 +124,11 @@ def _in_metres(degrees: PlanShapes, origin: Origin) -> PlanShapes:
 def _features(file: Path) -> list[_Feature]:
     """What a file holds, in its own unit."""
     content = read_json(file)
+    if isinstance(content, dict) and WEB_MERCATOR.search(json.dumps(content.get("crs"))):
+        raise InputError(
+            f"{file}: is in Web Mercator, whose metres are longer; wanted longitude and latitude "
+            "(RFC 7946) or a metric grid such as UTM; export it as that"
+        )
     try:
         return [
             _Feature(_polygons_of(each), _lines_of(each), _levels_of(each))
