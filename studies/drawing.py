@@ -28,6 +28,8 @@ ROW_IN, HEAD_IN, CURVES_IN = 0.24, 0.85, 3.2
 TRACE_IN, TILE_IN = 0.55, 0.08
 LEVELS = 6
 """Shades of a matrix."""
+FEW = 20
+"""Points of a curve below which each is a dot."""
 RETURNS = "returns"
 """The method whose conditions are marked in traces."""
 INK, FAINT, OURS, THEIRS, PAPER_COLOR = "#010101", "#020202", "#030303", "#040404", "#050505"
@@ -160,9 +162,9 @@ def _curves(results: Sequence[Result], wanted: Drawing) -> Figure:
     for axis, (panel, some) in zip(axes, panels.items(), strict=True):
         for color, (name, points) in zip(MORE, _panels(some, wanted.rows).items(), strict=False):
             x = [_number(each.condition) for each in points]
-            axis.plot(
-                x, [each.value for each in points], "o-", color=color, label=name, markersize=4
-            )
+            look = "o-" if len(points) < FEW else "-"
+            values = [each.value for each in points]
+            axis.plot(x, values, look, color=color, label=name, markersize=4, linewidth=1.2)
             if all(each.low is not None and each.high is not None for each in points):
                 low, high = ([getattr(each, end) for each in points] for end in ("low", "high"))
                 axis.fill_between(x, low, high, color=color, alpha=0.15, linewidth=0)

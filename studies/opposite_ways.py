@@ -42,7 +42,7 @@ PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
 """Where the echoes of a map are said to come from: what is left is the map's error, or is not."""
 SAME_WAY, OPPOSITE_WAY = "same direction", "opposite direction"
 PAPER_M = {SAME_WAY: 0.1, OPPOSITE_WAY: 3.8, SUPERIMPOSED: 0.1}
-"""Medians in the paper's living room."""
+"""Medians in the paper's living room, whose maps had their own errors."""
 
 
 @dataclass(frozen=True)
@@ -82,9 +82,11 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> list[Record]:
         for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
             found = fixes_m(walk_vectors(samples, encoder), TOGETHER, vectors, xy_m)
             for metric, value in error_numbers(found, places_m).items():
-                paper = PAPER_M.get(name) if metric == MEDIAN_M else None
-                known = replace(of, method=name, metric=metric, value=value, paper=paper)
-                records.append(replace(known, condition=placed))
+                fits = metric == MEDIAN_M and placed == MAPPED
+                known = replace(of, method=name, metric=metric, value=value)
+                records.append(
+                    replace(known, condition=placed, paper=PAPER_M.get(name) if fits else None)
+                )
             for share, value in quantile_numbers(found, places_m).items():
                 known = replace(of, method=name, metric=WITHIN_M, value=value)
                 records.append(replace(known, condition=f"{share}, {placed}"))

@@ -13,15 +13,13 @@ from functools import partial
 import numpy as np
 
 from elfslam.app.modalities import sense_of
-from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32, F64
 from elfslam.base.choices import Modality
 from elfslam.base.values import ECHO_RATE_HZ, NO_CLOSURES, AnySimilarity, Closures
 from elfslam.baselines.generic import generic_encoders
-from elfslam.learn.parameters import ScratchParameters
 from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.line.echo.envelope import matched_envelope
-from elfslam.line.feature import OnnxEncoder, load_encoder, spectrogram
+from elfslam.line.feature import load_encoder, spectrogram
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.alignment import Alignment, match, place, placement
@@ -50,16 +48,13 @@ MATRIX_WORLD = "mall"
 POINTS, MOST_CANDIDATES = 60, 900
 """Of a trajectory and of a matrix, as they are drawn."""
 LEVEL_DB, POWER_DB, AMPLITUDE = "level (dB)", "power (dB)", "amplitude"
-CORRELATION, LATER, LOSS = "correlation", "later footstep", "loss"
+CORRELATION, LATER = "correlation", "later footstep"
 X_M, Y_M = "x (m)", "y (m)"
 CANDIDATES, CURATED = "candidates", "curated"
 TRUE, RECKONED = "truth", "dead reckoning"
 WITHOUT = "candidates, not curated"
 SPOTS = ("spot A", "10 cm from A", "2 m from A")
 MS = 1000.0
-LEARNING = ScratchParameters(threads=1)
-LOSS_STEPS = 5
-"""Of which a loss is the mean."""
 
 
 def measure_paper_figures(
@@ -68,7 +63,6 @@ def measure_paper_figures(
     worlds: Sequence[str] = WORLDS,
     matrix_world: str = MATRIX_WORLD,
     rounds: int = ROUNDS,
-    scratch: ScratchParameters = LEARNING,
 ) -> list[Record]:
     """The data of each picture: its method says what is shown, its condition where it stands."""
     records = [*excitation(), *spectrograms(), *footsteps_compared()]
@@ -76,9 +70,8 @@ def measure_paper_figures(
         context.announce(world, (k + 1) / (len(worlds) + 2))
         walk = SimulatedWalk(world, 0, rounds, SURVEYOR.name)
         records += trajectories(walk)
-    context.announce("matrix and losses", None)
-    records += matrix(SimulatedWalk(matrix_world, 0, rounds, SURVEYOR.name))
-    return records + list(losses(SimulatedWalk(worlds[0], 0, rounds, SURVEYOR.name), scratch))
+    context.announce("matrix", None)
+    return records + list(matrix(SimulatedWalk(matrix_world, 0, rounds, SURVEYOR.name)))
 
 
 def excitation() -> Iterator[Record]:
@@ -216,26 +209,6 @@ def all_candidates(similarity: AnySimilarity, parameters: CurationParameters) ->
     return Closures(i, j, scores[i, j].astype(float), np.zeros((len(i), 3)), covariance)
 
 
-def losses(walk: SimulatedWalk, scratch: ScratchParameters) -> Iterator[Record]:
-    """The loss while the compact network learns a walk, pre-trained before or not."""
-    from studies.paper import FINETUNING_RATE
-    from studies.paper_training import learnt_from_walk
-
-    recording, _ = simulated(walk, sensors=(Sensor.WIFI, Sensor.MAGNETIC))
-    echoes, shipped = hear(recording, Settings()), load_encoder("compact")
-    assert isinstance(shipped, OnnxEncoder)
-    gently = replace(scratch, learning_rate=FINETUNING_RATE)
-    for name, start, parameters in (
-        ("pre-trained", shipped, gently), ("without pre-training", None, scratch),
-    ):  # fmt: skip
-        found: list[float] = []
-        learnt_from_walk(echoes, parameters, seed=0, start=start, report=found.append)
-        for first in range(0, len(found), LOSS_STEPS):
-            mean = float(np.mean(found[first : first + LOSS_STEPS]))
-            yield Record(name, LOSS, round(mean, 3), world=walk.world,
-                         scenario=SCENARIOS[walk.kind], condition=str(first))  # fmt: skip
-
-
 def _path(name: str, xy_m: F64, *, world: str, scenario: str) -> Iterator[Record]:
     """Some points (n, 2) of a path, in its order."""
     rows = np.linspace(0, len(xy_m) - 1, min(POINTS, len(xy_m))).astype(int)
@@ -247,7 +220,6 @@ def _path(name: str, xy_m: F64, *, world: str, scenario: str) -> Iterator[Record
 
 STUDY = Study(
     "What do excitation, echoes, similarity matrix and trajectories of the paper look like here?",
-    measure_paper_figures, minutes=8, needs=("torch", "sklearn"),
-    fast={"worlds": ("studio",), "matrix_world": "studio", "rounds": 2,
-          "scratch": ScratchParameters(steps=10, pairs=32, threads=1)},
+    measure_paper_figures, minutes=6, needs=("sklearn",),
+    fast={"worlds": ("studio",), "matrix_world": "studio", "rounds": 2},
 )  # fmt: skip
