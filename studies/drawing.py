@@ -172,15 +172,20 @@ def _curves(results: Sequence[Result], wanted: Drawing) -> Figure:
             if theirs:
                 axis.plot(*zip(*theirs, strict=True), "D", color=PAPER_COLOR, fillstyle="none")
         axis.set_title(panel.replace("_", " "))
-        if min(each.value for each in some) >= 0:
-            axis.set_ylim(bottom=0)
         axis.set_xscale("log" if wanted.logarithmic else "linear")
+    if min(each.value for each in results) >= 0:
+        axes[0].set_ylim(bottom=0)
     axes[0].set_ylabel(wanted.y_title)
     figure.supxlabel(wanted.x_title, fontsize=9.5)
-    handles, labels = axes[0].get_legend_handles_labels()
-    if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    _legend(figure, axes[0])
     return figure
+
+
+def _legend(figure: Figure, axis: Axes) -> None:
+    """Above the panels, where there is more than one name."""
+    handles, labels = axis.get_legend_handles_labels()
+    if len(labels) > 1:
+        figure.legend(handles, labels, loc="outside upper center", ncols=3, markerscale=1.5)
 
 
 def _traces(results: Sequence[Result], wanted: Drawing) -> Figure:
@@ -279,9 +284,7 @@ def _placed(results: Sequence[Result], wanted: Drawing, look: Mapping[str, Any])
         axis.locator_params(nbins=4)
     axes[0].set_ylabel(wanted.y_title)
     figure.supxlabel(wanted.x_title, fontsize=9.5)
-    handles, labels = axes[0].get_legend_handles_labels()
-    if len(labels) > 1:
-        figure.legend(handles, labels, loc="outside lower center", ncols=3, markerscale=2)
+    _legend(figure, axes[0])
     return figure
 
 
