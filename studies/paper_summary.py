@@ -82,22 +82,21 @@ def measure_paper_summary(
     context: StudyContext, *, results: Path = RESULTS, parts: Sequence[Part] = PARTS
 ) -> list[Record]:
     """For each part and for the whole: what there is, and how many errors are smaller or larger."""
-    found = {part: compared(part, results) for part in parts}
-    counts = {part: numbers for part, numbers in found.items() if numbers}
-    records = [
-        Record(part.name, metric, float(value))
-        for part, numbers in counts.items()
-        for metric, value in numbers.items()
-    ]
-    others = {part: n for part, n in counts.items() if PAPERS_OWN not in part.name}
+    found = {part.name: compared(part, results) for part in parts}
+    counts = {name: numbers for name, numbers in found.items() if numbers}
+    others = [numbers for name, numbers in counts.items() if PAPERS_OWN not in name]
     whole = {
         PARTS_OF: len(parts),
         WITH_OURS: len(counts),
         WITHOUT: len(parts) - len(counts),
-        **{key: sum(n[key] for n in others.values())
-           for key in (COMPARED, CLOSER, FARTHER, OTHER)},
-    }  # fmt: skip
-    return [Record(ALL, metric, float(value)) for metric, value in whole.items()] + records
+        **{key: sum(each[key] for each in others) for key in (COMPARED, CLOSER, FARTHER, OTHER)},
+    }
+    return [
+        Record(name, metric, float(value))
+        for name, numbers in {ALL: whole, **counts}.items()
+        for metric, value in numbers.items()
+        if name == ALL or value or numbers[COMPARED] > numbers[OTHER]
+    ]
 
 
 def compared(part: Part, results: Path = RESULTS) -> dict[str, int]:

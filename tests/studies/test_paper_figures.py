@@ -30,9 +30,16 @@ WALK = SimulatedWalk("studio", 100, 3, "surveyor")
 
 def test_the_chirp_rises_through_its_band_and_is_found_where_it_arrives() -> None:
     records = list(excitation())
-    tiles = {each.condition: each.value for each in records if each.method == "chirp"}
-    loudest = [float(where.split()[2]) for where, level in tiles.items() if level > -6]
-    assert (min(loudest), max(loudest)) == (15.2, 20.2)
+    loudest: dict[float, tuple[float, float]] = {}
+    for each in records:
+        if each.method == "chirp" and each.value > -10:
+            at_ms, _, khz, _ = each.condition.replace(",", "").split()
+            found = (each.value, float(khz))
+            loudest[float(at_ms)] = max(found, loudest.get(float(at_ms), found))
+    khz_by_time = [loudest[at_ms][1] for at_ms in sorted(loudest)]
+    assert khz_by_time == sorted(khz_by_time)
+    assert khz_by_time[0] < 16
+    assert khz_by_time[-1] > 19
     heard = {each.condition: each.value for each in records if each.metric == CORRELATION}
     assert float(max(heard, key=lambda at: heard[at]).split()[0]) < 2.0
 
