@@ -267,7 +267,7 @@ def _paths(results: Sequence[Result], wanted: Drawing) -> Figure:
 
 def _placed(results: Sequence[Result], wanted: Drawing, look: Mapping[str, Any]) -> Figure:
     panels = _panels(results, wanted.panels)
-    figure, axes = _axes(len(panels), CURVES_IN)
+    figure, axes = _axes(len(panels), CURVES_IN if len(panels) < 4 else CURVES_IN / 2)
     for axis, (panel, some) in zip(axes, panels.items(), strict=True):
         groups: dict[str, dict[str, list[Result]]] = {}
         for each in some:
@@ -281,7 +281,7 @@ def _placed(results: Sequence[Result], wanted: Drawing, look: Mapping[str, Any])
             axis.plot(*zip(*xy, strict=True), color=color, label=name, **look)
         axis.set_title(panel.replace("_", " "))
         axis.set_aspect("equal", adjustable="datalim")
-        axis.locator_params(nbins=4)
+        axis.locator_params(nbins=3)
     axes[0].set_ylabel(wanted.y_title)
     figure.supxlabel(wanted.x_title, fontsize=9.5)
     _legend(figure, axes[0])

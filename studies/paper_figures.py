@@ -52,7 +52,7 @@ CORRELATION, LATER = "correlation", "later footstep"
 X_M, Y_M = "x (m)", "y (m)"
 CANDIDATES, CURATED = "candidates", "curated"
 TRUE, RECKONED = "truth", "dead reckoning"
-WITHOUT = "candidates, not curated"
+WITHOUT = "without curation"
 SPOTS = ("spot A", "10 cm from A", "2 m from A")
 MS = 1000.0
 

@@ -49,7 +49,7 @@ PARTS = (
     Part("Figure 10: spectrograms near and far", "paper-figures", {"method": "*from A"}),
     Part("Figure 11: similarity visualised", "trace", {"metric": "ESS"}),
     Part("Figure 12: ESS matrix", "paper-figures", {"method": "candidates"}),
-    Part("Figure 13: with and without curation", "paper-figures", {"method": "candidates, not*"}),
+    Part("Figure 13: with and without curation", "paper-figures", {"method": "without curation"}),
     Part("Figure 14: curation step by step", "closures"),
     Part("Figure 15: reconstructed trajectories", "paper-figures", {"metric": "x (m)"}),
     Part("Table 2: mapping errors", "mapping",
