@@ -1,9 +1,9 @@
-"""Thousands of spots heard in four directions: what superimposition is worth there."""
+"""Thousands of spots in four directions: what superimposition is worth there (section 6.7)."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.line.superimposition import SpotEchoes
 from elfslam.world.phone import Poses, phone_axes
 from elfslam.world.world_file import load_world
-from studies.repeats import Numbers
+from studies.results import Record
 from studies.still_phone import BODY_M, HAND_M, HEIGHT_M, PITCH_RAD, Listener, hear_at, listener_in
 
 DIRECTIONS_RAD = np.arange(4) * np.pi / 2
@@ -29,12 +29,21 @@ TOGETHER = 6
 MAP_TRACES = 5
 """Of each spot and direction, for the map."""
 TEMPERATURE, NEAR_M = 0.05, 0.3
-"""A fix is the mean of the spots this near the best, weighted by how alike they sound."""
+"""A fix is the mean of the spots this near the best, weighted by their similarity."""
 SPACING_M = 0.1
 SPOT_A = 0.5
 """Which of the spots is drawn, as a share of all."""
 SETS = ("new traces", "off the grid", "in between")
-SHARES = np.linspace(0.02, 0.98, 49)
+SAME, DIFFERENT = "same direction", "different direction"
+ONE, ALL_APART, MEAN_OF_ALL = "one direction", "all directions kept apart", "mean of all directions"
+SUPERIMPOSED, SUPERVISED = "superimposed", "supervised"
+SHARES = np.linspace(0.1, 0.9, 9)
+MEAN_M, MEDIAN_M, Q3_M = "mean error (m)", "median error (m)", "third quartile (m)"
+OVER_1_M, WITHIN_M = "over 1 m", "error of that share at most (m)"
+SIMILARITY = "similarity of four directions"
+PAPER_M = {ONE: (DIFFERENT, 3.2), SUPERIMPOSED: (SETS[0], 0.24), SUPERVISED: (SETS[0], 0.56)}
+"""What the paper's maps were asked, and their mean errors."""
+PAPER_SIMILARITY = {"before": 0.34, "after": 0.76}
 
 
 @dataclass(frozen=True)
@@ -86,8 +95,8 @@ def heard(floor: Floor, xy_m: F64, heading_rad: F64, generator: np.random.Genera
     return hear_at(floor.listener, poses, generator)
 
 
-def measure_floor(task: Spots, folder: Path, announce: Announce) -> Numbers:
-    """Errors (m) of every map, its quantiles, and what spot A sounds like before and after.
+def measure_floor(task: Spots, folder: Path, announce: Announce) -> list[Record]:
+    """Errors (m) of every map, and how similar the directions of spots are before and after.
 
     What is learnt is kept in `folder` as it goes.
     """
@@ -96,18 +105,19 @@ def measure_floor(task: Spots, folder: Path, announce: Announce) -> Numbers:
     learnt = _learnt(task, floor, shipped, folder, announce)
     queries = dict(_queries(task, floor))
     announce("maps", None)
-    numbers: Numbers = {"echoes": float(task.echoes)}
+    records: list[Record] = []
     before, after = (_directions(task, floor, encoder) for encoder in (shipped, learnt))
     for name, xy_m, vectors, encoder, asked in _maps(floor, before, after, shipped, learnt):
         for kind in asked:
             places_m, samples = queries[kind]
             for together in (1, TOGETHER):
                 found = fixes_m(encoder.embed(samples), together, vectors, xy_m)
-                numbers |= errors(f"{name}|{kind}|{together}", found, places_m)
-    numbers |= _likeness("before", before) | _likeness("after", after)
+                records += _errors(name, kind, together, found, places_m)
+    records += [*_similarities("before", before), *_similarities("after", after)]
     if task.supervised_traces:
-        numbers |= _supervised(task, floor, queries, announce)
-    return numbers
+        records += _supervised(task, floor, queries, announce)
+    seed = str(task.seed)
+    return [replace(each, world=task.world, seeds=seed) for each in records]
 
 
 def fixes_m(vectors: F32, together: int, spots: F32, spots_m: F64) -> F64:
@@ -167,8 +177,8 @@ def _queries(task: Spots, floor: Floor) -> Iterator[tuple[str, tuple[F64, F32]]]
         SETS[0]: (on, heading_rad),
         SETS[1]: (off, heading_rad),
         SETS[2]: (off, heading_rad + np.pi / 4),
-        "same direction": (on, np.zeros(task.queries)),
-        "different direction": (on, other),
+        SAME: (on, np.zeros(task.queries)),
+        DIFFERENT: (on, other),
     }
     for name, (place_m, yaw_rad) in asked.items():
         every = np.repeat(place_m, TOGETHER, axis=0)
@@ -199,15 +209,15 @@ def _maps(
     """Name, spots, their ELFs, encoder and what is asked, of each map."""
     xy_m, every = floor.spots_m, np.repeat(floor.spots_m, 4, axis=0)
     one = before[:, 0]
-    yield "one direction", xy_m, one, shipped, ("same direction", "different direction")
-    yield "all directions kept apart", every, before.reshape(len(every), -1), shipped, SETS
-    yield "mean of all directions", xy_m, before.mean(axis=1), shipped, SETS
-    yield "superimposed", xy_m, after.mean(axis=1), learnt, SETS
+    yield ONE, xy_m, one, shipped, (SAME, DIFFERENT)
+    yield ALL_APART, every, before.reshape(len(every), -1), shipped, SETS
+    yield MEAN_OF_ALL, xy_m, before.mean(axis=1), shipped, SETS
+    yield SUPERIMPOSED, xy_m, after.mean(axis=1), learnt, SETS
 
 
 def _supervised(
     task: Spots, floor: Floor, queries: dict[str, tuple[F64, F32]], announce: Announce
-) -> Numbers:
+) -> Iterator[Record]:
     """Errors of the classifier of spots, from as many traces as the task gives it."""
     from studies.fingerprint import FingerprintParameters, named_spots, train_on_batches
 
@@ -223,38 +233,49 @@ def _supervised(
         batches(), len(floor.spots_m), steps, FingerprintParameters(threads=1), seed=task.seed,
         report=lambda share: announce("supervised", share),
     )  # fmt: skip
-    numbers: Numbers = {"supervised echoes": float(steps * SUPERVISED_BATCH)}
     for kind in SETS:
         places_m, samples = queries[kind]
-        first = samples[::TOGETHER]
-        for together, part in ((1, first), (TOGETHER, samples)):
+        for together, part in ((1, samples[::TOGETHER]), (TOGETHER, samples)):
             named = named_spots(network, part, together=together)
-            numbers |= errors(f"supervised|{kind}|{together}", floor.spots_m[named], places_m)
-    return numbers
+            yield from _errors(SUPERVISED, kind, together, floor.spots_m[named], places_m)
 
 
-def errors(name: str, found_m: F64, truth_m: F64) -> Numbers:
-    """Mean, median, Q3, share beyond 1 m, and the quantiles at SHARES."""
+def error_numbers(found_m: F64, truth_m: F64) -> dict[str, float]:
+    """By metric: mean, median, third quartile, and the share beyond 1 m."""
     error_m = np.linalg.norm(found_m - truth_m, axis=1)
-    quantiles = np.quantile(error_m, SHARES)
-    found: dict[str, float] = {
-        "mean": float(error_m.mean()),
-        "median": float(np.median(error_m)),
-        "Q3": float(np.quantile(error_m, 0.75)),
-        "over 1 m": float((error_m > 1.0).mean()),
+    return {
+        MEAN_M: float(error_m.mean()),
+        MEDIAN_M: float(np.median(error_m)),
+        Q3_M: float(np.quantile(error_m, 0.75)),
+        OVER_1_M: float((error_m > 1.0).mean()),
     }
-    found |= {f"q{k}": float(value) for k, value in enumerate(quantiles)}
-    return {f"{name}|{measure}": value for measure, value in found.items()}
 
 
-def _likeness(when: str, directions: F32) -> Numbers:
+def quantile_numbers(found_m: F64, truth_m: F64) -> dict[str, float]:
+    """By share in percent, as a condition begins: the error (m) that so many fixes keep within."""
+    quantiles = np.quantile(np.linalg.norm(found_m - truth_m, axis=1), SHARES)
+    return {f"{100 * share:.0f} %": float(at) for share, at in zip(SHARES, quantiles, strict=True)}
+
+
+def _errors(name: str, kind: str, together: int, found_m: F64, truth_m: F64) -> Iterator[Record]:
+    """Of a map, what it was asked, and from how many echoes."""
+    asked = f"{kind}, from {together}"
+    paper_kind, paper_m = PAPER_M.get(name, ("", None))
+    for metric, value in error_numbers(found_m, truth_m).items():
+        fits = metric == MEAN_M and (kind, together) == (paper_kind, TOGETHER)
+        yield Record(name, metric, value, paper=paper_m if fits else None, condition=asked)
+    if together == TOGETHER:
+        for share, value in quantile_numbers(found_m, truth_m).items():
+            yield Record(name, WITHIN_M, value, condition=f"{share}, {kind}")
+
+
+def _similarities(when: str, directions: F32) -> Iterator[Record]:
     """Mean cosine between directions, of spot A and of all, and spot A's ELFs."""
     unit = directions / np.linalg.norm(directions, axis=2, keepdims=True)
     pairs = np.einsum("ska,sla->skl", unit, unit)[:, ~np.eye(4, dtype=bool)].mean(axis=1)
-    spot = int(SPOT_A * len(directions))
-    drawn = {f"A|{when}|{k}|{i}": float(v) for (k, i), v in np.ndenumerate(unit[spot])}
-    return {
-        f"likeness|{when}|A": float(pairs[spot]),
-        f"likeness|{when}|all": float(pairs.mean()),
-        **drawn,
-    }
+    spot, paper = int(SPOT_A * len(directions)), PAPER_SIMILARITY[when]
+    yield Record(when, SIMILARITY, float(pairs[spot]), condition="spot A", paper=paper)
+    yield Record(when, SIMILARITY, float(pairs.mean()), condition="all spots")
+    for (direction, number), value in np.ndenumerate(unit[spot]):
+        row = f"{when}, direction {direction + 1}"
+        yield Record(row, "ELF", round(float(value), 3), condition=str(number + 1))

@@ -1,4 +1,4 @@
-"""A room mapped one way round and heard the other: what superimposing two walks is worth."""
+"""A room mapped one way round, queried the other: what superimposing two walks is worth."""
 
 from __future__ import annotations
 
@@ -15,21 +15,34 @@ from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Truth
 from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
 from elfslam.line.superimposition import SpotEchoes, floor_spots
-from elfslam.slam.front_end import hear
 from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import SURVEYOR, kind_named
-from elfslam.world.simulate import load_world, simulate
-from studies.floor_spots import SPACING_M, TOGETHER, errors, fixes_m
+from elfslam.world.simulate import load_world
+from studies.cached import hear, simulate
+from studies.floor_spots import (
+    MEDIAN_M,
+    SPACING_M,
+    SUPERIMPOSED,
+    TOGETHER,
+    WITHIN_M,
+    error_numbers,
+    fixes_m,
+    quantile_numbers,
+)
 from studies.located import at_its_start
 from studies.mapping import CALIBRATED, walkers
-from studies.repeats import Numbers
+from studies.results import Record
 from studies.simulated_walk import simulated_in
+from studies.study import SCENARIOS
 
 STRANGER, ASKER = 500, 1000
 """Added to the seed for who walks the other way round, and for who is located."""
 STEPS = 300
 PLACED = MAPPED, TRUE = "placed by its map", "placed truly"
 """Where the echoes of a map are said to come from: what is left is the map's error, or is not."""
+SAME_WAY, OPPOSITE_WAY = "same direction", "opposite direction"
+PAPER_M = {SAME_WAY: 0.1, OPPOSITE_WAY: 3.8, SUPERIMPOSED: 0.1}
+"""Medians in the paper's living room, whose maps had their own errors."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +65,7 @@ class Mapped:
     truth: F64
 
 
-def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
+def measure_ways(task: Ways, folder: Path, announce: Announce) -> list[Record]:
     """Errors (m) of fixes of 0.6 s the other way round, in each map."""
     shipped = load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
@@ -61,15 +74,25 @@ def measure_ways(task: Ways, folder: Path, announce: Announce) -> Numbers:
         mapped(task, task.seed + STRANGER, reverse=True),
     ]
     places_m, samples = _asked(task)
-    numbers: Numbers = {}
+    of = Record("", "", 0.0, world=task.world, scenario=SCENARIOS[task.kind])
+    records: list[Record] = []
     for placed in PLACED:
         both = [replace(walk, poses=walk.truth) for walk in walks] if placed == TRUE else walks
         learnt = _learnt(task, both, shipped, folder / placed, announce)
         for name, xy_m, vectors, encoder in _maps(both, shipped, learnt):
             found = fixes_m(walk_vectors(samples, encoder), TOGETHER, vectors, xy_m)
-            numbers |= errors(f"{name}|{placed}|{TOGETHER}", found, places_m)
+            for metric, value in error_numbers(found, places_m).items():
+                fits = metric == MEDIAN_M and placed == MAPPED
+                known = replace(of, method=name, metric=metric, value=value)
+                records.append(
+                    replace(known, condition=placed, paper=PAPER_M.get(name) if fits else None)
+                )
+            for share, value in quantile_numbers(found, places_m).items():
+                known = replace(of, method=name, metric=WITHIN_M, value=value)
+                records.append(replace(known, condition=f"{share}, {placed}"))
     off_m = [np.linalg.norm((walk.poses - walk.truth)[:, :2], axis=1) for walk in walks]
-    return {**numbers, "map error (m)": float(np.median(np.concatenate(off_m)))}
+    map_m = float(np.median(np.concatenate(off_m)))
+    return [*records, replace(of, method="maps", metric=MEDIAN_M, value=map_m, condition=MAPPED)]
 
 
 def mapped(task: Ways, seed: int, *, reverse: bool) -> Mapped:
@@ -149,10 +172,10 @@ def _maps(both: Sequence[Mapped], shipped: Encoder, learnt: Encoder) -> Iterator
     there, back = both
 
     for name, walks, encoder in (
-        ("same direction", [back], shipped),
-        ("opposite direction", [there], shipped),
+        (SAME_WAY, [back], shipped),
+        (OPPOSITE_WAY, [there], shipped),
         ("both directions, not learnt", both, shipped),
-        ("superimposed", both, learnt),
+        (SUPERIMPOSED, both, learnt),
         ("superimposed, map of one direction", [there], learnt),
     ):
         poses = np.vstack([walk.poses for walk in walks])

@@ -1,134 +1,197 @@
-"""The paper's own recipe in a hard world, beside the paper's own figures.
+"""The paper's own strategy in a hard world, beside the paper's own figures; or on one's own walk.
 
 Echoes are compared by the compact network, which has heard one phone in simulated rooms and then
 the walk that it maps. Loops are closed by the paper's curation from its threshold of 0.4, step
-lengths are those of dead reckoning, and a window of 0.6 s is where the most alike spot is, whatever
-else is alike: nothing of what this project adds. Laps are a surveyor's, the sound is that of the
-diffuse engine, phones are ordinary ones, rooms are lived in. No constant was fitted to these rows.
+lengths are those of dead reckoning, and a window of 0.6 s is located at the most similar spot,
+without feature mean normalisation: nothing of what this project adds. Laps are a surveyor's, the
+sound is that of the diffuse engine, phones are ordinary ones, rooms are lived in. No constant was
+fitted to these results.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-import plotly.graph_objects as go
-
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
+from elfslam.base.errors import InputError
+from elfslam.base.geometry import path_length_m
 from elfslam.base.parameters import digest
-from elfslam.base.values import Echoes, Features, Odometry, Recording, Run, Truth
+from elfslam.base.values import (
+    NO_CLOSURES,
+    Echoes,
+    Features,
+    Odometry,
+    Recording,
+    Run,
+    Trajectory,
+    Truth,
+)
+from elfslam.data.recordings import read_recording
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.line.feature import Encoder, OnnxEncoder
 from elfslam.line.floormap import trajectory_map
 from elfslam.line.graph import build_graph, optimise
 from elfslam.line.segments import SegmentParameters
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.scoring.truth import read_truth
+from elfslam.slam.front_end import walk_nodes
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
-from elfslam.world.simulate import load_world, simulate
+from elfslam.world.simulate import load_world
+from studies.cached import hear, simulate
 from studies.curation import CurationParameters, curated_closures
-from studies.figures.dots import Dot, dots_by, dots_figure
-from studies.finding import Finding, Given, Row
-from studies.intervals import mean_interval
-from studies.located import MAPPING_ROUNDS, Mapped, at_its_start, fix_numbers, located, stranger
-from studies.mapping import CALIBRATED, trajectory_errors, walkers
+from studies.located import (
+    MAPPING_ROUNDS,
+    MEDIAN_M,
+    Mapped,
+    Stranger,
+    at_its_start,
+    fix_numbers,
+    located,
+    stranger,
+)
+from studies.mapping import ALONE, CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
 from studies.plain_features import ALWAYS, PLAIN, compared_encoders
-from studies.repeats import Numbers, by_world, finished
+from studies.repeats import finished
+from studies.results import Record, averaged
 from studies.simulated_walk import SimulatedWalk
+from studies.study import SCENARIOS, Study, StudyContext
 
 WORLDS = ("living_room", "office", "mall")
 SEEDS = tuple(range(5))
 ROUNDS = 2
-PAPER_M: Mapping[str, Mapping[str, float]] = {
-    "mapping": {"living_room": 0.10, "office": 0.63, "mall": 0.45},
-    "mapping, no pre-training": {"living_room": 0.73, "office": 1.69, "mall": 1.16},
-    "one-shot": {"living_room": 0.10, "office": 0.54, "mall": 0.42},
-    "trajectory": {"living_room": 0.10, "office": 0.41, "mall": 0.47},
-    "volume 20 %": {"living_room": 0.18, "office": 0.68, "mall": 0.56},
-    "cheap phone": {"living_room": 2.54},
-    "another good phone": {"living_room": 0.5},
-    "8 people": {"living_room": 0.6},
-    "furniture moved, mean": {"living_room": 1.3},
-    "30 days later": {"living_room": 0.12},
-    "opposite heading": {"living_room": 3.8},
+MEAN_M = "mean error (m)"
+RECORDED = "recording"
+"""The scenario of a walk of one's own."""
+STRATEGY, RECKONED = "ELF, paper's strategy", "dead reckoning"
+MAPPING, ONE_SHOT, TRAJECTORY = "mapping", "one-shot", "trajectory"
+OPPOSITE, FURNITURE = "opposite heading", "furniture moved"
+PAPER_M: Mapping[tuple[str, str], Mapping[str, float]] = {
+    (STRATEGY, MAPPING): {"living_room": 0.10, "office": 0.63, "mall": 0.45},
+    (ALONE, MAPPING): {"living_room": 0.73, "office": 1.69, "mall": 1.16},
+    (STRATEGY, ONE_SHOT): {"living_room": 0.10, "office": 0.54, "mall": 0.42},
+    (STRATEGY, TRAJECTORY): {"living_room": 0.10, "office": 0.41, "mall": 0.47},
+    (STRATEGY, "volume 20 %"): {"living_room": 0.18, "office": 0.68, "mall": 0.56},
+    (STRATEGY, "cheap phone"): {"living_room": 2.54},
+    (STRATEGY, "another good phone"): {"living_room": 0.5},
+    (STRATEGY, "8 people"): {"living_room": 0.6},
+    (STRATEGY, FURNITURE): {"living_room": 1.3},
+    (STRATEGY, "30 days later"): {"living_room": 0.12},
+    (STRATEGY, OPPOSITE): {"living_room": 3.8},
 }
-"""Medians in metres (the furniture's is a mean) in three real places."""
+"""By method and condition: medians in metres (the furniture's is a mean) in three real places."""
 USUAL = Circumstances(engine="diffuse", device=MAPPING_PHONE, lived_in=True)
 CHANGES: Mapping[str, Circumstances] = {
     "volume 20 %": replace(USUAL, volume=0.2),
     "cheap phone": replace(USUAL, device="cheap"),
     "another good phone": replace(USUAL, device=ASKING_PHONE),
     "8 people": replace(USUAL, people=8),
-    "furniture moved, mean": replace(USUAL, state="moved"),
+    FURNITURE: replace(USUAL, state="moved"),
     "30 days later": replace(USUAL, day=30),
 }
 SEGMENTS = replace(SegmentParameters(), unknown_below=0.58, temperature=0.015)
-"""For features as they were heard, which are more alike."""
+"""For features without mean normalisation, which are more similar to each other."""
 FINETUNING_RATE = 2e-4
 """Peak learning rate of what has learnt before; the paper tells none."""
-FACTOR = 2.0
-"""Within this the world errs as the paper says."""
-NOTE = "Median error, mean over walks with its 95 % interval, beside the paper's figure."
 
 
 def measure_paper(
-    given: Given,
+    context: StudyContext,
     *,
     worlds: Sequence[str] = WORLDS,
     seeds: Sequence[int] = SEEDS,
     rounds: int = MAPPING_ROUNDS,
     scratch: ScratchParameters | None = None,
     pretraining: PretrainParameters | None = None,
-) -> Finding:
-    """A row per world and figure of the paper: ours, theirs and the ratio.
+    recording: Path | None = None,
+) -> list[Record]:
+    """The paper's conditions in our worlds; or what its strategy makes of the recording named.
 
     The encoder that has heard no walk yet stays beside what is kept, by the digest of its recipe.
     """
-    from studies.paper_training import AS_IN_PAPER, pretrain_as_in_paper
+    learning = scratch or ScratchParameters(threads=1)
+    with _pretrained(context, pretraining) as file:
+        if recording is not None:
+            return measure_recording(recording, file, learning)
+        tasks = [
+            SimulatedWalk(world, seed, rounds, SURVEYOR.name) for world in worlds for seed in seeds
+        ]
+        measure = partial(_measured, file=file, scratch=learning)
+        walks = averaged(finished(measure, tasks, context), seeds)
+    return [replace(each, paper=paper_m(each)) for each in walks]
 
-    tasks = [SimulatedWalk(world, seed, rounds) for world in worlds for seed in seeds]
-    recipe = pretraining or AS_IN_PAPER
-    with _encoders(given) as folder:
-        file = folder / f"as_in_paper_{digest(recipe)}.onnx"
-        if not file.exists():
-            pretrain_as_in_paper(file, recipe, given.announce)
-        measure = partial(_measured, file=file, scratch=scratch or ScratchParameters(threads=1))
-        numbers = finished(measure, tasks, given)
-    rows = paper_rows(by_world(tasks, numbers))
-    return Finding(rows, _page(rows))
+
+def measure_recording(folder: Path, file: Path, scratch: ScratchParameters) -> list[Record]:
+    """What a walk becomes by the paper's strategy, and its errors where its truth is known.
+
+    Raises InputError for a recording that cannot be read, or has no sound or too little of it.
+    """
+    recording, settings = read_recording(folder), Settings()
+    echoes, nodes = hear(recording, settings), walk_nodes(recording, settings)
+    run = _mapped(recording, echoes, nodes, _finetuned(file, echoes, scratch, 0), settings)
+    recorded = partial(Record, world=recording.name, scenario=RECORDED, condition=MAPPING)
+    numbers = {
+        "footsteps": len(nodes.t_s),
+        "echoes": len(echoes.t_s),
+        "closures": len(run.closures.i),
+        "length (m)": path_length_m(run.trajectory.world_from_body[:, :2]),
+    }
+    records = [recorded(STRATEGY, name, float(value)) for name, value in numbers.items()]
+    with suppress(InputError):
+        truth = read_truth(folder)
+        reckoned = optimise(build_graph(nodes, NO_CLOSURES), nodes.t_s, settings.graph)
+        for method, trajectory in ((STRATEGY, run.trajectory), (RECKONED, reckoned)):
+            records.append(recorded(method, MEDIAN_M, _median_m(trajectory, truth)))
+    return records
 
 
 @contextmanager
-def _encoders(given: Given) -> Iterator[Path]:
-    """The folder of what is trained; a passing one where nothing is kept."""
-    if given.kept is not None:
-        yield given.kept.parent / "encoders"
-        return
-    with TemporaryDirectory() as folder:
-        yield Path(folder)
+def _pretrained(context: StudyContext, pretraining: PretrainParameters | None) -> Iterator[Path]:
+    """The file of the encoder that has heard no walk, trained where it is not there yet.
+
+    It stays in the folder of what is kept; where nothing is, it passes.
+    """
+    from studies.paper_training import AS_IN_PAPER, pretrain_as_in_paper
+
+    recipe = pretraining or AS_IN_PAPER
+    with TemporaryDirectory() as passing:
+        folder = Path(passing) if context.kept is None else context.kept.parent / "encoders"
+        file = folder / f"as_in_paper_{digest(recipe)}.onnx"
+        if not file.exists():
+            pretrain_as_in_paper(file, recipe, context.announce)
+        yield file
 
 
-def _measured(walk: SimulatedWalk, file: Path, scratch: ScratchParameters) -> Numbers:
+def _measured(walk: SimulatedWalk, file: Path, scratch: ScratchParameters) -> list[Record]:
+    from studies.paper_training import learnt_from_walk
+
     world = load_world(walk.world)
     recording, truth = simulate(world, walk.seed, rounds=walk.rounds, circumstances=USUAL)
     recording = at_its_start(recording, truth)
     known, echoes = walkers(walk.seed, SURVEYOR)[CALIBRATED], hear(recording, Settings())
     nodes = walk_nodes(recording, known)
-    encoder = _finetuned(file, echoes, scratch, walk.seed)
-    mapped = Mapped(recording, _mapped(recording, echoes, nodes, encoder, known), truth)
-    numbers = {
-        "mapping": _median_m(mapped.run, truth),
-        **_rivals(recording, echoes, nodes, known, truth, walk.seed, scratch),
+    encoders: dict[str, Encoder] = {
+        STRATEGY: _finetuned(file, echoes, scratch, walk.seed),
+        ALONE: learnt_from_walk(echoes, scratch, seed=walk.seed),
+        PLAIN: compared_encoders()[PLAIN],
     }
-    return numbers | _asked(walk, mapped, encoder)
+    runs = {name: _mapped(recording, echoes, nodes, each, known) for name, each in encoders.items()}
+    of = partial(Record, world=walk.world, scenario=SCENARIOS[walk.kind])
+    records = [
+        of(name, MEDIAN_M, _median_m(run.trajectory, truth), condition=MAPPING)
+        for name, run in runs.items()
+    ]
+    mapped = Mapped(recording, runs[STRATEGY], truth)
+    return records + [
+        of(STRATEGY, metric, value, condition=condition)
+        for condition, metric, value in _queried(walk, mapped, encoders[STRATEGY])
+    ]
 
 
 def _finetuned(file: Path, echoes: Echoes, scratch: ScratchParameters, seed: int) -> OnnxEncoder:
@@ -141,113 +204,64 @@ def _finetuned(file: Path, echoes: Echoes, scratch: ScratchParameters, seed: int
 
 
 def _mapped(
-    recording: Recording,
-    echoes: Echoes,
-    nodes: Odometry,
-    encoder: Encoder,
-    settings: Settings,
+    recording: Recording, echoes: Echoes, nodes: Odometry, encoder: Encoder, settings: Settings
 ) -> Run:
     """A run by the paper's curation."""
-    features = as_heard(echoes, encoder)
-    alike = echo_sequence_similarity(features, nodes)
-    closures = curated_closures(alike, nodes, CurationParameters())
+    features = without_normalisation(echoes, encoder)
+    similarity = echo_sequence_similarity(features, nodes)
+    closures = curated_closures(similarity, nodes, CurationParameters())
     trajectory = optimise(build_graph(nodes, closures), nodes.t_s, settings.graph)
     floor_map = trajectory_map(
         trajectory, features, settings.floormap, parameters_digest=digest(settings),
         source=recording.name,
     )  # fmt: skip
-    evidence = alike, closures, trajectory, floor_map, echoes, features
+    evidence = similarity, closures, trajectory, floor_map, echoes, features
     return Run(recording.name, nodes, *evidence, {})
 
 
-def as_heard(echoes: Echoes, encoder: Encoder) -> Features:
-    """The features that the paper compares: nothing is taken from them."""
+def without_normalisation(echoes: Echoes, encoder: Encoder) -> Features:
+    """The features that the paper compares: the mean over the walk stays in them."""
     return Features(echoes.t_s, encoder.embed(echoes.samples), encoder.identity)
 
 
-def _rivals(
-    recording: Recording,
-    echoes: Echoes,
-    nodes: Odometry,
-    settings: Settings,
-    truth: Truth,
-    seed: int,
-    scratch: ScratchParameters,
-) -> Numbers:
-    """The same walk by an encoder that heard it alone, and by plain spectrograms."""
-    from studies.paper_training import learnt_from_walk
-
-    rivals: Mapping[str, Encoder] = {
-        "no pre-training": learnt_from_walk(echoes, scratch, seed=seed),
-        "plain spectrogram": compared_encoders()[PLAIN],
-    }
-    return {
-        f"mapping, {name}": _median_m(_mapped(recording, echoes, nodes, rival, settings), truth)
-        for name, rival in rivals.items()
-    }
+def _median_m(trajectory: Trajectory, truth: Truth) -> float:
+    return trajectory_errors(trajectory, truth)[MEDIAN_ALIGNED]
 
 
-def _median_m(run: Run, truth: Truth) -> float:
-    return trajectory_errors(run.trajectory, truth)[MEDIAN_ALIGNED]
-
-
-def _asked(walk: SimulatedWalk, mapped: Mapped, encoder: Encoder) -> Numbers:
-    """Errors of another person's windows in the map, as usual and after every change."""
+def _queried(
+    walk: SimulatedWalk, mapped: Mapped, encoder: Encoder
+) -> Iterator[tuple[str, str, float]]:
+    """Condition, metric and error of another person's windows, as usual and after every change."""
     world = load_world(walk.world)
-    changes = {"one-shot": USUAL, **CHANGES, "opposite heading": USUAL}
-    wanted = {name: today for name, today in changes.items() if walk.world in PAPER_M[name]}
+    changes = {ONE_SHOT: USUAL, **CHANGES, OPPOSITE: USUAL}
     settings = replace(Settings(), locate=ALWAYS, segments=SEGMENTS)
-    numbers: Numbers = {}
-    for name, today in wanted.items():
-        other = stranger(
-            world, walk.seed, ROUNDS, encoder, circumstances=today,
-            reverse=name == "opposite heading",
-        )  # fmt: skip
-        other = replace(other, features=as_heard(other.echoes, encoder))
-        fixes = located(mapped, other, Mode.ONE_SHOT, settings)
-        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
-        numbers[name] = found["mean" if name.endswith("mean") else "median"]
-        if name == "one-shot":
-            fixes = located(mapped, other, Mode.TRAJECTORY, settings)
-            found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
-            numbers["trajectory"] = found["median"]
-    return numbers
+
+    def numbers(query: Stranger, mode: Mode) -> dict[str, float]:
+        fixes = located(mapped, query, mode, settings)
+        return fix_numbers(fixes, query.truth, mapped.run.trajectory, mapped.truth)
+
+    for condition, today in changes.items():
+        if walk.world not in PAPER_M[STRATEGY, condition]:
+            continue
+        query = stranger(
+            world, walk.seed, ROUNDS, encoder, circumstances=today, reverse=condition == OPPOSITE
+        )
+        query = replace(query, features=without_normalisation(query.echoes, encoder))
+        metric = MEAN_M if condition == FURNITURE else MEDIAN_M
+        yield condition, metric, numbers(query, Mode.ONE_SHOT)[metric]
+        if condition == ONE_SHOT:
+            yield TRAJECTORY, MEDIAN_M, numbers(query, Mode.TRAJECTORY)[MEDIAN_M]
 
 
-def paper_rows(numbers: Mapping[str, Sequence[Numbers]]) -> list[Row]:
-    """A row per world and figure; what the paper does not have has no ratio."""
-    return [
-        _row(world, name, [walk[name] for walk in walks])
-        for world, walks in numbers.items()
-        for name in walks[0]
-    ]
+def paper_m(record: Record) -> float | None:
+    """What the paper has for a record."""
+    return PAPER_M.get((record.method, record.condition), {}).get(record.world)
 
 
-def _row(world: str, name: str, found_m: Sequence[float]) -> Row:
-    known_m = [value for value in found_m if np.isfinite(value)]
-    ours_m, theirs_m = float(np.mean(known_m)), PAPER_M.get(name, {}).get(world)
-    low, high = mean_interval(known_m)
-    ratio = None if theirs_m is None else round(ours_m / theirs_m, 2)
-    within = None if ratio is None else 1 / FACTOR <= ratio <= FACTOR
-    return {
-        "world": world, "figure": name, "ours (m)": round(ours_m, 3), "from": low, "to": high,
-        "paper (m)": theirs_m, "ours over paper": ratio,
-        "within a factor of two": within, "walks": len(known_m),
-    }  # fmt: skip
-
-
-def _page(rows: Sequence[Row]) -> Page:
-    dots = dots_by(
-        lambda row: str(row["world"]).replace("_", " "), lambda row: str(row["figure"]),
-        rows, "ours (m)", "from", "to", "paper (m)",
-    )  # fmt: skip
-    panels = [Panel(world, _figure(world, some), NOTE) for world, some in dots.items()]
-    panels.append(Panel("All figures", rows_table(rows), wide=True))
-    return Page("The paper's recipe in a hard world", "its figures beside ours", panels)
-
-
-def _figure(world: str, dots: Sequence[Dot]) -> go.Figure:
-    """Ours beside the paper's, from centimetres to tens of metres."""
-    figure = dots_figure({world: dots}, "error (m)", "the paper")
-    figure.update_xaxes(type="log", tickvals=[0.1, 0.2, 0.5, 1, 2, 5, 10, 20])
-    return figure
+STUDY = Study(
+    "How far off is the paper's own strategy in our worlds, against the paper's figures?",
+    measure_paper, minutes=60, long=True, needs=("torch", "sklearn"),
+    fast={"worlds": ("living_room",), "seeds": (0,), "rounds": 2,
+          "scratch": ScratchParameters(steps=10, pairs=32, threads=1),
+          "pretraining": PretrainParameters(steps=2, pairs=32)},
+)  # fmt: skip

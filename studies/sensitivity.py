@@ -1,7 +1,7 @@
-"""What changes between mapping and locating, and how much it costs: a curve for each change.
+"""What changes between mapping and locating, and how much it costs (the paper's section 6.6).
 
-The map is made on an ordinary day; the stranger then comes with less sound, among people, weeks
-later, in noise, between moved furniture, with a softer or another phone.
+The map is made in the scenario of mapping; the query walk then comes with less sound, among people,
+weeks later, in noise, between moved furniture, with a softer or another phone.
 """
 
 from __future__ import annotations
@@ -13,14 +13,16 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.choices import Mode
+from elfslam.base.values import Fixes, Trajectory
+from elfslam.line.feature import load_encoder
 from elfslam.line.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world
-from studies.finding import Finding, Given
-from studies.localization import shipped
 from studies.located import (
     MAPPING_ROUNDS,
+    MEDIAN_M,
+    OVER_1_M,
     Mapped,
     Stranger,
     fix_numbers,
@@ -29,9 +31,10 @@ from studies.located import (
     stranger,
 )
 from studies.mapping import CALIBRATED, walkers
-from studies.plain_features import FeatureMap, feature_maps
-from studies.repeats import Numbers, by_world, finished
-from studies.sensitivity_table import sensitivity_page, sensitivity_rows
+from studies.plain_features import ELF, FeatureMap, feature_maps
+from studies.repeats import finished
+from studies.results import Record, averaged
+from studies.study import SCENARIOS, Study, StudyContext
 
 PLACES: Mapping[str, str] = {"living_room": "all", "office": "volume", "mall": "volume"}
 """Which changes are measured where; the volume in all three, as in the paper."""
@@ -44,6 +47,34 @@ SOUNDS = ("none", "speech", "music", "clicks")
 VOLUMES = (1.0, 0.8, 0.6, 0.4, 0.2)
 PHONES = ("simulated phone", "flat", "cheap", "tablet", "bottom-fired", "rippled")
 MOVED = "moved"
+ENCODER = "compact"
+MEAN_M, ANSWERED = "mean error (m)", "answered"
+METRICS = (MEDIAN_M, MEAN_M, "third quartile (m)", ANSWERED, "ambiguous", OVER_1_M)
+METHODS = {mode: f"{ELF}, {mode.value}" for mode in Mode}
+PAPER_M: Mapping[tuple[str, str, str, str], float] = {
+    (world, METHODS[mode], metric, condition): error_m
+    for world, mode, metric, condition, error_m in (
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "0 days", 0.10),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "20 days", 0.11),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "30 days", 0.12),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "6 people", 0.57),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "8 people", 0.6),
+        ("living_room", Mode.ONE_SHOT, MEAN_M, "5 moved", 1.3),
+        ("living_room", Mode.TRAJECTORY, MEAN_M, "5 moved", 0.3),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "100 % volume", 0.10),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "20 % volume", 0.18),
+        ("office", Mode.ONE_SHOT, MEDIAN_M, "100 % volume", 0.54),
+        ("office", Mode.ONE_SHOT, MEDIAN_M, "20 % volume", 0.68),
+        ("mall", Mode.ONE_SHOT, MEDIAN_M, "100 % volume", 0.42),
+        ("mall", Mode.ONE_SHOT, MEDIAN_M, "20 % volume", 0.56),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "0.6 s", 0.10),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "phone: rippled", 0.5),
+        ("living_room", Mode.TRAJECTORY, MEDIAN_M, "phone: rippled", 0.2),
+        ("living_room", Mode.ONE_SHOT, MEDIAN_M, "phone: cheap", 2.54),
+        ("living_room", Mode.TRAJECTORY, MEDIAN_M, "phone: cheap", 0.5),
+    )
+}
+"""By world, method, metric and condition what the paper has in its three real places."""
 
 
 @dataclass(frozen=True)
@@ -59,58 +90,68 @@ class Place:
 
 
 def measure_sensitivity(
-    given: Given,
+    context: StudyContext,
     *,
     places: Mapping[str, str] = PLACES,
     seeds: Sequence[int] = SEEDS,
     mapping_rounds: int = MAPPING_ROUNDS,
     rounds: int = ROUNDS,
     kind: Kind = PEOPLE,
-) -> Finding:
-    """Errors and answered shares for every amount of every change."""
+) -> list[Record]:
+    """Errors and answered shares for every amount of every change (the condition)."""
     tasks = [
         Place(world, seed, changes, mapping_rounds, rounds, kind.name)
         for world, changes in places.items()
         for seed in seeds
     ]
-    numbers = finished(_measured, tasks, given)
-    rows = sensitivity_rows(by_world(tasks, numbers))
-    return Finding(rows, sensitivity_page(rows))
+    walks = averaged(finished(_measured, tasks, context), seeds)
+    return [replace(each, paper=paper_m(each)) for each in walks]
 
 
-def _measured(place: Place) -> Numbers:
+def paper_m(record: Record) -> float | None:
+    """What the paper has for a record."""
+    of = record.world, record.method, record.metric, record.condition
+    return PAPER_M.get(of)
+
+
+def _measured(place: Place) -> list[Record]:
     world, kind = with_some_moved(load_world(place.world)), kind_named(place.kind)
-    mapped = mapped_walk(world, place.seed, place.mapping_rounds, shipped(), kind=kind)
+    mapped = mapped_walk(world, place.seed, place.mapping_rounds, load_encoder(ENCODER), kind=kind)
     settings = walkers(place.seed, kind)[CALIBRATED]
     own = feature_maps(mapped.recording, mapped.run, settings)
-    usual, numbers = kind.asking(world.room), Numbers()
-    for change, amount, today in _circumstances(world, place.changes, usual):
-        other = _stranger(world, place, today)
-        numbers |= _numbers(change, amount, mapped, other)
-        numbers |= _always(change, amount, mapped, other, own)
+    usual = kind.asking(world.room)
+    records: list[Record] = []
+    for condition, today in circumstances(world, place.changes, usual):
+        query = _query(world, place, today)
+        for method, fixes, trajectory in _fixes(mapped, query, own):
+            records += _records(place, method, condition, fixes, query, trajectory, mapped)
     if place.changes == "all":
-        numbers |= _lengths(mapped, _stranger(world, place, usual))
-    return numbers
+        query = _query(world, place, usual)
+        for condition, fixes in _lengths(mapped, query):
+            trajectory, method = mapped.run.trajectory, METHODS[Mode.ONE_SHOT]
+            records += _records(place, method, condition, fixes, query, trajectory, mapped)
+    return records
 
 
-def _circumstances(
+def circumstances(
     world: World, changes: str, usual: Circumstances
-) -> Iterator[tuple[str, str, Circumstances]]:
-    """Each change of the usual circumstances, and how much of it."""
+) -> Iterator[tuple[str, Circumstances]]:
+    """Each change of the usual circumstances and how much of it, as a condition."""
     for volume in VOLUMES:
-        yield "volume", f"{volume:g}", replace(usual, volume=volume)
+        yield f"{100 * volume:g} % volume", replace(usual, volume=volume)
     if changes != "all":
         return
     for people in OTHERS_ABOUT:
-        yield "people", str(people), replace(usual, people=people)
+        yield f"{people} people", replace(usual, people=people)
     for day in DAYS:
-        yield "day", str(day), replace(usual, day=day)
+        yield f"{day} days", replace(usual, day=day)
     for sound in SOUNDS:
-        yield "sound", sound, replace(usual, sounds=() if sound == "none" else (sound,))
+        yield f"noise: {sound}", replace(usual, sounds=() if sound == "none" else (sound,))
     for state in ["", *(name for name in world.states if name.startswith(f"{MOVED} "))]:
-        yield "moved", state.removeprefix(f"{MOVED} ") or "0", replace(usual, state=state)
+        count = state.removeprefix(f"{MOVED} ") or "0"
+        yield f"{count} {MOVED}", replace(usual, state=state)
     for phone in dict.fromkeys((usual.device, *PHONES)):
-        yield "phone", phone, replace(usual, device=phone)
+        yield f"phone: {phone}", replace(usual, device=phone)
 
 
 def with_some_moved(world: World) -> World:
@@ -131,42 +172,45 @@ def _differs(block: object, other: object) -> bool:
     return not np.allclose(np.append(*places[0]), np.append(*places[1]))
 
 
-def _stranger(world: World, place: Place, today: Circumstances) -> Stranger:
+def _query(world: World, place: Place, today: Circumstances) -> Stranger:
     kind = kind_named(place.kind)
-    return stranger(
-        world, place.seed, place.rounds, shipped(), circumstances=today, kind=kind
-    )  # fmt: skip
+    encoder = load_encoder(ENCODER)
+    return stranger(world, place.seed, place.rounds, encoder, circumstances=today, kind=kind)
 
 
-def _numbers(change: str, amount: str, mapped: Mapped, other: Stranger) -> Numbers:
-    numbers: Numbers = {}
+def _fixes(
+    mapped: Mapped, query: Stranger, own: Mapping[str, FeatureMap]
+) -> Iterator[tuple[str, Fixes, Trajectory]]:
+    """By every mode; then one-shot by each feature in a map of its own making, always answered."""
     for mode in Mode:
-        fixes = located(mapped, other, mode, Settings())
-        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
-        numbers |= {f"{change}|{amount}|{mode.value}|{key}": value for key, value in found.items()}
-    return numbers
-
-
-def _always(
-    change: str, amount: str, mapped: Mapped, other: Stranger, own: Mapping[str, FeatureMap]
-) -> Numbers:
-    """One shot by each feature in a map of its own making, however little alike."""
-    numbers: Numbers = {}
+        yield METHODS[mode], located(mapped, query, mode, Settings()), mapped.run.trajectory
     for feature, by_it in own.items():
-        fixes = by_it.asked(other.echoes)
-        found = fix_numbers(fixes, other.truth, by_it.run.trajectory, mapped.truth)
-        numbers |= {f"{change}|{amount}|{feature}|{key}": value for key, value in found.items()}
-    return numbers
+        yield f"{feature}, always answered", by_it.asked(query.echoes), by_it.run.trajectory
 
 
-def _lengths(mapped: Mapped, other: Stranger) -> Numbers:
+def _lengths(mapped: Mapped, query: Stranger) -> Iterator[tuple[str, Fixes]]:
     """One-shot fixes from more or less sound."""
-    known, numbers = Settings().locate, Numbers()
+    known = Settings().locate
     assert mapped.run.floor_map is not None
     for length_s in LENGTHS_S:
         longer = replace(known, window_s=length_s, fewest_echoes=2 if length_s < 0.5 else 3)
-        fixes = locate_one_shot(other.features, mapped.run.floor_map, longer)
-        found = fix_numbers(fixes, other.truth, mapped.run.trajectory, mapped.truth)
-        key = f"seconds|{length_s:g}|{Mode.ONE_SHOT.value}"
-        numbers |= {f"{key}|{name}": value for name, value in found.items()}
-    return numbers
+        yield f"{length_s:g} s", locate_one_shot(query.features, mapped.run.floor_map, longer)
+
+
+def _records(
+    place: Place, method: str, condition: str, fixes: Fixes, query: Stranger,
+    trajectory: Trajectory, mapped: Mapped,
+) -> list[Record]:  # fmt: skip
+    numbers = fix_numbers(fixes, query.truth, trajectory, mapped.truth)
+    return [
+        Record(method, metric, numbers[metric], world=place.world,
+               scenario=SCENARIOS[place.kind], condition=condition)
+        for metric in METRICS
+    ]  # fmt: skip
+
+
+STUDY = Study(
+    "What does it cost when people, days, noise, furniture, volume or the phone change?",
+    measure_sensitivity, minutes=300, scenarios=("people", "surveyor", "quiet"), long=True,
+    fast={"places": {"studio": "volume"}, "seeds": (100,), "mapping_rounds": 2, "rounds": 1},
+)  # fmt: skip

@@ -24,7 +24,8 @@ from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import load_world
-from studies.finding import Given, Row
+from studies.results import Record
+from studies.study import Study, StudyContext
 
 RATE_HZ = 44_100
 ECHOES = 2000
@@ -34,42 +35,42 @@ PAIRS, ROOMS = 256, 8
 ONE_GIGABYTE = 2**30
 ENOUGH_ORDER = 12
 """Of reflections, for all paths of at most 21 m in the living room."""
-TIMES_FASTER = 300.0
-DIFFUSE_RATE, DIFFUSE_TIMES_FASTER = 3000.0, 100.0
 TRACED_ECHOES = 5
-MINUTES = {"images": 5.0, "diffuse": 10.0}
-"""Within which the training stream is to be made, by engine."""
+ENGINES = ("images", "diffuse")
+RATE, TIMES = "rate (echoes/s and core)", "times as fast"
+OURS, PYROOM, PYROOM_DRY = "ours", "pyroomacoustics", "pyroomacoustics, air left out"
+OURS_DIFFUSE, PYROOM_RAYS = "ours, diffuse field", "pyroomacoustics, as many rays"
+EMPTY, FURNISHED, LAB = "living room, empty", "living room, furnished", "lab"
 
 
-def measure_speed(given: Given, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES) -> list[Row]:
-    """Rates, their ratios and the goals, all measured in this one run."""
+def measure_speed(
+    context: StudyContext, *, echoes: int = ECHOES, stream: int = STREAM_ECHOES
+) -> list[Record]:
+    """Rates, their ratios, and the time of a training stream, all measured in this one run."""
     furnished = load_world("living_room").room
-    given.announce("living room", 0.0)
-    empty = _rate(replace(furnished, blocks=()), 1, echoes)
-    full, lab = _rate(furnished, 1, echoes), _rate(load_world("lab").room, 1, echoes)
-    given.announce("pyroomacoustics", 0.1)
-    slow, bare = (_pyroom_rate(furnished, air_absorption=air) for air in (True, False))
-    given.announce("both cores", 0.15)
+    empty = replace(furnished, blocks=())
+    context.announce("living room", 0.0)
+    rates = {
+        (OURS, where): _rate(room, 1, echoes)
+        for where, room in ((EMPTY, empty), (FURNISHED, furnished), (LAB, load_world("lab").room))
+    }
+    context.announce("pyroomacoustics", 0.1)
+    rates[PYROOM, EMPTY] = _pyroom_rate(furnished, air_absorption=True)
+    rates[PYROOM_DRY, EMPTY] = _pyroom_rate(furnished, air_absorption=False)
+    rates |= _diffuse_rates(furnished, echoes)
+    context.announce("both cores", 0.15)
     one, two = (_rate(furnished, k, echoes, clock=time.perf_counter) for k in (1, 2))
-    rows = [
-        _row("living room, empty, ours", empty, "echoes/s and core"),
-        _row("living room, furnished, ours", full, "echoes/s and core"),
-        _row("cubicle lab, ours", lab, "echoes/s and core"),
-        _row("living room, empty, pyroomacoustics with air", slow, "echoes/s and core"),
-        _row("living room, empty, pyroomacoustics without air", bare, "echoes/s and core"),
-        _row("empty: ours over pyroomacoustics with air", empty / slow, "times", TIMES_FASTER),
-        _row("furnished: ours over pyroomacoustics with air", full / slow, "times", TIMES_FASTER),
-        _row("furnished: ours over pyroomacoustics without air", full / bare, "times"),
-        _row("two threads over one, wall clock", two / one, "times"),
-        *_diffuse_rows(furnished, echoes),
-    ]
-    for engine, minutes in MINUTES.items():
-        rows += _stream_rows(stream, engine, minutes, given.announce)
-    return rows
-
-
-def _row(quantity: str, value: float, unit: str, goal: float | None = None) -> Row:
-    return {"quantity": quantity, "value": float(f"{value:.4g}"), "unit": unit, "goal": goal}
+    records = [Record(name, RATE, value, condition=at) for (name, at), value in rates.items()]
+    ratios = {
+        (OURS, EMPTY): rates[OURS, EMPTY] / rates[PYROOM, EMPTY],
+        (OURS, FURNISHED): rates[OURS, FURNISHED] / rates[PYROOM, EMPTY],
+        (OURS_DIFFUSE, FURNISHED): rates[OURS_DIFFUSE, FURNISHED] / rates[PYROOM_RAYS, EMPTY],
+        ("ours, two threads over one", FURNISHED): two / one,
+    }
+    records += [Record(name, TIMES, value, condition=at) for (name, at), value in ratios.items()]
+    for engine in ENGINES:
+        records += _stream_records(stream, engine, context.announce)
+    return records
 
 
 def _places(room: Room, count: int) -> Any:
@@ -81,20 +82,15 @@ def _places(room: Room, count: int) -> Any:
     return poses_at(position_m, yaw_rad, np.full(len(xy_m), 0.4))
 
 
-def _diffuse_rows(furnished: Room, echoes: int) -> list[Row]:
+def _diffuse_rates(furnished: Room, echoes: int) -> dict[tuple[str, str], float]:
     """With the diffuse field, beside as many paths traced by pyroomacoustics in the empty room."""
     room = as_measured(furnished)
     scattering = scattering_of(room)
     engine = partial(diffuse_echoes, scattering=scattering)
-    ours = _rate(room, 1, echoes, engine=engine)
-    paths = len(scattering.chains.to)
-    traced = _traced_rate(room, paths)
-    return [
-        _row("living room, furnished, diffuse field", ours, "echoes/s and core", DIFFUSE_RATE),
-        _row("its chains of scatterings", paths, ""),
-        _row("pyroomacoustics, as many rays, empty room", traced, "echoes/s and core"),
-        _row("diffuse field over rays", ours / traced, "times", DIFFUSE_TIMES_FASTER),
-    ]
+    return {
+        (OURS_DIFFUSE, FURNISHED): _rate(room, 1, echoes, engine=engine),
+        (PYROOM_RAYS, EMPTY): _traced_rate(room, len(scattering.chains.to)),
+    }
 
 
 def _rate(
@@ -173,7 +169,7 @@ def _traced_rate(room: Room, rays: int) -> float:
     return 1.0 / float(np.median(seconds))
 
 
-def _stream_rows(echoes: int, engine: str, goal_min: float, announce: Announce) -> Iterator[Row]:
+def _stream_records(echoes: int, engine: str, announce: Announce) -> Iterator[Record]:
     """The training stream with its spectrograms, by two processes, and what memory it took."""
     steps = -(-echoes // (2 * PAIRS))
     start, done, memory = time.perf_counter(), 0, 0.0
@@ -183,10 +179,10 @@ def _stream_rows(echoes: int, engine: str, goal_min: float, announce: Announce) 
             done, memory = done + 1, max(memory, used)
             if done % 40 == 0:
                 announce(f"{2 * PAIRS * done} echoes, {engine}", 0.2 + 0.8 * done / steps)
-    minutes = (time.perf_counter() - start) / 60
-    what = f"{echoes} training echoes by {engine}"
-    yield _row(f"{what}, spectrograms, 2 cores", minutes, "min", goal_min)
-    yield _row(f"{what}, peak memory in each process", memory / ONE_GIGABYTE, "GiB", 0.5)
+    minutes, gigabytes = (time.perf_counter() - start) / 60, memory / ONE_GIGABYTE
+    name, of = f"training stream, {engine}", f"{echoes} echoes, 2 cores"
+    yield Record(name, "time (min)", minutes, condition=of)
+    yield Record(name, "peak memory of a process (GiB)", gigabytes, condition=of)
 
 
 def _spectrograms(engine: str, step: int) -> tuple[int, float]:
@@ -194,3 +190,9 @@ def _spectrograms(engine: str, step: int) -> tuple[int, float]:
     pairs = echo_pairs(np.random.default_rng([0, step]), PAIRS, ROOMS, engine)
     count = sum(len(spectrogram(side)) for side in (pairs.first, pairs.second))
     return count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+
+
+STUDY = Study(
+    "How fast are echoes simulated, against pyroomacoustics?",
+    measure_speed, minutes=20, needs=("pyroomacoustics",), fast={"echoes": 40, "stream": 600},
+)  # fmt: skip

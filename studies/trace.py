@@ -2,69 +2,72 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
 
-from elfslam.app.anchor import floor_plan
 from elfslam.base.arrays import F32, F64
-from elfslam.base.values import Echoes, Odometry
+from elfslam.base.values import Echoes
 from elfslam.baselines.generic import GenericEncoder
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.line.feature import Encoder, extract_features, spectrogram
+from elfslam.line.feature import Encoder, spectrogram
 from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.scoring.figures import SLAM, floor_traces, plan, walk_traces
-from elfslam.scoring.page import Page, Panel, rows_table
-from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
+from studies.cached import extract_features
 from studies.elf import shipped_and_generic
-from studies.figures.curves import traces_figure
-from studies.finding import Finding, Given, Row
-from studies.intervals import mean_range
 from studies.marked_walk import MARKERS, walk_over_markers
+from studies.results import Record, mean_of
+from studies.study import Study, StudyContext
 
 ROUNDS = 4
 FOOTSTEP = 4
-"""The one whose traces are drawn, counted from 0."""
+"""The one whose trace is drawn, counted from 0."""
+SHOWN = (0, 30, 58)
+"""Of the paper's figure of similarity: the second is elsewhere, the third at the first's marker."""
 NEAR_STEPS = 3
 """Footsteps no farther from a return than this are neither returns nor elsewhere."""
 BLOCK_STEPS = 8
 """Neighbouring footsteps are resampled together."""
 SHIPPED = "ELF, shipped"
+PSD = "PSD"
 LEARNING = ScratchParameters()
 """For the encoder that knows nothing but this walk."""
-NOTE = (
-    f"ESS of footstep {FOOTSTEP} of the first round and every footstep of the walk. t-SNE is "
-    "fitted on this very walk, since it has no place for new echoes."
-)
-ROWS_NOTE = (
-    "Returns: the same marker in the other rounds. Elsewhere: more than "
-    f"{NEAR_STEPS} footsteps from any of them. Higher elsewhere: the share of those that are more "
-    f"similar than the lowest return. Intervals: 95 %, by blocks of {BLOCK_STEPS} footsteps."
-)
+ESS, TRACE = "ESS", f"ESS with footstep {FOOTSTEP}"
+RETURNS, ELSEWHERE = "ESS at returns", "ESS elsewhere"
+HIGHER, ON_TOP = "higher elsewhere (%)", "all three on top (%)"
+PAPER = {
+    (PSD, f"footsteps 0 and {SHOWN[1]}"): 0.42, (PSD, f"footsteps 0 and {SHOWN[2]}"): 0.40,
+    (SHIPPED, f"footsteps 0 and {SHOWN[1]}"): 0.22, (SHIPPED, f"footsteps 0 and {SHOWN[2]}"): 0.61,
+}  # fmt: skip
+"""The paper's similarities of two pairs of footsteps, by feature."""
 
 
 def measure_trace(
-    given: Given, *, encoders: Mapping[str, Encoder] | None = None, rounds: int = ROUNDS
-) -> Finding:
-    """A row per feature: how far the returns to a marker stand out of all other footsteps.
+    context: StudyContext,
+    *,
+    encoders: Mapping[str, Encoder] | None = None,
+    rounds: int = ROUNDS,
+    learning: ScratchParameters = LEARNING,
+) -> list[Record]:
+    """By feature, how far the returns to a marker stand out of all other footsteps, and one trace.
 
     `encoders` are compared by name; by default the generic features, t-SNE, and ELFs without any
     learning, without pre-training and shipped.
     """
-    given.announce("walking", None)
-    world = load_world("lab")
-    nodes, echoes = walk_over_markers(world, rounds, np.random.default_rng(58))
-    given.announce("learning this walk", None)
-    compared = all_encoders(echoes) if encoders is None else encoders
-    scores: dict[str, F64] = {}
+    context.announce("walking and learning this walk", None)
+    nodes, echoes = walk_over_markers(load_world("lab"), rounds, np.random.default_rng(58))
+    compared = encoders or all_encoders(echoes, learning)
+    records: list[Record] = []
     for k, (name, encoder) in enumerate(compared.items()):
-        given.announce(name, k / len(compared))
+        context.announce(name, k / len(compared))
         similarity = echo_sequence_similarity(extract_features(echoes, encoder), nodes)
-        scores[name] = similarity.scores.astype(np.float64)
-    rows = [_row(name, each) for name, each in scores.items()]
-    return Finding(rows, _page(rows, scores, world.room, nodes))
+        records += _records(name, similarity.scores.astype(np.float64))
+    footsteps = range(FOOTSTEP + MARKERS, rounds * MARKERS, MARKERS)
+    return records + [
+        Record("returns", TRACE, 1.0, world="lab", condition=str(footstep))
+        for footstep in footsteps
+    ]
 
 
 def returns_of(scores: F64) -> dict[str, F64]:
@@ -81,22 +84,22 @@ def returns_of(scores: F64) -> dict[str, F64]:
     lowest = np.where(back, own, np.inf).min(axis=1, keepdims=True)
     higher = (elsewhere & (own > lowest)).sum(axis=1) / elsewhere.sum(axis=1)
     return {
-        "returns": np.asarray((own * back).sum(axis=1) / back.sum(axis=1)),
-        "elsewhere": np.asarray((own * elsewhere).sum(axis=1) / elsewhere.sum(axis=1)),
-        "higher elsewhere (%)": 100 * higher,
-        "all three on top (%)": 100.0 * (higher == 0),
+        RETURNS: np.asarray((own * back).sum(axis=1) / back.sum(axis=1)),
+        ELSEWHERE: np.asarray((own * elsewhere).sum(axis=1) / elsewhere.sum(axis=1)),
+        HIGHER: 100 * higher,
+        ON_TOP: 100.0 * (higher == 0),
     }
 
 
-def all_encoders(echoes: Echoes) -> dict[str, Encoder]:
+def all_encoders(echoes: Echoes, learning: ScratchParameters) -> dict[str, Encoder]:
     """What is compared on a walk with these echoes, by name, in the order of the paper's figure."""
     known = shipped_and_generic()
     shipped = known.pop(SHIPPED)
     return {
         **known,
         "t-SNE": GenericEncoder("t-sne-of-this-walk", embedded),
-        "ELF, random weights": learnt_on(echoes, replace(LEARNING, steps=0)),
-        "ELF without pre-training": learnt_on(echoes, LEARNING),
+        "ELF, random weights": learnt_on(echoes, replace(learning, steps=0)),
+        "ELF without pre-training": learnt_on(echoes, learning),
         SHIPPED: shipped,
     }
 
@@ -120,29 +123,25 @@ def learnt_on(echoes: Echoes, parameters: ScratchParameters) -> Encoder:
     return learnt_from_walk(echoes, parameters, seed=0)
 
 
-def _row(name: str, scores: F64) -> Row:
-    """Means over the footsteps of the first round; intervals by resampling blocks of them."""
-    row: Row = {"feature": name}
-    for measure, values in returns_of(scores).items():
-        row[measure] = round(float(values.mean()), 3)
-        if measure.endswith("(%)"):
-            blocks = [values[k : k + BLOCK_STEPS] for k in range(0, MARKERS, BLOCK_STEPS)]
-            low, high = mean_range(blocks)
-            row[measure.replace(" (%)", ", 95 %")] = f"{low:.1f} to {high:.1f}"
-    return row
+def _records(name: str, scores: F64) -> Iterator[Record]:
+    """Means over the footsteps of the first round, by blocks of them, and the trace of one."""
+    for metric, values in returns_of(scores).items():
+        blocks = [values[k : k + BLOCK_STEPS].mean() for k in range(0, MARKERS, BLOCK_STEPS)]
+        mean = mean_of(Record(name, metric, 0.0, world="lab"), blocks)
+        yield replace(mean, value=float(values.mean()))
+    for other in SHOWN[1:]:
+        pair, value = f"footsteps {SHOWN[0]} and {other}", float(scores[SHOWN[0], other])
+        yield Record(name, ESS, value, world="lab", condition=pair, paper=PAPER.get((name, pair)))
+    for footstep, score in enumerate(scores[FOOTSTEP]):
+        if footstep != FOOTSTEP:
+            yield Record(
+                name, TRACE, round(float(score), 3), world="lab",
+                condition=str(footstep),
+            )  # fmt: skip
 
 
-def _page(rows: list[Row], scores: Mapping[str, F64], room: Room, nodes: Odometry) -> Page:
-    traces = {name: each[FOOTSTEP] for name, each in scores.items()}
-    footsteps = len(next(iter(traces.values())))
-    returns = np.arange(FOOTSTEP + MARKERS, footsteps, MARKERS)
-    walked = walk_traces(nodes.world_from_body[:, :2], "footsteps", SLAM)
-    drawn = plan([*floor_traces(floor_plan(room)), *walked])
-    panels = [
-        Panel("ESS traces", traces_figure(traces, FOOTSTEP, returns), NOTE, wide=True),
-        Panel("Every footstep of the first round", rows_table(rows), ROWS_NOTE, wide=True),
-        Panel("The walk", drawn, "Its footsteps in all rounds, seen from above.", wide=True),
-    ]
-    rounds = footsteps // MARKERS
-    subtitle = f"{rounds} rounds over the same {MARKERS} markers in the simulated lab"
-    return Page("Does a footstep find itself again?", subtitle, panels)
+STUDY = Study(
+    "Does a footstep find itself again by its echoes, and by which feature?",
+    measure_trace, minutes=8, needs=("torch", "sklearn"),
+    fast={"rounds": 2, "learning": ScratchParameters(steps=2, pairs=16, threads=1)},
+)  # fmt: skip

@@ -1,4 +1,4 @@
-"""The paper's recipe, small: every figure has its row and the ratio is that of the two."""
+"""The paper's strategy, small: its errors stand beside the paper's, and it maps a recording."""
 
 from __future__ import annotations
 
@@ -6,36 +6,36 @@ from pathlib import Path
 
 import pytest
 
+from elfslam.data.recordings import write_recording
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.line.feature import load_encoder
-from elfslam.scoring.page import save_page
+from elfslam.world.simulate import load_world, simulate
 from studies import paper
-from studies.finding import Finding, Given
-from studies.paper import CHANGES, PAPER_M, WORLDS, measure_paper, paper_rows
+from studies.paper import (
+    CHANGES,
+    MAPPING,
+    OPPOSITE,
+    PAPER_M,
+    RECKONED,
+    STRATEGY,
+    USUAL,
+    WORLDS,
+    measure_paper,
+    paper_m,
+)
+from studies.plain_features import PLAIN
+from studies.results import Record
+from studies.study import StudyContext
 
-
-def test_a_figure_within_a_factor_of_two_is_told() -> None:
-    walks = [
-        {"one-shot": 0.1, "mapping, plain spectrogram": 0.3},
-        {"one-shot": 0.2, "mapping, plain spectrogram": 0.5},
-    ]
-    rows = {row["figure"]: row for row in paper_rows({"living_room": walks})}
-    assert rows["one-shot"]["ours (m)"] == 0.15
-    assert rows["one-shot"]["ours over paper"] == 1.5
-    assert rows["one-shot"]["within a factor of two"] is True
-    assert rows["mapping, plain spectrogram"]["within a factor of two"] is None
-    [far] = paper_rows({"office": [{"one-shot": 0.2}]})
-    assert far["within a factor of two"] is False
-
-
-def test_walks_without_an_answer_count_for_nothing() -> None:
-    [row] = paper_rows({"office": [{"one-shot": 0.5}, {"one-shot": float("nan")}]})
-    assert (row["ours (m)"], row["walks"]) == (0.5, 1)
+QUICK = ScratchParameters(steps=2, pairs=16, threads=1)
 
 
 def test_what_the_paper_tells_is_of_its_places() -> None:
     assert {world for figures in PAPER_M.values() for world in figures} == set(WORLDS)
-    assert set(CHANGES) <= set(PAPER_M)
+    assert {(STRATEGY, condition) for condition in CHANGES} <= set(PAPER_M)
+    mapped = Record(STRATEGY, "median error (m)", 0.2, world="mall", condition=MAPPING)
+    assert paper_m(mapped) == 0.45
+    assert paper_m(Record(PLAIN, "median error (m)", 0.2, world="mall", condition=MAPPING)) is None
 
 
 def shipped_as_pretrained(file: Path, *_: object) -> None:
@@ -53,29 +53,41 @@ def test_a_recipe_is_trained_once_and_another_anew(
         file.touch()
         trained.append(file)
 
-    monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", train)
     monkeypatch.setattr(paper, "finished", lambda *_: [])
-    given = Given(kept=tmp_path / "paper.partial")
+    monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", train)
+    context = StudyContext(kept=tmp_path / "paper.partial")
     for steps in (2, 2, 3):
-        measure_paper(given, worlds=(), pretraining=PretrainParameters(steps=steps))
+        measure_paper(context, worlds=(), pretraining=PretrainParameters(steps=steps))
     assert len(trained) == len(set(trained)) == 2
     assert {file.parent for file in trained} == {tmp_path / "encoders"}
 
 
-@pytest.fixture(scope="module")
-def finding() -> Finding:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(paper, "PAPER_M", {name: {"studio": 1.0} for name in PAPER_M})
-        patch.setattr("studies.paper_training.pretrain_as_in_paper", shipped_as_pretrained)
-        quick = ScratchParameters(steps=2, pairs=16, threads=1)
-        return measure_paper(Given(), worlds=("studio",), seeds=(100,), rounds=3, scratch=quick)
+def test_the_opposite_heading_costs_what_nothing_else_does(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    asked = {name: {"studio": 1.0} for name in PAPER_M if name[1] in {"one-shot", OPPOSITE}}
+    asked |= {name: {} for name in PAPER_M if name not in asked}
+    monkeypatch.setattr(paper, "PAPER_M", asked)
+    monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", shipped_as_pretrained)
+    records = measure_paper(
+        StudyContext(), worlds=("studio",), seeds=(100,), rounds=3, scratch=QUICK
+    )
+    errors_m = {(each.method, each.condition): each.value for each in records}
+    assert errors_m[STRATEGY, MAPPING] < 0.3
+    assert errors_m[STRATEGY, OPPOSITE] > 5 * errors_m[STRATEGY, "one-shot"]
+    papers = {each.condition: each.paper for each in records if each.method == STRATEGY}
+    assert papers == {MAPPING: None, "one-shot": 1.0, "trajectory": None, OPPOSITE: 1.0}
 
 
-@pytest.mark.real
-def test_every_figure_has_a_row(finding: Finding, tmp_path: Path) -> None:
-    rows = {row["figure"]: float(str(row["ours (m)"])) for row in finding.rows}
-    assert set(rows) == {*PAPER_M, "mapping, plain spectrogram"}
-    assert rows["mapping"] < 0.3
-    assert rows["opposite heading"] > 5 * rows["one-shot"]
-    assert finding.page is not None
-    save_page(tmp_path / "page.html", finding.page)
+def test_a_recording_of_ones_own_is_mapped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("studies.paper_training.pretrain_as_in_paper", shipped_as_pretrained)
+    recording, truth = simulate(load_world("studio"), 100, rounds=3, circumstances=USUAL)
+    walk = tmp_path / "walk"
+    write_recording(recording, walk, truth=truth)
+    known = measure_paper(StudyContext(), recording=walk, scratch=QUICK)
+    errors_m = {each.method: each.value for each in known if each.metric == "median error (m)"}
+    assert errors_m[STRATEGY] < errors_m[RECKONED]
+    for file in walk.glob("truth.tum"):
+        file.unlink()
+    unknown = measure_paper(StudyContext(), recording=walk, scratch=QUICK)
+    assert {each.metric for each in unknown} == {"footsteps", "echoes", "closures", "length (m)"}

@@ -1,28 +1,29 @@
-"""The speed study on a small scale: its rows, not its figures."""
+"""The speed study on a small scale: its ratios are those of its rates, and ours is the faster."""
 
 from __future__ import annotations
 
-from studies.finding import Given
-from studies.speed import TIMES_FASTER, measure_speed
+import pytest
+
+from studies.speed import (
+    EMPTY,
+    ENGINES,
+    FURNISHED,
+    OURS,
+    OURS_DIFFUSE,
+    PYROOM,
+    RATE,
+    TIMES,
+    measure_speed,
+)
+from studies.study import StudyContext
 
 
-def test_every_rate_and_every_goal_has_a_row() -> None:
-    heard: list[float | None] = []
-    given = Given(announce=lambda what, share: heard.append(share))
-    rows = measure_speed(given, echoes=40, stream=600)
-    values = {str(row["quantity"]): row["value"] for row in rows}
-    assert all(isinstance(value, float) and value > 0 for value in values.values())
-    ours, theirs = (
-        values[f"living room, empty, {engine}"] for engine in ("ours", "pyroomacoustics with air")
-    )
-    assert isinstance(ours, float)
-    assert isinstance(theirs, float)
-    ratio = values["empty: ours over pyroomacoustics with air"]
-    assert isinstance(ratio, float)
-    assert abs(ratio / (ours / theirs) - 1) < 0.01
-    assert [row["goal"] for row in rows].count(TIMES_FASTER) == 2
-    for engine in ("images", "diffuse"):
-        assert f"600 training echoes by {engine}, spectrograms, 2 cores" in values
-    rays = "pyroomacoustics, as many rays, empty room"
-    assert values["diffuse field over rays"] > 1 > values[rays] / 1000
-    assert heard[0] == 0.0
+def test_ratios_are_those_of_the_rates_and_every_stream_took_time() -> None:
+    records = measure_speed(StudyContext(), echoes=40, stream=600)
+    found = {(each.method, each.metric, each.condition): each.value for each in records}
+    assert all(value > 0 for value in found.values())
+    ratio = found[OURS, RATE, EMPTY] / found[PYROOM, RATE, EMPTY]
+    assert found[OURS, TIMES, EMPTY] == pytest.approx(ratio)
+    assert found[OURS_DIFFUSE, TIMES, FURNISHED] > 1
+    streams = {each.method for each in records if each.metric == "time (min)"}
+    assert streams == {f"training stream, {engine}" for engine in ENGINES}

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import functools
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.world.walkable import standing_room
 from elfslam.world.world_file import load_world
-from studies import spots
-from studies.finding import Finding, Given
-from studies.repeats import Numbers
 from studies.spots import (
     COUNT,
+    GUESS,
+    MEAN_M,
     POINTS,
+    RECOGNISED,
     SPACING,
     Point,
     Recipe,
@@ -27,23 +23,7 @@ from studies.spots import (
     spots_apart,
     spots_of,
 )
-
-FEW = (Point(SPACING, 1.0, 1), Point(COUNT, 2, 2))
-HARDLY = Recipe(learnt=6, asked=2, batch=6, epochs=1, fewest_steps=1)
-
-
-def run(kept: Path) -> Finding:
-    return measure_spots(Given(kept=kept), points=FEW, recipe=HARDLY, stable_spots=3)
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("spots") / "kept"
-
-
-@pytest.fixture(scope="module")
-def finding(kept: Path) -> Finding:
-    return run(kept)
+from studies.study import StudyContext
 
 
 @pytest.mark.parametrize("spacing_m", [0.25, 1.0, 3.0])
@@ -78,50 +58,21 @@ def test_few_spots_are_learnt_for_as_many_steps_as_needed() -> None:
 
 
 def test_spots_are_recognised_that_were_learnt() -> None:
-    recipe = Recipe(learnt=20, asked=5, batch=20, fewest_steps=40)
-    found = measure_repeat(Repeat(Point(COUNT, 2, 1), 0, recipe))
-    assert found["recognised, same visit"] > 0.8
-    assert found["error (m), same visit"] < found["error (m), a guess"]
-    assert found["nearest spot (m)"] == pytest.approx(2 * found["error (m), a guess"])
+    recipe = Recipe(learnt=20, queried=5, batch=20, fewest_steps=40)
+    records = measure_repeat(Repeat(Point(COUNT, 2, 1), 0, recipe))
+    found = {(each.method, each.metric): each.value for each in records}
+    assert found["same visit", RECOGNISED] > 0.8
+    assert found["same visit", MEAN_M] < found[GUESS, MEAN_M]
 
 
-def test_every_point_has_a_row_of_each_measure(finding: Finding) -> None:
-    named = [row for row in finding.rows if str(row["over"]).endswith("repeats")]
-    assert len(named) == 6 * len(FEW)
-    assert {(row["varied"], row["at"], row["over"]) for row in named} == {
-        (SPACING, 1.0, "1 repeats"),
-        (COUNT, 2, "2 repeats"),
-    }
-    spacing = [row["mean"] for row in named if row["measure"] == "nearest spot (m)"]
-    assert spacing[0] == pytest.approx(1.0, abs=0.2)
-    assert all(0 <= r["mean"] <= 1 for r in named if "recognised" in str(r["measure"]))  # type: ignore[operator]
-
-
-def test_the_page_shows_tables_and_curves(finding: Finding) -> None:
-    assert finding.page is not None
-    titles = [panel.title for panel in finding.page.panels]
-    assert titles[:5] == [
-        "Spots told apart",
-        "Spots recognised against spacing",
-        "Mean error against spacing",
-        "Spots recognised against spots",
-        "Mean error against spots",
-    ]
-    assert len(titles) == 11
-    assert list(finding.page.details) == ["Table of the spectra"]
-
-
-def test_finished_repeats_are_not_measured_again(
-    finding: Finding, kept: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    assert len(json.loads(kept.read_text())) == 3
-
-    @functools.wraps(spots.measure_repeat)
-    def refuse(repeat: Repeat) -> Numbers:
-        raise AssertionError(f"measured again: {repeat}")
-
-    monkeypatch.setattr(spots, "measure_repeat", refuse)
-    assert run(kept).rows == finding.rows
+def test_each_point_is_the_mean_of_its_repeats() -> None:
+    points = (Point(SPACING, 1.0, 1), Point(COUNT, 2, 2))
+    hardly = Recipe(learnt=6, queried=2, batch=6, epochs=1, fewest_steps=1)
+    records = measure_spots(StudyContext(), points=points, recipe=hardly)
+    guesses = {each.condition: each for each in records if each.method == GUESS}
+    assert [each.seeds for each in guesses.values()] == ["0", "0 to 1"]
+    assert set(guesses) == {"1 m apart", "2 spots"}
+    assert all(0 <= each.value <= 1 for each in records if each.metric == RECOGNISED)
 
 
 def test_the_full_study_has_the_points_of_the_paper() -> None:

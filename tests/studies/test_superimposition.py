@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -13,50 +12,42 @@ from elfslam.base.progress import silent
 from elfslam.base.values import Echoes
 from elfslam.line.feature import load_encoder, walk_vectors
 from studies import opposite_ways
-from studies.finding import Finding, Given
-from studies.floor_spots import DIRECTIONS_RAD, TOGETHER, Spots, errors, fixes_m, floor_of, heard
+from studies.floor_spots import (
+    DIRECTIONS_RAD,
+    MEAN_M,
+    OVER_1_M,
+    SUPERIMPOSED,
+    TOGETHER,
+    Spots,
+    error_numbers,
+    fixes_m,
+    floor_of,
+    heard,
+    quantile_numbers,
+)
 from studies.opposite_ways import PLACED, Mapped, Ways, mapped
+from studies.study import StudyContext
 from studies.superimposition import measure_superimposition
 
 FEW = Spots(spots=9, traces=16, supervised_traces=8, queries=6)
 SHORT = Ways(world="studio", seed=100, rounds=1, steps=1)
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("superimposition")
-
-
-@pytest.fixture(scope="module")
-def finding(folder: Path) -> Finding:
-    return measure_superimposition(Given(kept=folder / "kept"), floors=[FEW], ways=[SHORT])
-
-
-def test_every_map_is_asked_everything(finding: Finding) -> None:
-    asked = {(row["map"], row["asked"], row["echoes"]) for row in finding.rows}
-    assert ("superimposed", "in between", "6") in asked
-    assert ("supervised", "off the grid", "1") in asked
-    assert ("one direction", "different direction", "6") in asked
-    assert {("opposite direction", placed, "6") for placed in PLACED} <= asked
-    assert all(row["mean (m)"] >= 0 for row in finding.rows)  # type: ignore[operator]
-
-
-def test_the_page_shows_spot_a_before_and_after(finding: Finding) -> None:
-    assert finding.page is not None
-    strips = [panel for panel in finding.page.panels if panel.title.startswith("Spot A")]
-    assert len(strips) == 1
-    assert len(strips[0].body.data) == 2  # type: ignore[union-attr]
-
-
-def test_what_was_learnt_is_kept_and_gives_the_same_again(folder: Path, finding: Finding) -> None:
-    file = folder / "superimposition" / "hall-9-16-0.onnx"
+def test_what_was_learnt_is_kept_and_gives_the_same_again(tmp_path: Path) -> None:
+    records = measure_superimposition(
+        StudyContext(kept=tmp_path / "kept"), floors=[FEW], ways=[SHORT]
+    )
+    asked = {(each.method, each.condition) for each in records}
+    assert (SUPERIMPOSED, "in between, from 6") in asked
+    assert {("opposite direction", placed) for placed in PLACED} <= asked
+    assert sum(each.metric == "ELF" for each in records) == 2 * 4 * 128
+    papers = {each.paper for each in records} - {None}
+    assert papers == {3.2, 0.24, 0.56, 0.34, 0.76, 0.1, 3.8}
+    file = tmp_path / "superimposition" / "hall-9-16-0.onnx"
     content = file.read_bytes()
-    kept = json.loads((folder / "kept").read_text())
-    assert {unit["task"] for unit in kept.values()} == {repr(SHORT), repr(FEW)}
-    again = measure_superimposition(Given(kept=folder / "other"), floors=[FEW], ways=[])
+    again = measure_superimposition(StudyContext(kept=tmp_path / "other"), floors=[FEW], ways=[])
     assert file.read_bytes() == content
-    first = [row for row in finding.rows if "spots" in str(row["place"])]
-    assert again.rows == first
+    assert again == [each for each in records if each.world == "hall"]
 
 
 def test_spots_are_neighbours_on_the_grid() -> None:
@@ -89,9 +80,11 @@ def test_a_fix_lies_between_the_spots_that_sound_alike() -> None:
 
 
 def test_errors_have_a_share_of_gross_ones() -> None:
-    found = errors("x", np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2)))
-    assert (found["x|mean"], found["x|over 1 m"]) == (2.5, 0.5)
-    assert found["x|q0"] < found["x|q48"]
+    found_m, truth_m = np.array([[0.0, 0.0], [3.0, 4.0]]), np.zeros((2, 2))
+    errors = error_numbers(found_m, truth_m)
+    assert (errors[MEAN_M], errors[OVER_1_M]) == (2.5, 0.5)
+    quantiles = quantile_numbers(found_m, truth_m)
+    assert (quantiles["50 %"], next(iter(quantiles))) == (2.5, "10 %")
 
 
 def test_maps_of_both_ways_lie_in_one_frame() -> None:

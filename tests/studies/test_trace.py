@@ -10,9 +10,24 @@ import pytest
 from elfslam.baselines.generic import generic_encoders
 from elfslam.line.feature import load_encoder
 from elfslam.world.world_file import load_world
-from studies.finding import Finding, Given
 from studies.marked_walk import MARKERS, walk_over_markers
-from studies.trace import LEARNING, all_encoders, embedded, learnt_on, measure_trace, returns_of
+from studies.study import StudyContext
+from studies.trace import (
+    ELSEWHERE,
+    ESS,
+    FOOTSTEP,
+    HIGHER,
+    LEARNING,
+    ON_TOP,
+    PSD,
+    RETURNS,
+    TRACE,
+    all_encoders,
+    embedded,
+    learnt_on,
+    measure_trace,
+    returns_of,
+)
 
 
 def planted(rounds: int) -> np.ndarray:
@@ -25,10 +40,10 @@ def planted(rounds: int) -> np.ndarray:
 
 def test_planted_returns_are_all_on_top() -> None:
     found = returns_of(planted(4))
-    assert found["returns"] == pytest.approx(np.full(MARKERS, 0.9))
-    assert found["elsewhere"] == pytest.approx(np.full(MARKERS, 0.1))
-    assert not found["higher elsewhere (%)"].any()
-    assert (found["all three on top (%)"] == 100).all()
+    assert found[RETURNS] == pytest.approx(np.full(MARKERS, 0.9))
+    assert found[ELSEWHERE] == pytest.approx(np.full(MARKERS, 0.1))
+    assert not found[HIGHER].any()
+    assert (found[ON_TOP] == 100).all()
 
 
 def test_one_higher_footstep_elsewhere_is_counted() -> None:
@@ -36,35 +51,24 @@ def test_one_higher_footstep_elsewhere_is_counted() -> None:
     scores[7, 30] = 0.99
     scores[9, 9] = 0.0  # a footstep itself is no return
     found = returns_of(scores)
-    assert np.flatnonzero(found["higher elsewhere (%)"]).tolist() == [7]
-    assert found["higher elsewhere (%)"][7] == pytest.approx(100 / (4 * (MARKERS - 7)))
-    assert found["all three on top (%)"].sum() == 100 * (MARKERS - 1)
-    assert found["returns"] == pytest.approx(np.full(MARKERS, 0.9))
+    assert np.flatnonzero(found[HIGHER]).tolist() == [7]
+    assert found[HIGHER][7] == pytest.approx(100 / (4 * (MARKERS - 7)))
+    assert found[ON_TOP].sum() == 100 * (MARKERS - 1)
+    assert found[RETURNS] == pytest.approx(np.full(MARKERS, 0.9))
 
 
-@pytest.fixture(scope="module")
-def finding() -> Finding:
-    encoders = {"PSD": generic_encoders()["PSD"], "ELF": load_encoder("compact")}
-    return measure_trace(Given(), encoders=encoders, rounds=2)
-
-
-def test_an_elf_stands_out_where_a_spectrum_does_not(finding: Finding) -> None:
-    psd, elf = finding.rows
-    assert (psd["feature"], elf["feature"]) == ("PSD", "ELF")
-    assert elf["higher elsewhere (%)"] < 5  # type: ignore[operator]
-    assert psd["higher elsewhere (%)"] > 20  # type: ignore[operator]
-    assert elf["returns"] - elf["elsewhere"] > 0.3 > psd["returns"] - psd["elsewhere"]  # type: ignore[operator]
-
-
-def test_the_page_draws_a_row_for_every_feature(finding: Finding) -> None:
-    assert finding.page is not None
-    traces, table, walk = finding.page.panels
-    lines = [trace for trace in traces.body.data if trace.mode == "lines"]  # type: ignore[union-attr]
-    assert [len(line.y) for line in lines] == [2 * MARKERS] * 2
-    dots = [t for t in traces.body.data if t.name == "the same marker again"]  # type: ignore[union-attr]
-    assert all(list(dot.x) == [4 + MARKERS] for dot in dots)
-    assert "PSD" in str(table.body)
-    assert walk.title == "The walk"
+def test_an_elf_stands_out_where_a_spectrum_does_not() -> None:
+    encoders = {PSD: generic_encoders()["PSD"], "ELF": load_encoder("compact")}
+    records = measure_trace(StudyContext(), encoders=encoders, rounds=2)
+    found = {(each.method, each.metric, each.condition): each.value for each in records}
+    assert found["ELF", HIGHER, ""] < 5
+    assert found[PSD, HIGHER, ""] > 20
+    ahead = {name: found[name, RETURNS, ""] - found[name, ELSEWHERE, ""] for name in encoders}
+    assert ahead["ELF"] > 0.3 > ahead[PSD]
+    assert found["ELF", ESS, "footsteps 0 and 58"] > found["ELF", ESS, "footsteps 0 and 30"] + 0.3
+    trace = {int(at): value for (name, metric, at), value in found.items()
+             if name == "ELF" and metric == TRACE}  # fmt: skip
+    assert max(trace, key=lambda at: trace[at] if abs(at - FOOTSTEP) > 3 else 0) == 58 + FOOTSTEP
 
 
 def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
@@ -81,9 +85,8 @@ def test_learning_on_the_walk_alone_starts_from_random_weights() -> None:
 def test_all_features_of_the_papers_figure_are_there(monkeypatch: pytest.MonkeyPatch) -> None:
     known = {"raw samples": load_encoder("spectral"), "ELF, shipped": load_encoder("compact")}
     monkeypatch.setattr("studies.trace.shipped_and_generic", known.copy)
-    monkeypatch.setattr("studies.trace.LEARNING", replace(LEARNING, steps=1, pairs=8))
     _, echoes = walk_over_markers(load_world("lab"), 1, np.random.default_rng(0))
-    assert list(all_encoders(echoes)) == [
+    assert list(all_encoders(echoes, replace(LEARNING, steps=1, pairs=8))) == [
         "raw samples",
         "t-SNE",
         "ELF, random weights",
