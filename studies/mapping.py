@@ -41,8 +41,8 @@ from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
 from studies.cached import extract_features, hear, simulate
+from studies.coverage import trajectory_coverage
 from studies.curation import CurationParameters, curated_closures
-from studies.figures.coverage import trajectory_coverage
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
 from studies.repeats import finished
 from studies.results import Record, averaged, seeds_text

@@ -21,7 +21,7 @@ from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.simulate import load_world
-from studies.figures.coverage import trajectory_coverage
+from studies.coverage import trajectory_coverage
 from studies.floor_plan import plan_of
 from studies.repeats import finished
 from studies.results import Record, averaged

@@ -10,8 +10,9 @@ from elfslam.base.choices import Mode
 from elfslam.base.values import NO_CLOSURES
 from elfslam.slam import pipeline
 from studies import headline
-from studies.finding import Given
+from studies.catalogue import Stale
 from studies.headline import FIGURES, MAPPED, RECKONED, TASKS, Figure, Task, judged, main
+from studies.study import StudyContext
 
 SMALL = (Task("studio", 100, rounds=4, modes=(Mode.ONE_SHOT, Mode.TRACK)),)
 
@@ -40,14 +41,19 @@ def test_a_figure_twice_as_bad_is_red(figure: Figure) -> None:
 def test_closures_switched_off_turn_it_red(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = headline.measure_headline(Given(), tasks=SMALL)
+    found = headline.measure_headline(StudyContext(), tasks=SMALL)
     mapped_m, reckoned_m = (found["studio", "surveyor", name] for name in (MAPPED, RECKONED))
     assert mapped_m < 0.5 * reckoned_m
     figures = [Figure(*named, value_m) for named, value_m in found.items()]
     monkeypatch.setattr(headline, "FIGURES", figures)
     measure = headline.measure_headline
-    monkeypatch.setattr(headline, "measure_headline", lambda given: measure(given, tasks=SMALL))
+    monkeypatch.setattr(headline, "measure_headline", lambda context: measure(context, tasks=SMALL))
+    monkeypatch.setattr(headline, "stale_studies", lambda *_: [])
+    assert main(["--on", "1", "--strict"]) == 0
+    monkeypatch.setattr(headline, "stale_studies", lambda *_: [Stale("gait", None, "never", 1.0)])
     assert main(["--on", "1"]) == 0
+    assert headline.RED in capsys.readouterr().out
+    assert main(["--on", "1", "--strict"]) == 1
     monkeypatch.setattr(pipeline, "closures_by", lambda *_: NO_CLOSURES)
     assert main(["--on", "1"]) == 1
     table = capsys.readouterr().out

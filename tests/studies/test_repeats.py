@@ -4,20 +4,21 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 
 from elfslam.app.workers import unit_key
 from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from studies.finding import Given
-from studies.repeats import Numbers, by_world, finished
+from studies.repeats import finished
+from studies.results import Record
+from studies.study import StudyContext
 
 
-def square(task: int) -> Numbers:
-    return {"square": float(task * task)}
+def square(task: int) -> list[Record]:
+    return [Record("square", "area", float(task * task))]
 
 
 class Backwards:
@@ -34,37 +35,39 @@ class Backwards:
 
 def test_numbers_come_in_the_order_of_the_tasks(tmp_path: Path) -> None:
     kept, shares = tmp_path / "new" / "kept", list[float | None]()
-    given = Given(None, lambda _, share: shares.append(share), kept, Backwards())
-    found = finished(square, [3, 1, 2], given)
-    assert found == [{"square": 9.0}, {"square": 1.0}, {"square": 4.0}]
+    context = StudyContext(None, lambda _, share: shares.append(share), kept, Backwards())
+    found = finished(square, [3, 1, 2], context)
+    assert found == [square(3), square(1), square(2)]
     assert shares == [0.0, 1 / 3, 2 / 3, 1.0]
     units = json.loads(kept.read_text())
-    assert units[unit_key(square, 3)] == {"task": "3", "numbers": found[0]}
+    assert units[unit_key(square, 3)] == {"task": "3", "records": [asdict(square(3)[0])]}
     assert [unit["task"] for unit in units.values()] == ["2", "1", "3"]
 
 
 def test_equal_tasks_are_one_unit() -> None:
-    assert finished(square, [2, 3, 2], Given()) == [square(2), square(3), square(2)]
+    assert finished(square, [2, 3, 2], StudyContext()) == [square(2), square(3), square(2)]
 
 
 def test_a_run_cut_off_goes_on_where_it_was(tmp_path: Path) -> None:
     kept, asked, allowed = tmp_path / "kept", list[int](), {1, 3}
 
-    def counted(task: int) -> Numbers:
+    def counted(task: int) -> list[Record]:
         asked.append(task)
         if task not in allowed:
             raise KeyboardInterrupt
         return square(task)
 
     with pytest.raises(KeyboardInterrupt):
-        finished(counted, [1, 2, 3], Given(kept=kept))
+        finished(counted, [1, 2, 3], StudyContext(kept=kept))
     allowed.add(2)
-    assert finished(counted, [1, 2, 3], Given(kept=kept)) == [square(task) for task in (1, 2, 3)]
+    assert finished(counted, [1, 2, 3], StudyContext(kept=kept)) == [
+        square(task) for task in (1, 2, 3)
+    ]
     assert asked == [1, 2, 2, 3]
 
 
 def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
-    assert finished(square, [5], Given()) == [{"square": 25.0}]
+    assert finished(square, [5], StudyContext()) == [square(5)]
     assert list(tmp_path.iterdir()) == []
 
 
@@ -73,7 +76,7 @@ def test_nothing_is_kept_where_no_file_is_named(tmp_path: Path) -> None:
     [
         ("{", "cannot be read"),
         ("3", "cannot be read"),
-        ('{"ab12": {"task": "7", "numbers": {}}}', "has 7 of another run; delete it to start over"),
+        ('{"ab12": {"task": "7", "records": []}}', "has 7 of another run; delete it to start over"),
         ('{"7": {"square": 49.0}}', "cannot be read"),
     ],
 )
@@ -81,16 +84,5 @@ def test_what_is_not_of_this_run_is_refused(tmp_path: Path, content: str, compla
     kept = tmp_path / "kept"
     kept.write_text(content)
     with pytest.raises(StoreError, match=complaint):
-        finished(square, [1], Given(kept=kept))
+        finished(square, [1], StudyContext(kept=kept))
     assert kept.read_text() == content
-
-
-def test_numbers_are_gathered_by_world_in_the_order_of_their_tasks() -> None:
-    tasks = [Walk("studio", 1), Walk("lounge", 1), Walk("studio", 2)]
-    gathered = by_world(tasks, [{"a": 1.0}, {"a": 2.0}, {"a": 3.0}])
-    assert gathered == {"studio": [{"a": 1.0}, {"a": 3.0}], "lounge": [{"a": 2.0}]}
-
-
-class Walk(NamedTuple):
-    world: str
-    seed: int

@@ -1,1 +1,0 @@
-"""Drawings and figures of merit that studies alone use."""
