@@ -17,7 +17,7 @@ from studies.catalogue import STUDIES, Choice, run_stale, run_study, study_named
 from studies.results import RESULTS, Result
 
 FAST = Path("results-fast")
-"""Where small variants of studies put what they find."""
+"""Where studies put what is not for docs: of small variants, other encoders, own recordings."""
 
 
 def study(
@@ -39,13 +39,18 @@ def study(
     check: Annotated[
         bool, typer.Option("--check", help="render: change nothing, compare.")
     ] = False,
+    recording: Annotated[
+        Path | None, typer.Option(help="paper: a recording of one's own, in place of the worlds.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, not a table.")] = False,
 ) -> None:
     """Make the results of a study, of all that are stale, or render README and docs."""
     if name == "render":
         raise typer.Exit(_render(check=check))
     encoders = {Path(file).stem: load_encoder(file) for file in encoder or []}
-    choice = Choice(out or (FAST if fast else RESULTS), data, on, fast, kind, encoders)
+    elsewhere = fast or recording is not None or bool(encoders)
+    folder = out or (FAST if elsewhere else RESULTS)
+    choice = Choice(folder, data, on, fast, kind, encoders, recording)
     if name != "all" and not fast:
         say(f"{name}: about {study_named(name).minutes:g} min on two cores")
     with progress_bar() as announce:

@@ -35,7 +35,7 @@ STUDIES = (
     "displacement", "distinctness", "elf", "fidelity", "finetuning", "fix-thresholds", "floor-plan",
     "floors-by-wifi", "growing-map", "live-footsteps",
     "laps", "localization", "localization-cost", "magnetic-left-out", "magnetic-walks",
-    "mall-fifths", "mall-floor", "many-mappers", "mapping", "merging", "paper", "passages",
+    "mall-fifths", "mall-floor", "many-mappers", "mapping", "merging", "paper", "paper-figures", "paper-summary", "passages",
     "physics", "pose-graphs", "real-rooms", "realism", "sensitivity", "sensors", "speech", "speed",
     "spots", "stability", "superimposition", "taps", "thresholds", "trace", "unknown-phone",
 )  # fmt: skip
@@ -54,6 +54,7 @@ class Choice:
     fast: bool = False
     kind: str | None = None
     encoders: Mapping[str, Encoder] | None = None
+    recording: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,17 @@ def run_stale(only: Collection[str], choice: Choice, announce: Announce) -> Iter
 
 def stale_studies(names: Collection[str], choice: Choice) -> list[Stale]:
     """Which studies, and which kinds of walk of theirs, are to be run again, the cheapest first."""
-    found = [
+    found = sorted(_stale(names, choice), key=lambda each: each.minutes)
+    waiting = [each for each in found if not study_named(each.name).counts]
+    counts = [each for each in found if study_named(each.name).counts]
+    if waiting and not counts:
+        counts = [Stale(name, None, "others are", study_named(name).minutes)
+                  for name in names if study_named(name).counts]  # fmt: skip
+    return waiting + counts
+
+
+def _stale(names: Collection[str], choice: Choice) -> list[Stale]:
+    return [
         Stale(name, kind, why, study.minutes / max(1, len(study.scenarios)))
         for name in names
         for study in [study_named(name)]
@@ -140,7 +151,6 @@ def stale_studies(names: Collection[str], choice: Choice) -> list[Stale]:
         for why in [_why_stale(name, kind, choice)]
         if why
     ]
-    return sorted(found, key=lambda each: each.minutes)
 
 
 def _why_stale(name: str, kind: str | None, choice: Choice) -> str:
@@ -176,6 +186,10 @@ def _told(name: str, study: Study, choice: Choice) -> dict[str, Any]:
     told: dict[str, Any] = dict(study.fast) if choice.fast else {}
     if study.scenarios:
         told["kind"] = kind_named(choice.kind or study.scenarios[0])
+    if choice.recording is not None:
+        if not study.recordings:
+            raise InputError(f"study {name}: takes no recording; leave --recording out")
+        told["recording"] = choice.recording
     return told | ({"encoders": choice.encoders} if choice.encoders else {})
 
 

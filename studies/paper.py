@@ -260,7 +260,7 @@ def paper_m(record: Record) -> float | None:
 
 STUDY = Study(
     "How far off is the paper's own strategy in our worlds, against the paper's figures?",
-    measure_paper, minutes=60, long=True, needs=("torch", "sklearn"),
+    measure_paper, minutes=60, long=True, recordings=True, needs=("torch", "sklearn"),
     fast={"worlds": ("living_room",), "seeds": (0,), "rounds": 2,
           "scratch": ScratchParameters(steps=10, pairs=32, threads=1),
           "pretraining": PretrainParameters(steps=2, pairs=32)},

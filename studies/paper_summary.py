@@ -150,5 +150,5 @@ def _pairs(rows: Sequence[Result]) -> Iterator[tuple[str, float, float]]:
 
 STUDY = Study(
     "Which parts of the paper have a result of ours, and are its errors smaller or larger?",
-    measure_paper_summary, minutes=0.1,
+    measure_paper_summary, minutes=0.1, counts=True,
 )  # fmt: skip

@@ -62,6 +62,10 @@ class Study:
     long: bool = False
     encoders: bool = False
     """Whether it compares encoders that it is given."""
+    recordings: bool = False
+    """Whether it can be made of a recording of one's own."""
+    counts: bool = False
+    """Whether it counts what others measured: it runs after them, whenever one of them ran."""
 
     def check(self, name: str, data: Path | None) -> None:
         """Raise InputError where something is missing that the study would ask for later."""

@@ -22,12 +22,8 @@ import pytest
 from elfslam.base.errors import ElfslamError
 from studies.tree import ROOT
 
-OTHERS = {"encoder.md", "known_truth.md", "own_world.md"}
-"""Pages whose blocks are not tagged yet."""
 FROM_NOTHING = [ROOT / "README.md", *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
-HOW_TO = [
-    page for page in sorted((ROOT / "docs" / "how-to").glob("*.md")) if page.name not in OTHERS
-]
+HOW_TO = sorted((ROOT / "docs" / "how-to").glob("*.md"))
 REASONS = {
     "needs a cluster", "needs a floor plan", "needs an export of a phone", "needs a broker",
     "needs a server with a map", "needs recordings of other people", "runs until it is stopped",
