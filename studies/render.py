@@ -213,9 +213,11 @@ def provenance(results: Sequence[Result]) -> str:
 
 
 def shown_in(page: Path, drawing: Drawing) -> str:
-    """The line that shows a figure in a page."""
+    """The line that shows a figure in a page, and one that says what it was made of."""
     file = os.path.relpath(_file_of(drawing.name), page.parent)
-    return f"![{drawing.caption}]({Path(file).as_posix()})"
+    chosen = select(read_results(RESULTS / f"{drawing.study}.csv"), drawing.where)
+    image = f"![{drawing.caption}]({Path(file).as_posix()})"
+    return f"{image}\n\n<sub>{provenance(chosen)}</sub>" if chosen else image
 
 
 def figure_text(value: float) -> str:
