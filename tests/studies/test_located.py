@@ -8,7 +8,7 @@ import pytest
 from elfslam.base.geometry import compose
 from elfslam.base.values import Fixes, FixStatus, Odometry, Run, Trajectory, Truth
 from elfslam.slam.pipeline import no_similarity
-from studies.located import fix_numbers
+from studies.located import MEDIAN_M, OVER_1_M, fix_numbers
 from studies.mapping import NO_CLOSURES
 
 T_S = np.arange(0.0, 10.0, 0.5)
@@ -38,17 +38,17 @@ def fixes(off_m: float, sigma_m: float, refused: int) -> Fixes:
 def test_errors_shares_and_sigmas() -> None:
     run, truth = mapped()
     found = fix_numbers(fixes(0.3, 0.15, refused=5), truth, run.trajectory, truth)
-    assert found["median"] == pytest.approx(0.3)
-    assert found["anchored|Q3"] == pytest.approx(0.3)
+    assert found[MEDIAN_M] == pytest.approx(0.3)
+    assert found["third quartile, anchored (m)"] == pytest.approx(0.3)
     assert found["NEES"] == pytest.approx(4.0)
     assert found["answered"] == pytest.approx(15 / 20)
     assert found["ambiguous"] == pytest.approx(5 / 20)
-    assert found["gross"] == 0.0
-    assert fix_numbers(fixes(1.2, 0.15, refused=0), truth, run.trajectory, truth)["gross"] == 1.0
+    assert found[OVER_1_M] == 0.0
+    assert fix_numbers(fixes(1.2, 0.15, refused=0), truth, run.trajectory, truth)[OVER_1_M] == 1.0
 
 
 def test_no_answer_has_no_error() -> None:
     run, truth = mapped()
     found = fix_numbers(fixes(0.3, 0.15, refused=len(T_S)), truth, run.trajectory, truth)
     assert found["answered"] == 0.0
-    assert np.isnan([found["median"], found["gross"], found["NEES"]]).all()
+    assert np.isnan([found[MEDIAN_M], found[OVER_1_M], found["NEES"]]).all()
