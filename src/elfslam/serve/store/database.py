@@ -5,6 +5,7 @@ Files lie beside it, content-addressed (`blobs.py`); rows name them by their SHA
 
 from __future__ import annotations
 
+import sqlite3
 import time
 import uuid
 from collections.abc import Iterator
@@ -332,7 +333,11 @@ def write_ahead(engine: Engine) -> None:
     """Let SQLite's readers wait for no writer; its file remembers that, and is changed."""
     if engine.dialect.name == SQLITE:
         with engine.connect() as connection:
-            connection.connection.cursor().execute("PRAGMA journal_mode=WAL")
+            mode = "PRAGMA journal_mode=WAL"
+            try:
+                connection.connection.cursor().execute(mode)  # within no transaction
+            except sqlite3.OperationalError as refused:
+                raise OperationalError(mode, None, refused) from refused
 
 
 def _as_impatient_postgresql(connection: Any, _record: object) -> None:
