@@ -2,7 +2,7 @@
 
 Usage, from the root of the project:
 
-    python -m studies.benchmarks.ended_parents [--times 50] [--seed 0]
+    python -m studies.benchmarks.ended_parents [--times 50] [--seed 0] [--only map]
 
 `elfslam map --on 2`, `python -m studies --on 2` and `elfslam serve --on 2` with jobs, and each so
 many times by SIGTERM, SIGKILL and SIGINT. Whatever they began bears a mark in its environment.
@@ -98,11 +98,15 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--times", type=int, default=50)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument(
+        "--only", default="", help="drills whose names begin so: map, studies, serve"
+    )
     asked = parser.parse_args()
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell may have it ignored
     generator = random.Random(asked.seed)
     with tempfile.TemporaryDirectory() as name:
         drills = [make(Path(name)) for make in (mapping, studying, serving)]
+        drills = [drill for drill in drills if drill.name.startswith(asked.only)]
         for drill in drills:
             for number in SIGNALS:
                 for _ in range(asked.times):
