@@ -160,5 +160,5 @@ def test_a_reach_it_cannot_follow_is_refused(reach: Reach, complaint: str) -> No
 
 def test_without_the_library_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyroomacoustics", None)
-    with pytest.raises(InputError, match=r"install the extra 'acoustics'"):
+    with pytest.raises(InputError, match=r"run make studies"):
         pyroom.image_echoes(rectangle(), ends_at(), NOBODY, air_at(), REACH)

@@ -292,5 +292,5 @@ def test_without_the_extra_only_flat_works(
 
     monkeypatch.setattr(builtins, "__import__", without)
     assert open_index(made(tmp_path, rows, "flat")).search(rows[:2], 1)[0].tolist() == [[0], [1]]
-    with pytest.raises(InputError, match=r"elfslam\[buildings\]"):
+    with pytest.raises(InputError, match=r"run make studies"):
         build_index([rows], tmp_path / "x", KINDS["hnsw"], encoder="e")
