@@ -74,7 +74,7 @@ def _targets() -> Iterator[Target]:
         "out.csv",
     )
     yield Target("encoders", "encoder.onnx", "card {given}", None)
-    yield Target("encoders", "elf.json", "card --measured {given} --out {out}", "out.onnx")
+    yield Target("encoders", "elf.csv", "card --measured {given} --out {out}", "out.onnx")
     for log in (
         "phyphox.zip",
         "sensorlogger.zip",

@@ -5,7 +5,6 @@ The work before the writing is done once: only the writing meets the disk.
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import subprocess
@@ -16,13 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 from PIL import Image
+from whole_inputs import RESULTS
 
 from elfslam.app import anchor as plans
 from elfslam.app import follow as following
 from elfslam.app import locate as locating
 from elfslam.app import map as mapping
 from elfslam.app import merge as joining
-from elfslam.app.card import ON_THE_CARD
 from elfslam.base.grid import resampled
 from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli import simulate as simulating
@@ -71,7 +70,7 @@ WRITERS = {
     "show a world": "show studio {disk}/out",
     "pretrain": f"pretrain {{disk}}/out.onnx {TINY}",
     "finetune": "finetune {given}/walk {disk}/out.onnx " + QUICK,
-    "card": "card --measured {given}/elf.json --out {disk}/out.onnx",
+    "card": "card --measured {given}/elf.csv --out {disk}/out.onnx",
 }
 """What writes to the disk, by name."""
 SEVERAL = {
@@ -113,8 +112,7 @@ def given(tmp_path_factory: pytest.TempPathFactory) -> Path:
     pixels[5:75, 5:95] = 255
     Image.fromarray(pixels).save(folder / "plan.png")
     write_map(lap(), folder / "lap.npz")
-    row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
-    (folder / "elf.json").write_text(json.dumps([dict.fromkeys(ON_THE_CARD, 0.5) | row]))
+    (folder / "elf.csv").write_text(RESULTS)
     return folder
 
 

@@ -153,7 +153,7 @@ ATTACKS: dict[str, tuple[str, str, Attack]] = {
         text(json.dumps({"type": "MultiPolygon", "coordinates": [a_ring(20)] * 3000})),
     ),
     "figures of another study": (
-        "elf.json",
+        "elf.csv",
         "card --measured {given} --out {out}",
         text('{"format_version": 1}'),
     ),

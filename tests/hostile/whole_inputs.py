@@ -16,7 +16,6 @@ from PIL import Image, ImageDraw
 from planted_logs import LOGS, T_S
 from planted_plans import SVG, pdf
 
-from elfslam.app.card import ON_THE_CARD
 from elfslam.base.values import Audio
 from elfslam.data.audio_files import WAV
 from elfslam.data.baseband import frame_starts_s, to_baseband
@@ -26,6 +25,10 @@ from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 
+RESULTS = """study,world,method,condition,metric,value
+elf,hall,compact,1 footstep,AUC,0.9
+"""
+"""What was measured of an encoder."""
 WORLD = """
 name = "closet"
 size_m = [4.0, 3.0, 2.5]
@@ -112,8 +115,7 @@ def make_inputs(folder: Path, commands: Commands) -> None:
     (folder / "parameters.toml").write_text(PARAMETERS)
     (folder / "encoder.onnx").write_bytes(foreign_encoder(*GOOD))
     _plans(folder)
-    row = {"world": "hall", "compared": "footstep", "feature": "compact", "AUC": 0.9}
-    (folder / "elf.json").write_text(json.dumps([dict.fromkeys(ON_THE_CARD, 0.5) | row]))
+    (folder / "elf.csv").write_text(RESULTS)
     (folder / "marks.csv").write_text("name,x_m,y_m\na,0,0\nb,1,0\n")
     shutil.copy(folder / "walk" / "truth.tum", folder / "truth.tum")
     (folder / "waypoints.csv").write_text("t_s,x_m,y_m\n1,0,0\n9,1,1\n")
