@@ -15,6 +15,7 @@ from elfslam.app.settings import Settings
 from elfslam.base.parameters import rows
 from elfslam.cli.app import VERBS, command_of
 from studies.catalogue import STUDIES
+from studies.render import differences
 from studies.tree import PAGE, ROOT, tree_page
 
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md",
@@ -143,6 +144,10 @@ def test_examples_in_python_import_what_is_there(page: Path) -> None:
 def test_commands_parameters_and_files_exist(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert [*unknown_commands(text), *unknown_parameters(text), *missing_files(text)] == []
+
+
+def test_tables_and_figures_are_of_the_results_that_stand() -> None:
+    assert differences() == []
 
 
 def test_every_verb_is_told_of() -> None:
