@@ -38,6 +38,7 @@ def test_the_demo_maps_locates_and_writes_everything(tmp_path: Path) -> None:
     assert median[tracked] < 0.25
     assert answered[tracked] > max(0.9, answered[one_shot])
     assert 0 < answered[crossing] <= 1
+    assert len({tuple(row) for row in rows}) == 1  # columns of one table
     assert heard == [0.0, 1.0]
     names = {item.name for item in tmp_path.iterdir() if not item.name.startswith("plotly-")}
     assert names == {"walk", "stranger", "run", "score.html", "fixes.html", "fixes.csv"}

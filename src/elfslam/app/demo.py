@@ -194,7 +194,8 @@ def _statistics(of: Mapping[str, object], walks: list[F64]) -> list[Row]:
 
 
 def _answered(of: Mapping[str, object], walks: list[F64], queries: int) -> Row:
-    return {**of, "metric": "answered", "value": sum(map(len, walks)) / queries}
+    share = sum(map(len, walks)) / queries
+    return {**of, "metric": "answered", "value": share, "low": None, "high": None}
 
 
 def _write_example(
