@@ -87,7 +87,7 @@ def test_a_killed_replacement_is_found_whole_and_finished(small: Run, tmp_path: 
         out = tmp_path / "kills" / str(k) / "out"
         write(out, "old")
         survives(k * steps // KILLS, lambda out=out: write(out, "new"))  # type: ignore[misc]
-        assert run(["show", str(out), str(tmp_path / "page.html")]) == 0
+        assert run(["show", str(out), str(tmp_path / f"page-{k}.html")]) == 0
         read_run(out)
         found.append(read_facts(out)["made"])
         assert (out / "report.html").read_text().endswith("</html>\n")
