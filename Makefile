@@ -37,7 +37,7 @@ headline: $(VENV)/.installed-test $(VENV)/.kernels
 
 # How much of the line its own tests reach.
 coverage: $(VENV)/.installed-test $(VENV)/.kernels
-	$(PYTEST) -m "not hostile" tests/base tests/line tests/slam \
+	$(PYTEST) -m "not hostile" tests/base tests/stages tests/slam \
 		--cov --cov-report=term:skip-covered --cov-report=json:$(VENV)/coverage.json
 	$(BIN)/python tests/coverage_gate.py $(VENV)/coverage.json
 

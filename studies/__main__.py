@@ -11,7 +11,7 @@ import typer
 
 from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app, say
 from elfslam.app.stopping import run_stoppable
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import KINDS
 from studies.catalogue import STUDIES, Choice, run_stale, run_study, study_named
 from studies.results import RESULTS, Result

@@ -12,24 +12,24 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import Chirp, Echoes, Features, Odometry, Truth
-from elfslam.line.acoustic_odometry import (
+from elfslam.scoring.alignment import match
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.slam.front_end import dead_reckoning_nodes
+from elfslam.stages.acoustic_odometry import (
     AcousticOdometryParameters,
     ScaleEstimate,
     measure_scale,
     rescaled,
     with_prior,
 )
-from elfslam.line.chirp import make_chirp
-from elfslam.line.closure import find_closures
-from elfslam.line.feature import load_encoder
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.scoring.alignment import match
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.errors import Alignment, position_errors
-from elfslam.slam.front_end import walk_nodes
+from elfslam.stages.chirp import make_chirp
+from elfslam.stages.closure import find_closures
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import extract_features, hear
+from studies.cached import extract_echoes, extract_features
 from studies.repeats import finished
 from studies.results import Record, seeds_text
 from studies.simulated_walk import SimulatedWalk, simulated
@@ -108,8 +108,8 @@ def hear_walk(walk: SimulatedWalk) -> HeardWalk:
     assert recording.audio is not None
     settings = Settings()
     chirp = make_chirp(settings.chirp, recording.audio.rate_hz)
-    nodes = walk_nodes(recording, settings)
-    return HeardWalk(nodes, hear(recording, settings), chirp, truth)
+    nodes = dead_reckoning_nodes(recording, settings)
+    return HeardWalk(nodes, extract_echoes(recording, settings), chirp, truth)
 
 
 def true_scale(nodes: Odometry, truth: Truth) -> float:

@@ -19,11 +19,11 @@ from elfslam.app.workers import silent_elsewhere
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run, Truth
 from elfslam.learn.parameters import FinetuneParameters, PretrainParameters, ScratchParameters
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.world.kinds import SURVEYOR, Kind
-from studies.cached import hear
+from studies.cached import extract_echoes
 from studies.elf import labelled_pairs
 from studies.finetuning import ERROR, WORLDS, median_error_m
 from studies.repeats import finished
@@ -131,7 +131,7 @@ def _trained(
 
 def _learnt(recording: Recording, minutes: float) -> Encoder:
     """The shipped encoder, fine-tuned on the first minutes of the walk."""
-    shipped, echoes = load_encoder("compact"), hear(recording, Settings())
+    shipped, echoes = load_encoder("compact"), extract_echoes(recording, Settings())
     early = echoes.t_s - echoes.t_s[0] <= 60.0 * minutes
     part = Echoes(echoes.t_s[early], echoes.samples[early], echoes.losses_s)
     return finetuned(shipped, part, FinetuneParameters(), 0, silent).encoder
@@ -147,7 +147,7 @@ def _losses(walk: SimulatedWalk, parameters: ScratchParameters) -> list[Record]:
     """The loss of the paper's fine-tuning on one walk, from random and from trained weights."""
     from studies.paper_training import learnt_from_walk
 
-    echoes, shipped = hear(simulated(walk)[0], Settings()), load_encoder("compact")
+    echoes, shipped = extract_echoes(simulated(walk)[0], Settings()), load_encoder("compact")
     assert isinstance(shipped, OnnxEncoder)
     records: list[Record] = []
     for name, start in zip(STARTS, (None, shipped), strict=True):

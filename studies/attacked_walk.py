@@ -13,13 +13,20 @@ from scipy import fft
 
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.values import Audio, Chirp, Imu, Truth
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import SOUNDS, Circumstances, air_on, device_of, reach_of, room_on
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, BMI160, Device
 from elfslam.world.imu import read_imu
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, Poses, ends_of, image_echoes, render_frames, room_responses
+from elfslam.world.phone import (
+    Poses,
+    Transducers,
+    ends_of,
+    image_echoes,
+    render_frames,
+    room_responses,
+)
 from elfslam.world.pulses import C64, Air
 from elfslam.world.recorder import LATENCY_S, louder, loudness_of_chirps, phone_poses
 from elfslam.world.scene import Scene, scene_of
@@ -145,7 +152,7 @@ def from_the_phone(walked: Walked, microphone_m: F64) -> C64:
     return _echoes(walked, ends)
 
 
-def _echoes(walked: Walked, ends: Ends) -> C64:
+def _echoes(walked: Walked, ends: Transducers) -> C64:
     return image_echoes(walked.scene, ends, walked.poses.people_m, walked.air, walked.reach)
 
 

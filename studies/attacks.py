@@ -15,15 +15,15 @@ from scipy import stats
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64, Bool
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import Audio, Fixes, FixStatus, Recording
-from elfslam.line.feature import Encoder, extract_features, load_encoder
-from elfslam.line.locate import trusted_one_shot
-from elfslam.line.medium_access import MediumAccessParameters
-from elfslam.line.spoofing import nothing_suspect
-from elfslam.slam.front_end import hear_for_fixes, walk_nodes
+from elfslam.slam.front_end import dead_reckoning_nodes, extract_query_echoes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk
+from elfslam.stages.feature import Encoder, extract_features, load_encoder
+from elfslam.stages.locate import trusted_one_shot
+from elfslam.stages.medium_access import MediumAccessParameters
+from elfslam.stages.spoofing import nothing_suspect
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import World, load_world
@@ -192,9 +192,9 @@ def _located(
         name="walk", device=walk.device.name, audio=audio, imu=walk.imu,
         played_t_s=walk.played_t_s, gain_db=walk.gain_db,
     )  # fmt: skip
-    echoes, suspicious = hear_for_fixes(recording, known)
+    echoes, suspicious = extract_query_echoes(recording, known)
     features = extract_features(echoes, _encoder())
-    nodes = walk_nodes(recording, known)
+    nodes = dead_reckoning_nodes(recording, known)
     scores = footstep_likeness(features, nodes, floor_map, known.locate)
     credulous = replace(known, track=replace(known.track, jump=3.0))
     found = []

@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 from elfslam.app.settings import Settings
 from elfslam.base.values import Echoes, Features, Recording, Truth
-from elfslam.line.feature import Encoder
-from elfslam.line.feature import extract_features as extract
 from elfslam.slam import front_end
+from elfslam.stages.feature import Encoder
+from elfslam.stages.feature import extract_features as extract
 from elfslam.world import simulate as simulator
 from studies.results import ROOT, code_of
 
@@ -30,18 +30,18 @@ def simulate(world: simulator.World, seed: int, **how: Any) -> tuple[Recording, 
     return _kept(_simulate, world, seed, how, _digest(simulator.__name__))
 
 
-def hear(recording: Recording, settings: Settings) -> Echoes:
-    """As `elfslam.slam.front_end.hear`."""
+def extract_echoes(recording: Recording, settings: Settings) -> Echoes:
+    """As `elfslam.slam.front_end.extract_echoes`."""
     return _kept(_hear, recording, settings, _digest(front_end.__name__))
 
 
 def extract_features(echoes: Echoes, encoder: Encoder) -> Features:
-    """As `elfslam.line.feature.extract_features`, by the encoder's identity."""
+    """As `elfslam.stages.feature.extract_features`, by the encoder's identity."""
     memory = _memory()
     if memory is None:
         return extract(echoes, encoder)
     kept = memory.cache(_extract, ignore=["encoder"], verbose=0)
-    found: Features = kept(echoes, encoder, encoder.identity, _digest("elfslam.line.feature"))
+    found: Features = kept(echoes, encoder, encoder.identity, _digest("elfslam.stages.feature"))
     return found
 
 
@@ -59,7 +59,7 @@ def _simulate(
 
 
 def _hear(recording: Recording, settings: Settings, code: str) -> Echoes:
-    return front_end.hear(recording, settings)
+    return front_end.extract_echoes(recording, settings)
 
 
 def _extract(echoes: Echoes, encoder: Encoder, identity: str, code: str) -> Features:

@@ -11,15 +11,15 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import I64
 from elfslam.base.drift import Drift
 from elfslam.base.values import AnySimilarity, Closures, Odometry, Truth
-from elfslam.line.closure import candidates, find_closures, possible
-from elfslam.line.feature import load_encoder
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import Alignment, position_errors, summarise
-from elfslam.slam.front_end import walk_nodes, with_heard_steps
+from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
+from elfslam.stages.closure import candidates, find_closures, within_gate
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, Kind
-from studies.cached import extract_features, hear
+from studies.cached import extract_echoes, extract_features
 from studies.curation import CurationParameters, curated_closures, pairs_on_lines
 from studies.mapping import MEDIAN_ALIGNED
 from studies.repeats import finished
@@ -56,8 +56,8 @@ def measure_closures(
 def _measured(walk: SimulatedWalk) -> list[Record]:
     recording, truth = simulated(walk)
     settings = Settings()
-    echoes = hear(recording, settings)
-    nodes = with_heard_steps(walk_nodes(recording, settings), echoes, settings)
+    echoes = extract_echoes(recording, settings)
+    nodes = apply_acoustic_scale(dead_reckoning_nodes(recording, settings), echoes, settings)
     features = extract_features(echoes, load_encoder("compact"))
     similarity = echo_sequence_similarity(features, nodes)
     of = Record("", "", 0.0, world=walk.world, scenario=SCENARIOS[walk.kind])
@@ -82,7 +82,7 @@ def _steps(
     yield PAPER, "symmetric, one per line", curated, True
     ridges = candidates(similarity, settings.closure)
     yield SEQUENCE, "ridges", _pairs(ridges.i, ridges.j), False
-    gated = ridges.chosen(possible(ridges, Drift(nodes), settings.closure))
+    gated = ridges.chosen(within_gate(ridges, Drift(nodes), settings.closure))
     yield SEQUENCE, "within the gate", _pairs(gated.i, gated.j), False
     closures = find_closures(similarity, nodes, settings.closure)
     yield SEQUENCE, "ratio test passed", closures, True

@@ -17,11 +17,11 @@ from elfslam.base.values import (
     Fixes,
     FixStatus,
 )
-from elfslam.line.echo import EchoParameters, Frames, echoes_of, find_frames
-from elfslam.line.feature import Encoder, extract_features, load_encoder
-from elfslam.line.locate import LocateParameters, elf_payload, fixes_of, likeness
-from elfslam.line.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.scoring.errors import fix_distances
+from elfslam.stages.echo import EchoParameters, Frames, echoes_of, find_frames
+from elfslam.stages.feature import Encoder, extract_features, load_encoder
+from elfslam.stages.locate import LocateParameters, elf_payload, fixes_of, likeness
+from elfslam.stages.medium_access import MediumAccessParameters, spoiled_frames
 from elfslam.world.kinds import QUIET
 from elfslam.world.simulate import load_world
 from studies.crowd import Crowd, Overheard, alone, crowd_in, overhear

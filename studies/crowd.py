@@ -12,9 +12,9 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.values import ECHO_RATE_HZ, Audio, Chirp, Truth
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import matched_envelope
-from elfslam.line.medium_access import (
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import matched_envelope
+from elfslam.stages.medium_access import (
     CarrierSense,
     MediumAccessParameters,
     Slot,
@@ -28,7 +28,14 @@ from elfslam.world.circumstances import Circumstances, air_on, room_on
 from elfslam.world.device import Device, built_in_device
 from elfslam.world.interference import rumble
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, Poses, ends_of, image_echoes, render_frames, room_responses
+from elfslam.world.phone import (
+    Poses,
+    Transducers,
+    ends_of,
+    image_echoes,
+    render_frames,
+    room_responses,
+)
 from elfslam.world.pulses import Air
 from elfslam.world.recorder import phone_poses
 from elfslam.world.scene import Scene, scene_of
@@ -159,7 +166,7 @@ def _across(crowd: Crowd, source: int, to: int, poses: list[Poses]) -> F32:
     return render_frames(heard, crowd.chirp, replace(theirs, response=response))
 
 
-def _between(theirs: Ends, ours: Ends) -> Ends:
+def _between(theirs: Transducers, ours: Transducers) -> Transducers:
     return ours._replace(
         speaker=theirs.speaker,
         speaker_axis=theirs.speaker_axis,

@@ -17,17 +17,17 @@ from elfslam.base.geometry import compose, path_length_m, wrap_angle
 from elfslam.base.progress import Announce
 from elfslam.base.values import Imu, Magnetometer, Odometry, Truth
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.line.motion import (
+from elfslam.scoring.alignment import Alignment, match, placement
+from elfslam.scoring.bootstrap import interval
+from elfslam.scoring.consistency import displacement_errors
+from elfslam.scoring.errors import end_error_share, position_errors
+from elfslam.stages.motion import (
     HardIron,
     MotionParameters,
     calibrated_by_distance,
     compass_heading,
     dead_reckon,
 )
-from elfslam.scoring.alignment import Alignment, match, placement
-from elfslam.scoring.bootstrap import interval
-from elfslam.scoring.consistency import displacement_errors
-from elfslam.scoring.errors import end_error_share, position_errors
 from elfslam.world.device import BMI160, BROWSER
 from elfslam.world.simulate import load_world
 from studies.cached import simulate

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from elfslam.base.arrays import F32, Bool
-from elfslam.line.feature import Encoder
+from elfslam.stages.feature import Encoder
 from studies.plain_features import compared_encoders
 from studies.real_rooms import own
 from studies.realism import Place, echoes_of, measured_places, places_along

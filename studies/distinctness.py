@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 
 from elfslam.base.arrays import F32, F64, I64
-from elfslam.line.feature import spectrogram
+from elfslam.stages.feature import spectrogram
 from elfslam.world.world_file import load_world
 from studies.results import Record, mean_of
 from studies.still_phone import Listener, hear_at, held_still, listener_in

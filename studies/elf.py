@@ -16,14 +16,14 @@ from elfslam.base.progress import silent
 from elfslam.base.values import Echoes, Odometry, Truth
 from elfslam.baselines.generic import generic_encoders, principal_encoder
 from elfslam.learn.parameters import FinetuneParameters, ScratchParameters
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, load_encoder
-from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.slam.front_end import walk_nodes
+from elfslam.slam.front_end import dead_reckoning_nodes
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import Encoder, load_encoder
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.echo_pairs import echo_pairs
 from elfslam.world.kinds import QUIET, SURVEYOR, Kind
 from elfslam.world.simulate import load_world
-from studies.cached import extract_features, hear, simulate
+from studies.cached import extract_echoes, extract_features, simulate
 from studies.results import Record, seeds_text
 from studies.separation import histograms, separation_records
 from studies.study import SCENARIOS, Study, StudyContext
@@ -121,7 +121,7 @@ def _measure_walk(
     if world.endswith(SECOND_ENGINE):
         today = replace(QUIET.mapping(place.room), engine="pyroomacoustics")
     recording, truth = simulate(place, seed, rounds=rounds, walker=kind.walker, circumstances=today)
-    nodes, echoes = walk_nodes(recording, settings), hear(recording, settings)
+    nodes, echoes = dead_reckoning_nodes(recording, settings), extract_echoes(recording, settings)
     same, elsewhere = labelled_pairs(nodes, truth, rounds)
     for method, encoder_for in compared.items():
         single = _similarity(echoes, nodes, encoder_for(echoes))

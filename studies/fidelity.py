@@ -9,12 +9,12 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world import pyroom
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, air_at, image_echoes, render_frames
+from elfslam.world.phone import Transducers, air_at, image_echoes, render_frames
 from elfslam.world.pulses import C64, CARRIER_HZ, Air
 from elfslam.world.room import Block, Room, box, check_outline, segments_cross, shoebox
 from elfslam.world.scene import Scene, scene_of
@@ -99,7 +99,7 @@ def correlation_of(ours: C64, theirs: C64) -> float:
     return float(a @ b / np.sqrt((a @ a) * (b @ b)))
 
 
-def _compare_paths(scene: Scene, ends: Ends, air: Air) -> tuple[int, int, float, float]:
+def _compare_paths(scene: Scene, ends: Transducers, air: Air) -> tuple[int, int, float, float]:
     """Paths in both, paths in one alone, and the largest differences in time (us) and level (dB).
 
     Ours are heard one by one, as what the response gains when the longest path passes theirs.
@@ -205,7 +205,7 @@ def _cross(one_m: F64, other_m: F64) -> bool:
     )
 
 
-def random_ends(room: Room, directivity: float, generator: np.random.Generator) -> Ends:
+def random_ends(room: Room, directivity: float, generator: np.random.Generator) -> Transducers:
     """A still speaker and a microphone anywhere free in the room, held by nobody."""
     places_m: list[F64] = []
     while len(places_m) < 2:
@@ -218,7 +218,7 @@ def random_ends(room: Room, directivity: float, generator: np.random.Generator) 
     ahead, still = np.array([[1.0, 0.0]]), np.zeros((1, 3))
     (speaker, microphone), (speaks, hears) = places_m, axes
     rows = (speaker, microphone, speaks, hears, ahead, still, still)
-    return Ends(*rows, directivity, directivity, False)
+    return Transducers(*rows, directivity, directivity, False)
 
 
 STUDY = Study(

@@ -12,11 +12,11 @@ from elfslam.base.arrays import F64
 from elfslam.base.progress import silent
 from elfslam.base.values import Run, Truth
 from elfslam.learn.parameters import FinetuneParameters
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, load_encoder
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.elf import labelled_pairs
 from studies.results import Record, mean_of, seeds_text

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.values import FixStatus
 from elfslam.world.kinds import KINDS, kind_named
 from elfslam.world.simulate import load_world

@@ -12,7 +12,10 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.grid import FloorGrid, drawn_grid
-from elfslam.line.anchoring import (
+from elfslam.slam.parameters import Parameters
+from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.floor_plan_alignment import (
     AMBIGUOUS,
     NOWHERE,
     OK,
@@ -22,9 +25,6 @@ from elfslam.line.anchoring import (
     anchor,
     placed,
 )
-from elfslam.line.feature import load_encoder
-from elfslam.slam.parameters import Parameters
-from elfslam.slam.pipeline import map_by_echoes
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.room import Room
 from elfslam.world.simulate import load_world

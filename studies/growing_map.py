@@ -15,11 +15,11 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import Recording, Truth
-from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.scoring.alignment import Alignment, match, place, placement
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.world.simulate import load_world
-from studies.cached import extract_features, hear, simulate
+from studies.cached import extract_echoes, extract_features, simulate
 from studies.page_motion import in_node, readings
 from studies.results import Record, seeds_text
 from studies.study import SCENARIOS, Study, StudyContext
@@ -67,7 +67,7 @@ def errors(recording: Recording, truth: Truth) -> dict[str, float]:
 def grown(recording: Recording, encoder: Encoder, closure: dict[str, object]) -> tuple[F64, F64]:
     """Times and poses of the page's map as the walk ends."""
     assert recording.imu is not None
-    features = extract_features(hear(recording, KNOWN), encoder)
+    features = extract_features(extract_echoes(recording, KNOWN), encoder)
     told = in_node(
         "sketch",
         {

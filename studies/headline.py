@@ -22,9 +22,9 @@ from elfslam.app.console import print_rows, progress_bar
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
-from elfslam.base.choices import Modality, Mode
-from elfslam.line.feature import load_encoder
+from elfslam.base.enums import Modality, Mode
 from elfslam.slam.pipeline import map_by
+from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.catalogue import STUDIES, Choice, stale_studies

@@ -15,10 +15,10 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64, Value, array
 from elfslam.base.values import ECHO_RATE_HZ, ECHO_SAMPLES, Features
-from elfslam.line.chirp import ChirpParameters
-from elfslam.line.feature import Encoder, walk_vectors
-from elfslam.line.floormap import FloorMapParameters, window_means
-from elfslam.line.locate import means_between
+from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.feature import Encoder, walk_vectors
+from elfslam.stages.floormap import FloorMapParameters, window_means
+from elfslam.stages.locate import means_between
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.echo_pairs import cut_frames
 from elfslam.world.kinds import Kind, kind_named

@@ -18,12 +18,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from elfslam.app.workers import Here
+from elfslam.app.workers import SerialWorkers
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.values import Payload
-from elfslam.line.feature import Encoder
-from elfslam.line.locate import likeness
+from elfslam.stages.feature import Encoder
+from elfslam.stages.locate import likeness
 from elfslam.world.kinds import PEOPLE, QUIET, Kind
 from studies.elf import ELSEWHERE_M, SAME_RAD
 from studies.lap_echoes import (
@@ -290,7 +290,7 @@ def _thresholds(
 ) -> Thresholds:
     """Each feature's threshold for each kind, by what the tasks answer at their most laps."""
     found: dict[int, dict[str, Answers]] = {}
-    workers = context.workers or Here()
+    workers = context.workers or SerialWorkers()
     for index, each in workers.each(partial(answered_by, features=features), tasks):
         found[index] = each
         context.announce(f"{len(found)} of {len(tasks)} crowds for thresholds", None)

@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between
 from elfslam.base.values import Imu, Odometry
-from elfslam.line.motion import MotionParameters, dead_reckon
+from elfslam.stages.motion import MotionParameters, dead_reckon
 from elfslam.world.device import BROWSER
 from elfslam.world.world_file import load_world
 from studies.cached import simulate

@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.enums import Modality, Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Orientation, Recording, Run
 from elfslam.baselines.magnetic import level_by_gravity
 from elfslam.baselines.rival_maps import (
@@ -28,10 +28,10 @@ from elfslam.baselines.rival_maps import (
     wifi_map,
     wifi_spot_scores,
 )
-from elfslam.line.feature import Encoder, load_encoder
-from elfslam.line.locate import fixes_of
-from elfslam.line.segments import locate_by_segments
 from elfslam.slam.pipeline import map_by
+from elfslam.stages.feature import Encoder, load_encoder
+from elfslam.stages.locate import fixes_of
+from elfslam.stages.segments import locate_by_segments
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world

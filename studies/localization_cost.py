@@ -11,9 +11,9 @@ import numpy as np
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, FloorMap, Odometry, Payload
-from elfslam.line.locate import fixes_of, likeness
-from elfslam.line.segments import locate_by_segments
-from elfslam.line.track import Tracker
+from elfslam.stages.locate import fixes_of, likeness
+from elfslam.stages.segments import locate_by_segments
+from elfslam.stages.track import Tracker
 from studies.localization import ONE_SHOT, TRACK, TRAJECTORY, shipped
 from studies.results import Record
 from studies.study import Study, StudyContext

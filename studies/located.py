@@ -9,7 +9,7 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32, F64
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.geometry import compose, interpolate_poses, inverse
 from elfslam.base.values import (
     Echoes,
@@ -23,17 +23,17 @@ from elfslam.base.values import (
     Trajectory,
     Truth,
 )
-from elfslam.line.feature import Encoder
-from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.alignment import Alignment, match, placement
 from elfslam.scoring.errors import fix_distances, summarise
-from elfslam.slam.front_end import walk_nodes
+from elfslam.slam.front_end import dead_reckoning_nodes
 from elfslam.slam.pipeline import footstep_likeness, locate_walk, map_by_echoes
+from elfslam.stages.feature import Encoder
+from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import QUIET, Kind
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import World
-from studies.cached import extract_features, hear, simulate
+from studies.cached import extract_echoes, extract_features, simulate
 from studies.mapping import CALIBRATED, walkers
 from studies.simulated_walk import simulated_in
 
@@ -110,9 +110,9 @@ def stranger(
         there, seed + STRANGER, rounds=rounds, sensors=sensors, walker=kind.walker,
         circumstances=today, reverse=reverse,
     )  # fmt: skip
-    echoes = hear(recording, Settings())
+    echoes = extract_echoes(recording, Settings())
     features = extract_features(echoes, encoder)
-    return Stranger(recording, walk_nodes(recording, Settings()), echoes, features, truth)
+    return Stranger(recording, dead_reckoning_nodes(recording, Settings()), echoes, features, truth)
 
 
 def located(mapped: Mapped, other: Stranger, mode: Mode, settings: Settings) -> Fixes:

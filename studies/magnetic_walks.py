@@ -19,12 +19,12 @@ from elfslam.baselines.magnetic import (
     magnetic_similarity,
 )
 from elfslam.data.magnetic import CAMERA_FROM_DEVICE, OdometryError, read_magnetic
-from elfslam.line.closure import ClosureParameters, find_closures
-from elfslam.line.graph import GraphParameters, build_graph, optimise
-from elfslam.line.motion import nodes_by_distance
 from elfslam.scoring.alignment import Alignment
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import position_errors
+from elfslam.stages.closure import ClosureParameters, find_closures
+from elfslam.stages.graph import GraphParameters, build_graph, optimise
+from elfslam.stages.motion import nodes_by_distance
 from studies.magnetic_offsets import AlignmentParameters, align_closures
 from studies.results import Record, seeds_text
 from studies.study import Study, StudyContext

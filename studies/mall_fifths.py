@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Fixes, Trajectory, Truth, WifiScans

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Truth
@@ -26,8 +26,8 @@ from elfslam.baselines.floor_walks import (
 from elfslam.data.importing import declared_start
 from elfslam.data.log_files import Imported
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.line.motion import MotionParameters
 from elfslam.scoring.bootstrap import interval
+from elfslam.stages.motion import MotionParameters
 from studies.results import Record
 from studies.study import Study, StudyContext
 

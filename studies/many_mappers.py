@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.values import Fixes, FixStatus, FloorMap, Trajectory, Truth
-from elfslam.line.locate import locate_one_shot
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.merging import MappedWalk, MergeParameters, merge, walk_of
 from elfslam.slam.merging.grow import map_of
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.locate import locate_one_shot
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
 from elfslam.world.simulate import load_world
 from studies.cached import extract_features

@@ -14,7 +14,7 @@ import numpy as np
 from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import Bool
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.geometry import path_length_m
 from elfslam.base.values import (
     NO_CLOSURES,
@@ -28,19 +28,19 @@ from elfslam.base.values import (
     Truth,
 )
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.motion import calibrated, calibrated_by_distance
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.alignment import AS_DECLARED, Alignment, match, placement
 from elfslam.scoring.closure_score import score_closures
 from elfslam.scoring.errors import placed_errors, summarise
-from elfslam.slam.front_end import walk_nodes, with_heard_steps
+from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.motion import calibrated, calibrated_by_distance
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import load_world
-from studies.cached import extract_features, hear, simulate
+from studies.cached import extract_echoes, extract_features, simulate
 from studies.coverage import trajectory_coverage
 from studies.curation import CurationParameters, curated_closures
 from studies.plain_features import CLOSURE_THRESHOLDS, ELF, closing_by, compared_encoders
@@ -111,7 +111,7 @@ def _measured(walk: SimulatedWalk, scratch: ScratchParameters) -> list[Record]:
     recording, truth = simulated(walk, sensors=SENSORS)
     x_m, y_m, heading_rad = truth.world_from_body[0].tolist()
     recording = replace(recording, start_pose=(x_m, y_m, heading_rad))
-    echoes = hear(recording, Settings())
+    echoes = extract_echoes(recording, Settings())
     features = _features(echoes, walk.seed, scratch)
     found: list[Record] = []
     for walker, known in walkers(walk.seed, kind).items():
@@ -167,9 +167,9 @@ def _closures(
 
     Methods by echoes also take the length of steps from them.
     """
-    walked = walk_nodes(recording, settings)
+    walked = dead_reckoning_nodes(recording, settings)
     yield "dead reckoning", walked, NO_CLOSURES
-    heard = with_heard_steps(walked, echoes, settings)
+    heard = apply_acoustic_scale(walked, echoes, settings)
     yield SOUND, heard, NO_CLOSURES
     elf = {name: echo_sequence_similarity(each, heard) for name, each in features.items()}
     strictness = {name: closing_by(name, settings) for name in CLOSURE_THRESHOLDS}
@@ -191,8 +191,8 @@ def _as_the_paper_closes(
     recording: Recording, echoes: Echoes, features: Mapping[str, Features], settings: Settings
 ) -> Iterator[tuple[str, Odometry, Closures]]:
     """Our features and the paper's baselines by the paper's curation, which takes minutes."""
-    walked = walk_nodes(recording, settings)
-    heard = with_heard_steps(walked, echoes, settings)
+    walked = dead_reckoning_nodes(recording, settings)
+    heard = apply_acoustic_scale(walked, echoes, settings)
     alike = echo_sequence_similarity(features[ELF], heard)
     curated = _curated(alike, heard, settings, settings.closure.threshold)
     yield f"{ELF}{PAPERS} curation", heard, curated

@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.values import FloorMap, Trajectory, Truth
-from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.scoring.errors import Alignment, alignment_of, fix_errors, position_errors
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, merge
 from elfslam.slam.merging.grow import map_of
+from elfslam.stages.locate import LocateParameters, locate_one_shot
 from elfslam.world.kinds import SURVEYOR, Kind
 from studies.localization_cost import map_bytes
 from studies.located import MEDIAN_M

@@ -13,12 +13,12 @@ from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, Truth
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
-from elfslam.line.superimposition import SpotEchoes, floor_spots
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder, walk_vectors
+from elfslam.stages.superimposition import SpotEchoes, floor_spots
 from elfslam.world.kinds import SURVEYOR, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import hear, simulate
+from studies.cached import extract_echoes, simulate
 from studies.floor_spots import (
     MEDIAN_M,
     SPACING_M,
@@ -146,7 +146,7 @@ def _asked(task: Ways) -> tuple[F64, F32]:
         world, task.seed + ASKER, rounds=1, reverse=True, walker=kind.walker,
         circumstances=kind.asking(world.room),
     )  # fmt: skip
-    echoes = hear(recording, walkers(task.seed, kind)[CALIBRATED])
+    echoes = extract_echoes(recording, walkers(task.seed, kind)[CALIBRATED])
     moving = walking(truth, echoes.t_s)
     count = len(moving) // TOGETHER
     rows = moving[: count * TOGETHER]

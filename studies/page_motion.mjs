@@ -2,7 +2,7 @@
 
 import { readFileSync } from "node:fs";
 
-import { makeFootsteps } from "../src/elfslam/serve/pages/line/motion/live.js";
+import { makeFootsteps } from "../src/elfslam/serve/pages/stages/motion/live.js";
 import { makeSketch } from "../src/elfslam/serve/pages/phone/growing/sketch.js";
 
 const EVERY_S = 0.1;

@@ -18,7 +18,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.parameters import digest
@@ -34,17 +34,17 @@ from elfslam.base.values import (
 )
 from elfslam.data.recordings import read_recording
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
-from elfslam.line.feature import Encoder, OnnxEncoder
-from elfslam.line.floormap import trajectory_map
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.segments import SegmentParameters
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.truth import read_truth
-from elfslam.slam.front_end import walk_nodes
+from elfslam.slam.front_end import dead_reckoning_nodes
+from elfslam.stages.feature import Encoder, OnnxEncoder
+from elfslam.stages.floormap import trajectory_map
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.segments import SegmentParameters
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE, SURVEYOR
 from elfslam.world.simulate import load_world
-from studies.cached import hear, simulate
+from studies.cached import extract_echoes, simulate
 from studies.curation import CurationParameters, curated_closures
 from studies.located import (
     MAPPING_ROUNDS,
@@ -133,7 +133,7 @@ def measure_recording(folder: Path, file: Path, scratch: ScratchParameters) -> l
     Raises InputError for a recording that cannot be read, or has no sound or too little of it.
     """
     recording, settings = read_recording(folder), Settings()
-    echoes, nodes = hear(recording, settings), walk_nodes(recording, settings)
+    echoes, nodes = extract_echoes(recording, settings), dead_reckoning_nodes(recording, settings)
     run = _mapped(recording, echoes, nodes, _finetuned(file, echoes, scratch, 0), settings)
     recorded = partial(Record, world=recording.name, scenario=RECORDED, condition=MAPPING)
     numbers = {
@@ -174,8 +174,8 @@ def _measured(walk: SimulatedWalk, file: Path, scratch: ScratchParameters) -> li
     world = load_world(walk.world)
     recording, truth = simulate(world, walk.seed, rounds=walk.rounds, circumstances=USUAL)
     recording = at_its_start(recording, truth)
-    known, echoes = walkers(walk.seed, SURVEYOR)[CALIBRATED], hear(recording, Settings())
-    nodes = walk_nodes(recording, known)
+    known, echoes = walkers(walk.seed, SURVEYOR)[CALIBRATED], extract_echoes(recording, Settings())
+    nodes = dead_reckoning_nodes(recording, known)
     encoders: dict[str, Encoder] = {
         STRATEGY: _finetuned(file, echoes, scratch, walk.seed),
         ALONE: learnt_from_walk(echoes, scratch, seed=walk.seed),

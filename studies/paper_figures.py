@@ -14,22 +14,22 @@ import numpy as np
 
 from elfslam.app.modalities import sense_of
 from elfslam.base.arrays import F32, F64
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.values import ECHO_RATE_HZ, NO_CLOSURES, AnySimilarity, Closures
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo.envelope import matched_envelope
-from elfslam.line.feature import load_encoder, spectrogram
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.alignment import Alignment, match, place, placement
-from elfslam.slam.front_end import walk_nodes, with_heard_steps
+from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo.envelope import matched_envelope
+from elfslam.stages.feature import load_encoder, spectrogram
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import SURVEYOR
 from elfslam.world.phone import render_frames, room_responses
 from elfslam.world.sensors import Sensor
 from elfslam.world.world_file import load_world
-from studies.cached import extract_features, hear
+from studies.cached import extract_echoes, extract_features
 from studies.curation import CurationParameters, curated_closures
 from studies.distinctness import row_of_spots
 from studies.located import at_its_start
@@ -152,8 +152,8 @@ def trajectories(walk: SimulatedWalk) -> Iterator[Record]:
     recording, truth = simulated(walk, sensors=(Sensor.WIFI, Sensor.MAGNETIC))
     recording = at_its_start(recording, truth)
     settings = walkers(walk.seed, SURVEYOR)[CALIBRATED]
-    echoes, nodes = hear(recording, settings), walk_nodes(recording, settings)
-    known = with_heard_steps(nodes, echoes, settings)
+    echoes, nodes = extract_echoes(recording, settings), dead_reckoning_nodes(recording, settings)
+    known = apply_acoustic_scale(nodes, echoes, settings)
     similarity = echo_sequence_similarity(extract_features(echoes, load_encoder("compact")), known)
     closures = {ELF: (known, closures_by(known, [(similarity, settings.closure)], settings))}
     for item in (Modality.WIFI, Modality.MAGNETIC):
@@ -177,8 +177,8 @@ def matrix(walk: SimulatedWalk) -> Iterator[Record]:
     recording, truth = simulated(walk, sensors=(Sensor.WIFI, Sensor.MAGNETIC))
     recording = at_its_start(recording, truth)
     settings = walkers(walk.seed, SURVEYOR)[CALIBRATED]
-    nodes = walk_nodes(recording, settings)
-    features = extract_features(hear(recording, settings), load_encoder("compact"))
+    nodes = dead_reckoning_nodes(recording, settings)
+    features = extract_features(extract_echoes(recording, settings), load_encoder("compact"))
     similarity = echo_sequence_similarity(features, nodes)
     parameters = replace(CurationParameters(), threshold=settings.closure.threshold)
     every, curated = (

@@ -18,13 +18,13 @@ from elfslam.base.arrays import I64
 from elfslam.base.errors import InputError
 from elfslam.base.progress import Announce
 from elfslam.base.values import Echoes, EchoPairs
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
 from elfslam.learn.pretrain import Progress, pretrain
-from elfslam.line.feature import OnnxEncoder
+from elfslam.stages.feature import OnnxEncoder
 from elfslam.world.echo_pairs import POSITIVE_DISTANCE_M, at_one_time, echo_pairs
 
 AS_IN_PAPER = replace(

@@ -12,13 +12,13 @@ from elfslam.app.follow import Start, follow
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import between, compose, interpolate_poses
 from elfslam.base.values import Run
-from elfslam.line.anchoring import AnchoringParameters
-from elfslam.line.feature import load_encoder
-from elfslam.line.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense as Motion
 from elfslam.slam.pipeline import map_by, map_by_echoes, no_similarity
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.floor_plan_alignment import AnchoringParameters
+from elfslam.stages.map_matching import MapMatchingParameters, followed_trajectory
 from elfslam.world.kinds import PEOPLE, Kind
 from elfslam.world.simulate import load_world
 from studies.coverage import trajectory_coverage

@@ -11,7 +11,7 @@ from elfslam.base.arrays import F64
 from elfslam.world.device import BAND_BINS
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, air_at, image_echoes
+from elfslam.world.phone import Transducers, air_at, image_echoes
 from elfslam.world.pulses import BASEBAND_HZ, C64
 from elfslam.world.room import Room, shoebox
 from elfslam.world.scene import scene_of
@@ -87,11 +87,11 @@ def decay_s(size_m: tuple[float, float, float], absorption: float, places: int) 
     return float(-60 / np.polyfit(t_s[within], level_db[within], 1)[0])
 
 
-def _omnidirectional(speaker: F64, microphone: F64) -> Ends:
+def _omnidirectional(speaker: F64, microphone: F64) -> Transducers:
     count = len(speaker)
     axis, ahead = np.tile([1.0, 0.0, 0.0], (count, 1)), np.tile([1.0, 0.0], (count, 1))
     still = np.zeros((count, 3))
-    return Ends(speaker, microphone, axis, axis, ahead, still, still, 0.0, 0.0, False)
+    return Transducers(speaker, microphone, axis, axis, ahead, still, still, 0.0, 0.0, False)
 
 
 # --- single paths and whole rooms ---
@@ -130,7 +130,7 @@ def motion_error(draw: Callable[[np.random.Generator], Room], seed: int) -> floa
     return _difference(_heard(room, ends), _heard(*moved(room, ends, turn_rad, shift_m)))
 
 
-def moved(room: Room, ends: Ends, turn_rad: float, shift_m: F64) -> tuple[Room, Ends]:
+def moved(room: Room, ends: Transducers, turn_rad: float, shift_m: F64) -> tuple[Room, Transducers]:
     """A room and phones in it turned about the vertical, then shifted in plan."""
     cos, sin = np.cos(turn_rad), np.sin(turn_rad)
     turn = np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
@@ -151,13 +151,13 @@ def moved(room: Room, ends: Ends, turn_rad: float, shift_m: F64) -> tuple[Room, 
     return replace(room, outline_m=room.outline_m @ plan + shift_m, blocks=blocks), ends
 
 
-def _drawn(draw: Callable[[np.random.Generator], Room], seed: int) -> tuple[Room, Ends]:
+def _drawn(draw: Callable[[np.random.Generator], Room], seed: int) -> tuple[Room, Transducers]:
     generator = np.random.default_rng([seed, 17])
     room = draw(generator)
     return room, random_ends(room, 0.4, generator)
 
 
-def _heard(room: Room, ends: Ends) -> C64:
+def _heard(room: Room, ends: Transducers) -> C64:
     nobody = np.zeros((len(ends.speaker), 0, 2))
     return image_echoes(scene_of(room), ends, nobody, air_at(), REACH)
 

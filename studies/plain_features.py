@@ -16,10 +16,10 @@ from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
 from elfslam.base.values import ELF_SIZE, Echoes, Fixes, Recording, Run
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, load_encoder
-from elfslam.line.locate import LocateParameters, locate_one_shot
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import Encoder, load_encoder
+from elfslam.stages.locate import LocateParameters, locate_one_shot
 from studies.cached import extract_features
 
 ELF, PLAIN, ROOT, LOG = "ELF", "plain spectrogram", "root spectrogram", "log spectrogram"

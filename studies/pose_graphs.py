@@ -19,10 +19,10 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.values import PoseGraph, Truth
 from elfslam.data.g2o import read_g2o
-from elfslam.line.graph import GraphParameters, optimise
-from elfslam.line.graph.solving import as_gtsam, as_poses, as_values
-from elfslam.line.graph.uncertainty import half_square
 from elfslam.scoring.errors import Alignment, position_errors
+from elfslam.stages.graph import GraphParameters, optimise
+from elfslam.stages.graph.solving import as_gtsam, as_poses, as_values
+from elfslam.stages.graph.uncertainty import half_square
 from studies.repeats import finished
 from studies.results import Record, averaged
 from studies.study import Study, StudyContext

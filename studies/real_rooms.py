@@ -19,9 +19,9 @@ from elfslam.base.arrays import F32, F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Chirp
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import Encoder, load_encoder
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, cut_echoes
+from elfslam.stages.feature import Encoder, load_encoder
 from studies.results import Record, mean_of
 from studies.study import Study, StudyContext
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import Circumstances, engine_of, reach_of
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, built_in_device
 from elfslam.world.phone import air_at, poses_at, room_responses

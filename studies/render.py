@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from elfslam.base.errors import InputError
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from studies.results import COLUMNS, RESULTS, ROOT, Result, read_results
 
 if TYPE_CHECKING:

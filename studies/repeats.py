@@ -8,9 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TypeVar
 
-from elfslam.app.workers import Here, unit_key
+from elfslam.app.workers import SerialWorkers, unit_key
 from elfslam.base.errors import StoreError
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from studies.results import Record
 from studies.study import StudyContext
 
@@ -32,7 +32,7 @@ def finished(
     waiting = {key: task for key, task in zip(keys, tasks, strict=True) if key not in found}
     left = list(waiting)
     _announce(context, len(found), len(set(keys)))
-    for index, records in (context.workers or Here()).each(measure, waiting.values()):
+    for index, records in (context.workers or SerialWorkers()).each(measure, waiting.values()):
         units = [asdict(record) for record in records]
         found[left[index]] = {"task": repr(waiting[left[index]]), "records": units}
         _write(context.kept, found)

@@ -19,7 +19,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from elfslam.scoring.bootstrap import interval
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.values import Fixes, Trajectory
-from elfslam.line.feature import load_encoder
-from elfslam.line.locate import locate_one_shot
+from elfslam.stages.feature import load_encoder
+from elfslam.stages.locate import locate_one_shot
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.kinds import PEOPLE, QUIET, Kind, kind_named
 from elfslam.world.simulate import World, load_world

@@ -13,8 +13,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.line.motion import MotionParameters, dead_reckon, find_footsteps
 from elfslam.scoring.consistency import displacement_errors
+from elfslam.stages.motion import MotionParameters, dead_reckon, find_footsteps
 from elfslam.world.magnetic_field import Magnetism, magnetic_field
 from elfslam.world.materials import material
 from elfslam.world.room import shoebox

@@ -22,7 +22,7 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, frame_starts_s, to_baseband
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.device import built_in_device
 from elfslam.world.interference import record, rumble

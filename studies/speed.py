@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.progress import Announce
-from elfslam.line.feature import spectrogram
+from elfslam.stages.feature import spectrogram
 from elfslam.world.device import named_device
 from elfslam.world.diffuse import diffuse_echoes
 from elfslam.world.echo_pairs import echo_pairs
@@ -103,10 +103,10 @@ def _rate(
     """Responses per second of the furnished scene, best of five; sound not yet rendered."""
     scene, poses = scene_of(room), _places(room, echoes)
     ends = ends_of(named_device("simulated phone"), poses)
-    hear = engine or partial(image_echoes, threads=threads)
+    extract_echoes = engine or partial(image_echoes, threads=threads)
 
     def run() -> None:
-        hear(scene, ends, poses.people_m, air_at(), Reach())
+        extract_echoes(scene, ends, poses.people_m, air_at(), Reach())
 
     run()
     seconds = []

@@ -9,9 +9,9 @@ import numpy as np
 
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, Trajectory, Truth
-from elfslam.line.checkpoints import lies_on_plan
 from elfslam.scoring.errors import Alignment, position_errors
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.world.kinds import PEOPLE, Kind, kind_named
 from studies.localization import SEEDS, WORLDS, shipped
 from studies.located import MAPPING_ROUNDS, at_its_start

@@ -13,13 +13,13 @@ import numpy as np
 
 from elfslam.app.settings import Settings
 from elfslam.base.values import NO_CLOSURES, Closures, Odometry, Truth
-from elfslam.line.graph import build_graph, optimise
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.scoring.closure_score import score_closures
-from elfslam.slam.front_end import walk_nodes, with_heard_steps
+from elfslam.slam.front_end import apply_acoustic_scale, dead_reckoning_nodes
 from elfslam.slam.pipeline import closures_by
+from elfslam.stages.graph import build_graph, optimise
+from elfslam.stages.similarity import echo_sequence_similarity
 from elfslam.world.kinds import PEOPLE, SURVEYOR, kind_named
-from studies.cached import extract_features, hear
+from studies.cached import extract_echoes, extract_features
 from studies.located import at_its_start
 from studies.mapping import CALIBRATED, MEDIAN_ALIGNED, trajectory_errors, walkers
 from studies.plain_features import compared_encoders
@@ -59,8 +59,10 @@ def _measured(walk: SimulatedWalk) -> list[Record]:
     kind = kind_named(walk.kind)
     recording, truth = simulated(walk)
     known = walkers(walk.seed, kind)[CALIBRATED]
-    echoes = hear(recording, Settings())
-    nodes = with_heard_steps(walk_nodes(at_its_start(recording, truth), known), echoes, known)
+    echoes = extract_echoes(recording, Settings())
+    nodes = apply_acoustic_scale(
+        dead_reckoning_nodes(at_its_start(recording, truth), known), echoes, known
+    )
     reckoned_m = _median_m(nodes, NO_CLOSURES, truth, known)
     found: list[Record] = []
     for feature, encoder in compared_encoders().items():

@@ -14,12 +14,12 @@ from elfslam.app.superimpose import drawn
 from elfslam.base.arrays import F32, F64
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Features, FloorMap
-from elfslam.line.device_adaptation import PhoneParameters, heard_as_map, learn_phone
-from elfslam.line.feature import OnnxEncoder, load_encoder, walk_vectors
-from elfslam.line.superimposition import SpotEchoes, floor_spots, superimposed_map
+from elfslam.stages.device_adaptation import PhoneParameters, learn_phone, to_map_domain
+from elfslam.stages.feature import OnnxEncoder, load_encoder, walk_vectors
+from elfslam.stages.superimposition import SpotEchoes, floor_spots, superimposed_map
 from elfslam.world.kinds import ASKING_PHONE, SURVEYOR, Kind, kind_named
 from elfslam.world.simulate import load_world
-from studies.cached import hear, simulate
+from studies.cached import extract_echoes, simulate
 from studies.floor_spots import SPACING_M, TOGETHER, fixes_m
 from studies.located import GROSS_M, MEDIAN_M, OVER_1_M
 from studies.opposite_ways import walking
@@ -109,7 +109,7 @@ def _heard(
     plain = _features(encoder, asked)
     yield "as it is", plain
     translation = learn_phone(_features(encoder, own), floor_map, PhoneParameters())
-    yield "translated", heard_as_map(plain, translation)
+    yield "translated", to_map_domain(plain, translation)
 
 
 def _maps(
@@ -154,7 +154,7 @@ def _walk(
     recording, truth = simulate(
         world, seed, rounds=rounds, reverse=reverse, walker=kind.walker, circumstances=today
     )
-    echoes = hear(recording, Settings())
+    echoes = extract_echoes(recording, Settings())
     rows = walking(truth, echoes.t_s)
     poses = interpolate_poses(truth.t_s, truth.world_from_body, echoes.t_s[rows])
     return PhoneWalk(echoes.t_s[rows], echoes.samples[rows], poses)

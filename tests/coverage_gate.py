@@ -9,7 +9,7 @@ from pathlib import Path
 LEAST_PERCENT = 95.0
 CORE = (
     "elfslam/base/",
-    "elfslam/line/",
+    "elfslam/stages/",
     "elfslam/slam/",
 )
 

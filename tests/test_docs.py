@@ -23,7 +23,7 @@ PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md",
 HISTORY = {ROOT / "CHANGELOG.md", *(ROOT / "docs" / "log").glob("*.md")}
 """Name what is gone."""
 PRESENT = sorted({*PAGES} - HISTORY)
-INSIDE = ("", "line", "serve", "serve/pages", "serve/pages/line")
+INSIDE = ("", "stages", "serve", "serve/pages", "serve/pages/stages")
 PLACES = [ROOT, *(ROOT / "src" / "elfslam" / folder for folder in INSIDE)]
 """What the paths of files in the pages are relative to."""
 MOST_README_WORDS = 1100
@@ -218,11 +218,9 @@ def test_the_gate_notices_imports() -> None:
 
 
 def test_the_gate_notices_parameters_and_files() -> None:
-    text = (
-        "`closure.treshold`, `--set locate.cold=1`, `track.jump`, `line/no.py`, `line/closure.py`"
-    )
+    text = "`closure.treshold`, `--set locate.cold=1`, `track.jump`, `base/no.py`, `base/enums.py`"
     assert {*unknown_parameters(text)} == {"closure.treshold", "locate.cold"}
-    assert [*missing_files(text)] == ["line/no.py"]
+    assert [*missing_files(text)] == ["base/no.py"]
 
 
 def test_the_gate_notices_links(tmp_path: Path) -> None:

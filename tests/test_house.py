@@ -20,7 +20,7 @@ PACKAGE = ROOT / "src" / "elfslam"
 STUDIES = ROOT / "studies"
 FLOORS = {
     "base": 1,
-    "line": 2,
+    "stages": 2,
     "slam": 3,
     "data": 3,
     "scoring": 3,
@@ -37,13 +37,13 @@ ONLY_IN = {
     "fastapi": {"serve"},
     "plotly": {"scoring"},
     "sklearn": {"studies"},
-    "gtsam": {"line", "studies"},
+    "gtsam": {"stages", "studies"},
     "ray": {"app"},
     "faiss": {"serve"},
     "paho": {"serve"},
     "matplotlib": {"studies"},
 }
-DOOR = {"base", "line", "slam", "data", "app"}
+DOOR = {"base", "stages", "slam", "data", "app"}
 """What `import elfslam` gives stands in these rooms: the package's own file hands it on."""
 BASE_MAY_IMPORT = {"numpy", "elfslam"}
 NAMED_TWICE = {
@@ -90,8 +90,8 @@ def import_offences(path: Path, tree: ast.AST) -> list[str]:
         parts = module.split(".")
         if parts[0] in ONLY_IN and room not in ONLY_IN[parts[0]]:
             offences.append(f"{room} imports {parts[0]}")
-        stage = parts[2] if parts[:2] == ["elfslam", "line"] and len(parts) > 2 else ""
-        if room == "line" and stage not in ("", stage_of(path)):
+        stage = parts[2] if parts[:2] == ["elfslam", "stages"] and len(parts) > 2 else ""
+        if room == "stages" and stage not in ("", stage_of(path)):
             offences.append(f"stage {stage_of(path)} imports stage {stage}")
     for other in imported_rooms(tree) - {room}:
         if FLOORS[other] >= FLOORS[room]:
@@ -100,8 +100,8 @@ def import_offences(path: Path, tree: ast.AST) -> list[str]:
 
 
 def stage_of(path: Path) -> str:
-    """The stage of a file of line/: its name, or the folder that holds the files of one stage."""
-    return path.relative_to(PACKAGE / "line").parts[0].removesuffix(".py")
+    """The stage of a file of stages/: its name, or the folder that holds the files of one stage."""
+    return path.relative_to(PACKAGE / "stages").parts[0].removesuffix(".py")
 
 
 def arrows() -> dict[str, set[str]]:
@@ -126,12 +126,12 @@ def test_imports_go_down_and_rooms_keep_to_themselves(path: Path) -> None:
 @pytest.mark.parametrize(
     ("file", "text"),
     [
-        ("line/echo/cut.py", "from elfslam.world.room import Room"),
-        ("line/echo/cut.py", "from elfslam.line import graph"),
-        ("line/echo/cut.py", "from elfslam.line.graph import optimise"),
-        ("line/graph/solving.py", "from elfslam.line.closure import find_closures"),
-        ("line/echo/cut.py", "from elfslam.line.motion.level import level"),
-        ("line/motion/heading.py", "from elfslam.line.echo import extract_echoes"),
+        ("stages/echo/cut.py", "from elfslam.world.room import Room"),
+        ("stages/echo/cut.py", "from elfslam.stages import graph"),
+        ("stages/echo/cut.py", "from elfslam.stages.graph import optimise"),
+        ("stages/graph/solving.py", "from elfslam.stages.closure import find_closures"),
+        ("stages/echo/cut.py", "from elfslam.stages.motion.level import level"),
+        ("stages/motion/heading.py", "from elfslam.stages.echo import extract_echoes"),
         ("world/room.py", "import elfslam.learn.loss"),
         ("data/runs.py", "import torch.nn"),
         ("data/runs.py", "from elfslam.slam.pipeline import locate"),
@@ -145,8 +145,8 @@ def test_the_gate_notices(file: str, text: str) -> None:
 
 
 def test_files_of_one_stage_may_import_each_other() -> None:
-    text = "from elfslam.line.graph.building import build_graph"
-    assert import_offences(PACKAGE / "line/graph/solving.py", ast.parse(text)) == []
+    text = "from elfslam.stages.graph.building import build_graph"
+    assert import_offences(PACKAGE / "stages/graph/solving.py", ast.parse(text)) == []
 
 
 def test_base_needs_numpy_and_the_standard_library_only() -> None:

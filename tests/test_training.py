@@ -13,7 +13,7 @@ import pytest
 from elfslam.app.simulated_training import open_stream, pairs_in
 from elfslam.cli.app import run
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.line.feature import read_card
+from elfslam.stages.feature import read_card
 
 TINY = ("steps=2", "pairs=4", "rooms=2", "width=4", "warmup_steps=1")
 SETTINGS = [word for setting in TINY for word in ("--set", f"pretrain.{setting}")]

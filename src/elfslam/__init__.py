@@ -1,6 +1,6 @@
 """Indoor positioning from the sound of a phone (ELF-SLAM and beyond).
 
-The names below are imported when they are first used; see `elfslam.app.notebook`.
+The names below are imported when they are first used; see `elfslam.app.api`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from elfslam.app.notebook import (
+    from elfslam.app.api import (
         finetune,
         locate,
         map,
@@ -42,12 +42,12 @@ if TYPE_CHECKING:
         Truth,
     )
     from elfslam.data.recordings import read_recording
-    from elfslam.line.feature import Encoder, load_encoder
     from elfslam.slam.pipeline import Sense
+    from elfslam.stages.feature import Encoder, load_encoder
 
 __version__ = "0.1.0"
 HOMES = {
-    "app.notebook": (
+    "app.api": (
         "finetune", "locate", "map", "merge", "plot", "score", "settings_of", "simulate",
     ),
     "base.errors": (

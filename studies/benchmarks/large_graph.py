@@ -23,7 +23,7 @@ from elfslam.app.console import print_rows, say
 from elfslam.base.arrays import F64, I64
 from elfslam.base.geometry import between, chain
 from elfslam.base.values import PoseGraph
-from elfslam.line.graph import optimise
+from elfslam.stages.graph import optimise
 from studies.pose_graphs import GNC, PLAIN_LM, ROBUST, SOLVERS
 
 SHARES = (0.0, 0.1, 0.3, 0.5)

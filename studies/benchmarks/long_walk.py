@@ -18,10 +18,10 @@ import numpy as np
 
 from elfslam.base.geometry import between, chain
 from elfslam.base.values import MeanSimilarity, Odometry
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import closures_by
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.graph import GraphParameters, build_graph, optimise
 
 LAP, STEP_S, DIMENSIONS = 400, 0.5, 128
 SIGMA = np.array([0.05, 0.03, 0.004])

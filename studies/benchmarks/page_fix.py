@@ -24,13 +24,13 @@ import numpy as np
 from playwright.sync_api import Browser
 
 from elfslam.base.values import FloorMap, Payload
-from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 from elfslam.world.device import BROWSER
 from elfslam.world.simulate import load_world, simulate
-from studies.benchmarks.line_in_page import browsing, run_in_page, write_f32, write_floor_map
 from studies.benchmarks.served import serving
+from studies.benchmarks.stages_in_page import browsing, run_in_page, write_f32, write_floor_map
 from studies.page_motion import readings
 
 STAGES = ("echoes", "encoder", "likeness", "fix", "together")

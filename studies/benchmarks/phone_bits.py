@@ -14,7 +14,7 @@ from pathlib import Path
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.baseband_files import IQ, write_baseband
 from elfslam.data.recordings import read_recording
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 
 FRAME_S = 0.08
 SENT = ("baseband.iq", "baseband.csv", "frames.wav", "frames.csv")

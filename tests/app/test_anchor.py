@@ -27,7 +27,7 @@ from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.geojson_files import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
-from elfslam.line.anchoring import AMBIGUOUS, OK, AnchoringParameters, placed
+from elfslam.stages.floor_plan_alignment import AMBIGUOUS, OK, AnchoringParameters, placed
 
 KNOWN = AnchoringParameters(cell_m=0.15)
 WALK = np.array([[1, 1], [11, 1], [11, 5], [7, 5], [7, 8.0]])

@@ -10,9 +10,9 @@ import pytest
 from elfslam.app.anchor import floor_plan
 from elfslam.app.demo import LOCATED, run_demo
 from elfslam.data.recordings import read_recording
-from elfslam.line.feature import load_encoder
 from elfslam.scoring.truth import read_truth
 from elfslam.slam.parameters import Parameters
+from elfslam.stages.feature import load_encoder
 from elfslam.world.world_file import load_world
 
 

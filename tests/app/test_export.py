@@ -11,10 +11,10 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.app.export import Told, export, map_of
+from elfslam.app.export import ExportContext, export, map_of
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Format, Modality
+from elfslam.base.enums import Format, Modality
 from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.data.facts import ENCODER, FACTS, read_facts
 from elfslam.data.g2o import read_g2o
@@ -66,7 +66,7 @@ def test_the_encoder_is_the_one_beside_the_map(run: Path, tmp_path: Path) -> Non
 
 
 def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
-    told = Told(Origin(47.0, 8.0), PLACE)
+    told = ExportContext(Origin(47.0, 8.0), PLACE)
     spots = read_map(run)
     for to in (Format.GEOJSON, Format.PARQUET, Format.IMDF):
         export(run, tmp_path / "of_run", to, told, overwrite=True)
@@ -78,18 +78,18 @@ def test_a_map_alone_becomes_what_a_run_does(run: Path, tmp_path: Path) -> None:
     numbers, poses = read_tum(tmp_path / "map.tum")
     npt.assert_allclose(numbers, np.arange(len(spots.xy_m)))
     npt.assert_allclose(poses[:, :2], spots.xy_m, atol=1e-8)
-    export(run, tmp_path / "floor.yaml", Format.ROS, Told(pixel_m=0.1))
+    export(run, tmp_path / "floor.yaml", Format.ROS, ExportContext(pixel_m=0.1))
     assert "resolution: 0.1" in (tmp_path / "floor.yaml").read_text()
 
 
 def test_what_nobody_can_guess_is_asked_for(run: Path, tmp_path: Path) -> None:
     for to in (Format.GEOJSON, Format.IMDF):
         with pytest.raises(ParameterError, match="--origin"):
-            export(run, tmp_path / "out", to, Told(place=PLACE))
+            export(run, tmp_path / "out", to, ExportContext(place=PLACE))
     with pytest.raises(ParameterError, match="--place"):
-        export(run, tmp_path / "out", Format.IMDF, Told(Origin(47.0, 8.0)))
+        export(run, tmp_path / "out", Format.IMDF, ExportContext(Origin(47.0, 8.0)))
     with pytest.raises(ParameterError, match="--resolution"):
-        export(run, tmp_path / "floor.yaml", Format.ROS, Told(pixel_m=0.0))
+        export(run, tmp_path / "floor.yaml", Format.ROS, ExportContext(pixel_m=0.0))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -106,7 +106,7 @@ def test_coverage_beside_a_map_becomes_squares(run: Path, tmp_path: Path) -> Non
     shutil.copyfile(run / MAP, tmp_path / MAP)
     text = "x_m,y_m,walks,spots,sigma_m\n0.25,0.25,2,9,0.1\n0.75,0.25,1,3,0.2\n"
     (tmp_path / "quality.csv").write_text(text)
-    export(tmp_path, tmp_path / "m.geojson", Format.GEOJSON, Told(Origin(47.0, 8.0)))
+    export(tmp_path, tmp_path / "m.geojson", Format.GEOJSON, ExportContext(Origin(47.0, 8.0)))
     features = json.loads((tmp_path / "m.geojson").read_text())["features"]
     cells = [each for each in features if each["properties"]["kind"] == "coverage"]
     assert [each["properties"]["walks"] for each in cells] == [2, 1]

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.values import Checkpoints, FixStatus
 from elfslam.data.fixes_files import read_fixes

@@ -16,8 +16,8 @@ from elfslam.base.geometry import chain
 from elfslam.base.grid import FloorGrid, walked_grid
 from elfslam.base.values import NO_CLOSURES, MeanSimilarity, Odometry, Run, Trajectory
 from elfslam.data.runs import write_run
-from elfslam.line.anchoring import OK, AnchoringParameters, Placement
-from elfslam.line.map_matching import MapMatchingParameters
+from elfslam.stages.floor_plan_alignment import OK, AnchoringParameters, Placement
+from elfslam.stages.map_matching import MapMatchingParameters
 
 KNOWN = MapMatchingParameters(particles=300)
 HALL = FloorGrid(np.ones((300, 300), dtype=bool), np.array([-15.0, -15.0]), 0.1)

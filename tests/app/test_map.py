@@ -13,15 +13,15 @@ import pytest
 
 from elfslam.app.map import MapJob, map_into, map_recording, unit_of
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.parameters import load
 from elfslam.base.progress import silent
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.recordings import write_recording
-from elfslam.line.chirp import make_chirp
 from elfslam.scoring import report
+from elfslam.stages.chirp import make_chirp
 from elfslam.world.simulate import load_world, simulate
 
 JOB = MapJob((Modality.MOTION,), None, "spectral", Settings(), overwrite=False)

@@ -12,7 +12,7 @@ from elfslam.app.map import MapJob
 from elfslam.app.map_many import map_many
 from elfslam.app.settings import Settings
 from elfslam.app.workers.processes import Processes
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import StoreError
 from elfslam.base.progress import silent
 from elfslam.data.recordings import write_recording

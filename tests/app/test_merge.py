@@ -19,10 +19,10 @@ from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import walk_in
 from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run, write_run
-from elfslam.line.feature import load_encoder
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import load_encoder
 from elfslam.world.simulate import load_world, simulate
 
 KNOWN = MergeParameters()

@@ -26,7 +26,7 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import PairsOf, Pretrained
-from elfslam.line.feature import SHIPPED_ENCODER, load_encoder, read_card
+from elfslam.stages.feature import SHIPPED_ENCODER, load_encoder, read_card
 from elfslam.world.circumstances import DIFFUSE
 
 SMALL = PretrainParameters(steps=3, pairs=8, rooms=2, width=4, warmup_steps=1, checkpoint_steps=2)

@@ -22,11 +22,11 @@ from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import write_run
 from elfslam.learn.parameters import FloorLevelParameters
-from elfslam.line.feature import OnnxEncoder, load_encoder
-from elfslam.line.superimposition import SpotEchoes
 from elfslam.scoring.truth import read_truth
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import OnnxEncoder, load_encoder
+from elfslam.stages.superimposition import SpotEchoes
 from elfslam.world.simulate import load_world, simulate
 
 DOOR = (PointOfInterest("Door", PointKind.DOOR, 1.0, 2.0),)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_floor import STEP_M, STEPS, walk_along
 
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError
 from elfslam.base.values import NO_CLOSURES, FixStatus
 from elfslam.baselines.floor_places import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from planted_floor import SIGHTS_M, STEPS, walk_along
 
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.baselines.floor_walks import (
@@ -23,7 +23,7 @@ from elfslam.baselines.floor_walks import (
     wifi_likeness,
 )
 from elfslam.baselines.rival_maps import rssi_of
-from elfslam.line.motion import MotionParameters, dead_reckon
+from elfslam.stages.motion import MotionParameters, dead_reckon
 
 PARAMETERS = FloorParameters()
 BOTH = (Modality.WIFI, Modality.MAGNETIC)

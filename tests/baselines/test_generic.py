@@ -16,7 +16,7 @@ from elfslam.baselines.generic import (
     power_spectral_density,
     principal_encoder,
 )
-from elfslam.line.feature import Encoder, spectrogram
+from elfslam.stages.feature import Encoder, spectrogram
 
 NAMES = [*generic_encoders(), "principal components"]
 
@@ -111,12 +111,12 @@ def test_the_psd_hardly_hears_when_an_echo_came() -> None:
 def test_without_its_mean_a_spectrogram_is_no_longer_like_all_others() -> None:
     samples = np.random.default_rng(0).standard_normal((2, ECHO_SAMPLES)).astype(np.float32)
     known = generic_encoders()
-    flat, centred = (
+    flat, mean_normalised = (
         float(np.prod(known[name].embed(samples), axis=0).sum())
         for name in ("spectrogram", "spectrogram without mean")
     )
     assert flat > 0.7
-    assert abs(centred) < 0.2
+    assert abs(mean_normalised) < 0.2
 
 
 def test_the_root_of_a_spectrogram_lets_what_is_loud_count_for_less() -> None:

@@ -21,7 +21,7 @@ from elfslam.baselines.magnetic import (
 )
 from elfslam.baselines.warping import warping_costs
 from elfslam.data.magnetic import read_magnetic
-from elfslam.line.motion import nodes_by_distance
+from elfslam.stages.motion import nodes_by_distance
 
 PARAMETERS = MagneticParameters()
 SPEED_MPS = 1.0

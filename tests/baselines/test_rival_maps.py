@@ -20,7 +20,7 @@ from elfslam.baselines.rival_maps import (
     wifi_spot_scores,
 )
 from elfslam.baselines.wifi import WifiFingerprintParameters
-from elfslam.line.locate import fixes_of
+from elfslam.stages.locate import fixes_of
 
 STEP_M, COUNT = 0.5, 60
 POINTS_M = np.array([0.0, 8.0, 15.0, 22.0, 30.0])

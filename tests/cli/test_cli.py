@@ -21,9 +21,9 @@ from elfslam.data.importing import LogFormat
 from elfslam.data.map_files import read_map, write_map
 from elfslam.data.phyphox_experiment import phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.line.chirp import ChirpParameters
-from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.scoring.truth import read_truth
+from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 from elfslam.world.kinds import ASKING_PHONE, MAPPING_PHONE
 from tests.data.foreign_walk import packed, put_back
 

@@ -25,9 +25,9 @@ from elfslam.data.baseband import (
 )
 from elfslam.data.baseband_files import read_baseband, write_baseband
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import load_encoder
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, cut_echoes
+from elfslam.stages.feature import load_encoder
 
 RATES_HZ = (44_100, 48_000)
 LATENCY_S = 0.0437

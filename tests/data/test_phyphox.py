@@ -18,8 +18,8 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.geometry import rotation_from_quaternion
 from elfslam.data.phyphox import read_phyphox
 from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, phyphox_experiment
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, cut_echoes
 
 VARIANTS = [(",", "."), ("\t", "."), (";", "."), ("\t", ","), (";", ",")]
 COMMA = VARIANTS[0]

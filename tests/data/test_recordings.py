@@ -14,7 +14,7 @@ import soundfile
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.line.chirp import ChirpParameters
+from elfslam.stages.chirp import ChirpParameters
 
 
 def assert_same(read: Recording, wanted: Recording) -> None:

@@ -161,8 +161,8 @@ def _warm_up() -> None:
 
     import elfslam.cli.app
     import elfslam.learn.onnx_files  # noqa: F401
-    from elfslam.line import feature
     from elfslam.serve.jobs.preforked import warm_up
+    from elfslam.stages import feature
 
     Image.init()
     begun = feature.OnnxEncoder.__init__

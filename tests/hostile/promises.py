@@ -31,7 +31,7 @@ PROMISES = (
     Promise(
         "an output that exists",
         "refused without --force; inputs and owned files always",
-        ("cli/test_outputs.py", "data/test_folders.py"),
+        ("cli/test_outputs.py", "data/test_atomic_files.py"),
     ),
     Promise(
         "hostile plans and images",
@@ -64,7 +64,7 @@ PROMISES = (
     Promise(
         "both lengths in one request",
         "400, and the connection is closed",
-        ("serve/network/test_serving.py", "serve/network/test_patience.py"),
+        ("serve/network/test_serving.py", "serve/network/test_timeouts.py"),
     ),
     Promise("control characters", "escaped by the one place that prints", ("app/test_console.py",)),
     Promise(
@@ -92,8 +92,8 @@ PROMISES = (
             "app/test_notebook_refusals.py",
             "base/test_arguments.py",
             "base/test_arrays.py",
-            "line/test_anchoring.py",
-            "line/test_motion.py",
+            "stages/test_floor_plan_alignment.py",
+            "stages/test_motion.py",
             "slam/test_straightening.py",
         ),
     ),
@@ -113,7 +113,7 @@ PROMISES = (
     Promise(
         "sound: channels, scales, rates",
         "the channel with the chirps; resampled",
-        ("data/test_audio_files.py", "line/test_echo.py"),
+        ("data/test_audio_files.py", "stages/test_echo.py"),
     ),
     Promise(
         "microphones and interruptions of phones",

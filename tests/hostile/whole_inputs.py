@@ -21,7 +21,7 @@ from elfslam.data.audio_files import WAV
 from elfslam.data.baseband import frame_starts_s, to_baseband
 from elfslam.data.importing import LogFormat
 from elfslam.data.recordings import write_recording
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.sensors import Sensor
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 

@@ -13,7 +13,7 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE, EchoPairs
 from elfslam.learn.components import components, moments, with_components
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
-from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 PLACES = 3
 

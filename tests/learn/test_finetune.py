@@ -22,7 +22,7 @@ from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FinetuneParameters
-from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 ROUND, ROUNDS, ANCHOR = 200, 3, 8
 TOY = FinetuneParameters(

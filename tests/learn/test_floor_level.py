@@ -28,8 +28,8 @@ from elfslam.learn.loss import spot_contrast
 from elfslam.learn.onnx_files import network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
-from elfslam.line.feature import OnnxEncoder, centred, load_encoder
-from elfslam.line.superimposition import SpotEchoes, spot_means
+from elfslam.stages.feature import OnnxEncoder, load_encoder, mean_normalised
+from elfslam.stages.superimposition import SpotEchoes, spot_means
 
 SPOTS_M = np.column_stack([np.arange(12.0), np.zeros(12)])
 TOY = FloorLevelParameters(
@@ -167,6 +167,6 @@ def test_contrast_wants_the_near_spots_and_nothing_else() -> None:
 def test_the_spots_lose_what_the_echoes_of_a_walk_have_in_common() -> None:
     encoder = load_encoder("compact")
     walks = [toy_echoes(step) for step in (100, 101)]
-    heard = [(w.xy_m, w.heading_rad, centred(encoder.embed(w.samples))) for w in walks]
+    heard = [(w.xy_m, w.heading_rad, mean_normalised(encoder.embed(w.samples))) for w in walks]
     found = floor_elfs(encoder, SPOTS_M, walks)
     np.testing.assert_allclose(found, spot_means(SPOTS_M, heard), atol=1e-6)

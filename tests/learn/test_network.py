@@ -14,7 +14,7 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.baselines.generic import root_spectrogram, unit_rows
 from elfslam.learn.network import CompactEncoder, Spectrogram, normalised_log, normalised_root
 from elfslam.learn.resnet import ResNetEncoder
-from elfslam.line.feature import FIRST_BIN, spectrogram
+from elfslam.stages.feature import FIRST_BIN, spectrogram
 
 NETWORKS: dict[str, Callable[[], nn.Module]] = {
     "compact": lambda: CompactEncoder(8),

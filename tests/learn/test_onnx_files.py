@@ -17,7 +17,7 @@ from elfslam.base.values import ECHO_SAMPLES, ELF_SIZE
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, export_encoder, with_metrics
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.line.feature import OnnxEncoder, load_encoder, read_card
+from elfslam.stages.feature import OnnxEncoder, load_encoder, read_card
 
 MOST_BYTES = 2_000_000
 

@@ -13,7 +13,7 @@ from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
 from elfslam.learn.pretrain import pretrain
 from elfslam.learn.resnet import ResNetEncoder, Stem, resnet18
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 
 
 @pytest.fixture(scope="module")

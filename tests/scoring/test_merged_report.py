@@ -8,9 +8,9 @@ import numpy as np
 import numpy.testing as npt
 
 from elfslam.base.values import FloorMap, Payload
-from elfslam.line.quality import MapQuality
 from elfslam.scoring.merged_report import write_merged_report
 from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
+from elfslam.stages.quality import MapQuality
 
 QUALITY = MapQuality(
     xy_m=[[0.5, 0.5], [1.5, 0.5], [0.5, 2.5]],

@@ -15,13 +15,13 @@ from fastapi import FastAPI
 
 from elfslam.base.values import Audio, FloorMap, Imu, Payload, Recording
 from elfslam.data.recordings import write_recording
-from elfslam.line.feature import load_encoder
 from elfslam.serve.app import create_app
 from elfslam.serve.people.access import new_token
 from elfslam.serve.people.users import add_user, set_owner_token
 from elfslam.serve.services import Services, open_services
 from elfslam.serve.settings import PAGES_FOLDER, ServerSettings
 from elfslam.serve.store.database import Map
+from elfslam.stages.feature import load_encoder
 from studies.benchmarks.own_postgresql import initdb, own_postgresql
 from studies.benchmarks.served import Served, start
 from tests.serve.planting import plant_files, plant_floor_map

@@ -9,7 +9,6 @@ from sqlalchemy import select
 from elfslam.base.values import FloorMap
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, write_map
-from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
@@ -21,6 +20,7 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 
 def plant_files(services: Services, row: Map | Recording, folder: Path) -> str:

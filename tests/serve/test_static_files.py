@@ -168,7 +168,7 @@ def test_the_list_is_what_the_phone_needs(client: TestClient) -> None:
     assert set(paths) == {
         "/", "/style.css", "/app.webmanifest", "/phone/main.js", "/phone/short.js",
         "/shared/icon.png", "/vendor/runtime/run.wasm", "/words/de.json",
-        "/line/encoder.onnx", "/line/parameters.json",
+        "/stages/encoder.onnx", "/stages/parameters.json",
     }  # fmt: skip
     for path, file in paths.items():
         content, headers = sent(client, path, ZIPPED)

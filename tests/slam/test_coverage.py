@@ -7,8 +7,8 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.values import ECHO_SAMPLES, Audio, Echoes, Imu, Recording
-from elfslam.line.motion import MotionParameters
 from elfslam.slam.coverage import Missing, missing_of, spans_of, stretches, within
+from elfslam.stages.motion import MotionParameters
 
 RATE_HZ = 1000
 PARAMETERS = MotionParameters()

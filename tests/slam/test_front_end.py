@@ -17,19 +17,19 @@ from elfslam.base.geometry import compose, interpolate_poses
 from elfslam.base.parameters import load
 from elfslam.base.values import Audio, Imu, Magnetometer, Odometry, Recording
 from elfslam.data.mall import read_walk, walks_in
-from elfslam.line.feature import Encoder, load_encoder
 from elfslam.slam.coverage import missing_of
 from elfslam.slam.front_end import (
+    apply_acoustic_scale,
     compass_of,
-    hear,
-    hear_for_fixes,
-    walk_nodes,
-    with_heard_steps,
+    dead_reckoning_nodes,
+    extract_echoes,
+    extract_query_echoes,
 )
 from elfslam.slam.parameters import Parameters
+from elfslam.stages.feature import Encoder, load_encoder
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world
-from tests.line.magnetic_walk import walk
+from tests.stages.magnetic_walk import walk
 
 PARAMETERS = Parameters()
 
@@ -46,7 +46,7 @@ def encoder() -> Encoder:
 
 def test_a_walk_at_48_khz_gives_the_same_echoes(encoder: Encoder) -> None:
     slow, fast = (
-        hear(simulate(load_world("studio"), 7, rounds=1, rate_hz=rate_hz)[0], PARAMETERS)
+        extract_echoes(simulate(load_world("studio"), 7, rounds=1, rate_hz=rate_hz)[0], PARAMETERS)
         for rate_hz in (44_100, 48_000)
     )
     count = min(len(slow.t_s), len(fast.t_s))
@@ -65,11 +65,11 @@ def test_a_dead_first_channel_changes_nothing(
     dead = 1e-5 * quiet.standard_normal(audio.samples.shape[1])
     both = dataclasses.replace(audio, samples=np.stack([dead, audio.samples[0]]))
     silent = dataclasses.replace(audio, samples=np.stack([0 * dead, audio.samples[0]]))
-    wanted = hear(dataclasses.replace(recording, kept_s=kept_s), PARAMETERS)
+    wanted = extract_echoes(dataclasses.replace(recording, kept_s=kept_s), PARAMETERS)
     for sound in (both, silent):
         stereo = dataclasses.replace(recording, audio=sound, kept_s=kept_s)
-        npt.assert_array_equal(hear(stereo, PARAMETERS).samples, wanted.samples)
-        npt.assert_array_equal(hear_for_fixes(stereo, PARAMETERS)[0].samples, wanted.samples)
+        npt.assert_array_equal(extract_echoes(stereo, PARAMETERS).samples, wanted.samples)
+        npt.assert_array_equal(extract_query_echoes(stereo, PARAMETERS)[0].samples, wanted.samples)
     assert missing_of(stereo, wanted, PARAMETERS.motion) == missing_of(
         dataclasses.replace(recording, kept_s=kept_s), wanted, PARAMETERS.motion
     )
@@ -77,13 +77,13 @@ def test_a_dead_first_channel_changes_nothing(
 
 def test_sound_that_ends_before_the_motion_keeps_its_times(recording: Recording) -> None:
     assert recording.audio is not None
-    whole = hear(recording, PARAMETERS)
+    whole = extract_echoes(recording, PARAMETERS)
     samples = recording.audio.samples[:, : -2 * 44_100]
     shorter = dataclasses.replace(recording, audio=Audio(samples, 44_100))
-    heard = hear(shorter, PARAMETERS)
+    heard = extract_echoes(shorter, PARAMETERS)
     npt.assert_allclose(heard.t_s, whole.t_s[: len(heard.t_s)], atol=1e-9)
     assert 15 < len(whole.t_s) - len(heard.t_s) < 25
-    blind = hear(dataclasses.replace(shorter, imu=None), PARAMETERS)
+    blind = extract_echoes(dataclasses.replace(shorter, imu=None), PARAMETERS)
     npt.assert_array_equal(blind.t_s, heard.t_s)
 
 
@@ -96,11 +96,11 @@ def without_motion(recording: Recording, from_s: float, until_s: float) -> Recor
 
 
 def test_only_sound_that_has_motion_is_heard(recording: Recording) -> None:
-    whole = hear(recording, PARAMETERS)
-    echoes = hear(without_motion(recording, 10.0, 13.0), PARAMETERS)
+    whole = extract_echoes(recording, PARAMETERS)
+    echoes = extract_echoes(without_motion(recording, 10.0, 13.0), PARAMETERS)
     lost = (whole.t_s > 10.0) & (whole.t_s < 13.0)
     npt.assert_allclose(echoes.t_s, whole.t_s[~lost], atol=1e-9)
-    ended = hear(without_motion(recording, 20.0, 1e9), PARAMETERS)
+    ended = extract_echoes(without_motion(recording, 20.0, 1e9), PARAMETERS)
     npt.assert_allclose(ended.t_s, whole.t_s[whole.t_s < 20.5], atol=1e-9)
 
 
@@ -110,7 +110,7 @@ def test_sound_of_a_time_without_motion_alone_is_refused(recording: Recording) -
     samples[:, 5 * 44_100 :] = 0.0
     early = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
     with pytest.raises(InputError, match="its sound and its motion do not meet in time"):
-        hear(without_motion(early, 0.0, 9.0), PARAMETERS)
+        extract_echoes(without_motion(early, 0.0, 9.0), PARAMETERS)
 
 
 @pytest.mark.parametrize("timed", [True, False], ids=["with times of its own", "counted"])
@@ -120,10 +120,10 @@ def test_a_hole_in_the_sound_is_no_refusal(recording: Recording, timed: bool) ->
     samples = recording.audio.samples.copy()
     length = samples.shape[1]
     samples[:, length // 6 : 5 * length // 6] = 0.0
-    echoes = hear(
+    echoes = extract_echoes(
         dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=timed)), PARAMETERS
     )
-    whole = hear(recording, PARAMETERS)
+    whole = extract_echoes(recording, PARAMETERS)
     third = (whole.t_s < length / 6 / 44_100 - 0.1) | (whole.t_s > 5 * length / 6 / 44_100 + 0.1)
     nearest = np.min(np.abs(echoes.t_s[:, None] - whole.t_s[third]), axis=0)
     assert nearest.max() < 1e-6
@@ -136,21 +136,21 @@ def test_jumps_of_sound_with_times_of_its_own_are_no_losses(recording: Recording
     samples = np.delete(recording.audio.samples, np.s_[at : at + lost], axis=1)[:, : -3 * 44_100]
     counted = dataclasses.replace(recording, audio=Audio(samples, 44_100))
     timed = dataclasses.replace(recording, audio=Audio(samples, 44_100, is_timed=True))
-    early, late = (hear(each, PARAMETERS) for each in (counted, timed))
+    early, late = (extract_echoes(each, PARAMETERS) for each in (counted, timed))
     assert late.losses_s[:, 1].tolist() == [0.0]
     assert len(late.t_s) > len(early.t_s) or early.losses_s[0, 1] > 0
 
 
 def test_nodes_over_a_hole_in_the_motion_are_uncertain(recording: Recording) -> None:
-    nodes = walk_nodes(without_motion(recording, 10.0, 13.0), PARAMETERS)
+    nodes = dead_reckoning_nodes(without_motion(recording, 10.0, 13.0), PARAMETERS)
     across = int(np.argmax(np.diff(nodes.t_s)))
     assert nodes.step_sigma[across, 0] > 2.0 > 5 * np.median(nodes.step_sigma[:, 0])
 
 
 def test_nodes_are_footsteps_from_the_start_pose(recording: Recording) -> None:
     placed = dataclasses.replace(recording, start_pose=(3.0, -2.0, 1.0))
-    nodes = walk_nodes(placed, PARAMETERS)
-    unplaced = walk_nodes(recording, PARAMETERS).world_from_body
+    nodes = dead_reckoning_nodes(placed, PARAMETERS)
+    unplaced = dead_reckoning_nodes(recording, PARAMETERS).world_from_body
     npt.assert_allclose(nodes.world_from_body, compose(np.array([3.0, -2.0, 1.0]), unplaced))
     assert 0.1 < np.hypot(*unplaced[0, :2]) < 0.6
     steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
@@ -173,29 +173,29 @@ def test_a_walk_that_declares_no_heading_goes_by_the_compass(start_rad: float) -
     """Magnetic north is the map's y, or where it is said to be; the walk turns about its start."""
     bare = magnetic_recording(start_rad)
     assert compass_of(bare, PARAMETERS) is not None
-    assert way_rad(walk_nodes(bare, PARAMETERS)) == pytest.approx(start_rad, abs=0.02)
+    assert way_rad(dead_reckoning_nodes(bare, PARAMETERS)) == pytest.approx(start_rad, abs=0.02)
     somewhere = dataclasses.replace(bare, start_pose=(7.0, -3.0, np.nan))
-    nodes = walk_nodes(somewhere, PARAMETERS)
+    nodes = dead_reckoning_nodes(somewhere, PARAMETERS)
     assert way_rad(nodes) == pytest.approx(start_rad, abs=0.02)
     assert np.hypot(*(nodes.world_from_body[0, :2] - [7.0, -3.0])) < 0.5
     turned = load(PARAMETERS, None, ["motion.magnetic_north_rad=1.0"])
-    moved = way_rad(walk_nodes(bare, turned)) - start_rad
+    moved = way_rad(dead_reckoning_nodes(bare, turned)) - start_rad
     assert np.angle(np.exp(1j * moved)) == pytest.approx(1.0 - np.pi / 2, abs=0.02)
 
 
 def test_a_turn_before_the_first_footstep_is_not_taken_twice() -> None:
     """The compass says how the first footstep heads, a declared start how the walker stood."""
     bare = magnetic_recording(1.0, turns=[(0.0, -0.5)])
-    assert way_rad(walk_nodes(bare, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
+    assert way_rad(dead_reckoning_nodes(bare, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
     later = magnetic_recording(1.0, turns=[(0.6, -0.5)])
-    assert way_rad(walk_nodes(later, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
+    assert way_rad(dead_reckoning_nodes(later, PARAMETERS)) == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_declared_heading_stands_and_a_compass_has_a_sigma() -> None:
     bare = magnetic_recording(1.0, bend_ut=4.0)
     declared = dataclasses.replace(bare, start_pose=(0.0, 0.0, -0.7))
     assert compass_of(declared, PARAMETERS) is None
-    nodes, by_compass = (walk_nodes(one, PARAMETERS) for one in (declared, bare))
+    nodes, by_compass = (dead_reckoning_nodes(one, PARAMETERS) for one in (declared, bare))
     assert way_rad(nodes) == pytest.approx(-0.7, abs=0.02)
     assert by_compass.step_sigma[0, 2] > nodes.step_sigma[0, 2]
     npt.assert_array_equal(by_compass.step_sigma[1:], nodes.step_sigma[1:])
@@ -205,14 +205,16 @@ def test_a_start_without_heading_needs_a_compass() -> None:
     bare = dataclasses.replace(magnetic_recording(1.0), magnetometer=None)
     assert compass_of(bare, PARAMETERS) is None
     with pytest.raises(InputError, match=r"walk: the start has no heading \(.*no magnetometer\)"):
-        walk_nodes(dataclasses.replace(bare, start_pose=(1.0, 2.0, np.nan)), PARAMETERS)
+        dead_reckoning_nodes(dataclasses.replace(bare, start_pose=(1.0, 2.0, np.nan)), PARAMETERS)
     imu, field = walk(1.0)
     plumb = Magnetometer(field.t_s, 0 * field.field_ut)
     nowhere = Recording("walk", "planted", imu=imu, magnetometer=plumb)
-    poses = [walk_nodes(one, PARAMETERS).world_from_body for one in (nowhere, bare)]
+    poses = [dead_reckoning_nodes(one, PARAMETERS).world_from_body for one in (nowhere, bare)]
     npt.assert_array_equal(*poses)
     with pytest.raises(InputError, match=r"no heading \(compass: the field has no horizontal"):
-        walk_nodes(dataclasses.replace(nowhere, start_pose=(1.0, 2.0, np.nan)), PARAMETERS)
+        dead_reckoning_nodes(
+            dataclasses.replace(nowhere, start_pose=(1.0, 2.0, np.nan)), PARAMETERS
+        )
 
 
 def straight_odometry() -> Odometry:
@@ -223,40 +225,45 @@ def straight_odometry() -> Odometry:
 
 def test_a_device_with_odometry_needs_no_footsteps() -> None:
     bare = Recording("arkit", "tablet", odometry=straight_odometry())
-    nodes = walk_nodes(bare, load(PARAMETERS, None, ["motion.node_spacing_m=1.0"]))
+    nodes = dead_reckoning_nodes(bare, load(PARAMETERS, None, ["motion.node_spacing_m=1.0"]))
     npt.assert_allclose(nodes.world_from_body[:, 0], np.arange(11), atol=0.11)
     npt.assert_allclose(nodes.step_sigma[1:-1], 0.01 * np.sqrt(10), rtol=0.06)
 
 
 def test_motion_sensors_come_before_the_devices_odometry(recording: Recording) -> None:
     both = dataclasses.replace(recording, odometry=straight_odometry())
-    npt.assert_array_equal(walk_nodes(both, PARAMETERS).t_s, walk_nodes(recording, PARAMETERS).t_s)
+    npt.assert_array_equal(
+        dead_reckoning_nodes(both, PARAMETERS).t_s, dead_reckoning_nodes(recording, PARAMETERS).t_s
+    )
 
 
 def test_a_recording_without_motion_is_refused(recording: Recording) -> None:
     still = dataclasses.replace(recording, imu=None)
     with pytest.raises(InputError, match=r"studio: it has neither motion sensors nor odom"):
-        walk_nodes(still, PARAMETERS)
+        dead_reckoning_nodes(still, PARAMETERS)
 
 
 def test_a_recording_without_sound_is_refused(recording: Recording) -> None:
     deaf = dataclasses.replace(recording, audio=None)
     with pytest.raises(InputError, match=r"studio: it has no sound; map it with --by magn"):
-        hear(deaf, PARAMETERS)
+        extract_echoes(deaf, PARAMETERS)
 
 
 def test_a_recording_at_another_rate_is_refused(recording: Recording) -> None:
     samples: F32 = np.zeros((1, 99_000), dtype=np.float32)
     strange = dataclasses.replace(recording, audio=Audio(samples, 22_050))
     with pytest.raises(InputError, match="wanted 44100 or 48000 Hz, got 22050"):
-        hear(strange, PARAMETERS)
+        extract_echoes(strange, PARAMETERS)
 
 
 def test_steps_of_a_known_length_stay_as_they_are(recording: Recording) -> None:
-    nodes, echoes = walk_nodes(recording, PARAMETERS), hear(recording, PARAMETERS)
+    nodes, echoes = (
+        dead_reckoning_nodes(recording, PARAMETERS),
+        extract_echoes(recording, PARAMETERS),
+    )
     sure = dataclasses.replace(nodes, scale_sigma=0.0)
-    assert with_heard_steps(sure, echoes, PARAMETERS) is sure
-    heard = with_heard_steps(nodes, echoes, PARAMETERS)
+    assert apply_acoustic_scale(sure, echoes, PARAMETERS) is sure
+    heard = apply_acoustic_scale(nodes, echoes, PARAMETERS)
     assert 0 < heard.scale_sigma < nodes.scale_sigma
     before, after = (np.diff(each.world_from_body[:, :2], axis=0) for each in (nodes, heard))
     scale = np.linalg.norm(after) / np.linalg.norm(before)
@@ -266,8 +273,8 @@ def test_steps_of_a_known_length_stay_as_they_are(recording: Recording) -> None:
 
 def test_without_a_schedule_the_echoes_for_fixes_are_the_echoes(recording: Recording) -> None:
     assert recording.played_t_s is None
-    echoes, suspect = hear_for_fixes(recording, PARAMETERS)
-    npt.assert_array_equal(echoes.samples, hear(recording, PARAMETERS).samples)
+    echoes, suspect = extract_query_echoes(recording, PARAMETERS)
+    npt.assert_array_equal(echoes.samples, extract_echoes(recording, PARAMETERS).samples)
     assert not suspect(echoes.t_s).any()
 
 
@@ -278,7 +285,9 @@ def test_real_walks_end_where_they_should_by_the_compass_alone(shared_data: Path
         found = read_walk(path)
         true = found.truth.world_from_body[:, :2]
         start = (float(true[0, 0]), float(true[0, 1]), np.nan)
-        nodes = walk_nodes(dataclasses.replace(found.recording, start_pose=start), PARAMETERS)
+        nodes = dead_reckoning_nodes(
+            dataclasses.replace(found.recording, start_pose=start), PARAMETERS
+        )
         end = interpolate_poses(nodes.t_s, nodes.world_from_body, found.truth.t_s[-1:])[0, :2]
         way_m = np.linalg.norm(np.diff(true, axis=0), axis=1).sum()
         shares.append(np.linalg.norm(end - true[-1]) / way_m)

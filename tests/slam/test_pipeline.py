@@ -13,7 +13,7 @@ import pytest
 from scipy import signal
 
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.values import (
@@ -27,11 +27,11 @@ from elfslam.base.values import (
     Similarity,
     Truth,
 )
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.slam import pipeline as slam
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import Sense, map_by, map_by_echoes, no_similarity
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import Encoder, SpectralEncoder, load_encoder
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import load_world

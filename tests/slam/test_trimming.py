@@ -10,7 +10,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Odometry, Recording
-from elfslam.slam.front_end import hear, walk_nodes
+from elfslam.slam.front_end import dead_reckoning_nodes, extract_echoes
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import kept_motion, kept_sound, trimmed
 from elfslam.world.simulate import simulate
@@ -26,8 +26,11 @@ def recording() -> Recording:
 
 def test_the_steps_and_echoes_of_a_stretch_are_those_of_the_whole(recording: Recording) -> None:
     part = trimmed(recording, 8.0, 20.0)
-    whole, heard = walk_nodes(recording, PARAMETERS), hear(recording, PARAMETERS)
-    steps, echoes = walk_nodes(part, PARAMETERS), hear(part, PARAMETERS)
+    whole, heard = (
+        dead_reckoning_nodes(recording, PARAMETERS),
+        extract_echoes(recording, PARAMETERS),
+    )
+    steps, echoes = dead_reckoning_nodes(part, PARAMETERS), extract_echoes(part, PARAMETERS)
     assert 8 <= steps.t_s[0] < steps.t_s[-1] <= 20
     inner = steps.t_s[2:-2]
     nearest_s = np.min(np.abs(whole.t_s[:, None] - inner), axis=0)
@@ -45,9 +48,9 @@ def test_whatever_was_wrong_outside_does_not_matter(recording: Recording) -> Non
     samples[:, : 6 * 44_100] = np.sign(samples[:, : 6 * 44_100])
     loud = dataclasses.replace(recording, audio=Audio(samples, 44_100))
     with pytest.raises(InputError, match="clipped"):
-        hear(loud, PARAMETERS)
-    echoes = hear(trimmed(loud, 8.0, 30.0), PARAMETERS)
-    npt.assert_allclose(echoes.t_s, hear(trimmed(recording, 8.0, 30.0), PARAMETERS).t_s)
+        extract_echoes(loud, PARAMETERS)
+    echoes = extract_echoes(trimmed(loud, 8.0, 30.0), PARAMETERS)
+    npt.assert_allclose(echoes.t_s, extract_echoes(trimmed(recording, 8.0, 30.0), PARAMETERS).t_s)
 
 
 def test_a_start_is_that_of_the_whole() -> None:
@@ -70,7 +73,7 @@ def test_a_stretch_without_motion_is_refused_with_that_of_the_recording(
     recording: Recording,
 ) -> None:
     with pytest.raises(InputError, match=r"wanted motion from 900 to 910 s, got that from 0\.0 to"):
-        walk_nodes(trimmed(recording, 900.0, 910.0), PARAMETERS)
+        dead_reckoning_nodes(trimmed(recording, 900.0, 910.0), PARAMETERS)
     with pytest.raises(InputError, match="got none; choose a stretch"):
         kept_motion(trimmed(Recording("walk", "planted"), 0.0, 10.0))
 

@@ -10,7 +10,7 @@ import pytest
 from elfslam.app import simulated_training as pretraining
 from elfslam.base.progress import silent
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.line.feature import OnnxEncoder
+from elfslam.stages.feature import OnnxEncoder
 from studies import amounts
 from studies.amounts import ERROR, FINETUNED, LOSS, PRETRAINED, RECALL, STARTS, STUDY, TrainedWalk
 from studies.results import Record

@@ -8,8 +8,8 @@ import pytest
 
 from elfslam.app.settings import Settings
 from elfslam.base.values import Recording
-from elfslam.line.echo import matched_envelope
-from elfslam.slam.front_end import hear_for_fixes
+from elfslam.slam.front_end import extract_query_echoes
+from elfslam.stages.echo import matched_envelope
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.simulate import load_world
 from studies import attacks
@@ -120,7 +120,7 @@ def test_echoes_of_elsewhere_are_told_by_their_loudness(
         "walk", "phone", audio=audio, imu=walk.imu, played_t_s=walk.played_t_s,
         gain_db=walk.gain_db,
     )  # fmt: skip
-    _, suspicious = hear_for_fixes(heard, Settings())
+    _, suspicious = extract_query_echoes(heard, Settings())
     edges_s = np.arange(0.0, walk.truth.t_s[-1], 0.5)
     suspect = suspicious(edges_s)
     begun_s = by_chance.onset / RATE_HZ
@@ -130,9 +130,9 @@ def test_echoes_of_elsewhere_are_told_by_their_loudness(
 
 def test_the_own_chirp_is_muffled_from_the_onset_on(victim: Victim) -> None:
     plain = recorded(victim.walked).samples[0]
-    muffled = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
-    npt.assert_allclose(muffled[: victim.onset], plain[: victim.onset], atol=1e-6)
-    assert np.abs(muffled[victim.onset :]).max() < 0.05 * np.abs(plain).max()
+    port_occlusion = recorded(victim.walked, own_gain=0.01, since=victim.onset).samples[0]
+    npt.assert_allclose(port_occlusion[: victim.onset], plain[: victim.onset], atol=1e-6)
+    assert np.abs(port_occlusion[victim.onset :]).max() < 0.05 * np.abs(plain).max()
 
 
 def test_levels_are_in_decibels(victim: Victim) -> None:

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from elfslam.app.settings import Settings
-from elfslam.line.feature import SpectralEncoder
 from elfslam.slam import front_end
+from elfslam.stages.feature import SpectralEncoder
 from elfslam.world import simulate as simulator
 from elfslam.world.simulate import load_world
 from studies import cached
-from studies.cached import bound_cache, extract_features, hear, simulate
+from studies.cached import bound_cache, extract_echoes, extract_features, simulate
 
 
 @pytest.fixture(autouse=True)
@@ -28,14 +28,15 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 def test_a_walk_its_echoes_and_features_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     world, encoder = load_world("studio"), SpectralEncoder()
     walk, truth = simulate(world, 100, rounds=1)
-    echoes = hear(walk, Settings())
+    echoes = extract_echoes(walk, Settings())
     features = extract_features(echoes, encoder)
-    for module, name in ((simulator, "simulate"), (front_end, "hear"), (cached, "extract")):
+    steps = ((simulator, "simulate"), (front_end, "extract_echoes"), (cached, "extract"))
+    for module, name in steps:
         monkeypatch.setattr(module, name, lambda *given, **how: pytest.fail("made again"))
     again, truth_again = simulate(world, 100, rounds=1)
     np.testing.assert_array_equal(again.audio.samples, walk.audio.samples)
     np.testing.assert_array_equal(truth_again.world_from_body, truth.world_from_body)
-    np.testing.assert_array_equal(hear(again, Settings()).samples, echoes.samples)
+    np.testing.assert_array_equal(extract_echoes(again, Settings()).samples, echoes.samples)
     np.testing.assert_array_equal(extract_features(echoes, encoder).vectors, features.vectors)
 
 

@@ -14,7 +14,7 @@ import pytest
 
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.progress import silent
-from elfslam.line.feature import SpectralEncoder
+from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.kinds import Kind
 from studies import catalogue
 from studies.catalogue import STUDIES, Choice, Stale, run_stale, run_study, stale_studies

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from elfslam.line.locate import LocateParameters
+from elfslam.stages.locate import LocateParameters
 from studies.contention import measure_contention, together
 from studies.study import StudyContext
 

@@ -10,7 +10,7 @@ import pytest
 from elfslam.app.card import ON_THE_CARD, metrics_of
 from elfslam.base.values import Odometry, Truth
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import QUIET, SURVEYOR
 from studies.elf import labelled_pairs, measure_elf, sequence_similarity
 from studies.results import Record, stamped, write_results

@@ -11,7 +11,7 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.world import pyroom
 from elfslam.world.paths import Reach
-from elfslam.world.phone import C64, Ends
+from elfslam.world.phone import C64, Transducers
 from elfslam.world.pulses import Air
 from elfslam.world.room import Room, check_outline
 from elfslam.world.scene import Scene
@@ -47,7 +47,7 @@ def test_what_one_engine_lacks_shows(monkeypatch: pytest.MonkeyPatch) -> None:
     """An engine that loses all third reflections and more is found out."""
     whole = pyroom.image_echoes
 
-    def shallow(scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach) -> C64:
+    def shallow(scene: Scene, ends: Transducers, people_m: F64, air: Air, reach: Reach) -> C64:
         return whole(scene, ends, people_m, air, reach._replace(order=2))
 
     monkeypatch.setattr(pyroom, "image_echoes", shallow)

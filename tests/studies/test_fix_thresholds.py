@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from studies import fix_thresholds
 from studies.fix_thresholds import STUDY, measure_fix_thresholds
 from studies.localization import ANSWERED_ELSEWHERE

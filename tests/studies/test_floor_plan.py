@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from elfslam.line.anchoring import AnchoringParameters
+from elfslam.stages.floor_plan_alignment import AnchoringParameters
 from elfslam.world.simulate import load_world, simulate
 from elfslam.world.walkable import standing_room
 from studies import floor_plan

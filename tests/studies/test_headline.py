@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.values import NO_CLOSURES
 from elfslam.slam import pipeline
 from studies import headline

@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 
 from elfslam.base.arrays import F32, F64
 from elfslam.baselines.generic import generic_encoders, unit_rows
-from elfslam.line.feature import walk_vectors
+from elfslam.stages.feature import walk_vectors
 from elfslam.world.kinds import PEOPLE, QUIET
 from elfslam.world.world_file import load_world
 from studies.lap_echoes import (

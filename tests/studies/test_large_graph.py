@@ -3,7 +3,7 @@
 import numpy as np
 
 from elfslam.base.geometry import between
-from elfslam.line.graph.uncertainty import residuals
+from elfslam.stages.graph.uncertainty import residuals
 from studies.benchmarks.large_graph import (
     APART,
     SIGMA,

@@ -8,7 +8,7 @@ import pytest
 
 from elfslam.data.recordings import write_recording
 from elfslam.learn.parameters import PretrainParameters, ScratchParameters
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 from elfslam.world.simulate import load_world, simulate
 from studies import paper
 from studies.paper import (

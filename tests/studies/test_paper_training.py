@@ -12,7 +12,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.progress import silent
 from elfslam.base.values import ECHO_SAMPLES, Echoes
 from elfslam.learn.parameters import ScratchParameters
-from elfslam.line.feature import OnnxEncoder
+from elfslam.stages.feature import OnnxEncoder
 from studies.paper_training import AS_IN_PAPER, learnt_from_walk, pretrain_as_in_paper
 
 FEW = replace(ScratchParameters(), steps=40, pairs=32, near_s=1.0, threads=1)

@@ -12,7 +12,7 @@ from scipy import signal
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES
 from elfslam.baselines.generic import GenericEncoder
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from studies.real_rooms import (
     FILES,
     PERIOD_S,

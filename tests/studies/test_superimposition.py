@@ -10,7 +10,7 @@ import pytest
 from elfslam.base.arrays import F32, F64
 from elfslam.base.progress import silent
 from elfslam.base.values import Echoes
-from elfslam.line.feature import load_encoder, walk_vectors
+from elfslam.stages.feature import load_encoder, walk_vectors
 from studies import opposite_ways
 from studies.floor_spots import (
     DIRECTIONS_RAD,

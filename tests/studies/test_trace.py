@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.baselines.generic import generic_encoders
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 from elfslam.world.world_file import load_world
 from studies.marked_walk import MARKERS, walk_over_markers
 from studies.study import StudyContext

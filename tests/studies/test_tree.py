@@ -15,15 +15,15 @@ def plant(file: Path, text: str) -> None:
 def test_rooms_come_by_floor_and_folders_before_what_lies_in_them(tmp_path: Path) -> None:
     house = tmp_path / "src" / "elfslam"
     plant(house / "app" / "__init__.py", '"""Floor 4: verbs."""\n')
-    plant(house / "line" / "__init__.py", '"""Floor 2: the method."""\n')
-    plant(house / "line" / "echo" / "__init__.py", '"""Echo cutting."""\n')
-    plant(house / "line" / "echo" / "cut.py", '"""Cuts.\n\nMore of it.\n"""\n')
+    plant(house / "stages" / "__init__.py", '"""Floor 2: the method."""\n')
+    plant(house / "stages" / "echo" / "__init__.py", '"""Echo cutting."""\n')
+    plant(house / "stages" / "echo" / "cut.py", '"""Cuts.\n\nMore of it.\n"""\n')
     plant(tmp_path / "studies" / "__init__.py", '"""Tables."""\n')
     page = tree_page(tmp_path)
     places = [
         page.index(text)
         for text in (
-            "## src/elfslam/line/",
+            "## src/elfslam/stages/",
             "Floor 2: the method.",
             "| **`echo/`** | Echo cutting. |",
             "| `echo/cut.py` | Cuts. |",

@@ -10,7 +10,7 @@ from elfslam.base.arrays import F64
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, air_at, image_echoes
+from elfslam.world.phone import Transducers, air_at, image_echoes
 from elfslam.world.pulses import CARRIER_HZ
 from elfslam.world.room import Block, Room, shoebox
 from elfslam.world.scene import Scene, scene_of
@@ -35,16 +35,18 @@ def ends_at(
     directivity: float = 0.0,
     held: bool = False,
     ahead: tuple[float, float] = (0.0, 0.0),
-) -> Ends:
+) -> Transducers:
     """One phone; it looks upward unless told, and so has no holder behind it."""
     still = np.zeros(3) if velocity_mps is None else velocity_mps
     rows = [np.array(row, dtype=float)[None] for row in (speaker_m, microphone_m, axis, axis)]
-    return Ends(*rows, np.array([ahead]), still[None], still[None], directivity, directivity, held)
+    return Transducers(
+        *rows, np.array([ahead]), still[None], still[None], directivity, directivity, held
+    )
 
 
 def heard(
     room: Room | Scene,
-    ends: Ends | None = None,
+    ends: Transducers | None = None,
     people_m: F64 | None = None,
     reach: Reach = FIRST_ORDER,
 ) -> C128:

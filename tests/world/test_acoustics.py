@@ -31,7 +31,7 @@ from elfslam.world.acoustics import PERSON_REFLECTION
 from elfslam.world.device import BAND_BINS
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends
+from elfslam.world.phone import Transducers
 from elfslam.world.plan import PERSON_HEIGHT_M, PERSON_RADIUS_M
 from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ, PHASES, TAPS, pulse_table
 from elfslam.world.room import Block, Room, box, shoebox
@@ -71,7 +71,7 @@ def test_held_phones_hear_no_direct_sound() -> None:
     assert not heard(dead_room(), ends_at(held=True)).any()
 
 
-def naive_envelope(ends: Ends, reach: Reach) -> C128:
+def naive_envelope(ends: Transducers, reach: Reach) -> C128:
     """Allen and Berkley's sum over images (1979), each pulse laid down by plain arithmetic."""
     out, table = np.zeros(BAND_BINS + 2 * TAPS, dtype=np.complex128), pulse_table()
     (speaker,), (microphone,), (s_axis,), (m_axis,) = ends[:4]
@@ -274,8 +274,8 @@ def test_speaker_and_microphone_may_change_places(seed: int) -> None:
     one, other, speaks, hears = drawn(seed)
     rows = [row[None] for row in (one + ORIGIN_M, other + ORIGIN_M, speaks, hears)]
     rest = (np.array([[1.0, 0.0]]), np.zeros((1, 3)), np.zeros((1, 3)), 0.35, 0.35, False)
-    there = heard(PLAIN_SCENE, Ends(*rows, *rest), reach=DEEP)
-    back = heard(PLAIN_SCENE, Ends(rows[1], rows[0], rows[3], rows[2], *rest), reach=DEEP)
+    there = heard(PLAIN_SCENE, Transducers(*rows, *rest), reach=DEEP)
+    back = heard(PLAIN_SCENE, Transducers(rows[1], rows[0], rows[3], rows[2], *rest), reach=DEEP)
     assert np.linalg.norm(there - back) <= 1e-6 * np.linalg.norm(there)
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
-from elfslam.line.acoustic_odometry import AcousticOdometryParameters
+from elfslam.stages.acoustic_odometry import AcousticOdometryParameters
 from elfslam.world import pyroom
 from elfslam.world.air import speed_of_sound_mps
 from elfslam.world.circumstances import (
@@ -249,8 +249,8 @@ def test_every_engine_hears_the_room(engine: str) -> None:
     room = room_on(studio, today)
     poses = poses_at(np.append(studio.route_m[:1], [[1.2]], axis=1), np.zeros(1), np.full(1, 0.4))
     ends = ends_of(built_in_device("flat"), poses)
-    hear = engine_of(today, room, 1)
-    heard = hear(scene_of(room), ends, poses.people_m, air_at(), reach_of(today))
+    extract_echoes = engine_of(today, room, 1)
+    heard = extract_echoes(scene_of(room), ends, poses.people_m, air_at(), reach_of(today))
     assert heard.shape == (1, BAND_BINS)
     assert np.abs(heard).max() > 0
 

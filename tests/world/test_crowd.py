@@ -12,7 +12,7 @@ from elfslam.world.device import BAND_BINS
 from elfslam.world.diffuse import add_diffuse, diffuse_echoes
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends
+from elfslam.world.phone import Transducers
 from elfslam.world.plan import PERSON_RADIUS_M
 from elfslam.world.pulses import BASEBAND_HZ, C64
 from elfslam.world.room import Room, box, shoebox
@@ -30,7 +30,7 @@ def standing_crowd(people_m: F64) -> Crowd:
 
 
 def heard(
-    ends: Ends, people_m: F64, room: Room | None = None, person: Material | None = PERSON
+    ends: Transducers, people_m: F64, room: Room | None = None, person: Material | None = PERSON
 ) -> C64:
     """In a room whose surfaces are dead unless told (n, 630), of people (p, 2)."""
     around = room or dead_room()
@@ -156,7 +156,7 @@ def test_threads_and_rows_change_no_byte() -> None:
     """A row does not hear the people of the row before."""
     room, ends = dead_room(), ends_at()
     people_m = np.array([[[4.0, 3.5]], [[1.0, 1.5]], [[5.5, 4.0]]])
-    three = Ends(*(np.repeat(column, 3, axis=0) for column in ends[:7]), *ends[7:10])
+    three = Transducers(*(np.repeat(column, 3, axis=0) for column in ends[:7]), *ends[7:10])
     whole = np.zeros((3, BAND_BINS), np.complex64)
     scene, scattering = scene_of(room), scattering_of(room)
     for threads in (1, 3):

@@ -13,7 +13,7 @@ from elfslam.world.device import BAND_BINS
 from elfslam.world.diffuse import GLINTS, add_diffuse, diffuse_echoes, tilted
 from elfslam.world.materials import Material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, image_echoes
+from elfslam.world.phone import Transducers, image_echoes
 from elfslam.world.pulses import BASEBAND_HZ, C64, CARRIER_HZ
 from elfslam.world.room import Room, shoebox
 from elfslam.world.scattering import Chains, Scattering, scattering_of
@@ -30,13 +30,13 @@ def rough_room(seed: int = 3) -> Room:
 
 
 def heard(
-    scattering: Scattering, ends: Ends, room: Room | None = None, people_m: F64 = NOBODY
+    scattering: Scattering, ends: Transducers, room: Room | None = None, people_m: F64 = NOBODY
 ) -> C64:
     return heard_and_falling(scattering, ends, room, people_m)[0]
 
 
 def heard_and_falling(
-    scattering: Scattering, ends: Ends, room: Room | None = None, people_m: F64 = NOBODY,
+    scattering: Scattering, ends: Transducers, room: Room | None = None, people_m: F64 = NOBODY,
     person: Material | None = None,
 ) -> C64:  # fmt: skip
     """Envelopes (2, n, 630): what is heard, and the same with each path times its fall."""

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from elfslam.base.arrays import F32
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, EchoPairs
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import load_encoder
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, cut_echoes
+from elfslam.stages.feature import load_encoder
 from elfslam.world import echo_pairs as module
 from elfslam.world.device import named_device, random_device
 from elfslam.world.echo_pairs import (

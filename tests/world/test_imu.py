@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.line.motion import MotionParameters, find_footsteps
+from elfslam.stages.motion import MotionParameters, find_footsteps
 from elfslam.world.device import BMI160, BROWSER, LSM6DSO, ImuGrade
 from elfslam.world.imu import (
     ALLAN_PEAK,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import Circumstances, device_of
 from elfslam.world.device import Device, band_hz, random_device

@@ -14,7 +14,7 @@ from scipy import signal
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import absorption_db_per_m
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_in_device
 from elfslam.world.lobes import Lobes

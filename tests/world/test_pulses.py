@@ -21,10 +21,10 @@ from one_phone import (
 )
 
 from elfslam.base.arrays import F64
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.device import built_in_device
 from elfslam.world.lobes import Lobes
-from elfslam.world.phone import Ends, image_echoes, render_frames
+from elfslam.world.phone import Transducers, image_echoes, render_frames
 from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ
 from elfslam.world.room import shoebox
 from elfslam.world.scene import Scene, scene_of
@@ -39,7 +39,7 @@ def scatterer(point_m: F64, radius_m: float, normal: F64 = -X) -> Scene:
 # --- motion ---
 
 
-def chirp_heard(ends: Ends, gain: float, wall_x_m: float) -> F64:
+def chirp_heard(ends: Transducers, gain: float, wall_x_m: float) -> F64:
     """The chirp of a moving phone by the mirror at `wall_x_m`, in time, at 44.1 kHz (4410)."""
     rate_hz, fine = 44_100, 64
     chirp = make_chirp(ChirpParameters(), rate_hz).samples.astype(float)
@@ -91,7 +91,7 @@ def test_a_lobe_is_one_minus_b_plus_b_cosine(forward: float) -> None:
 LOBES = Lobes(0.35, 0.07, np.array([0.0, 0.8, 0.6]))
 
 
-def lobed_ends(ends: Ends, lobes: Lobes = LOBES) -> Ends:
+def lobed_ends(ends: Transducers, lobes: Lobes = LOBES) -> Transducers:
     """Both transducers have these lobes, along the room's axes; the microphone half the share."""
     across = 0.5 * lobes.spacing_m * CARRIER_HZ / 343.0 * lobes.axis[None]
     shares = {"speaker_lobe_share": lobes.share, "microphone_lobe_share": lobes.share / 2}

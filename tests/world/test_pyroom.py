@@ -13,7 +13,7 @@ from elfslam.base.errors import InputError
 from elfslam.world import phone, pyroom
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, air_at
+from elfslam.world.phone import Transducers, air_at
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import Scene, scene_of
 from studies.fidelity import correlation_of
@@ -37,18 +37,18 @@ def rectangle() -> Scene:
     return scene_of(shoebox(np.array([6.0, 5.0, 2.5]), walls(6)))
 
 
-def ends_at(directivity: float = 0.0, *, held: bool = False, shift_m: float = 0.0) -> Ends:
+def ends_at(directivity: float = 0.0, *, held: bool = False, shift_m: float = 0.0) -> Transducers:
     axis = np.array([[2.0, -1.0, 0.5]]) / np.linalg.norm([2.0, -1.0, 0.5])
     # Nowhere on a diagonal: paths into a corner belong to both walls or to neither.
     speaker, microphone = np.array([[1.03, 1.21, 1.2]]), np.array([[2.07, 3.94, 1.5]])
     shift = np.array([shift_m, shift_m, 0.0])
-    return Ends(
+    return Transducers(
         speaker + shift, microphone + shift, axis, axis[:, [1, 0, 2]], np.zeros((1, 2)),
         np.zeros((1, 3)), np.zeros((1, 3)), directivity, directivity / 2, held,
     )  # fmt: skip
 
 
-def both(scene: Scene, ends: Ends, reach: Reach = REACH) -> tuple[phone.C64, phone.C64]:
+def both(scene: Scene, ends: Transducers, reach: Reach = REACH) -> tuple[phone.C64, phone.C64]:
     rest = (scene, ends, NOBODY, air_at(), reach)
     return phone.image_echoes(*rest), pyroom.image_echoes(*rest)
 

@@ -12,7 +12,7 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world import recorder
 from elfslam.world.circumstances import SOUNDS, Circumstances
 from elfslam.world.device import Device, built_in_device

@@ -11,8 +11,8 @@ from scipy import signal
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import DISCARDED_SAMPLES, ECHO_SAMPLES, Audio, Recording, Truth
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import (
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import (
     EchoParameters,
     cut_echoes,
     find_arrivals,
@@ -20,7 +20,7 @@ from elfslam.line.echo import (
     frame_facts,
     matched_envelope,
 )
-from elfslam.line.feature import SpectralEncoder
+from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ICM20948, built_in_device
 from elfslam.world.phone import Poses, air_at, phone_axes, render_frames, room_responses

@@ -47,7 +47,7 @@ def resting(motion: Motion) -> F64:
     return (motion.t_s < 1.5) | (motion.t_s > motion.t_s[-1] - 1.0)
 
 
-def under_way(motion: Motion) -> F64:
+def has_full_window(motion: Motion) -> F64:
     return (motion.t_s > 4.5) & (motion.t_s < motion.t_s[-1] - 4.5)
 
 
@@ -120,7 +120,7 @@ def test_no_step_is_shorter_in_a_turn() -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_speed_and_cadence_are_those_of_the_walker(seed: int) -> None:
     walker, motion = walker_of(seed), motion_of(seed)
-    walking = under_way(motion)
+    walking = has_full_window(motion)
     assert ground_speed(motion)[walking].mean() == pytest.approx(walker.speed_mps, rel=0.12)
     expected = cadence_hz(walker, np.array([walker.speed_mps]))[0]
     assert rate(motion.steps)[walking].mean() == pytest.approx(expected, rel=0.06)
@@ -129,7 +129,7 @@ def test_speed_and_cadence_are_those_of_the_walker(seed: int) -> None:
 @pytest.mark.parametrize("seed", SEEDS)
 def test_the_walk_rests_at_both_ends(seed: int) -> None:
     motion = motion_of(seed)
-    still, walking = resting(motion), under_way(motion)
+    still, walking = resting(motion), has_full_window(motion)
     assert rate(motion.steps)[still].max() < 0.01 < rate(motion.steps)[walking].min()
     assert ground_speed(motion)[still].max() < 0.15 < ground_speed(motion)[walking].min()
     assert np.abs(rate(rate(motion.position_m))[still]).max() < 0.2
@@ -139,7 +139,7 @@ def test_the_walk_rests_at_both_ends(seed: int) -> None:
 def test_the_bounce_is_human(seed: int) -> None:
     """Vertical acceleration of 1.5 to 5 m/s2 rms while walking."""
     motion = motion_of(seed)
-    assert 1.5 < rate(rate(motion.position_m[:, 2]))[under_way(motion)].std() < 5.0
+    assert 1.5 < rate(rate(motion.position_m[:, 2]))[has_full_window(motion)].std() < 5.0
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -167,8 +167,8 @@ def test_laps_close() -> None:
 
 def test_the_heading_is_the_way_the_body_goes() -> None:
     motion = walk(straight_walker(), ROUTE_M, 1, np.random.default_rng(0))
-    velocity = rate(motion.position_m[:, :2])[under_way(motion)]
-    heading = motion.heading_rad[under_way(motion)]
+    velocity = rate(motion.position_m[:, :2])[has_full_window(motion)]
+    heading = motion.heading_rad[has_full_window(motion)]
     ahead = velocity[:, 0] * np.cos(heading) + velocity[:, 1] * np.sin(heading)
     aside = velocity[:, 1] * np.cos(heading) - velocity[:, 0] * np.sin(heading)
     assert ahead.min() > 0.4

@@ -15,14 +15,21 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import wrap_angle
 from elfslam.base.grid import FloorGrid, outlines, signed_area
 from elfslam.base.values import FloorMap
+from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.facts import ENCODER
 from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
-from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
-from elfslam.line.anchoring import OK, AnchoringParameters, Placement, Tag, anchor, placed
 from elfslam.scoring.figures import FloorPlan
+from elfslam.stages.floor_plan_alignment import (
+    OK,
+    AnchoringParameters,
+    Placement,
+    Tag,
+    anchor,
+    placed,
+)
 from elfslam.world.room import Room
 from elfslam.world.world_file import load_world
 

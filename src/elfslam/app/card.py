@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 from elfslam.base.errors import InputError
-from elfslam.data.folders import new_file
+from elfslam.data.atomic_files import new_file
 from elfslam.data.tables import number_in, read_named_rows
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 
 CLOSING = f"at {ClosureParameters().threshold:g}"
 ON_THE_CARD = (

@@ -12,13 +12,12 @@ import numpy as np
 from elfslam.app.anchor import floor_plan
 from elfslam.app.map import write_reported_run
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
+from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.fixes_files import write_fixes
-from elfslam.data.folders import new_file, refuse_occupied
 from elfslam.data.recordings import write_recording
-from elfslam.line.feature import Encoder, OnnxEncoder
 from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.scoring.bootstrap import interval
 from elfslam.scoring.errors import (
@@ -33,6 +32,7 @@ from elfslam.scoring.report import write_fix_report, write_report
 from elfslam.scoring.tables import methods
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import locate, map_by_echoes
+from elfslam.stages.feature import Encoder, OnnxEncoder
 from elfslam.world.kinds import PEOPLE, SURVEYOR, Kind
 from elfslam.world.simulate import simulate
 from elfslam.world.world_file import World, load_world

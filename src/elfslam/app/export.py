@@ -12,13 +12,13 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Format
+from elfslam.base.enums import Format
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
+from elfslam.data.atomic_files import new_file, settled
 from elfslam.data.facts import ENCODER, FACTS
-from elfslam.data.folders import new_file, settled
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
 from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
@@ -30,7 +30,7 @@ from elfslam.data.ros_map import image_beside, ros_map
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
 from elfslam.data.tum import write_tum
-from elfslam.line.graph import build_graph
+from elfslam.stages.graph import build_graph
 
 COVERAGE = "quality.csv"
 """Beside a map of several walks: what is known of each square of it."""
@@ -40,7 +40,7 @@ FINEST_M, COARSEST_M = 0.01, 1.0
 
 
 @dataclass(frozen=True)
-class Told:
+class ExportContext:
     """What no map knows and some formats ask for."""
 
     origin: Origin | None = None
@@ -50,7 +50,12 @@ class Told:
 
 
 def export(
-    source: Path, out: Path, to: Format, told: Told | None = None, *, overwrite: bool = False
+    source: Path,
+    out: Path,
+    to: Format,
+    told: ExportContext | None = None,
+    *,
+    overwrite: bool = False,
 ) -> None:
     """Write a run or a map as a file of another format, whole or not at all.
 
@@ -62,10 +67,10 @@ def export(
     if to is Format.ROS:
         image = image_beside(out)
         with new(out) as file, new(image) as picture:
-            _ros(settled(source), file, picture, readable(image.name), told or Told())
+            _ros(settled(source), file, picture, readable(image.name), told or ExportContext())
         return
     with new(out) as file:
-        EXPORTS[to](settled(source), file, told or Told())
+        EXPORTS[to](settled(source), file, told or ExportContext())
 
 
 def map_of(source: Path) -> FloorMap:
@@ -83,7 +88,7 @@ def map_of(source: Path) -> FloorMap:
     return FloorMap(poses[:, :2], poses[:, 2], walk, order, covariance, (), "", (run.name,))
 
 
-def _tum(source: Path, out: Path, told: Told) -> None:
+def _tum(source: Path, out: Path, told: ExportContext) -> None:
     """The straightened trajectory; of a map its spots in their order, numbered for want of time."""
     if (source / FACTS).is_file():
         trajectory = _run(source).trajectory
@@ -96,14 +101,14 @@ def _tum(source: Path, out: Path, told: Told) -> None:
     write_tum(out, t_s, poses)
 
 
-def _g2o(source: Path, out: Path, told: Told) -> None:
+def _g2o(source: Path, out: Path, told: ExportContext) -> None:
     """The pose graph: steps and all closures, the straightened poses as first guess."""
     run = _run(source)
     graph = build_graph(run.odometry, run.closures)
     write_g2o(out, graph, run.trajectory.world_from_body)
 
 
-def _onnx(source: Path, out: Path, told: Told) -> None:
+def _onnx(source: Path, out: Path, told: ExportContext) -> None:
     """The encoder that others are located by."""
     encoder = source / ENCODER
     if not encoder.is_file():
@@ -111,12 +116,12 @@ def _onnx(source: Path, out: Path, told: Told) -> None:
     shutil.copyfile(encoder, out)
 
 
-def _geojson(source: Path, out: Path, told: Told) -> None:
+def _geojson(source: Path, out: Path, told: ExportContext) -> None:
     """Walks, spots, squares of coverage and points of interest on the Earth."""
     write_geojson(out, map_of(source), _origin(told), _coverage(source), read_points(source))
 
 
-def _imdf(source: Path, out: Path, told: Told) -> None:
+def _imdf(source: Path, out: Path, told: ExportContext) -> None:
     """The walked ground as a unit of a level, points of interest as amenities."""
     origin = _origin(told)
     if told.place is None:
@@ -128,7 +133,7 @@ def _imdf(source: Path, out: Path, told: Told) -> None:
     write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
 
 
-def _ros(source: Path, file: Path, picture: Path, image: str, told: Told) -> None:
+def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContext) -> None:
     """The walked ground as an image of that name."""
     if not FINEST_M <= told.pixel_m <= COARSEST_M:
         raise ParameterError(
@@ -140,7 +145,7 @@ def _ros(source: Path, file: Path, picture: Path, image: str, told: Told) -> Non
     picture.write_bytes(content)
 
 
-def _parquet(source: Path, out: Path, told: Told) -> None:
+def _parquet(source: Path, out: Path, told: ExportContext) -> None:
     """The spots as a table."""
     write_parquet(out, map_of(source))
 
@@ -155,7 +160,7 @@ def _lines(source: Path) -> list[F64]:
     return [line for _, line in walk_lines(map_of(source))]
 
 
-def _origin(told: Told) -> Origin:
+def _origin(told: ExportContext) -> Origin:
     if told.origin is None:
         raise ParameterError(
             "--origin: a map does not know where on the Earth it lies; give "
@@ -181,7 +186,7 @@ def _coverage(source: Path) -> list[tuple[F64, Feature]]:
     ]
 
 
-EXPORTS: Mapping[Format, Callable[[Path, Path, Told], None]] = {
+EXPORTS: Mapping[Format, Callable[[Path, Path, ExportContext], None]] = {
     Format.TUM: _tum,
     Format.G2O: _g2o,
     Format.ONNX: _onnx,

@@ -11,7 +11,7 @@ import numpy as np
 from elfslam.app.map import versions
 from elfslam.app.map_many import recordings_in
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.points_of_interest import PointOfInterest
@@ -29,13 +29,13 @@ from elfslam.baselines.floor_walks import (
     solved,
     turned,
 )
+from elfslam.data.atomic_files import new_folder, refuse_occupied
 from elfslam.data.facts import read_object
-from elfslam.data.folders import new_folder, refuse_occupied
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
 from elfslam.data.recordings import read_recording
-from elfslam.line.carried_points import gathered
-from elfslam.line.checkpoints import CheckpointParameters, places_visited
-from elfslam.line.quality import map_quality
+from elfslam.stages.carried_points import gathered
+from elfslam.stages.checkpoints import CheckpointParameters, places_visited
+from elfslam.stages.quality import map_quality
 
 NORTH = "magnetic_north_rad"
 SENSES = (Modality.WIFI, Modality.MAGNETIC)

@@ -14,21 +14,28 @@ from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import compose
 from elfslam.base.grid import FloorGrid
 from elfslam.base.values import FloorMap, Run, Trajectory
+from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.facts import ENCODER, FACTS
-from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.geojson_files import walk_lines
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.runs import read_run
 from elfslam.data.tum import write_tum
-from elfslam.line.anchoring import OK, AnchoringParameters, Placement, anchor, placed, standing
-from elfslam.line.floormap import trajectory_map
-from elfslam.line.map_matching import (
+from elfslam.slam.parameters import Parameters
+from elfslam.stages.floor_plan_alignment import (
+    OK,
+    AnchoringParameters,
+    Placement,
+    anchor,
+    placed,
+    standing,
+)
+from elfslam.stages.floormap import trajectory_map
+from elfslam.stages.map_matching import (
     Followed,
     MapMatchingParameters,
     follow_ground,
     followed_trajectory,
 )
-from elfslam.slam.parameters import Parameters
 
 FOLLOWED = "followed.tum"
 SEED = 0

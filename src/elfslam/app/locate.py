@@ -11,18 +11,18 @@ import numpy as np
 from elfslam.app.floor import locate_by_field
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import Fixes, FloorMap, Recording
+from elfslam.data.atomic_files import settled
 from elfslam.data.facts import ENCODER
-from elfslam.data.folders import settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import is_superimposed
 from elfslam.data.recordings import read_recording
-from elfslam.line.device_adaptation import learn_phone
-from elfslam.line.feature import Encoder, extract_features, load_encoder
-from elfslam.slam.front_end import hear
+from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.pipeline import locate
+from elfslam.stages.device_adaptation import learn_phone
+from elfslam.stages.feature import Encoder, extract_features, load_encoder
 
 
 def locate_from(
@@ -69,7 +69,7 @@ def phone_translation(
     walk: Recording, floor_map: FloorMap, encoder: Encoder, settings: Settings
 ) -> F32:
     """What a phone's own walk in a map tells of how it hears (cross-device adaptation)."""
-    heard = extract_features(hear(walk, settings), encoder)
+    heard = extract_features(extract_echoes(walk, settings), encoder)
     return learn_phone(heard, floor_map, settings.phone)
 
 

@@ -17,23 +17,23 @@ from elfslam.app.modalities import sense_of
 from elfslam.app.settings import Settings
 from elfslam.app.workers import unit_key
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
+from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
 from elfslam.data.facts import BY_TAPS, FACTS, MISSING, NOTES
-from elfslam.data.folders import new_file, new_folder, refuse_occupied
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run
 from elfslam.learn.parameters import FinetuneParameters
-from elfslam.line.checkpoints import lies_on_plan
-from elfslam.line.feature import Encoder, OnnxEncoder, load_encoder
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
-from elfslam.slam.front_end import compass_of, hear
+from elfslam.slam.front_end import compass_of, extract_echoes
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import trimmed
+from elfslam.stages.checkpoints import lies_on_plan
+from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -225,7 +225,7 @@ def finetune_into(
         raise StoreError(f"{out}: wanted the name of a file that ends in .onnx; rename it")
     with new_file(out, overwrite=overwrite, reads=[path, encoder]) as partial:
         announce("echoes", None)
-        echoes = hear(read_recording(path, settings.chirp), settings)
+        echoes = extract_echoes(read_recording(path, settings.chirp), settings)
         tuned = finetuned(load_encoder(encoder), echoes, settings.finetune, seed, announce)
         partial.write_bytes(tuned.encoder.content)
     return tuned.reason

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from elfslam.app.map import MapJob, mapped_run, refuse_taken, units_of
-from elfslam.app.workers import Here, Workers
+from elfslam.app.workers import SerialWorkers, Workers
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.progress import Announce
 from elfslam.data.facts import FACTS, read_facts
@@ -44,7 +44,9 @@ def map_many(
     refused: dict[str, str] = {}
     done = len(paths) - len(waiting)
     announce(f"{done} of {len(paths)} recordings", done / len(paths))
-    for index, reason in (workers or Here()).each(partial(_map_one, out=out, job=job), waiting):
+    for index, reason in (workers or SerialWorkers()).each(
+        partial(_map_one, out=out, job=job), waiting
+    ):
         done += 1
         announce(f"{done} of {len(paths)} recordings", done / len(paths))
         if reason:

@@ -14,17 +14,17 @@ from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Trajectory
+from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.facts import ENCODER
-from elfslam.data.folders import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, fill_merged, is_merged, is_superimposed
 from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run
-from elfslam.line.carried_points import carried, gathered
-from elfslam.line.map_alignment import Registration
-from elfslam.line.quality import map_quality
 from elfslam.scoring.merged_report import write_merged_report
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
+from elfslam.stages.carried_points import carried, gathered
+from elfslam.stages.map_alignment import Registration
+from elfslam.stages.quality import map_quality
 
 
 @dataclass(frozen=True, eq=False)

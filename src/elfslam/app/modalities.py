@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.values import AnySimilarity, Odometry, Recording
 from elfslam.baselines.emr import emr_similarity

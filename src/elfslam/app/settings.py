@@ -13,11 +13,11 @@ from elfslam.baselines.neighbours import NeighbourParameters
 from elfslam.baselines.wifi import WIFI_CLOSURES, WifiFingerprintParameters
 from elfslam.baselines.wifi_places import PlaceParameters
 from elfslam.learn.parameters import FinetuneParameters, FloorLevelParameters, PretrainParameters
-from elfslam.line.anchoring import AnchoringParameters
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.device_adaptation import PhoneParameters
-from elfslam.line.map_matching import MapMatchingParameters
 from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.device_adaptation import PhoneParameters
+from elfslam.stages.floor_plan_alignment import AnchoringParameters
+from elfslam.stages.map_matching import MapMatchingParameters
 
 
 @dataclass(frozen=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from elfslam.app.world_plan import world_plan
+from elfslam.data.atomic_files import new_file, settled
 from elfslam.data.facts import FACTS, read_facts
-from elfslam.data.folders import new_file, settled
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.runs import read_run
 from elfslam.scoring.page import script_file, self_contained

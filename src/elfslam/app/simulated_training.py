@@ -16,7 +16,7 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.card import Card, Pretraining, training_facts
 from elfslam.base.errors import ParameterError, StoreError
 from elfslam.base.values import EchoPairs
-from elfslam.data.folders import new_file
+from elfslam.data.atomic_files import new_file
 from elfslam.learn.components import with_components
 from elfslam.learn.distributed import Ranks, check_shares, joined
 from elfslam.learn.network import CompactEncoder

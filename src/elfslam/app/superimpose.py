@@ -17,16 +17,16 @@ from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, FloorMap
-from elfslam.data.folders import new_folder, refuse_occupied, settled
+from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
 from elfslam.data.map_files import read_map
 from elfslam.data.merged_maps import MERGED, SUPERIMPOSED, fill_merged, is_superimposed, walk_in
 from elfslam.data.points_of_interest_files import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
-from elfslam.line.feature import Encoder, OnnxEncoder
-from elfslam.line.locate import elf_payload
-from elfslam.line.quality import map_quality
-from elfslam.line.superimposition import (
+from elfslam.stages.feature import Encoder, OnnxEncoder
+from elfslam.stages.locate import elf_payload
+from elfslam.stages.quality import map_quality
+from elfslam.stages.superimposition import (
     SpotEchoes,
     floor_spots,
     nearest_covariance,

@@ -16,7 +16,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Emr, Odometry, Similarity
 from elfslam.baselines.warping import warping_costs
-from elfslam.line.closure import ClosureParameters
+from elfslam.stages.closure import ClosureParameters
 
 EMR_CLOSURES = ClosureParameters(
     threshold=0.4,

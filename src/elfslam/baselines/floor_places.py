@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F64, I64, Bool
-from elfslam.base.choices import Modality, Mode
+from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError
 from elfslam.base.values import (
     Closures,

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy.spatial.transform import Rotation
 
 from elfslam.base.arrays import F64, I64
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import FloorMap, Odometry, Orientation, Payload, Recording, Trajectory
@@ -31,7 +31,7 @@ from elfslam.baselines.rival_maps import rssi_payload, stretch_map
 from elfslam.baselines.walks_graph import corrected, thinned, thinned_rows
 from elfslam.baselines.wifi import Fingerprints, WifiFingerprintParameters, fingerprints
 from elfslam.baselines.wifi_places import PlaceParameters, place_scores, wifi_places
-from elfslam.line.motion import MotionParameters, compass_heading, dead_reckon
+from elfslam.stages.motion import MotionParameters, compass_heading, dead_reckon
 
 LEVELS = "field:levels"
 NORTH_OF_COMPASS_RAD = np.pi / 2

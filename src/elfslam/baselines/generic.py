@@ -15,7 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_RATE_HZ
-from elfslam.line.feature import Encoder, spectrogram
+from elfslam.stages.feature import Encoder, spectrogram
 
 DECIMATION = 3
 """At 14.7 kHz the band of the chirp fills one Nyquist zone, 14.7 to 22.05 kHz: nothing of it

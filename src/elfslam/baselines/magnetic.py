@@ -20,7 +20,7 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Imu, Magnetometer, Odometry, Orientation, Similarity
 from elfslam.baselines.warping import warping_costs
-from elfslam.line.closure import ClosureParameters
+from elfslam.stages.closure import ClosureParameters
 
 VARIANTS = ("tuned", "paper")
 PAPER_SAMPLES = 25

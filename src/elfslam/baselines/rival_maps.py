@@ -29,8 +29,8 @@ from elfslam.baselines.wifi import (
     on_columns,
     wifi_scores,
 )
-from elfslam.line.locate import LocateParameters
-from elfslam.line.segments import SegmentParameters
+from elfslam.stages.locate import LocateParameters
+from elfslam.stages.segments import SegmentParameters
 
 RSSI, FIELD = "rssi", "field"
 WIFI_LOCATE = LocateParameters(

@@ -10,7 +10,7 @@ import numpy as np
 from elfslam.base.arrays import F64, I64
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import Closures, Odometry, PoseGraph, Trajectory
-from elfslam.line.graph import GraphParameters, optimise
+from elfslam.stages.graph import GraphParameters, optimise
 
 THINNED = 4
 """Every so many footsteps a walk is compared and corrected, 2.8 m apart."""

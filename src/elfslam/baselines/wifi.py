@@ -19,7 +19,7 @@ from elfslam.base.arrays import F64, I64, Value, array
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.parameters import parameter
 from elfslam.base.values import Odometry, Similarity, WifiScans
-from elfslam.line.closure import ClosureParameters
+from elfslam.stages.closure import ClosureParameters
 
 VARIANTS = ("tuned", "paper")
 SAME_SIGHTING_S = 0.05

@@ -17,7 +17,7 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
 from elfslam.cli.options import ParameterFile, Setting
-from elfslam.line.anchoring import AMBIGUOUS, NOWHERE, Placement
+from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
 """How well people say where a walk begins and whereto, m, m, rad."""

@@ -13,7 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 from elfslam.app.console import exit_code_of, run_app
 from elfslam.app.memory import refuse_scarce_memory
 from elfslam.base.errors import OccupiedError, StoreError
-from elfslam.data.folders import place_of, refuse_read
+from elfslam.data.atomic_files import place_of, refuse_read
 
 VERBS: Mapping[str, tuple[str, str]] = {
     "demo": ("demo:demo", "Map ten simulated walks and locate ten others in them."),

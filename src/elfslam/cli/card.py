@@ -12,7 +12,7 @@ from elfslam.app.console import print_rows, say
 from elfslam.base.card import card_rows
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.cli.options import AsJson, Force
-from elfslam.line.feature import read_card
+from elfslam.stages.feature import read_card
 
 
 def card(

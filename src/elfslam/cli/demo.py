@@ -19,7 +19,7 @@ from elfslam.cli.options import (
     ParameterFile,
     Setting,
 )
-from elfslam.line.feature import load_encoder
+from elfslam.stages.feature import load_encoder
 
 
 def demo(

@@ -10,7 +10,7 @@ import typer
 from elfslam.app.console import print_rows, progress_bar
 from elfslam.app.locate import locate_from
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Mode, parse_modalities
+from elfslam.base.enums import Mode, parse_modalities
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.parameters import load
 from elfslam.base.values import FixStatus
@@ -20,8 +20,8 @@ from elfslam.cli.options import (
     ParameterFile,
     Setting,
 )
+from elfslam.data.atomic_files import new_file
 from elfslam.data.fixes_files import write_fixes
-from elfslam.data.folders import new_file
 
 
 def locate_command(

@@ -20,7 +20,7 @@ from elfslam.cli.options import (
     refuse_if_none,
     say_refused,
 )
-from elfslam.data.folders import new_file, refuse_occupied
+from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.importing import (
     LogFormat,
     Refused,

@@ -20,7 +20,7 @@ from elfslam.app.map import (
 from elfslam.app.map_many import map_many, recordings_in
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
-from elfslam.base.choices import parse_modalities, parse_stretch
+from elfslam.base.enums import parse_modalities, parse_stretch
 from elfslam.base.parameters import load
 from elfslam.base.values import Run
 from elfslam.cli.options import (

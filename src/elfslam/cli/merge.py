@@ -12,7 +12,7 @@ from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.floor import merge_by_field
 from elfslam.app.merge import merge_into
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality, parse_modalities
+from elfslam.base.enums import Modality, parse_modalities
 from elfslam.base.parameters import load
 from elfslam.cli.options import (
     AsJson,

@@ -11,7 +11,7 @@ import typer
 from elfslam.app.compiling import compilation_announced
 from elfslam.app.console import progress_bar, say
 from elfslam.cli.options import Seed
-from elfslam.data.folders import refuse_occupied
+from elfslam.data.atomic_files import refuse_occupied
 from elfslam.data.recordings import write_recording
 from elfslam.world.circumstances import ENGINES, SOUNDS, parse_sounds
 from elfslam.world.device import DEVICES, GRADES, built_in_grade

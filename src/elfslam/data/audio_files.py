@@ -18,8 +18,8 @@ from elfslam.base.values import Audio
 from elfslam.data.baseband import from_baseband
 from elfslam.data.baseband_files import IQ, SPARSEST_FRAMES, read_baseband
 from elfslam.data.tables import read_timed_table
-from elfslam.line.chirp import ACCEPTED_RATES_HZ
-from elfslam.line.echo import resampled
+from elfslam.stages.chirp import ACCEPTED_RATES_HZ
+from elfslam.stages.echo import resampled
 
 FLAC, WAV = "audio.flac", "audio.wav"
 FRAMES, FRAME_TIMES = ("frames.flac", "frames.wav"), "frames.csv"

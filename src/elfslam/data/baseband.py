@@ -34,7 +34,7 @@ from scipy import signal
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import ECHO_RATE_HZ, Audio, Chirp
-from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.stages.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
 
 Sample = TypeVar("Sample", np.float32, np.complex64)
 C64 = npt.NDArray[np.complex64]

@@ -13,7 +13,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.data.baseband import Baseband, BasebandFormat
 from elfslam.data.tables import read_header, read_timed_table
-from elfslam.line.chirp import ACCEPTED_RATES_HZ
+from elfslam.stages.chirp import ACCEPTED_RATES_HZ
 
 IQ, FRAME_TIMES = "baseband.iq", "baseband.csv"
 BYTES = 4

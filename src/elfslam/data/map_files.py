@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.npz import read_npz, write_npz

@@ -15,7 +15,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Truth
 from elfslam.data.tables import parse_rows, read_lines
-from elfslam.line.motion import MotionParameters, find_footsteps
+from elfslam.stages.motion import MotionParameters, find_footsteps
 
 HEADER = ["name", "x_m", "y_m"]
 SHORTEST_PAUSE_S = 2.0

@@ -36,7 +36,7 @@ from elfslam.data.streams import (
     with_gravity,
 )
 from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
-from elfslam.line.chirp import ACCEPTED_RATES_HZ
+from elfslam.stages.chirp import ACCEPTED_RATES_HZ
 
 DEVICE, EVENTS = "device.csv", "time.csv"
 """The app's own files, in meta/."""

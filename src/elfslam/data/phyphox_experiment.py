@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 
 from elfslam.base.errors import ParameterError
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 
 FORMAT_VERSION = "1.16"
 """The first that can append sound; phyphox 1.1.12."""

@@ -24,11 +24,11 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
+from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband
 from elfslam.data.baseband_files import write_baseband
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
-from elfslam.data.folders import new_folder
 from elfslam.data.log_files import name_of
 from elfslam.data.schedule_files import read_schedule, write_schedule
 from elfslam.data.sensor_files import (
@@ -43,7 +43,7 @@ from elfslam.data.sensor_files import (
 )
 from elfslam.data.truth_files import write_truth
 from elfslam.data.wifi_table import read_wifi
-from elfslam.line.chirp import ChirpParameters
+from elfslam.stages.chirp import ChirpParameters
 
 FORMAT_VERSION = 1
 MACOSX = "__MACOSX"

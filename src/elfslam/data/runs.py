@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from elfslam.base.arrays import F32
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import (
     AnySimilarity,
@@ -25,9 +25,9 @@ from elfslam.base.values import (
     Similarity,
     Trajectory,
 )
+from elfslam.data.atomic_files import new_folder, sha256_of
 from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
 from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
-from elfslam.data.folders import new_folder, sha256_of
 from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
 from elfslam.data.npz import read_npz, write_npz
 from elfslam.data.points_of_interest_files import read_points, write_points

@@ -19,7 +19,7 @@ from elfslam.data.tables import (
 )
 from elfslam.data.tum import read_tum, write_tum
 from elfslam.data.wifi_table import write_wifi
-from elfslam.line.motion import MotionParameters
+from elfslam.stages.motion import MotionParameters
 
 AXES = ("x", "y", "z")
 QUATERNION = ("qx", "qy", "qz", "qw")

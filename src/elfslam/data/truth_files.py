@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.values import Truth
-from elfslam.data.folders import new_file
+from elfslam.data.atomic_files import new_file
 from elfslam.data.tables import write_timed_table
 from elfslam.data.tum import write_tum
 

@@ -57,7 +57,7 @@ def with_components(network: CompactEncoder, batches: Iterable[EchoPairs]) -> Co
 def moments(vectors: F64, visit: I64) -> Moments:
     """The sums of vectors (n, d) that were heard on these visits (n).
 
-    The mean of a visit is the phone's, and features lose it (`line.feature.centred`).
+    The mean of a visit is the phone's, and features lose it (`line.feature.mean_normalised`).
     """
     visits, which = np.unique(visit, return_inverse=True)
     mean = np.zeros((len(visits), vectors.shape[1]))

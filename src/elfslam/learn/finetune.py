@@ -20,7 +20,7 @@ from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.learn.revisits import beside, likely_revisits, window_means, windows_of
-from elfslam.line.feature import OnnxEncoder
+from elfslam.stages.feature import OnnxEncoder
 
 HELD_OUT_OF = 5
 """One time block in five is not learnt from."""

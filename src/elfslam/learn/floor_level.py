@@ -28,8 +28,8 @@ from elfslam.learn.onnx_files import encoder_content, network_of
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.learn.pretrain import Progress
 from elfslam.learn.resumable import Stream, prefetched, resumed, save, warm_cosine
-from elfslam.line.feature import Encoder, OnnxEncoder, walk_vectors
-from elfslam.line.superimposition import SpotEchoes, spot_means
+from elfslam.stages.feature import Encoder, OnnxEncoder, walk_vectors
+from elfslam.stages.superimposition import SpotEchoes, spot_means
 
 PARTS = ("whole", "head")
 

@@ -8,7 +8,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from elfslam.base.values import ELF_SIZE
-from elfslam.line.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
+from elfslam.stages.feature import BINS, FIRST_BIN, HOP_SAMPLES, WINDOW_SAMPLES
 
 FRAMES = 48
 LOG_FLOOR = 0.02

@@ -129,9 +129,9 @@ def _least_squares(matched: Matched, *, with_scale: bool) -> SimilarityTransform
     """Complex numbers make the planar case a single product: angle turns, modulus scales."""
     estimate = matched.estimate[:, 0] + 1j * matched.estimate[:, 1]
     truth = matched.truth[:, 0] + 1j * matched.truth[:, 1]
-    centred = estimate - estimate.mean()
-    covariance = np.vdot(centred, truth - truth.mean())
-    spread = np.vdot(centred, centred).real
+    mean_normalised = estimate - estimate.mean()
+    covariance = np.vdot(mean_normalised, truth - truth.mean())
+    spread = np.vdot(mean_normalised, mean_normalised).real
     scale = float(abs(covariance) / spread) if with_scale and spread > 0 else 1.0
     angle = float(np.angle(covariance))
     origin = truth.mean() - scale * np.exp(1j * angle) * estimate.mean()

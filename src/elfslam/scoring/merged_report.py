@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.base.values import FloorMap
-from elfslam.line.quality import MapQuality
 from elfslam.scoring import figures
 from elfslam.scoring.page import Page, Panel, rows_table, save_page
 from elfslam.scoring.quality_figures import error_tiles, sigma_tiles, walks_tiles, weight_tiles
+from elfslam.stages.quality import MapQuality
 
 PAIRS_NOTE = (
     "Places: ground that both cover in the same direction. Resemblance: there, relative to that of "

@@ -6,8 +6,8 @@ import numpy as np
 import plotly.graph_objects as go
 
 from elfslam.base.arrays import F64
-from elfslam.line.quality import MapQuality
 from elfslam.scoring.figures import WRONG, styled
+from elfslam.stages.quality import MapQuality
 
 GOOD_MANY = [[0.0, "#e9f4f3"], [0.5, "#5fb4b2"], [1.0, "#0b5f61"]]
 GOOD_FEW = [[0.0, "#e9f4f3"], [0.5, "#e9b872"], [1.0, "#b3261e"]]

@@ -14,8 +14,6 @@ from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 
 from elfslam import __version__
-from elfslam.line.chirp import ChirpParameters
-from elfslam.line.medium_access import MediumAccessParameters
 from elfslam.serve.buildings import routes as building_routes
 from elfslam.serve.jobs import routes as job_routes
 from elfslam.serve.jobs.runner import run_jobs
@@ -34,12 +32,14 @@ from elfslam.serve.positions.mqtt import publishing
 from elfslam.serve.positions.webhooks import posting
 from elfslam.serve.problems import EVERYWHERE, ProblemBody, install_problems
 from elfslam.serve.receiving import changing, looking, recordings, uploads
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import told_limits
 from elfslam.serve.sharing import groups
 from elfslam.serve.sharing import routes as sharing_routes
 from elfslam.serve.sharing.rights import identify_first
 from elfslam.serve.store.sweeps import sweeping
+from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.medium_access import MediumAccessParameters
 
 ROUTERS: tuple[APIRouter, ...] = (
     users.router,
@@ -92,7 +92,7 @@ public = APIRouter(tags=["server"])
 
 
 @public.get("/version", operation_id="get_version")
-def version(services: Here) -> Version:
+def version(services: ServicesDep) -> Version:
     """The version, the chirp that phones should play and how they take turns, and the limits."""
     return Version(
         version=__version__,

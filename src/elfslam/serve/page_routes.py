@@ -14,12 +14,12 @@ from starlette.exceptions import HTTPException
 from starlette.routing import Match, Mount
 from starlette.types import Scope
 
-from elfslam.line.feature import SHIPPED_ENCODER
 from elfslam.serve.maps.package import GROUPS_OF_WALK, phone_parameters
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.static_files import PageFiles
+from elfslam.stages.feature import SHIPPED_ENCODER
 
 PAGES = {"/": "phone.html", "/desk": "desk.html", "/trust": "trust.html"}
 CERTIFICATE, WORKER, PARAMETERS = "authority.pem", "service_worker.js", "parameters.json"
@@ -72,7 +72,7 @@ def install_pages(app: FastAPI, settings: ServerSettings) -> None:
     for suffix, kind in TYPES.items():
         mimetypes.add_type(kind, suffix)
     files = PageFiles(
-        folder, {f"line/{PARAMETERS}": parameters, "line/encoder.onnx": SHIPPED_ENCODER}
+        folder, {f"stages/{PARAMETERS}": parameters, "stages/encoder.onnx": SHIPPED_ENCODER}
     )
     for address, name in PAGES.items():
         app.get(address, include_in_schema=False)(_page(files, name))
@@ -89,7 +89,7 @@ def install_pages(app: FastAPI, settings: ServerSettings) -> None:
     app.router.routes.append(PagesMount("/", app=files))
 
 
-def authority(services: Here) -> FileResponse:
+def authority(services: ServicesDep) -> FileResponse:
     """The certificate of this server's authority, to be installed on phones that ask for one."""
     file = services.settings.authority_folder / CERTIFICATE
     if not file.is_file():

@@ -104,5 +104,5 @@ async def services_of(request: Request) -> Services:
     return services
 
 
-Here = Annotated[Services, Depends(services_of)]
+ServicesDep = Annotated[Services, Depends(services_of)]
 """A route's parameter: the server's services."""

@@ -26,7 +26,7 @@ WORTH = 0.95
 """A copy that is not smaller than this share is not sent."""
 PIECE_BYTES = 2**16
 PHONE_PAGE, MISSING_PAGE = "phone.html", "missing.html"
-OF_PHONE = ("phone", "shared", "keeping", "line", "words", "vendor")
+OF_PHONE = ("phone", "shared", "keeping", "stages", "words", "vendor")
 """Folders that the phone page needs without a network; `vendor` less what the desk alone needs."""
 ALONE = (PHONE_PAGE, "style.css", "app.webmanifest")
 NOT_OF_PHONE = ("vendor/qrcode-generator",)

@@ -9,7 +9,7 @@ import numpy as np
 from elfslam.base.arrays import F64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Echoes, Recording
-from elfslam.line.motion import MotionParameters
+from elfslam.stages.motion import MotionParameters
 
 SOUND, MOTION = "sound", "motion"
 BLOCK_S = 0.1

@@ -10,18 +10,18 @@ from elfslam.base.arrays import Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import between, compose
 from elfslam.base.values import ECHO_RATE_HZ, Echoes, Odometry, Recording
-from elfslam.line.acoustic_odometry import measure_scale, rescaled, with_prior
-from elfslam.line.chirp import make_chirp
-from elfslam.line.echo import Frames, echoes_of, find_frames, frame_facts
-from elfslam.line.medium_access import spoiled_frames
-from elfslam.line.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
-from elfslam.line.spoofing import Suspicion, nothing_suspect, suspicion
 from elfslam.slam.coverage import motion_times_s, stretches, within
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import kept_motion, kept_sound
+from elfslam.stages.acoustic_odometry import measure_scale, rescaled, with_prior
+from elfslam.stages.chirp import make_chirp
+from elfslam.stages.echo import Frames, echoes_of, find_frames, frame_facts
+from elfslam.stages.medium_access import spoiled_frames
+from elfslam.stages.motion import Compass, compass_heading, dead_reckon, nodes_by_distance
+from elfslam.stages.spoofing import Suspicion, nothing_suspect, suspicion
 
 
-def walk_nodes(recording: Recording, parameters: Parameters) -> Odometry:
+def dead_reckoning_nodes(recording: Recording, parameters: Parameters) -> Odometry:
     """Footsteps where there is an IMU, else places along the device's own odometry.
 
     Where no heading at the start is declared (see `compass_of`), that of the compass is taken.
@@ -76,7 +76,7 @@ def by_compass(
     return replace(nodes, world_from_body=poses, step_sigma=sigma)
 
 
-def hear(recording: Recording, parameters: Parameters) -> Echoes:
+def extract_echoes(recording: Recording, parameters: Parameters) -> Echoes:
     """The echoes of a recording's sound, as far as it has motion: no other can be placed.
 
     Where it says when its chirps were played, frames that other phones chirped into are left out.
@@ -107,14 +107,14 @@ def placeable(recording: Recording, echoes: Echoes, parameters: Parameters) -> E
     return replace(echoes, t_s=echoes.t_s[inside], samples=echoes.samples[inside])
 
 
-def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
+def extract_query_echoes(recording: Recording, parameters: Parameters) -> tuple[Echoes, Suspicion]:
     """The echoes of a recording, and which stretches of it are suspect.
 
     Where it says when it chirped, frames that are lacking, clipped or spoiled are judged one by
     one; else many of them are refused, and nothing is suspect.
     """
     if recording.played_t_s is None:
-        return hear(recording, parameters), nothing_suspect
+        return extract_echoes(recording, parameters), nothing_suspect
     lenient = replace(parameters.echo, found_share=0.0, clipped_share=1.0)
     frames = _frames(recording, replace(parameters, echo=lenient))
     duration_s, spoiled = _duration_s(recording), _spoiled(frames, parameters)
@@ -126,7 +126,7 @@ def hear_for_fixes(recording: Recording, parameters: Parameters) -> tuple[Echoes
     return clean, suspicion(facts, every, parameters.spoofing, clean)
 
 
-def with_heard_steps(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
+def apply_acoustic_scale(nodes: Odometry, echoes: Echoes, parameters: Parameters) -> Odometry:
     """The walk with its steps as long as the echoes say, weighed against what is known of them.
 
     As it was where nothing about the steps is uncertain, or the sound cannot tell.

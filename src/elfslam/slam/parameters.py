@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from elfslam.line.acoustic_odometry import AcousticOdometryParameters
-from elfslam.line.checkpoints import CheckpointParameters
-from elfslam.line.chirp import ChirpParameters
-from elfslam.line.closure import ClosureParameters
-from elfslam.line.echo import EchoParameters
-from elfslam.line.floormap import FloorMapParameters
-from elfslam.line.graph import GraphParameters
-from elfslam.line.locate import LocateParameters
-from elfslam.line.medium_access import MediumAccessParameters
-from elfslam.line.motion import MotionParameters
-from elfslam.line.segments import SegmentParameters
-from elfslam.line.spoofing import SpoofingParameters
-from elfslam.line.track import TrackParameters
+from elfslam.stages.acoustic_odometry import AcousticOdometryParameters
+from elfslam.stages.checkpoints import CheckpointParameters
+from elfslam.stages.chirp import ChirpParameters
+from elfslam.stages.closure import ClosureParameters
+from elfslam.stages.echo import EchoParameters
+from elfslam.stages.floormap import FloorMapParameters
+from elfslam.stages.graph import GraphParameters
+from elfslam.stages.locate import LocateParameters
+from elfslam.stages.medium_access import MediumAccessParameters
+from elfslam.stages.motion import MotionParameters
+from elfslam.stages.segments import SegmentParameters
+from elfslam.stages.spoofing import SpoofingParameters
+from elfslam.stages.track import TrackParameters
 
 
 @dataclass(frozen=True)

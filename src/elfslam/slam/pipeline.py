@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 
 from elfslam.base.arrays import F32, Bool
-from elfslam.base.choices import Mode
+from elfslam.base.enums import Mode
 from elfslam.base.parameters import digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import (
@@ -28,13 +28,21 @@ from elfslam.base.values import (
     Run,
     Trajectory,
 )
-from elfslam.line.checkpoints import closures_at, places_visited
-from elfslam.line.closure import ClosureParameters, find_closures, joined, sharing_errors
-from elfslam.line.device_adaptation import heard_as_map
-from elfslam.line.feature import Encoder, extract_features
-from elfslam.line.floormap import trajectory_map
-from elfslam.line.graph import agreeing, build_graph
-from elfslam.line.locate import (
+from elfslam.slam.front_end import (
+    apply_acoustic_scale,
+    dead_reckoning_nodes,
+    extract_echoes,
+    extract_query_echoes,
+)
+from elfslam.slam.optimisation import optimise_walk
+from elfslam.slam.parameters import Parameters
+from elfslam.stages.checkpoints import closures_at, places_visited
+from elfslam.stages.closure import ClosureParameters, find_closures, joined, sharing_errors
+from elfslam.stages.device_adaptation import to_map_domain
+from elfslam.stages.feature import Encoder, extract_features
+from elfslam.stages.floormap import trajectory_map
+from elfslam.stages.graph import agreeing, build_graph
+from elfslam.stages.locate import (
     LocateParameters,
     elf_payload,
     likeness,
@@ -42,12 +50,9 @@ from elfslam.line.locate import (
     trusted_one_shot,
     without_suspects,
 )
-from elfslam.line.segments import locate_by_segments
-from elfslam.line.similarity import echo_sequence_similarity
-from elfslam.line.track import Tracker
-from elfslam.slam.front_end import hear, hear_for_fixes, walk_nodes, with_heard_steps
-from elfslam.slam.parameters import Parameters
-from elfslam.slam.straightening import straighten
+from elfslam.stages.segments import locate_by_segments
+from elfslam.stages.similarity import echo_sequence_similarity
+from elfslam.stages.track import Tracker
 
 AS_MAPPED = np.zeros(3)
 """A map's own frame is that of the world."""
@@ -85,11 +90,11 @@ def map_by_echoes(
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
-        nodes = walk_nodes(recording, parameters)
+        nodes = dead_reckoning_nodes(recording, parameters)
     with stage("echoes"):
-        echoes = hear(recording, parameters)
+        echoes = extract_echoes(recording, parameters)
     with stage("step length"):
-        nodes = with_heard_steps(nodes, echoes, parameters)
+        nodes = apply_acoustic_scale(nodes, echoes, parameters)
     with stage("features"):
         used = adapt(encoder, echoes)
         features = extract_features(echoes, used)
@@ -124,7 +129,7 @@ def map_by(
     seconds: dict[str, float] = {}
     stage = partial(_stage, seconds, announce)
     with stage("motion"):
-        nodes = walk_nodes(recording, parameters)
+        nodes = dead_reckoning_nodes(recording, parameters)
     with stage("similarity"):
         similarities = _sensed(recording, nodes, senses)
     nodes, closures, trajectory = _close_loops(recording, nodes, similarities, parameters, stage)
@@ -154,7 +159,7 @@ def _close_loops(
     with stage("graph"):
         by_hand = np.arange(len(closures.i)) >= len(heard.i)
         named = recording.checkpoints
-        nodes, trajectory = straighten(nodes, closures, by_hand, named, parameters)
+        nodes, trajectory = optimise_walk(nodes, closures, by_hand, named, parameters)
     return nodes, closures, trajectory
 
 
@@ -195,13 +200,13 @@ def locate(
 
     The `seed` is the tracker's. A `translation` is what `learn_phone` found out about this phone.
     """
-    echoes, suspect = hear_for_fixes(recording, parameters)
+    echoes, suspect = extract_query_echoes(recording, parameters)
     features = extract_features(echoes, encoder)
     if translation is not None:
-        features = heard_as_map(features, translation)
+        features = to_map_domain(features, translation)
     if mode is Mode.ONE_SHOT:
         return trusted_one_shot(features, floor_map, parameters.locate, suspect)
-    nodes = walk_nodes(recording, parameters)
+    nodes = dead_reckoning_nodes(recording, parameters)
     scores = footstep_likeness(features, nodes, floor_map, parameters.locate)
     doubt = suspect(nodes.t_s)
     return locate_walk(nodes, scores, floor_map, parameters, mode=mode, seed=seed, suspect=doubt)

@@ -22,7 +22,7 @@ from elfslam.world.kernels import kernel
 from elfslam.world.materials import Material
 from elfslam.world.patches import OPEN_M
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends, image_echoes, one_phone, plain_rows
+from elfslam.world.phone import Transducers, image_echoes, one_phone, plain_rows
 from elfslam.world.pulses import (
     BASEBAND_HZ,
     C64,
@@ -91,8 +91,8 @@ class Bench(NamedTuple):
 
 
 def diffuse_echoes(
-    scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, *, scattering: Scattering,
-    threads: int = 1, person: Material | None = None,
+    scene: Scene, ends: Transducers, people_m: F64, air: Air, reach: Reach, *,
+    scattering: Scattering, threads: int = 1, person: Material | None = None,
 ) -> C64:  # fmt: skip
     """Mirror images and the diffuse field: envelopes (n, 630), the same for any threads.
 
@@ -124,7 +124,7 @@ def tilted(envelopes: C64, falling: C64, air: Air) -> C64:
 
 
 def add_diffuse(
-    out: C64, falling: C64, scene: Scene, scattering: Scattering, ends: Ends, people_m: F64,
+    out: C64, falling: C64, scene: Scene, scattering: Scattering, ends: Transducers, people_m: F64,
     air: Air, threads: int = 1, person: Material | None = None,
 ) -> None:  # fmt: skip
     """Adds the diffuse field to the envelopes (n, 630) of phones, the same for any threads.

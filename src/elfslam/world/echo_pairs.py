@@ -21,7 +21,7 @@ from elfslam.base.values import (
     Chirp,
     EchoPairs,
 )
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, named_device, random_device

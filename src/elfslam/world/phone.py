@@ -54,7 +54,7 @@ class Poses(Value):
     people_m: F64 = array("n", "p", 2)
 
 
-class Ends(NamedTuple):
+class Transducers(NamedTuple):
     """Both ends of the sound for many phones, in the room: positions, axes, motion and lobes.
 
     What lies `across` is the axis of a transducer's lobes, as long as half their spacing is in
@@ -77,10 +77,10 @@ class Ends(NamedTuple):
     microphone_lobe_share: float = 0.0
 
 
-COLUMNS = (*Ends._fields[:7], "speaker_across", "microphone_across")
+COLUMNS = (*Transducers._fields[:7], "speaker_across", "microphone_across")
 """Those of its fields that have a row for every phone."""
 
-Engine = Callable[[Scene, Ends, F64, Air, Reach], C64]
+Engine = Callable[[Scene, Transducers, F64, Air, Reach], C64]
 """Scene, both ends (n), people (n, p, 2), air and reach in; complex envelopes (n, 630) out: what is
 heard of an impulse without the direct sound and the holder. Two exist: `image_echoes` here and
 `pyroom.image_echoes`."""
@@ -107,7 +107,7 @@ def phone_axes(yaw_rad: F64, pitch_rad: F64, roll_rad: F64) -> F64:
     return np.stack([cos * right - sin * out, forward, sin * right + cos * out], axis=2)
 
 
-def ends_of(device: Device, poses: Poses) -> Ends:
+def ends_of(device: Device, poses: Poses) -> Transducers:
     """Speaker and microphone of held phones in the room."""
 
     def placed(local: F64) -> F64:
@@ -117,7 +117,7 @@ def ends_of(device: Device, poses: Poses) -> Ends:
         waves = 0.5 * lobes.spacing_m * CARRIER_HZ / SPEED_OF_SOUND_MPS
         return placed(waves * lobes.axis)
 
-    return Ends(
+    return Transducers(
         poses.position_m + placed(device.speaker_m),
         poses.position_m + placed(device.microphone_m),
         placed(device.speaker_axis),
@@ -148,7 +148,7 @@ def air_at(temperature_c: float = 20.0, humidity_percent: float = 50.0) -> Air:
 @kernel
 def one_phone(ends, row):
     """Both ends of one of many phones."""
-    return Ends(
+    return Transducers(
         ends.speaker[row], ends.microphone[row], ends.speaker_axis[row],
         ends.microphone_axis[row], ends.ahead[row], ends.speaker_velocity[row],
         ends.microphone_velocity[row],
@@ -170,7 +170,7 @@ def _render_rows(out, falling, scene, ends, people, paths, rays, reach, air, tab
     return -1
 
 
-def plain_rows(ends: Ends, rows: slice) -> Ends:
+def plain_rows(ends: Transducers, rows: slice) -> Transducers:
     """Some rows as arrays of one kind: a kernel is compiled anew for every other kind."""
     none = np.zeros_like(ends.speaker)
     given = {name: getattr(ends, name) for name in COLUMNS}
@@ -178,7 +178,7 @@ def plain_rows(ends: Ends, rows: slice) -> Ends:
         name: np.array((none if column is None else column)[rows], dtype=np.float64)
         for name, column in given.items()
     }
-    return Ends(
+    return Transducers(
         **columns,
         speaker_directivity=float(ends.speaker_directivity),
         microphone_directivity=float(ends.microphone_directivity),
@@ -189,7 +189,7 @@ def plain_rows(ends: Ends, rows: slice) -> Ends:
 
 
 def image_echoes(
-    scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach, threads: int = 1,
+    scene: Scene, ends: Transducers, people_m: F64, air: Air, reach: Reach, threads: int = 1,
     falling: C64 | None = None,
 ) -> C64:  # fmt: skip
     """Our engine: envelopes (n, 630) of the echoes, the same for any number of threads.

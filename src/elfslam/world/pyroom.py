@@ -19,7 +19,7 @@ from elfslam.base.extras import installing
 from elfslam.base.grid import in_ring
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ
 from elfslam.world.paths import Reach
-from elfslam.world.phone import Ends
+from elfslam.world.phone import Transducers
 from elfslam.world.pulses import C64, Air
 from elfslam.world.scene import Scene
 
@@ -29,7 +29,7 @@ MOST_IMAGES = 3e6
 TOUCH_M = 1e-6
 
 
-def image_echoes(scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach) -> C64:
+def image_echoes(scene: Scene, ends: Transducers, people_m: F64, air: Air, reach: Reach) -> C64:
     """Envelopes (n, 630) as `phone.image_echoes` gives them, by pyroomacoustics.
 
     It knows no holder: held phones lack their direct sound, but nobody's body shadows them. Raises
@@ -42,7 +42,7 @@ def image_echoes(scene: Scene, ends: Ends, people_m: F64, air: Air, reach: Reach
     )
 
 
-def visible_images(scene: Scene, ends: Ends, row: int, reach: Reach) -> tuple[F64, F64, I64]:
+def visible_images(scene: Scene, ends: Transducers, row: int, reach: Reach) -> tuple[F64, F64, I64]:
     """Length in metres, reflection gain and order (k each) of every path that one phone hears.
 
     In single precision, as pyroomacoustics has them. Raises as `image_echoes`.
@@ -69,7 +69,7 @@ def _library() -> ModuleType:
     return pyroomacoustics  # type: ignore[no-any-return]
 
 
-def _refuse(scene: Scene, ends: Ends, people_m: F64, reach: Reach) -> None:
+def _refuse(scene: Scene, ends: Transducers, people_m: F64, reach: Reach) -> None:
     """One line for whatever pyroomacoustics has no model of."""
     low = scene.block_low > TOUCH_M
     unknown = {
@@ -113,7 +113,7 @@ def _is_box(scene: Scene) -> bool:
     return len(along) == scene.outer == 4 and bool((along.min(axis=1) == 0.0).all())
 
 
-def _room(library: Any, scene: Scene, ends: Ends, row: int, reach: Reach) -> Any:
+def _room(library: Any, scene: Scene, ends: Transducers, row: int, reach: Reach) -> Any:
     """The pyroomacoustics room of a scene with one speaker and one microphone in it."""
     room = _box(library, scene, reach) if _is_box(scene) else _solids(library, scene, reach)
     origin = _origin(scene)
@@ -168,7 +168,7 @@ def _solids(library: Any, scene: Scene, reach: Reach) -> Any:
     return library.Room(walls, fs=RATE_HZ, max_order=reach.order)
 
 
-def _images(room: Any, scene: Scene, ends: Ends, row: int, reach: Reach) -> Any:
+def _images(room: Any, scene: Scene, ends: Transducers, row: int, reach: Reach) -> Any:
     """The source with its images, of which only those that count stay visible; None without any."""
     room.image_source_model()
     source = room.sources[0]
@@ -188,7 +188,7 @@ def _lengths_m(room: Any) -> F64:
 
 
 def _envelope(
-    library: Any, scene: Scene, ends: Ends, row: int, air: Air, reach: Reach
+    library: Any, scene: Scene, ends: Transducers, row: int, air: Air, reach: Reach
 ) -> npt.NDArray[np.complex64]:
     room = _room(library, scene, ends, row, reach)
     room.set_sound_speed(air.speed_mps)

@@ -11,7 +11,7 @@ import numpy as np
 from elfslam.base.arrays import F32, F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Audio, Chirp
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import (
     SOUNDS,
     Circumstances,
@@ -22,21 +22,21 @@ from elfslam.world.circumstances import (
     room_on,
     whereabouts,
 )
-from elfslam.world.cover import muffled
 from elfslam.world.device import Device
 from elfslam.world.gain_control import controlled
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
 from elfslam.world.phone import (
     FRAME_S,
-    Ends,
     Engine,
     Poses,
+    Transducers,
     ends_of,
     phone_axes,
     render_frames,
     room_responses,
 )
+from elfslam.world.port_occlusion import port_occlusion
 from elfslam.world.pulses import Air
 from elfslam.world.scene import Scene, scene_of
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
@@ -103,7 +103,7 @@ def record_walk(
         heard = room_responses(
             stage.scene, stage.device, block, stage.air, stage.reach, stage.engine
         )
-        heard = muffled(heard, covered_db[rows])
+        heard = port_occlusion(heard, covered_db[rows])
         sound = render_frames(heard, stage.chirp, stage.device, jitter_s[rows])
         _lay_down(stream, starts[rows], louder(sound, gain_db[rows]))
         progress(min((first + BLOCK) / len(starts), 1.0))
@@ -198,7 +198,7 @@ def _add_other_phone(
             stream[begin : begin + frame] += sound[: max(len(stream) - begin, 0)]
 
 
-def _between(device: Device, poses: Poses, speaker_m: F64) -> Ends:
+def _between(device: Device, poses: Poses, speaker_m: F64) -> Transducers:
     """The other phone's speaker, which sounds alike in all directions, and our microphone."""
     ends, count = ends_of(device, poses), len(poses.position_m)
     return ends._replace(

@@ -11,7 +11,7 @@ from elfslam.base.arguments import Seed, Such, checked
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Recording, Truth
-from elfslam.line.chirp import ChirpParameters
+from elfslam.stages.chirp import ChirpParameters
 from elfslam.world.circumstances import Circumstances
 from elfslam.world.device import BMI160, ImuGrade
 from elfslam.world.imu import read_imu

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, minimum_filter1d
 
 from elfslam.base.arrays import F64
-from elfslam.world.cover import COVER_DB
+from elfslam.world.port_occlusion import COVER_DB
 from elfslam.world.room import Room, floor_area_m2
 from elfslam.world.walkable import standing_room
 from elfslam.world.walker import (

@@ -24,9 +24,9 @@ import onnxruntime
 
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F32
-from elfslam.line.feature import OnnxEncoder, load_encoder
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 from elfslam.world.simulate import load_world
-from studies.cached import hear, simulate
+from studies.cached import extract_echoes, simulate
 
 COUNTS = (1, 64)
 MOST_DIFFERENCE = 1e-4
@@ -73,7 +73,7 @@ def main() -> int:
     encoder = load_encoder(parser.parse_args().encoder)
     assert isinstance(encoder, OnnxEncoder), "name an ONNX file"
     recording, _ = simulate(load_world("studio"), 100, rounds=1)
-    samples = hear(recording, Settings()).samples[: max(COUNTS)]
+    samples = extract_echoes(recording, Settings()).samples[: max(COUNTS)]
     (web, web_ms), (python, python_ms) = (
         by(encoder.content, samples) for by in (by_web, by_python)
     )

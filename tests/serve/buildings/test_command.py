@@ -16,7 +16,6 @@ from elfslam.cli.app import run
 from elfslam.data.facts import ENCODER
 from elfslam.data.map_files import MAP, write_map
 from elfslam.data.recordings import write_recording
-from elfslam.line.feature import OnnxEncoder, load_encoder
 from elfslam.serve.buildings.tables import Floor
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import (
@@ -27,6 +26,7 @@ from elfslam.serve.store.database import (
 from elfslam.serve.store.database import (
     Recording as RecordingRow,
 )
+from elfslam.stages.feature import OnnxEncoder, load_encoder
 from tests.serve.planting import plant_files
 
 Elfslam = Callable[..., tuple[int, str]]

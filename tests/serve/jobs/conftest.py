@@ -13,13 +13,13 @@ from starlette.testclient import TestClient
 from elfslam.app.map import write_reported_run
 from elfslam.app.merge import merge_into
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.line.feature import load_encoder
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.database import Map, Recording, RecordingState
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.pipeline import map_by_echoes
+from elfslam.stages.feature import load_encoder
 from elfslam.world.simulate import describe_chirp, load_world, simulate
 from tests.serve.planting import plant_files
 from tests.waiting import until

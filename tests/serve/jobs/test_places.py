@@ -15,10 +15,10 @@ import pytest
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.app.workers import WorkerDiedError
-from elfslam.serve.jobs.child import LOG, Doing, Result
-from elfslam.serve.jobs.elsewhere import SCRATCH, Made, Parcel, packed, unpack, work_on_parcel
+from elfslam.serve.jobs.child import LOG, Progress, Result
+from elfslam.serve.jobs.executors import Executor, open_place
 from elfslam.serve.jobs.folder import GIVEN, OUT, TASK
-from elfslam.serve.jobs.places import Executor, open_place
+from elfslam.serve.jobs.remote_executor import SCRATCH, Made, Parcel, packed, unpack, work_on_parcel
 from elfslam.serve.store.blobs import link_into, put_folder
 from tests.waiting import until
 
@@ -98,7 +98,7 @@ def test_what_is_being_done_is_heard_and_whoever_closes_ends_it(
     place: Executor, laid: Laid, lock: int, tmp_path: Path
 ) -> None:
     with closing(place.news(laid("one"), LONG_S, lock)) as news:  # type: ignore[type-var]
-        stages = (each.what for each in news if isinstance(each, Doing) and each.what)
+        stages = (each.what for each in news if isinstance(each, Progress) and each.what)
         assert next(stages) in ("motion", "echoes", "step length", "features")
         assert workers_of(str(tmp_path)) or workers_of(scratch())
     until(lambda: not workers_of(str(tmp_path)) + workers_of(scratch()), "the end of who works")
@@ -110,7 +110,7 @@ def test_a_killed_process_is_noticed_and_the_next_job_is_done(
 ) -> None:
     folder = laid("one")
     with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]
-        assert any(isinstance(each, Doing) and each.what for each in news)
+        assert any(isinstance(each, Progress) and each.what for each in news)
         for process in workers_of(str(tmp_path)) or workers_of(scratch()):
             if process not in (os.getpid(), os.getppid()):
                 os.kill(process, signal.SIGKILL)
@@ -135,7 +135,7 @@ def test_a_killed_node_process_is_noticed(place: Executor, laid: Laid, lock: int
     """The work ends with it, and the scratch that it left is swept away by the next."""
     folder = laid("one")
     with closing(place.news(folder, LONG_S, lock)) as news:  # type: ignore[type-var]
-        assert any(isinstance(each, Doing) and each.what for each in news)
+        assert any(isinstance(each, Progress) and each.what for each in news)
         [work] = workers_of(scratch())
         os.kill(parent_of(parent_of(work)), signal.SIGKILL)
         with pytest.raises(WorkerDiedError, match="do it again"):

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from elfslam.serve.network.visitors import Door, Visitors, redirect_to_https, visitor_of
+from elfslam.serve.network.visitors import CountingListener, Visitors, redirect_to_https, visitor_of
 
 
 class Hall:
@@ -100,7 +100,7 @@ def test_who_is_at_an_address(address: str, visitor: str) -> None:
 
 def test_a_door_counts_until_a_connection_is_closed() -> None:
     visitors = Visitors(10, 1)
-    door = Door(socket.create_server(("127.0.0.1", 0)), visitors)
+    door = CountingListener(socket.create_server(("127.0.0.1", 0)), visitors)
     with door, socket.create_connection(door.getsockname()) as first:
         connection, _ = door.accept()
         visitors.of(connection.fileno()).waiting_since_s = None
@@ -117,7 +117,7 @@ def test_a_door_counts_until_a_connection_is_closed() -> None:
 
 def test_a_door_lets_a_newcomer_in_and_the_longest_wait_out() -> None:
     visitors = Visitors(10, 1)
-    door = Door(socket.create_server(("127.0.0.1", 0)), visitors)
+    door = CountingListener(socket.create_server(("127.0.0.1", 0)), visitors)
     with door, socket.create_connection(door.getsockname()) as first:
         kept, _ = door.accept()
         with socket.create_connection(door.getsockname()) as second:

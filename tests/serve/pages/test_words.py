@@ -22,7 +22,7 @@ PAGES = ROOT / "src" / "elfslam" / "serve" / "pages"
 TOOLS = ROOT / "tests" / "javascript" / "package.json"
 CATALOGUES = sorted((PAGES / "words").glob("*.json"))
 HTML = ("phone.html", "desk.html", "trust.html", "missing.html")
-FOLDERS = ("phone", "keeping", "shared", "line", "desk")
+FOLDERS = ("phone", "keeping", "shared", "stages", "desk")
 READ = ("aria-label", "title", "placeholder", "alt")
 NOT_WORDS = ("script", "style", "noscript")
 NEVER_CLOSED = ("input", "link", "meta")
@@ -39,7 +39,7 @@ NO_WORDS = {
     "comparing walks", "joining walks", "step length",
 }  # fmt: skip
 """What looks like words and is not for people."""
-SAID_BY_THE_LINE = "line/"
+SAID_BY_STAGES = "stages/"
 """What these scripts refuse is with figures, as in Python, and in English everywhere."""
 
 
@@ -161,7 +161,7 @@ def test_no_words_for_people_stand_outside_the_catalogues() -> None:
         (name, text)
         for name, script in scripts().items()
         for text in script["bare"]
-        if text not in NO_WORDS and not name.startswith(SAID_BY_THE_LINE)
+        if text not in NO_WORDS and not name.startswith(SAID_BY_STAGES)
     ]
     assert bare == []
 

@@ -18,7 +18,7 @@ from elfslam.serve.positions.outboxes import MOST_WAITING, Outboxes
 from elfslam.serve.positions.signature import SIGNATURE, TIMESTAMP, digest
 from elfslam.serve.positions.targets import Target
 from elfslam.serve.positions.values import LivePosition
-from elfslam.serve.positions.webhooks import MOST_AT_ONCE, PAUSES_S, Hook, Postman
+from elfslam.serve.positions.webhooks import MOST_AT_ONCE, PAUSES_S, Hook, WebhookDispatcher
 from elfslam.serve.settings import ServerSettings
 from tests.serve.positions.conftest import Receiver
 from tests.waiting import until
@@ -40,7 +40,7 @@ class World:
     outboxes: Outboxes = field(default_factory=Outboxes)
     address: str | Exception = "93.184.216.34"
 
-    def postman(self) -> Postman:
+    def postman(self) -> WebhookDispatcher:
         async def send(
             target: Target, address: str, body: bytes, headers: Mapping[str, str]
         ) -> None:
@@ -58,7 +58,7 @@ class World:
                 raise self.address
             return self.address
 
-        return Postman(
+        return WebhookDispatcher(
             self.outboxes,
             lambda maps: [hook for hook in self.hooks if hook.map_id in maps],
             find_address,
@@ -67,9 +67,9 @@ class World:
             lambda: self.now_s,
         )
 
-    def round(self, postman: Postman) -> Any:
+    def round(self, postman: WebhookDispatcher) -> Any:
         async def both() -> None:
-            await postman.go_round()
+            await postman.dispatch()
             await postman.finish()
 
         return both()
@@ -207,11 +207,13 @@ def test_a_slow_webhook_keeps_no_other_waiting(position: Made) -> None:
 
         hooks = [Hook("s", MAP, "http://slow/", SECRET), Hook("q", MAP, "http://quick/", SECRET)]
         outboxes = Outboxes()
-        postman = Postman(outboxes, lambda _maps: hooks, lambda _target: "93.184.216.34", send)
+        postman = WebhookDispatcher(
+            outboxes, lambda _maps: hooks, lambda _target: "93.184.216.34", send
+        )
         for k in range(2):
             outboxes.put([position()])
             while len(arrived) <= k:
-                await postman.go_round()
+                await postman.dispatch()
                 await asyncio.sleep(0.001)
         before = list(arrived)
         stuck.set()

@@ -18,7 +18,7 @@ from starlette.testclient import TestClient
 
 from elfslam.data.recordings import read_recording
 from elfslam.serve.problems import Problem
-from elfslam.serve.receiving.completing import Come, Part, keep
+from elfslam.serve.receiving.completing import PendingRecording, ReceivedFile, keep
 from elfslam.serve.receiving.reading import ReadFolder
 from elfslam.serve.services import Services
 from elfslam.serve.store.blobs import blob_of
@@ -284,7 +284,7 @@ def test_a_recording_deleted_while_it_is_kept_leaves_nothing(
     def gone(_session: object) -> None:
         raise Problem(404, "gone")
 
-    come = Come("wifi.csv", path, blob_of(path))
+    come = ReceivedFile("wifi.csv", path, blob_of(path))
     with pytest.raises(Problem):
-        keep(services, [Part([come], ReadFolder(), gone)], wants_map=True)
+        keep(services, [PendingRecording([come], ReadFolder(), gone)], wants_map=True)
     assert blobs_of(services) == []

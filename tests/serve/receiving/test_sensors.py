@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from elfslam.base.values import Audio, Imu, Magnetometer, Recording, WifiScans
-from elfslam.line.chirp import ChirpParameters, make_chirp
 from elfslam.serve.receiving.curves import Curve, Look
 from elfslam.serve.receiving.sensors import MOST_STRETCHES, curve, look_at, loudness
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 
 T_S = np.arange(3000) / 100
 

@@ -12,7 +12,7 @@ from elfslam.serve.services import Services
 from elfslam.serve.sharing import groups
 from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, UserGroup
 from elfslam.serve.store.database import reading
-from elfslam.serve.store.holdings import delete_user
+from elfslam.serve.store.quota import delete_user
 
 LetIn = Callable[[str], TestClient]
 PutMap = Callable[..., str]

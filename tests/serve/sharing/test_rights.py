@@ -15,10 +15,10 @@ from elfslam.base.errors import InputError
 from elfslam.serve.jobs import queue
 from elfslam.serve.jobs.tasks import lay_out
 from elfslam.serve.services import Services
-from elfslam.serve.sharing.rights import WITHDRAWN, Asker, Right, right_to
+from elfslam.serve.sharing.rights import WITHDRAWN, Principal, Right, right_to
 from elfslam.serve.sharing.tables import MapLink, MapShare
 from elfslam.serve.store.database import Map, Recording, RecordingState, transaction
-from elfslam.serve.store.holdings import delete_user
+from elfslam.serve.store.quota import delete_user
 
 LetIn = Callable[[str], TestClient]
 PutMap = Callable[..., str]
@@ -236,17 +236,17 @@ def test_a_right_is_for_that_map_and_that_person_alone() -> None:
     found = Map(id=hall, user_id=ada)
     share = MapShare(map_id=hall, user_id=eve, may="edit")
     link = MapLink(map_id=hall, secret="secret", may="read")
-    assert right_to(Asker(ada), found) is Right.OWN
-    assert right_to(Asker(), Map(id=hall, user_id=None)) is Right.NONE
-    assert right_to(Asker(eve), found, share) is Right.EDIT
-    assert right_to(Asker("0" * 32), found, share) is Right.NONE
-    assert right_to(Asker(eve), Map(id=yard, user_id=ada), share, link) is Right.NONE
-    assert right_to(Asker(eve), found, through=("read", "edit")) is Right.EDIT
-    assert right_to(Asker(eve), found, share, through=("read",)) is Right.EDIT
-    assert right_to(Asker(None, "secret"), found, None, link) is Right.READ
-    assert right_to(Asker(None, "Secret"), found, None, link) is Right.NONE
-    assert right_to(Asker(None, "\u017fecret\ud800"), found, None, link) is Right.NONE
-    assert right_to(Asker(None, None), found, None, link) is Right.NONE
+    assert right_to(Principal(ada), found) is Right.OWN
+    assert right_to(Principal(), Map(id=hall, user_id=None)) is Right.NONE
+    assert right_to(Principal(eve), found, share) is Right.EDIT
+    assert right_to(Principal("0" * 32), found, share) is Right.NONE
+    assert right_to(Principal(eve), Map(id=yard, user_id=ada), share, link) is Right.NONE
+    assert right_to(Principal(eve), found, through=("read", "edit")) is Right.EDIT
+    assert right_to(Principal(eve), found, share, through=("read",)) is Right.EDIT
+    assert right_to(Principal(None, "secret"), found, None, link) is Right.READ
+    assert right_to(Principal(None, "Secret"), found, None, link) is Right.NONE
+    assert right_to(Principal(None, "\u017fecret\ud800"), found, None, link) is Right.NONE
+    assert right_to(Principal(None, None), found, None, link) is Right.NONE
 
 
 def recording_of(services: Services, client: TestClient) -> str:

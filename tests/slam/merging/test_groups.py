@@ -11,10 +11,10 @@ import pytest
 
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures
-from elfslam.line.map_alignment import Registration
 from elfslam.slam.merging import MergeParameters, groups
 from elfslam.slam.merging.groups import grouped, turned_round
 from elfslam.slam.merging.members import Side, links_between, side_of
+from elfslam.stages.map_alignment import Registration
 
 KNOWN = MergeParameters()
 STARTS = np.array([[0.0, 0.0, 0.0], [5.0, -3.0, 2.0], [-20.0, 7.0, -1.0]])

@@ -20,7 +20,7 @@ KNOWN = MergeParameters()
 FAR_M = np.array([[1e3, 1e3], [5e5, 5e6]])
 
 
-def bent(walk: MappedWalk, drift_rad: float) -> MappedWalk:
+def second_order_inflated(walk: MappedWalk, drift_rad: float) -> MappedWalk:
     """The walk as dead reckoning with a steady turn has it."""
     poses = walk.trajectory.world_from_body
     moves = between(poses[:-1], poses[1:])
@@ -39,7 +39,7 @@ def off_m(poses: F64, wanted: F64) -> float:
 
 def test_a_bent_walk_is_straightened_by_a_straight_one(walker: Callable, here: Callable) -> None:
     one = walker(here, "one", seed=1)
-    other = bent(walker(here, "other", seed=2), 0.01)
+    other = second_order_inflated(walker(here, "other", seed=2), 0.01)
     wanted = walker(here, "other", seed=2).trajectory.world_from_body
     links = {(0, 1): links_between(side_of(one, KNOWN), side_of(other, KNOWN), KNOWN)}
     assert off_m(other.trajectory.world_from_body, wanted) > 0.5
@@ -83,7 +83,11 @@ def test_taps_hold_a_walk_better_than_a_declared_start(walker: Callable, here: C
     true = [walker(here, str(k), start=[20.0 * k, 0.0, 0.0]) for k in range(2)]
     told = [tapped(walk, [2, 15, 30, 45]) for walk in true]
     wrong = [
-        replace(bent(walk, 0.01), checkpoints=walk.checkpoints, trajectory=walk.trajectory)
+        replace(
+            second_order_inflated(walk, 0.01),
+            checkpoints=walk.checkpoints,
+            trajectory=walk.trajectory,
+        )
         for walk in told
     ]
     far = {(0, 1): links_between(*(side_of(walk, KNOWN) for walk in true), KNOWN)}
@@ -144,7 +148,7 @@ def test_no_start_in_a_known_frame_is_surer_than_another(walker: Callable, here:
 
 def test_a_map_stays_where_it_is_and_bends_the_walk(walker: Callable, here: Callable) -> None:
     spots = side_of(walker(here, "map", seed=1), KNOWN)
-    walk = bent(walker(here, "walk", seed=2), 0.01)
+    walk = second_order_inflated(walker(here, "walk", seed=2), 0.01)
     side = side_of(walk, KNOWN)
     links = links_between(spots, side, KNOWN)
     made = against_map(walk, np.zeros(3), spots.poses, links, KNOWN)

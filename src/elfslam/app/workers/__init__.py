@@ -11,12 +11,12 @@ each call. Whoever has many of them asks for workers and takes results as they c
 """
 
 from elfslam.app.workers.choosing import open_watchers, open_workers
-from elfslam.app.workers.here import Here
 from elfslam.app.workers.interface import Watchers, WorkerDiedError, Workers, WorkersAwayError
+from elfslam.app.workers.serial import SerialWorkers
 from elfslam.app.workers.units import silent_elsewhere, unit_key
 
 __all__ = [
-    "Here",
+    "SerialWorkers",
     "Watchers",
     "WorkerDiedError",
     "Workers",

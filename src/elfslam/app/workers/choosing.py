@@ -8,9 +8,9 @@ from importlib.util import find_spec
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from elfslam.app.workers.here import Here
 from elfslam.app.workers.interface import Watchers, Workers
 from elfslam.app.workers.processes import Processes
+from elfslam.app.workers.serial import SerialWorkers
 from elfslam.base.errors import InputError
 from elfslam.base.extras import installing
 from elfslam.base.urls import shown_url
@@ -31,7 +31,7 @@ def open_workers(on: str | None = None) -> Iterator[Workers]:
     """
     check_on(on)
     if on is None or on == "1":
-        yield Here()
+        yield SerialWorkers()
     elif is_ray(on):
         with _cluster(on) as cluster:
             yield cluster
@@ -47,7 +47,7 @@ def open_watchers(on: str | None = None) -> Iterator[Watchers]:
     """
     check_on(on)
     if on is None or not is_ray(on):
-        yield Here()
+        yield SerialWorkers()
     else:
         with _cluster(on) as cluster:
             yield cluster

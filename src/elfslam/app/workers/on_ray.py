@@ -14,9 +14,9 @@ from urllib.parse import urlsplit
 from elfslam.app.workers.interface import News, Result, Task
 from elfslam.app.workers.processes import MOST_TRIES
 from elfslam.app.workers.ray_stream import streamed
+from elfslam.app.workers.task_monitor import AT_ONCE, TaskMonitor, watched
 from elfslam.app.workers.units import by_one_thread
 from elfslam.app.workers.versions import done_by_the_same, own_version
-from elfslam.app.workers.watched_work import AT_ONCE, Desk, watched
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.base.extras import installing
 
@@ -80,7 +80,7 @@ class Cluster:
 
     def watch(self, do: Callable[[Task], Iterator[News]], task: Task) -> Iterator[News | None]:
         """As `Watchers` says. Who worked before works again, which costs no start."""
-        kind = self._ray.remote(num_cpus=1, max_concurrency=AT_ONCE)(Desk)
+        kind = self._ray.remote(num_cpus=1, max_concurrency=AT_ONCE)(TaskMonitor)
         try:
             desk = self._free.pop()
         except IndexError:

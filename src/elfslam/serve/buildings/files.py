@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.extras import installing
 from elfslam.base.urls import has_secret, shown_url, without_secrets
-from elfslam.data.folders import replaced_file, sync
+from elfslam.data.atomic_files import replaced_file, sync
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
 

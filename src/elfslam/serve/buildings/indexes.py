@@ -20,7 +20,6 @@ from sqlalchemy import select
 from elfslam.base.arrays import F32
 from elfslam.base.errors import InputError, StoreError
 from elfslam.data.tiles import features_of
-from elfslam.line.feature import load_encoder
 from elfslam.serve.buildings import files as store
 from elfslam.serve.buildings.echoes import EchoIndex, unit_rows
 from elfslam.serve.buildings.files import Files
@@ -37,6 +36,7 @@ from elfslam.serve.nearest import (
 )
 from elfslam.serve.services import Services
 from elfslam.serve.store.database import reading
+from elfslam.stages.feature import load_encoder
 
 FOLDER, LATEST = "nearest", "latest"
 MOST_ADDED = 20_000

@@ -18,7 +18,7 @@ from elfslam.serve.buildings.lookup import find
 from elfslam.serve.buildings.position import HIGHEST_DEG, Place
 from elfslam.serve.buildings.wifi import BSSID, checked_bssid_number
 from elfslam.serve.people.access import Token, admit
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import looking
 
 router = APIRouter(tags=["buildings"])
@@ -83,7 +83,7 @@ class AnswerBody(BaseModel):
 
 
 @router.post("/find", operation_id="find_floor", response_model=AnswerBody)
-async def find_floor(question: Question, token: Token, services: Here) -> Response:
+async def find_floor(question: Question, token: Token, services: ServicesDep) -> Response:
     """Which published floor a phone is on that hears this."""
     answer = partial(_answered, question, token, services)
     content = await to_thread.run_sync(answer, limiter=services.finders)

@@ -27,7 +27,7 @@ OVERDUE = "the work took longer than {hours:g} h and was stopped; cut the record
 
 
 @dataclass(frozen=True)
-class Doing:
+class Progress:
     """What is being done and how much of it is; nothing where that is as before."""
 
     what: str | None = None
@@ -68,7 +68,7 @@ def begin_anew(folder: Path, log: IO[bytes], lock: int) -> Child:
 
 def child_news(
     folder: Path, *, longest_s: float, lock: int, begin: Begin = begin_anew
-) -> Iterator[Doing | Result]:
+) -> Iterator[Progress | Result]:
     """Do the task of a folder in a process of its own: what it does, what came of it at last.
 
     Says something every while, be it nothing; whoever closes this ends the process. That keeps the
@@ -80,13 +80,13 @@ def child_news(
         yield from _watched(process, longest_s)
 
 
-def _watched(process: Worked, longest_s: float) -> Iterator[Doing | Result]:
+def _watched(process: Worked, longest_s: float) -> Iterator[Progress | Result]:
     began_s = time.monotonic()
     for news in _news(process):
         if news is not None and "problem" in news:
             yield Result(news["facts"], news["problem"])
             return
-        yield Doing() if news is None else Doing(news["doing"], news["share"])
+        yield Progress() if news is None else Progress(news["doing"], news["share"])
         if time.monotonic() - began_s > longest_s:
             yield Result(None, OVERDUE.format(hours=longest_s / 3600))
             return

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.data.facts import BY_TAPS
 from elfslam.serve.jobs.tasks import FLOOR, FLOOR_PLAN, FRAME, frame_of, name_of
-from elfslam.serve.sharing.rights import Asker, Right, right_in
+from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store.database import Map, MapFile, Recording
 
 
@@ -24,7 +24,7 @@ def lay_on_tapped_plan(
     if facts.get("heading") != BY_TAPS:
         return
     tapped = session.get(Map, recording.facts.get("tapped_on", ""))
-    if tapped is None or right_in(session, Asker(made.user_id), tapped) < Right.READ:
+    if tapped is None or right_in(session, Principal(made.user_id), tapped) < Right.READ:
         return
     made.venue, made.floor = tapped.venue, tapped.floor
     _lay(session, made, tapped)

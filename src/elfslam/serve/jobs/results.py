@@ -29,7 +29,7 @@ from elfslam.serve.store.database import (
     new_id,
     transaction,
 )
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 
 JOINED = " + "
 MOST_NAME = 120

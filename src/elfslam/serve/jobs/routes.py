@@ -13,14 +13,14 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from elfslam.base.bounds import FARTHEST_M
-from elfslam.base.choices import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
+from elfslam.base.enums import LONGEST_S, Modality, Mode, parse_modalities, parse_stretch
 from elfslam.base.errors import ParameterError
 from elfslam.serve.jobs import queue as jobs
 from elfslam.serve.jobs.folder import FIXES
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here, Services
-from elfslam.serve.sharing.rights import Asker, Right, map_for
+from elfslam.serve.services import Services, ServicesDep
+from elfslam.serve.sharing.rights import Principal, Right, map_for
 from elfslam.serve.store.database import (
     Job,
     JobFile,
@@ -33,7 +33,7 @@ from elfslam.serve.store.database import (
     transaction,
 )
 from elfslam.serve.store.derived import forget_given
-from elfslam.serve.store.holdings import drop_unnamed, used_bytes
+from elfslam.serve.store.quota import drop_unnamed, used_bytes
 from elfslam.serve.store.sending import sent_blob
 from elfslam.serve.texts import Line
 
@@ -113,7 +113,7 @@ class JobBody(BaseModel):
 
 
 @router.post("/jobs", status_code=202, operation_id="queue_job", responses=problems(409, 507))
-def queue_job(wanted: Wanted, user: Me, services: Here) -> JobBody:
+def queue_job(wanted: Wanted, user: Me, services: ServicesDep) -> JobBody:
     """Queue a job: map a recording, merge maps, or locate a recording in a map."""
     with transaction(services.sessions) as session:
         _check_given(session, user, wanted)
@@ -126,7 +126,7 @@ def queue_job(wanted: Wanted, user: Me, services: Here) -> JobBody:
 
 @router.get("/jobs", operation_id="list_jobs")
 def list_jobs(
-    user: Me, services: Here, recording: str | None = None, state: JobState | None = None
+    user: Me, services: ServicesDep, recording: str | None = None, state: JobState | None = None
 ) -> list[JobBody]:
     """Your jobs, the newest first; those of one recording, or in one state."""
     found = select(Job).where(Job.user_id == user.id)
@@ -140,14 +140,14 @@ def list_jobs(
 
 
 @router.get("/jobs/{job_id}", operation_id="get_job")
-def get_job(job_id: str, user: Me, services: Here) -> JobBody:
+def get_job(job_id: str, user: Me, services: ServicesDep) -> JobBody:
     """One of your jobs."""
     with reading(services.sessions) as session:
         return body_of(_mine(session, user, job_id))
 
 
 @router.post("/jobs/{job_id}/cancel", operation_id="cancel_job", responses=problems(409))
-def cancel_job(job_id: str, user: Me, services: Here) -> JobBody:
+def cancel_job(job_id: str, user: Me, services: ServicesDep) -> JobBody:
     """Stop a job that waits or runs; nothing of it is left."""
     with transaction(services.sessions) as session:
         job = _mine(session, user, job_id)
@@ -158,7 +158,7 @@ def cancel_job(job_id: str, user: Me, services: Here) -> JobBody:
 
 
 @router.post("/jobs/{job_id}/retry", operation_id="retry_job", responses=problems(409))
-def retry_job(job_id: str, user: Me, services: Here) -> JobBody:
+def retry_job(job_id: str, user: Me, services: ServicesDep) -> JobBody:
     """Queue a job again that failed or was cancelled; what it left is deleted."""
     with transaction(services.sessions) as session:
         job = _mine(session, user, job_id)
@@ -181,7 +181,7 @@ def retry_job(job_id: str, user: Me, services: Here) -> JobBody:
     response_class=FileResponse,
     responses={200: {"content": {"text/csv": {}}}},
 )
-def get_fixes(job_id: str, user: Me, services: Here) -> FileResponse:
+def get_fixes(job_id: str, user: Me, services: ServicesDep) -> FileResponse:
     """Where a recording was, as `elfslam locate` writes it."""
     with reading(services.sessions) as session:
         _mine(session, user, job_id)
@@ -219,7 +219,7 @@ def _check_given(
     session: Session, user: User, wanted: MapWanted | MergeWanted | LocateWanted
 ) -> None:
     """Refuse what is not there, not yours and not shared with you, or not ready."""
-    asker = Asker(user.id)
+    asker = Principal(user.id)
     if isinstance(wanted, MergeWanted):
         if len(set(wanted.maps)) < len(wanted.maps):
             raise Problem(422, "maps: one is named twice; name each map once")

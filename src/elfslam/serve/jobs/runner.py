@@ -25,9 +25,9 @@ from sqlalchemy.exc import OperationalError
 from elfslam.app.workers import WorkerDiedError, WorkersAwayError
 from elfslam.base.errors import InputError, WorkerError
 from elfslam.serve.jobs.child import LOG as CHILD_LOG
-from elfslam.serve.jobs.child import Doing, Result
+from elfslam.serve.jobs.child import Progress, Result
+from elfslam.serve.jobs.executors import Executor, News, open_place
 from elfslam.serve.jobs.folder import DISK_FULL
-from elfslam.serve.jobs.places import Executor, News, open_place
 from elfslam.serve.jobs.queue import (
     Claim,
     begin_again,
@@ -193,7 +193,7 @@ def _put_back(bench: WorkerContext, held: Claim, error: WorkerError) -> None:
     bench.stopping.wait(POLL_S)
 
 
-def _told(bench: WorkerContext, held: Claim, doing: Doing) -> bool:
+def _told(bench: WorkerContext, held: Claim, doing: Progress) -> bool:
     """Pass on what is being done; whether to go on. A database that is away stops nobody."""
     if bench.stopping.is_set():
         return False

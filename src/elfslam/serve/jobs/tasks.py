@@ -17,7 +17,7 @@ from elfslam.data.facts import BY_TAPS
 from elfslam.serve.jobs.folder import GIVEN, TASK
 from elfslam.serve.jobs.queue import Claim
 from elfslam.serve.services import Services
-from elfslam.serve.sharing.rights import Asker, Right, right_in
+from elfslam.serve.sharing.rights import Principal, Right, right_in
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import (
     JobKind,
@@ -133,7 +133,7 @@ def _existing(session: Session, map_id: str) -> Map:
 
 def _still(session: Session, held: Claim, found: Map, wanted: Right) -> Map:
     """A map that whoever queued the job has not lost the right to since."""
-    if right_in(session, Asker(held.user_id), found) < wanted:
+    if right_in(session, Principal(held.user_id), found) < wanted:
         raise InputError("a map of this job is shared with you no more; ask its owner")
     return found
 

@@ -25,7 +25,7 @@ from elfslam.app.map import MapJob, Pose, kept_closures, map_into, refuse_unclos
 from elfslam.app.merge import merge_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
-from elfslam.base.choices import Modality, Mode, parse_stretch
+from elfslam.base.enums import Modality, Mode, parse_stretch
 from elfslam.base.errors import ElfslamError, NoAnswerError
 from elfslam.base.geometry import path_length_m
 from elfslam.base.progress import Announce

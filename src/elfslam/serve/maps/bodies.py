@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.floors import level_of
-from elfslam.serve.sharing.rights import Asker, Right, right_to, through_groups
+from elfslam.serve.sharing.rights import Principal, Right, right_to, through_groups
 from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, MapFile, User
 
@@ -53,12 +53,12 @@ class MapBody(BaseModel):
 OF_THE_ROW = ("id", "name", "kind", "venue", "floor", "facts", "floor_plan", "created_utc")
 
 
-def body_of(session: Session, asker: Asker, each: Map) -> MapBody:
+def body_of(session: Session, asker: Principal, each: Map) -> MapBody:
     """A map as the API tells it to somebody."""
     return bodies_of(session, asker, Map.id == each.id)[0]
 
 
-def bodies_of(session: Session, asker: Asker, of_maps: ColumnElement[bool]) -> list[MapBody]:
+def bodies_of(session: Session, asker: Principal, of_maps: ColumnElement[bool]) -> list[MapBody]:
     """Some maps as the API tells them to somebody, the newest first.
 
     In a few queries, however many they are.
@@ -102,7 +102,7 @@ def _files(session: Session, of_maps: ColumnElement[bool]) -> dict[str, list[Map
 
 
 def _through(
-    session: Session, asker: Asker, of_maps: ColumnElement[bool]
+    session: Session, asker: Principal, of_maps: ColumnElement[bool]
 ) -> dict[str, list[Shared]]:
     """What the asker's groups may do to each map."""
     found: dict[str, list[Shared]] = defaultdict(list)

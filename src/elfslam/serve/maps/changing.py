@@ -9,11 +9,11 @@ from sqlalchemy import select
 from elfslam.serve.maps.bodies import MapBody, body_of
 from elfslam.serve.people.access import Me, not_found
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.sharing.rights import (
     TOO_LITTLE,
-    Asker,
     Asks,
+    Principal,
     Right,
     map_for,
     right_in,
@@ -21,7 +21,7 @@ from elfslam.serve.sharing.rights import (
 )
 from elfslam.serve.store.database import Map, transaction
 from elfslam.serve.store.derived import forget_maps
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.texts import Deleted, Line, Many
 
 router = APIRouter(tags=["maps"])
@@ -50,7 +50,7 @@ class Changed(BaseModel):
 
 
 @router.patch("/maps/{map_id}", operation_id="change_map")
-def change_map(map_id: str, given: MapChange, asker: Asks, services: Here) -> MapBody:
+def change_map(map_id: str, given: MapChange, asker: Asks, services: ServicesDep) -> MapBody:
     """Call a map otherwise, or lay it on a floor of a venue."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
@@ -72,12 +72,12 @@ def change(found: Map, given: MapChange) -> None:
 
 
 @router.patch("/places", operation_id="rename_place")
-def rename_place(given: PlaceChange, user: Me, services: Here) -> Changed:
+def rename_place(given: PlaceChange, user: Me, services: ServicesDep) -> Changed:
     """Call a venue or a floor otherwise, on every map there that you may edit."""
     there = select(Map).where(seen_by(user.id), Map.venue == given.venue)
     if given.floor is not None:
         there = there.where(Map.floor == given.floor)
-    asker = Asker(user.id)
+    asker = Principal(user.id)
     with transaction(services.sessions) as session:
         found = session.scalars(there).all()
         maps = [each for each in found if right_in(session, asker, each) >= Right.EDIT]
@@ -92,12 +92,12 @@ def rename_place(given: PlaceChange, user: Me, services: Here) -> Changed:
 
 
 @router.post("/maps/delete", operation_id="delete_maps")
-def delete_maps(given: Many, user: Me, services: Here) -> Deleted:
+def delete_maps(given: Many, user: Me, services: ServicesDep) -> Deleted:
     """Delete many of your maps at once, or none where one is somebody else's.
 
     What is not there is passed over.
     """
-    asker = Asker(user.id)
+    asker = Principal(user.id)
     with transaction(services.sessions) as session:
         seen = select(Map).where(seen_by(user.id), Map.id.in_(given.ids))
         found = session.scalars(seen).all()

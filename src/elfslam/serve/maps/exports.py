@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from pydantic import BaseModel, Field
 
-from elfslam.base.choices import Format
+from elfslam.base.enums import Format
 from elfslam.base.errors import ElfslamError, ParameterError
 from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.geographic import parse_origin
@@ -26,7 +26,7 @@ from elfslam.serve.store.zips import packed
 from elfslam.serve.texts import AsNumber, AsWhole, Line
 
 if TYPE_CHECKING:
-    from elfslam.app.export import Told
+    from elfslam.app.export import ExportContext
 
 BINARY = "application/octet-stream"
 FILES = {
@@ -102,13 +102,13 @@ def exported(
         return pieces(out.open("rb")), out.name, media_type
 
 
-def told(asked: ExportOptions, to: Format) -> Told:
+def told(asked: ExportOptions, to: Format) -> ExportContext:
     """What was asked for, as an export takes it. Raises ParameterError, naming what is missing."""
-    from elfslam.app.export import Told
+    from elfslam.app.export import ExportContext
 
     origin = None if asked.origin is None else parse_origin(asked.origin)
-    pixel_m = Told.pixel_m if asked.resolution_m is None else asked.resolution_m
-    return Told(origin, _place(asked) if to is Format.IMDF else None, pixel_m)
+    pixel_m = ExportContext.pixel_m if asked.resolution_m is None else asked.resolution_m
+    return ExportContext(origin, _place(asked) if to is Format.IMDF else None, pixel_m)
 
 
 def _place(asked: ExportOptions) -> Venue:

@@ -21,12 +21,12 @@ from elfslam.serve.parsing.child import Bounds
 from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.appending import Quota, append
 from elfslam.serve.receiving.completing import scratch
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import Limits
-from elfslam.serve.sharing.rights import Asker, Asks, Right, current_asker, map_for
+from elfslam.serve.sharing.rights import Asks, Principal, Right, current_asker, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import MapFile, reading, transaction
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import sent_blob
 
 router = APIRouter(
@@ -72,7 +72,7 @@ async def sends_plan(request: Request) -> None:
     },
 )
 async def put_floor_plan(
-    map_id: str, request: Request, asker: Asks, services: Here, level: PlanLevel = None
+    map_id: str, request: Request, asker: Asks, services: ServicesDep, level: PlanLevel = None
 ) -> MapBody:
     """Put a plan below a map; an older one goes, its placement stays.
 
@@ -89,14 +89,16 @@ async def put_floor_plan(
         return await services.drawing.run(user, partial(_put, services, asker, map_id, file, level))
 
 
-def _refuse(services: Services, asker: Asker, map_id: str) -> None:
+def _refuse(services: Services, asker: Principal, map_id: str) -> None:
     """Raise Problem where no plan may be put below a map."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
         refuse_full(services, session, found.user_id)
 
 
-def _put(services: Services, asker: Asker, map_id: str, file: Path, level: str | None) -> MapBody:
+def _put(
+    services: Services, asker: Principal, map_id: str, file: Path, level: str | None
+) -> MapBody:
     """Draw the plan in a file and put it below a map."""
     facts = _drawn(services, file, level)
     store = services.settings.blobs_folder
@@ -146,7 +148,7 @@ def bounds_of(limits: Limits) -> Bounds:
     response_class=FileResponse,
     responses={200: {"content": {str(kind): {} for kind in (PlanKind.PNG, PlanKind.JPEG)}}},
 )
-def get_floor_plan(map_id: str, asker: Asks, services: Here) -> FileResponse:
+def get_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> FileResponse:
     """The image below a map."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id)
@@ -158,7 +160,7 @@ def get_floor_plan(map_id: str, asker: Asks, services: Here) -> FileResponse:
 
 
 @router.delete("", status_code=204, operation_id="delete_floor_plan")
-def delete_floor_plan(map_id: str, asker: Asks, services: Here) -> Response:
+def delete_floor_plan(map_id: str, asker: Asks, services: ServicesDep) -> Response:
     """Take away the image below a map."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.EDIT)
@@ -173,7 +175,7 @@ def delete_floor_plan(map_id: str, asker: Asks, services: Here) -> Response:
 
 @router.put("/placement", operation_id="place_floor_plan")
 def place_floor_plan(
-    map_id: str, placement: ImagePlacement, asker: Asks, services: Here
+    map_id: str, placement: ImagePlacement, asker: Asks, services: ServicesDep
 ) -> MapBody:
     """Say where the image lies."""
     with transaction(services.sessions) as session:

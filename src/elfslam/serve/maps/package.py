@@ -26,7 +26,7 @@ from elfslam.serve.maps.point_routes import points_of
 from elfslam.serve.receiving.completing import scratch
 from elfslam.serve.services import Services
 from elfslam.serve.settings import ServerSettings
-from elfslam.serve.sharing.rights import Asker, map_for
+from elfslam.serve.sharing.rights import Principal, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import (
@@ -38,7 +38,7 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import unfolded
 
 FORMAT = 3
@@ -74,7 +74,7 @@ class Sources:
         return hashlib.sha256(_text(told).encode()).hexdigest()
 
 
-def package_of(services: Services, asker: Asker, map_id: str) -> str:
+def package_of(services: Services, asker: Principal, map_id: str) -> str:
     """The manifest of a map that somebody may look at, made anew where something changed since.
 
     Raises Problem 404, InputError where phones cannot use the map, FileNotFoundError where it was
@@ -149,7 +149,7 @@ def content_of(floor_map: FloorMap, encoder: Blob, kept: Callable[[bytes], Blob]
     }
 
 
-def _made(services: Services, asker: Asker, map_id: str, sources: Sources) -> str:
+def _made(services: Services, asker: Principal, map_id: str, sources: Sources) -> str:
     settings = services.settings
     named = {name: sources.files[name].sha256 for name in (MAP, ENCODER) if name in sources.files}
     if len(named) < 2:

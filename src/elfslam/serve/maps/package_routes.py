@@ -15,7 +15,7 @@ from elfslam.serve.jobs.tasks import FLOOR_PLAN
 from elfslam.serve.maps.package import package_of
 from elfslam.serve.network.signing import fingerprint, sign, signing_key, spki_of
 from elfslam.serve.people.access import not_found
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.sharing.rights import Asks, map_for
 from elfslam.serve.store.database import MapFile, MapPart, reading
 from elfslam.serve.store.sending import sent_blob
@@ -41,14 +41,14 @@ class PackageBody(BaseModel):
 
 
 @public.get("/key", operation_id="get_key")
-def get_key(services: Here) -> KeyBody:
+def get_key(services: ServicesDep) -> KeyBody:
     """The key that signs map packages. Trust it only if its SHA-256 is the one of your address."""
     key = signing_key(services.settings.authority_folder)
     return KeyBody(spki=base64.b64encode(spki_of(key)).decode(), key=fingerprint(key))
 
 
 @router.get("/maps/{map_id}/package", operation_id="get_package")
-def get_package(map_id: str, asker: Asks, services: Here) -> PackageBody:
+def get_package(map_id: str, asker: Asks, services: ServicesDep) -> PackageBody:
     """What a phone needs to locate in a map, by digests; the phone fetches the parts it lacks."""
     try:
         manifest = published_manifest(services, map_id) or package_of(services, asker, map_id)
@@ -65,7 +65,7 @@ def get_package(map_id: str, asker: Asks, services: Here) -> PackageBody:
     response_class=FileResponse,
     responses={200: {"content": {BINARY: {}}}},
 )
-def get_package_part(map_id: str, sha256: str, asker: Asks, services: Here) -> Response:
+def get_package_part(map_id: str, sha256: str, asker: Asks, services: ServicesDep) -> Response:
     """A tile, the encoder, or the floor plan of a map's package."""
     headers = {"ETag": f'"{sha256}"'}
     content = published_part(services, map_id, sha256)

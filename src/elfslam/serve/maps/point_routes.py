@@ -20,13 +20,13 @@ from elfslam.data.points_of_interest_files import (
 from elfslam.serve.jobs.routes import refuse_full
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.sharing.rights import Asks, Right, map_for
 from elfslam.serve.store import blobs
 from elfslam.serve.store.blobs import Blob
 from elfslam.serve.store.database import MapFile, reading, transaction
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import scratch_file
 from elfslam.serve.texts import plain_line
 
@@ -74,7 +74,7 @@ class PointsChange(BaseModel):
 
 
 @router.get("", operation_id="get_points_of_interest")
-def get_points_of_interest(map_id: str, asker: Asks, services: Here) -> PointsBody:
+def get_points_of_interest(map_id: str, asker: Asks, services: ServicesDep) -> PointsBody:
     """The rooms, doors and other places of a map that have a name."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id)
@@ -86,7 +86,7 @@ def get_points_of_interest(map_id: str, asker: Asks, services: Here) -> PointsBo
 
 @router.put("", operation_id="put_points_of_interest", responses=problems(409, 413))
 def put_points_of_interest(
-    map_id: str, given: PointsChange, asker: Asks, services: Here
+    map_id: str, given: PointsChange, asker: Asks, services: ServicesDep
 ) -> PointsBody:
     """Give a map these points of interest in place of all that it has.
 

@@ -11,7 +11,7 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from pydantic import BaseModel
 
-from elfslam.base.choices import Format
+from elfslam.base.enums import Format
 from elfslam.base.errors import ElfslamError
 from elfslam.serve.jobs.tasks import Named, file_name, folder_of_map
 from elfslam.serve.maps.bodies import MapBody, bodies_of, body_of
@@ -20,12 +20,12 @@ from elfslam.serve.maps.view import view_of
 from elfslam.serve.people.access import Me, not_found
 from elfslam.serve.positions.whose import settled_map
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here, Services
-from elfslam.serve.sharing.rights import Asker, Asks, Right, map_for, seen_by
+from elfslam.serve.services import Services, ServicesDep
+from elfslam.serve.sharing.rights import Asks, Principal, Right, map_for, seen_by
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Map, reading, transaction
 from elfslam.serve.store.derived import forget_maps
-from elfslam.serve.store.holdings import drop_unnamed
+from elfslam.serve.store.quota import drop_unnamed
 from elfslam.serve.store.sending import ZIP, sent, sent_blob, unfolded
 from elfslam.serve.store.zips import packed
 
@@ -83,21 +83,21 @@ class View(BaseModel):
 
 
 @router.get("/maps", operation_id="list_maps")
-def list_maps(user: Me, services: Here) -> list[MapBody]:
+def list_maps(user: Me, services: ServicesDep) -> list[MapBody]:
     """Your maps, and those that are shared with you; the newest first."""
     with reading(services.sessions) as session:
-        return bodies_of(session, Asker(user.id), seen_by(user.id))
+        return bodies_of(session, Principal(user.id), seen_by(user.id))
 
 
 @router.get("/maps/{map_id}", operation_id="get_map")
-def get_map(map_id: str, asker: Asks, services: Here) -> MapBody:
+def get_map(map_id: str, asker: Asks, services: ServicesDep) -> MapBody:
     """One of your maps, or one that is shared with you."""
     with reading(services.sessions) as session:
         return body_of(session, asker, map_for(session, asker, map_id))
 
 
 @router.delete("/maps/{map_id}", status_code=204, operation_id="delete_map")
-def delete_map(map_id: str, asker: Asks, services: Here) -> Response:
+def delete_map(map_id: str, asker: Asks, services: ServicesDep) -> Response:
     """Delete one of your maps, its job, and all fixes in it; the recordings stay."""
     with transaction(services.sessions) as session:
         named = forget_maps(session, [map_for(session, asker, map_id, Right.OWN).id])
@@ -106,7 +106,7 @@ def delete_map(map_id: str, asker: Asks, services: Here) -> Response:
 
 
 @router.get("/maps/{map_id}/view", operation_id="view_map", responses={200: {"model": View}})
-def view_map(map_id: str, asker: Asks, services: Here) -> Response:
+def view_map(map_id: str, asker: Asks, services: ServicesDep) -> Response:
     """What a viewer draws: walks, dead reckoning, closures, coverage."""
     with _folder(services, asker, map_id) as (found, named):
         light = {file: sha256 for file, sha256 in named.items() if file not in (*HEAVY, REPORT)}
@@ -125,7 +125,7 @@ def view_map(map_id: str, asker: Asks, services: Here) -> Response:
     response_class=FileResponse,
     responses={200: {"content": {"text/html": {}}}},
 )
-def get_report(map_id: str, asker: Asks, services: Here) -> FileResponse:
+def get_report(map_id: str, asker: Asks, services: ServicesDep) -> FileResponse:
     """The report, as `elfslam map` and `elfslam merge` write it."""
     with _folder(services, asker, map_id) as (_, named):
         if REPORT not in named:
@@ -141,7 +141,7 @@ def get_report(map_id: str, asker: Asks, services: Here) -> FileResponse:
     response_class=StreamingResponse,
     responses={200: {"content": {ZIP: {}}}},
 )
-def get_map_zip(map_id: str, asker: Asks, services: Here) -> StreamingResponse:
+def get_map_zip(map_id: str, asker: Asks, services: ServicesDep) -> StreamingResponse:
     """The folder of the map: `elfslam locate`, `merge`, `show` and `export` read it unpacked."""
     with _folder(services, asker, map_id) as (found, named):
         top, store = file_name(found.name), services.settings.blobs_folder
@@ -150,7 +150,7 @@ def get_map_zip(map_id: str, asker: Asks, services: Here) -> StreamingResponse:
 
 
 @router.get("/maps/{map_id}/exports", operation_id="list_exports")
-def list_exports(map_id: str, asker: Asks, services: Here) -> list[Format]:
+def list_exports(map_id: str, asker: Asks, services: ServicesDep) -> list[Format]:
     """The formats that this map can be exported to."""
     with _folder(services, asker, map_id) as (_, named):
         return formats_of(named)
@@ -163,7 +163,11 @@ def list_exports(map_id: str, asker: Asks, services: Here) -> list[Format]:
     responses={200: {"content": {"application/octet-stream": {}}}, **problems(422)},
 )
 def export_map(
-    map_id: str, to: Format, asked: Annotated[ExportOptions, Query()], asker: Asks, services: Here
+    map_id: str,
+    to: Format,
+    asked: Annotated[ExportOptions, Query()],
+    asker: Asks,
+    services: ServicesDep,
 ) -> StreamingResponse:
     """The map in the format of other programs; a .zip where that is several files.
 
@@ -176,7 +180,7 @@ def export_map(
 
 
 @contextmanager
-def _folder(services: Services, asker: Asker, map_id: str) -> Iterator[tuple[Map, Named]]:
+def _folder(services: Services, asker: Principal, map_id: str) -> Iterator[tuple[Map, Named]]:
     """A map that somebody may look at, and its files. Raises Problem 404, until the end."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id)

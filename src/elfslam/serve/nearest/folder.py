@@ -17,7 +17,7 @@ import numpy as np
 
 from elfslam.base.arrays import I64, Bool
 from elfslam.base.errors import InputError, StoreError
-from elfslam.data.folders import sha256_of
+from elfslam.data.atomic_files import sha256_of
 from elfslam.serve.nearest.parameters import NearestParameters
 
 FORMAT = 1

@@ -21,7 +21,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.text_files import read_bytes
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 
 AUTHORITY, AUTHORITY_KEY = "authority.pem", "authority.key"
 SERVER, SERVER_KEY = "server.pem", "server.key"

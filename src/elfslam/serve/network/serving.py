@@ -12,8 +12,8 @@ from starlette.types import ASGIApp
 
 from elfslam.base.errors import InputError
 from elfslam.serve.network.authority import Certificate
-from elfslam.serve.network.patience import PatientConfig
-from elfslam.serve.network.visitors import Door, Visitors
+from elfslam.serve.network.timeouts import PatientConfig
+from elfslam.serve.network.visitors import CountingListener, Visitors
 from elfslam.serve.settings import Limits
 
 STOP_S = 10
@@ -55,7 +55,9 @@ def serve(
     )
     gc.freeze()  # what is there now stays, and need not be looked through
     secure = certificate is not None
-    doors: list[socket.socket] = [Door(each, visitors, speaks_tls=secure) for each in sockets]
+    doors: list[socket.socket] = [
+        CountingListener(each, visitors, speaks_tls=secure) for each in sockets
+    ]
     StoppingServer(config, stopping).run(sockets=doors)
 
 

@@ -84,7 +84,7 @@ class Visitors:
         return bool(waiting)
 
 
-class Door(socket.socket):
+class CountingListener(socket.socket):
     """A listening socket that counts connections from before any handshake to their end."""
 
     def __init__(

@@ -17,7 +17,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.people.rates import Rates
 from elfslam.serve.problems import Problem
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.settings import COOKIE
 from elfslam.serve.store.database import User, reading
 
@@ -62,7 +62,7 @@ Token = Annotated[str, Depends(given_token)]
 """A route's parameter: the token that was sent, not checked yet."""
 
 
-def current_user(token: Token, services: Here) -> User:
+def current_user(token: Token, services: ServicesDep) -> User:
     """The user who asks. Raises Problem 401 for an unknown token, 429 for too many requests."""
     with reading(services.sessions) as session:
         user = user_of_token(session, token)

@@ -10,7 +10,7 @@ from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import Me, Token
 from elfslam.serve.people.users import session_of
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 
 router = APIRouter(tags=["users"])
 public = APIRouter(tags=["users"])
@@ -31,7 +31,7 @@ class GivenCode(BaseModel):
 
 
 @router.post("/pairing", status_code=201, operation_id="pair_device", responses=problems(409))
-def pair_device(_user: Me, token: Token, services: Here, request: Request) -> PairingCode:
+def pair_device(_user: Me, token: Token, services: ServicesDep, request: Request) -> PairingCode:
     """An address that pairs one more device with whoever asks; its code is used up by that."""
     url = url_for_others(str(request.base_url), services.settings)
     code = services.codes.make(token)
@@ -42,7 +42,7 @@ def pair_device(_user: Me, token: Token, services: Here, request: Request) -> Pa
 @public.post(
     "/session/code", status_code=204, operation_id="begin_session_by_code", responses=EVERYWHERE
 )
-def begin_session_by_code(given: GivenCode, services: Here) -> Response:
+def begin_session_by_code(given: GivenCode, services: ServicesDep) -> Response:
     """Redeem a code for a cookie that scripts cannot read."""
     token = services.codes.redeem(given.code)
     if token is None:

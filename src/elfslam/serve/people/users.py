@@ -21,10 +21,10 @@ from elfslam.serve.people.access import (
     token_sha256,
 )
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.settings import COOKIE, ServerSettings, told_limits
 from elfslam.serve.store.database import User, reading, transaction
-from elfslam.serve.store.holdings import delete_user, used_bytes
+from elfslam.serve.store.quota import delete_user, used_bytes
 from elfslam.serve.texts import Line
 
 router = APIRouter(tags=["users"])
@@ -73,7 +73,7 @@ class Invitation(BaseModel):
 
 
 @router.post("/session", status_code=204, operation_id="begin_session")
-def begin_session(_user: Me, token: Token, services: Here) -> Response:
+def begin_session(_user: Me, token: Token, services: ServicesDep) -> Response:
     """Keep the token of the Authorization header as a cookie that scripts cannot read."""
     return session_of(token, services.settings)
 
@@ -93,7 +93,7 @@ def session_of(token: str, settings: ServerSettings) -> Response:
 
 
 @router.delete("/session", status_code=204, operation_id="end_session")
-def end_session(_user: Me, services: Here) -> Response:
+def end_session(_user: Me, services: ServicesDep) -> Response:
     """Forget the cookie on this device; the token stays valid."""
     response = Response(status_code=204)
     response.delete_cookie(
@@ -103,14 +103,14 @@ def end_session(_user: Me, services: Here) -> Response:
 
 
 @router.get("/me", operation_id="who_am_i")
-def who_am_i(user: Me, services: Here) -> MeBody:
+def who_am_i(user: Me, services: ServicesDep) -> MeBody:
     """The user whose token was sent, what they use and what they may."""
     with reading(services.sessions) as session:
         return _me(services, session, user)
 
 
 @router.patch("/me", operation_id="rename_me")
-def rename_me(given: UserName, mine: Me, services: Here) -> MeBody:
+def rename_me(given: UserName, mine: Me, services: ServicesDep) -> MeBody:
     """Be called otherwise: others see the name where a map is shared."""
     with transaction(services.sessions) as session:
         user = session.get(User, mine.id)
@@ -132,7 +132,7 @@ def _me(services: Services, session: Session, user: User) -> MeBody:
 
 
 @router.get("/people", operation_id="list_people")
-def list_people(user: Me, services: Here) -> list[PersonBody]:
+def list_people(user: Me, services: ServicesDep) -> list[PersonBody]:
     """Everybody else who has a token, by name: with them a map can be shared."""
     others = select(User).where(User.id != user.id).order_by(User.name, User.id)
     with reading(services.sessions) as session:
@@ -141,7 +141,7 @@ def list_people(user: Me, services: Here) -> list[PersonBody]:
 
 
 @router.get("/users", operation_id="list_users")
-def list_users(_owner: Owner, services: Here) -> list[UserBody]:
+def list_users(_owner: Owner, services: ServicesDep) -> list[UserBody]:
     """Everybody who has a token (owner only)."""
     with reading(services.sessions) as session:
         users = session.scalars(select(User).order_by(User.created_utc, User.id))
@@ -149,7 +149,9 @@ def list_users(_owner: Owner, services: Here) -> list[UserBody]:
 
 
 @router.post("/users", status_code=201, operation_id="invite_user", responses=problems(409))
-def invite_user(given: UserName, _owner: Owner, services: Here, request: Request) -> Invitation:
+def invite_user(
+    given: UserName, _owner: Owner, services: ServicesDep, request: Request
+) -> Invitation:
     """Let somebody in: their token is in the answer and nowhere else (owner only)."""
     url = url_for_others(str(request.base_url), services.settings)
     user, token = add_user(services, given.name)
@@ -160,7 +162,7 @@ def invite_user(given: UserName, _owner: Owner, services: Here, request: Request
 @router.delete(
     "/users/{user_id}", status_code=204, operation_id="delete_user", responses=problems(409)
 )
-def remove_user(user_id: str, mine: Owner, services: Here) -> Response:
+def remove_user(user_id: str, mine: Owner, services: ServicesDep) -> Response:
     """Delete a user with all their recordings, maps and jobs (owner only)."""
     if known_id(user_id, "user") == mine.id:
         raise Problem(409, "the owner cannot be deleted; delete the data folder instead")

@@ -17,7 +17,7 @@ from elfslam.serve.positions.targets import address_of, target_of
 from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.positions.whose import owned_map, seen_map, settled_map
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import reading, transaction
 from elfslam.serve.texts import Line
 
@@ -61,7 +61,7 @@ class MadeWebhook(BaseModel):
 
 
 @router.get("/positions/settings", operation_id="get_position_settings")
-def get_position_settings(map_id: str, user: Me, services: Here) -> PositionSettings:
+def get_position_settings(map_id: str, user: Me, services: ServicesDep) -> PositionSettings:
     """Whether a map takes live positions, and where it lies."""
     with reading(services.sessions) as session:
         seen = seen_map(session, user, map_id)
@@ -70,7 +70,7 @@ def get_position_settings(map_id: str, user: Me, services: Here) -> PositionSett
 
 @router.put("/positions/settings", operation_id="put_position_settings")
 def put_position_settings(
-    map_id: str, given: PositionSettings, user: Me, services: Here
+    map_id: str, given: PositionSettings, user: Me, services: ServicesDep
 ) -> PositionSettings:
     """Switch live positions of your map on or off, and say where on the Earth it lies."""
     origin = given.origin.model_dump() if given.origin else {}
@@ -93,7 +93,7 @@ def put_position_settings(
 
 
 @router.get("/webhooks", operation_id="list_webhooks")
-def list_webhooks(map_id: str, user: Me, services: Here) -> list[WebhookBody]:
+def list_webhooks(map_id: str, user: Me, services: ServicesDep) -> list[WebhookBody]:
     """The webhooks of your map, and how their deliveries go."""
     with reading(services.sessions) as session:
         owned = owned_map(session, user, map_id)
@@ -102,7 +102,7 @@ def list_webhooks(map_id: str, user: Me, services: Here) -> list[WebhookBody]:
 
 
 @router.post("/webhooks", status_code=201, operation_id="add_webhook", responses=problems(403, 409))
-def add_webhook(map_id: str, given: NewWebhook, user: Me, services: Here) -> MadeWebhook:
+def add_webhook(map_id: str, given: NewWebhook, user: Me, services: ServicesDep) -> MadeWebhook:
     """Have positions in your map posted to a URL, in batches, each with a signature."""
     with reading(services.sessions) as session:
         owned_map(session, user, map_id)
@@ -120,7 +120,7 @@ def add_webhook(map_id: str, given: NewWebhook, user: Me, services: Here) -> Mad
 
 
 @router.delete("/webhooks/{webhook_id}", status_code=204, operation_id="delete_webhook")
-def delete_webhook(map_id: str, webhook_id: str, user: Me, services: Here) -> Response:
+def delete_webhook(map_id: str, webhook_id: str, user: Me, services: ServicesDep) -> Response:
     """Post nothing there any more."""
     with transaction(services.sessions) as session:
         owned = owned_map(session, user, map_id)

@@ -15,14 +15,14 @@ from elfslam.serve.positions.streaming import MEDIA_TYPE, stream_of
 from elfslam.serve.positions.values import LivePosition, MapId, NewPositions, told_of
 from elfslam.serve.positions.whose import seen_map, walked_map
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import User, now_utc, reading
 
 router = APIRouter(tags=["positions"])
 
 
 @router.post("/positions", status_code=204, operation_id="post_positions", responses=problems(409))
-def post_positions(given: NewPositions, user: Me, services: Here) -> Response:
+def post_positions(given: NewPositions, user: Me, services: ServicesDep) -> Response:
     """Tell those who may see a map where you are in it: at most 20 fixes, all of the last minute.
 
     They are shown for ten seconds, passed on to MQTT and webhooks, and kept in your history.
@@ -41,7 +41,7 @@ def post_positions(given: NewPositions, user: Me, services: Here) -> Response:
 @router.get("/positions", operation_id="list_my_positions")
 def list_my_positions(
     user: Me,
-    services: Here,
+    services: ServicesDep,
     before: Annotated[AwareDatetime | None, Query(description="with a zone, such as Z")] = None,
     of_map: Annotated[MapId | None, Query(alias="map")] = None,
 ) -> list[LivePosition]:
@@ -50,14 +50,14 @@ def list_my_positions(
 
 
 @router.delete("/positions", status_code=204, operation_id="delete_my_positions")
-def delete_my_positions(user: Me, services: Here) -> Response:
+def delete_my_positions(user: Me, services: ServicesDep) -> Response:
     """Delete your history, and be shown nowhere until you tell a position again."""
     delete_history(services, user.id)
     return Response(status_code=204)
 
 
 @router.get("/maps/{map_id}/positions", operation_id="list_live_positions")
-def list_live_positions(map_id: str, user: Me, services: Here) -> list[LivePosition]:
+def list_live_positions(map_id: str, user: Me, services: ServicesDep) -> list[LivePosition]:
     """Who is in a map at this moment and consents to being seen: each walk's last position."""
     with reading(services.sessions) as session:
         seen = seen_map(session, user, map_id)
@@ -70,7 +70,7 @@ def list_live_positions(map_id: str, user: Me, services: Here) -> list[LivePosit
     response_class=StreamingResponse,
     responses={200: {"content": {MEDIA_TYPE: {"schema": {"type": "string"}}}}},
 )
-async def stream_live_positions(map_id: str, user: Me, services: Here) -> StreamingResponse:
+async def stream_live_positions(map_id: str, user: Me, services: ServicesDep) -> StreamingResponse:
     """The same as server-sent events: `position` for each that comes, `gone` where a walk ends."""
     board, most = services.positions.board, services.settings.limits.position_streams
     await run_in_threadpool(_check_listening, services, user, map_id)

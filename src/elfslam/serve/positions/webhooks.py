@@ -65,7 +65,7 @@ class _Queue:
     rests_until_s: float = 0.0
 
 
-class Postman:
+class WebhookDispatcher:
     """Takes what waits in the outboxes to the webhooks. Lives in one event loop."""
 
     def __init__(
@@ -81,7 +81,7 @@ class Postman:
         self._send, self._pause, self._clock = send, pause, clock
         self._queues: dict[str, _Queue] = {}
 
-    async def go_round(self) -> None:
+    async def dispatch(self) -> None:
         """Begin to deliver what waits. A webhook that is slow keeps no other from its own."""
         arrived = self._outboxes.take()
         maps = {*arrived, *(each.map_id for each in self._queues.values() if each.waiting)}
@@ -154,7 +154,7 @@ def posting(services: Services) -> Iterator[None]:
     hub, stopping = services.positions, threading.Event()
     allow_local = services.settings.local_webhooks
     find_address = partial(address_of, allow_local=allow_local)
-    postman = Postman(hub.outboxes, partial(hooks_of, services), find_address)
+    postman = WebhookDispatcher(hub.outboxes, partial(hooks_of, services), find_address)
     work = partial(asyncio.run, _go_on(postman, stopping))
     thread = threading.Thread(target=work, name="webhooks", daemon=True)
     thread.start()
@@ -173,9 +173,9 @@ def hooks_of(services: Services, maps: Sequence[str]) -> list[Hook]:
         return [Hook(row.id, row.map_id, row.url, row.secret) for row in rows]
 
 
-async def _go_on(postman: Postman, stopping: threading.Event) -> None:
+async def _go_on(postman: WebhookDispatcher, stopping: threading.Event) -> None:
     while not await asyncio.to_thread(stopping.wait, EVERY_S):
         try:
-            await postman.go_round()
+            await postman.dispatch()
         except Exception:
             LOG.exception("posting to webhooks failed")

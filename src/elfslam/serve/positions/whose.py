@@ -16,7 +16,7 @@ from elfslam.serve.people.access import known_id
 from elfslam.serve.positions.tables import MapPositions
 from elfslam.serve.positions.values import MapOrigin
 from elfslam.serve.problems import Problem
-from elfslam.serve.sharing.rights import Asker, Right, map_for
+from elfslam.serve.sharing.rights import Principal, Right, map_for
 from elfslam.serve.store.database import Map, User
 
 
@@ -33,14 +33,14 @@ def seen_map(session: Session, user: User, map_id: str) -> WalkedMap:
     """A map whose live positions the user may see. Raises Problem 404."""
     if user.is_owner and _is_floor(session, known_id(map_id, "map")):
         return WalkedMap(map_id)
-    return settled_map(session, map_for(session, Asker(user.id), map_id))
+    return settled_map(session, map_for(session, Principal(user.id), map_id))
 
 
 def walked_map(session: Session, user: User, map_id: str) -> WalkedMap:
     """A map in which the user may tell where they are. Raises Problem 404, 409."""
     if _is_floor(session, map_id):
         return WalkedMap(map_id)
-    found = settled_map(session, map_for(session, Asker(user.id), map_id))
+    found = settled_map(session, map_for(session, Principal(user.id), map_id))
     if not found.is_on:
         raise Problem(409, "the owner of this map has switched live positions off; ask them")
     return found
@@ -48,7 +48,7 @@ def walked_map(session: Session, user: User, map_id: str) -> WalkedMap:
 
 def owned_map(session: Session, user: User, map_id: str) -> Map:
     """A map that is the user's own. Raises Problem 404, 403."""
-    return map_for(session, Asker(user.id), map_id, Right.OWN)
+    return map_for(session, Principal(user.id), map_id, Right.OWN)
 
 
 def settled_map(session: Session, found: Map) -> WalkedMap:

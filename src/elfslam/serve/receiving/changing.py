@@ -7,9 +7,9 @@ from pydantic import BaseModel
 
 from elfslam.serve.people.access import Me
 from elfslam.serve.receiving.recordings import RecordingBody, body_of, my_recording
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.store.database import transaction
-from elfslam.serve.store.holdings import delete_recordings
+from elfslam.serve.store.quota import delete_recordings
 from elfslam.serve.texts import Deleted, Line, Many
 
 router = APIRouter(prefix="/recordings", tags=["recordings"])
@@ -23,7 +23,7 @@ class RecordingChange(BaseModel):
 
 @router.patch("/{recording_id}", operation_id="rename_recording")
 def rename_recording(
-    recording_id: str, given: RecordingChange, user: Me, services: Here
+    recording_id: str, given: RecordingChange, user: Me, services: ServicesDep
 ) -> RecordingBody:
     """Call a recording otherwise; maps that were made of it keep their names."""
     with transaction(services.sessions) as session:
@@ -33,6 +33,6 @@ def rename_recording(
 
 
 @router.post("/delete", operation_id="delete_recordings")
-def remove_recordings(given: Many, user: Me, services: Here) -> Deleted:
+def remove_recordings(given: Many, user: Me, services: ServicesDep) -> Deleted:
     """Delete many of your recordings at once; what is not there, or not yours, is passed over."""
     return Deleted(count=delete_recordings(services, user.id, given.ids))

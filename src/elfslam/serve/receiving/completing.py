@@ -19,7 +19,7 @@ from typing import Any
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.serve.people.access import not_found
 from elfslam.serve.problems import Problem
 from elfslam.serve.receiving.reading import ReadFolder, read_apart
@@ -37,7 +37,7 @@ from elfslam.serve.store.database import (
     reading,
     transaction,
 )
-from elfslam.serve.store.holdings import drop_unnamed, upload_bytes
+from elfslam.serve.store.quota import drop_unnamed, upload_bytes
 
 Begin = Callable[[Session], Recording | None]
 SCRATCH = "reading-"
@@ -45,7 +45,7 @@ SCRATCH = "reading-"
 
 
 @dataclass(frozen=True)
-class Promised:
+class ManifestEntry:
     """A file as the client has it."""
 
     name: str
@@ -54,7 +54,7 @@ class Promised:
 
 
 @dataclass(frozen=True)
-class Come:
+class ReceivedFile:
     """A file that has come whole."""
 
     name: str
@@ -63,19 +63,19 @@ class Come:
 
 
 @dataclass(frozen=True)
-class Part:
+class PendingRecording:
     """A recording to be kept: its files, and what they hold.
 
     `begin` gives the row of the recording that still waits for them, or None where none does.
     """
 
-    come: list[Come]
+    come: list[ReceivedFile]
     found: ReadFolder
     begin: Begin
 
 
 def complete(
-    services: Services, recording_id: str, files: list[Promised], *, wants_map: bool
+    services: Services, recording_id: str, files: list[ManifestEntry], *, wants_map: bool
 ) -> None:
     """Make a recording of its uploads. Raises Problem 409 where something is missing.
 
@@ -93,12 +93,12 @@ def complete(
                 blobs.link_or_copy(file.path, folder / file.name)
             found = read_apart(services.children, folder, services.settings.limits)
         begin = partial(_receiving, recording_id=recording_id)
-        keep(services, [Part(come, found, begin)], wants_map=wants_map)
+        keep(services, [PendingRecording(come, found, begin)], wants_map=wants_map)
         for upload in uploads:
             (services.settings.uploads_folder / upload.id).unlink(missing_ok=True)
 
 
-def _come(settings: ServerSettings, promised: Promised, uploads: list[Upload]) -> Come:
+def _come(settings: ServerSettings, promised: ManifestEntry, uploads: list[Upload]) -> ReceivedFile:
     """A promised file, found among the uploads. Raises Problem 409."""
     named = [upload for upload in uploads if upload.file_name == promised.name]
     sizes = {upload.id: upload_bytes(settings, upload.id) for upload in named}
@@ -113,7 +113,7 @@ def _come(settings: ServerSettings, promised: Promised, uploads: list[Upload]) -
         path = settings.uploads_folder / name
         blob = blobs.blob_of(path)
         if blob.sha256 == promised.sha256:
-            return Come(promised.name, path, blob)
+            return ReceivedFile(promised.name, path, blob)
     raise Problem(
         409,
         f"{promised.name}: came with SHA-256 {blob.sha256:.12}…, promised {promised.sha256:.12}…; "
@@ -132,7 +132,7 @@ def scratch(settings: ServerSettings) -> Iterator[Path]:
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def keep(services: Services, parts: Sequence[Part], *, wants_map: bool) -> None:
+def keep(services: Services, parts: Sequence[PendingRecording], *, wants_map: bool) -> None:
     """Keep the files of recordings and say what they are, all in one commit."""
     files = [file for part in parts for file in part.come]
     folder = services.settings.blobs_folder
@@ -149,7 +149,7 @@ def keep(services: Services, parts: Sequence[Part], *, wants_map: bool) -> None:
     services.jobs_wanted.set()
 
 
-def _keep_part(session: Session, part: Part, *, wants_map: bool) -> None:
+def _keep_part(session: Session, part: PendingRecording, *, wants_map: bool) -> None:
     recording = part.begin(session)
     if recording is None:
         return
@@ -166,7 +166,9 @@ def _receiving(session: Session, recording_id: str) -> Recording | None:
     return recording if recording.state == RecordingState.RECEIVING else None
 
 
-def _describe(session: Session, recording: Recording, come: list[Come], found: ReadFolder) -> None:
+def _describe(
+    session: Session, recording: Recording, come: list[ReceivedFile], found: ReadFolder
+) -> None:
     for file in come:
         size_bytes, sha256 = file.blob.size_bytes, file.blob.sha256
         row = {"name": file.name, "sha256": sha256, "size_bytes": size_bytes}

@@ -20,7 +20,7 @@ from elfslam.serve.problems import Problem, problems
 from elfslam.serve.receiving.curves import Look
 from elfslam.serve.receiving.reading import bounds_of
 from elfslam.serve.receiving.recordings import my_recording
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import RecordingFile, RecordingState, User, reading
 from elfslam.serve.store.folder_files import FILE_NAMES
 from elfslam.serve.store.sending import sent_blob, unfolded
@@ -48,7 +48,7 @@ NEVER_OLD = {"Cache-Control": "private, no-cache"}
 async def look_at_recording(
     recording_id: str,
     user: Me,
-    services: Here,
+    services: ServicesDep,
     response: Response,
     if_none_match: Annotated[str, Header()] = "",
 ) -> Any:
@@ -69,7 +69,7 @@ async def look_at_recording(
     responses={**problems(409), 200: {"content": {kind: {} for kind in TYPES.values()}}},
 )
 def download_recording_file(
-    recording_id: str, file_name: str, user: Me, services: Here
+    recording_id: str, file_name: str, user: Me, services: ServicesDep
 ) -> FileResponse:
     """One file of a recording's folder: a sensor's table, say."""
     named = _files(services, user, recording_id)

@@ -13,11 +13,11 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Recording
 from elfslam.data.recordings import MANIFEST, read_recording
-from elfslam.line.chirp import check_rate
-from elfslam.line.motion import MotionParameters, find_footsteps
 from elfslam.serve.parsing.child import without_places
 from elfslam.serve.receiving.reading import ReadFolder
 from elfslam.slam.coverage import spans_of
+from elfslam.stages.chirp import check_rate
+from elfslam.stages.motion import MotionParameters, find_footsteps
 
 MOST_SPANS = 200
 """So many are told: the list of recordings stays short."""

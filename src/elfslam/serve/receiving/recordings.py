@@ -18,8 +18,8 @@ from sqlalchemy.orm import Session
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.receiving.completing import Promised, complete
-from elfslam.serve.services import Here, Services
+from elfslam.serve.receiving.completing import ManifestEntry, complete
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.blobs import found_blob
 from elfslam.serve.store.database import (
     Recording,
@@ -31,7 +31,7 @@ from elfslam.serve.store.database import (
     transaction,
 )
 from elfslam.serve.store.folder_files import FILE_NAMES
-from elfslam.serve.store.holdings import (
+from elfslam.serve.store.quota import (
     delete_recordings,
     refuse_more_recordings,
     upload_bytes,
@@ -103,7 +103,7 @@ class Completion(BaseModel):
 
 
 @router.post("", status_code=201, operation_id="begin_recording", responses=problems(409))
-def begin_recording(given: NewRecording, user: Me, services: Here) -> RecordingBody:
+def begin_recording(given: NewRecording, user: Me, services: ServicesDep) -> RecordingBody:
     """Begin a recording, to which files are then uploaded."""
     with transaction(services.sessions) as session:
         refuse_more_recordings(services, session, user.id)
@@ -115,7 +115,7 @@ def begin_recording(given: NewRecording, user: Me, services: Here) -> RecordingB
 
 
 @router.get("", operation_id="list_recordings")
-def list_recordings(user: Me, services: Here) -> list[RecordingBody]:
+def list_recordings(user: Me, services: ServicesDep) -> list[RecordingBody]:
     """Your recordings, the newest first."""
     newest = (Recording.created_utc.desc(), Recording.id)
     with reading(services.sessions) as session:
@@ -124,14 +124,14 @@ def list_recordings(user: Me, services: Here) -> list[RecordingBody]:
 
 
 @router.get("/{recording_id}", operation_id="get_recording")
-def get_recording(recording_id: str, user: Me, services: Here) -> RecordingBody:
+def get_recording(recording_id: str, user: Me, services: ServicesDep) -> RecordingBody:
     """One recording and what is still on its way."""
     with reading(services.sessions) as session:
         return body_of(services, session, my_recording(session, user, recording_id))
 
 
 @router.delete("/{recording_id}", status_code=204, operation_id="delete_recording")
-def remove_recording(recording_id: str, user: Me, services: Here) -> Response:
+def remove_recording(recording_id: str, user: Me, services: ServicesDep) -> Response:
     """Delete a recording and its files."""
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
@@ -145,7 +145,7 @@ def remove_recording(recording_id: str, user: Me, services: Here) -> Response:
     responses=problems(409, 423),
 )
 async def complete_recording(
-    recording_id: str, given: Completion, user: Me, services: Here
+    recording_id: str, given: Completion, user: Me, services: ServicesDep
 ) -> RecordingBody:
     """Say what the uploads should amount to: they are checked, read, kept, and mapped.
 
@@ -162,7 +162,7 @@ async def complete_recording(
     response_class=StreamingResponse,
     responses={**problems(409), 200: {"content": {"application/zip": {}}}},
 )
-def download_recording(recording_id: str, user: Me, services: Here) -> StreamingResponse:
+def download_recording(recording_id: str, user: Me, services: ServicesDep) -> StreamingResponse:
     """The recording's folder as a .zip, which `elfslam map` reads."""
     with reading(services.sessions) as session:
         recording = my_recording(session, user, recording_id)
@@ -193,7 +193,7 @@ def my_recording(session: Session, user: User, recording_id: str) -> Recording:
 def _complete(
     services: Services, user: User, recording_id: str, given: Completion
 ) -> RecordingBody:
-    promised = [Promised(file.name, file.size_bytes, file.sha256) for file in given.files]
+    promised = [ManifestEntry(file.name, file.size_bytes, file.sha256) for file in given.files]
     with reading(services.sessions) as session:
         my_recording(session, user, recording_id)
     complete(services, recording_id, promised, wants_map=given.map)

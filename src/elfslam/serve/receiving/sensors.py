@@ -17,11 +17,11 @@ from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ElfslamError, InputError
 from elfslam.base.values import Audio, Imu, Recording
 from elfslam.data.recordings import read_recording
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, find_frames
-from elfslam.line.motion.level import level
-from elfslam.line.motion.parameters import MotionParameters
 from elfslam.serve.receiving.curves import Curve, Look, SensorRate
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, find_frames
+from elfslam.stages.motion.level import level
+from elfslam.stages.motion.parameters import MotionParameters
 
 MOST_STRETCHES = 400
 """Of a curve; each is two numbers."""

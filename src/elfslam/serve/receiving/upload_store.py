@@ -9,7 +9,7 @@ from pathlib import Path
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from elfslam.data.folders import sync
+from elfslam.data.atomic_files import sync
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.problems import Problem, disk_full
 from elfslam.serve.receiving import tus
@@ -28,7 +28,7 @@ from elfslam.serve.store.database import (
 )
 from elfslam.serve.store.disk_room import refuse_full_disk
 from elfslam.serve.store.folder_files import FILE_NAMES, WHOLE, is_whole
-from elfslam.serve.store.holdings import refuse_more_recordings, upload_bytes, used_bytes
+from elfslam.serve.store.quota import refuse_more_recordings, upload_bytes, used_bytes
 from elfslam.serve.texts import plain_line
 
 

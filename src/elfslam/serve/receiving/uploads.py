@@ -27,10 +27,10 @@ from elfslam.serve.receiving.upload_store import (
     wanted_of,
 )
 from elfslam.serve.receiving.whole_uploads import finish_whole
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.store.database import Upload
 from elfslam.serve.store.folder_files import is_whole
-from elfslam.serve.store.holdings import upload_bytes
+from elfslam.serve.store.quota import upload_bytes
 from elfslam.serve.texts import AsWhole
 
 router = APIRouter(prefix="/uploads", tags=["uploads"])
@@ -66,7 +66,7 @@ Bytes = Annotated[int | None, AsWhole, COUNT]
 
 
 @router.options("", status_code=204, operation_id="describe_uploads")
-def describe_uploads(_user: Me, services: Here) -> Response:
+def describe_uploads(_user: Me, services: ServicesDep) -> Response:
     """What of the tus protocol is spoken here."""
     return Response(
         status_code=204,
@@ -90,7 +90,7 @@ def describe_uploads(_user: Me, services: Here) -> Response:
 async def begin_upload(
     request: Request,
     user: Me,
-    services: Here,
+    services: ServicesDep,
     upload_metadata: Annotated[str, Header()] = "",
     upload_length: Bytes = None,
     upload_defer_length: Annotated[str | None, Header()] = None,
@@ -126,7 +126,7 @@ async def begin_upload(
     responses={**OWN_STATUSES, 200: {"headers": TOLD, "description": "How far it has come"}},
     dependencies=SPEAKS_TUS,
 )
-async def look_at_upload(upload_id: str, user: Me, services: Here) -> Response:
+async def look_at_upload(upload_id: str, user: Me, services: ServicesDep) -> Response:
     """How much of an upload is on the disk: go on from there."""
     upload = await run_in_threadpool(mine, services, user, upload_id)
     headers = await _headers_when_written(services, upload)
@@ -154,7 +154,7 @@ async def append_to_upload(
     upload_id: str,
     request: Request,
     user: Me,
-    services: Here,
+    services: ServicesDep,
     upload_offset: Annotated[int, AsWhole, COUNT],
     upload_length: Bytes = None,
     upload_checksum: Annotated[str | None, Header()] = None,
@@ -182,7 +182,7 @@ async def append_to_upload(
     responses=OWN_STATUSES,
     dependencies=SPEAKS_TUS,
 )
-def end_upload(upload_id: str, user: Me, services: Here) -> Response:
+def end_upload(upload_id: str, user: Me, services: ServicesDep) -> Response:
     """Give an upload up; what had come is deleted."""
     mine(services, user, upload_id)
     with services.busy.alone([upload_id]):

@@ -9,13 +9,13 @@ from pathlib import Path
 from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import not_found
-from elfslam.serve.receiving.completing import Come, Part, keep, scratch
+from elfslam.serve.receiving.completing import PendingRecording, ReceivedFile, keep, scratch
 from elfslam.serve.receiving.reading import ReadFolder, Walk, walks_apart
 from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.database import Recording, Upload, reading
 from elfslam.serve.store.folder_files import stem_of
-from elfslam.serve.store.holdings import recordings_left
+from elfslam.serve.store.quota import recordings_left
 from elfslam.serve.texts import as_line
 
 MOST_WALKS = 200
@@ -60,14 +60,16 @@ def _most_walks(services: Services, user_id: str) -> int:
         return max(1, min(MOST_WALKS, recordings_left(services, session, user_id)))
 
 
-def _parts(walks: Sequence[Walk], made: Path, upload_id: str) -> list[Part]:
+def _parts(walks: Sequence[Walk], made: Path, upload_id: str) -> list[PendingRecording]:
     """What is to be kept: the first recording is the one that the upload knows."""
     parts = []
     for walk in walks:
         files = sorted((made / walk.place).iterdir()) if walk.place else []
-        come = [Come(file.name, file, blobs.blob_of(file)) for file in files if file.is_file()]
+        come = [
+            ReceivedFile(file.name, file, blobs.blob_of(file)) for file in files if file.is_file()
+        ]
         begin = partial(_begin, upload_id=upload_id, found=walk.found, alone=len(walks) == 1)
-        parts.append(Part(come, walk.found, begin))
+        parts.append(PendingRecording(come, walk.found, begin))
     return parts
 
 

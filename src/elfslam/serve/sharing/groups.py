@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from elfslam.serve.people.access import Me, known_id, not_found
 from elfslam.serve.problems import Problem, problems
-from elfslam.serve.services import Here
+from elfslam.serve.services import ServicesDep
 from elfslam.serve.sharing.tables import GroupMember, UserGroup
 from elfslam.serve.store.database import User, reading, transaction
 from elfslam.serve.texts import Line
@@ -44,7 +44,7 @@ class GivenGroup(BaseModel):
 
 
 @router.get("", operation_id="list_groups")
-def list_groups(user: Me, services: Here) -> list[GroupBody]:
+def list_groups(user: Me, services: ServicesDep) -> list[GroupBody]:
     """Your groups by name; of others' nobody is told."""
     with reading(services.sessions) as session:
         mine = (
@@ -56,7 +56,7 @@ def list_groups(user: Me, services: Here) -> list[GroupBody]:
 
 
 @router.post("", status_code=201, operation_id="make_group", responses=problems(409))
-def make_group(given: GivenGroup, user: Me, services: Here) -> GroupBody:
+def make_group(given: GivenGroup, user: Me, services: ServicesDep) -> GroupBody:
     """Make a group of people of this server."""
     with transaction(services.sessions) as session:
         count = select(func.count()).select_from(UserGroup).where(UserGroup.user_id == user.id)
@@ -69,7 +69,7 @@ def make_group(given: GivenGroup, user: Me, services: Here) -> GroupBody:
 
 
 @router.put("/{group_id}", operation_id="change_group")
-def change_group(group_id: str, given: GivenGroup, user: Me, services: Here) -> GroupBody:
+def change_group(group_id: str, given: GivenGroup, user: Me, services: ServicesDep) -> GroupBody:
     """Call a group otherwise, and say who is in it: they may what it may, all others no more."""
     with transaction(services.sessions) as session:
         found = _mine(session, user, group_id)
@@ -79,7 +79,7 @@ def change_group(group_id: str, given: GivenGroup, user: Me, services: Here) -> 
 
 
 @router.delete("/{group_id}", status_code=204, operation_id="delete_group")
-def delete_group(group_id: str, user: Me, services: Here) -> Response:
+def delete_group(group_id: str, user: Me, services: ServicesDep) -> Response:
     """Delete a group; maps that were shared with it are so no more."""
     with transaction(services.sessions) as session:
         session.delete(_mine(session, user, group_id))

@@ -30,7 +30,7 @@ from elfslam.serve.people.access import (
     user_of_token,
 )
 from elfslam.serve.problems import Problem, of_http, of_validation
-from elfslam.serve.services import Here, services_of
+from elfslam.serve.services import ServicesDep, services_of
 from elfslam.serve.sharing.tables import GroupMember, MapGroupShare, MapLink, MapShare, Shared
 from elfslam.serve.store.database import Map, reading
 
@@ -60,7 +60,7 @@ TOO_LITTLE = {
 
 
 @dataclass(frozen=True)
-class Asker:
+class Principal:
     """Who asks for a map: a user, whoever holds the secret of a link, or both."""
 
     user_id: str | None = None
@@ -68,7 +68,7 @@ class Asker:
 
 
 def right_to(
-    asker: Asker,
+    asker: Principal,
     found: Map,
     share: MapShare | None = None,
     link: MapLink | None = None,
@@ -89,7 +89,12 @@ def right_to(
 
 
 def map_for(
-    session: Session, asker: Asker, map_id: str, wanted: Right = Right.READ, *, lock: bool = False
+    session: Session,
+    asker: Principal,
+    map_id: str,
+    wanted: Right = Right.READ,
+    *,
+    lock: bool = False,
 ) -> Map:
     """A map to which somebody has a right; `lock`: until the commit no other such call returns.
 
@@ -105,7 +110,7 @@ def map_for(
     return found
 
 
-def right_in(session: Session, asker: Asker, found: Map) -> Right:
+def right_in(session: Session, asker: Principal, found: Map) -> Right:
     """What somebody may do to a map, as the database has it."""
     share = session.get(MapShare, (found.id, asker.user_id)) if asker.user_id else None
     link = session.get(MapLink, found.id) if asker.link else None
@@ -141,11 +146,11 @@ def _is_secret(link: MapLink, secret: str | None) -> bool:
 
 def current_asker(
     map_id: str,
-    services: Here,
+    services: ServicesDep,
     bearer: Annotated[HTTPAuthorizationCredentials | None, Security(BEARER)],
     cookie: Annotated[str | None, Security(IN_COOKIE)],
     secret: Annotated[str | None, LINK_SECRET] = None,
-) -> Asker:
+) -> Principal:
     """Who asks for a map: by token, by link, or by both.
 
     Raises Problem 401 for who has neither, 404 for a withdrawn link, 429 for too many requests.
@@ -159,7 +164,7 @@ def current_asker(
             raise unknown_token(NOT_KNOWN)
         raise Problem(404, WITHDRAWN) if secret else unknown_token(NOTHING_SENT)
     refuse_haste(services.token_rates.take(user.id if user else f"link {map_id}"))
-    return Asker(user.id if user else None, secret if has_link else None)
+    return Principal(user.id if user else None, secret if has_link else None)
 
 
 async def identify_first(request: Request, error: Exception) -> Response:
@@ -189,5 +194,5 @@ def asks_who(route: object) -> bool:
     return isinstance(route, APIRoute) and asks(route.dependant)
 
 
-Asks = Annotated[Asker, Depends(current_asker)]
+Asks = Annotated[Principal, Depends(current_asker)]
 """A route's parameter: who asks for the map of its path."""

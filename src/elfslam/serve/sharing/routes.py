@@ -15,7 +15,7 @@ from elfslam.serve.network.signing import pairing_fragment
 from elfslam.serve.people.access import known_id, not_found
 from elfslam.serve.people.users import ONE_YEAR_S
 from elfslam.serve.problems import EVERYWHERE, Problem, problems
-from elfslam.serve.services import Here, Services
+from elfslam.serve.services import Services, ServicesDep
 from elfslam.serve.sharing.rights import (
     LINK_COOKIE,
     WITHDRAWN,
@@ -92,7 +92,7 @@ class OpenedLink(BaseModel):
 
 
 @router.get("/shares", operation_id="list_shares")
-def list_shares(map_id: str, asker: Asks, services: Here, request: Request) -> SharesBody:
+def list_shares(map_id: str, asker: Asks, services: ServicesDep, request: Request) -> SharesBody:
     """With whom one of your maps is shared."""
     with reading(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN)
@@ -101,7 +101,7 @@ def list_shares(map_id: str, asker: Asks, services: Here, request: Request) -> S
 
 @router.put("/shares/{user_id}", operation_id="share_map", responses=problems(409))
 def share_map(
-    map_id: str, user_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+    map_id: str, user_id: str, given: Sharing, asker: Asks, services: ServicesDep, request: Request
 ) -> SharesBody:
     """Share one of your maps with somebody, or change what they may."""
     with transaction(services.sessions) as session:
@@ -122,7 +122,7 @@ def share_map(
 
 
 @router.delete("/shares/{user_id}", status_code=204, operation_id="unshare_map")
-def unshare_map(map_id: str, user_id: str, asker: Asks, services: Here) -> Response:
+def unshare_map(map_id: str, user_id: str, asker: Asks, services: ServicesDep) -> Response:
     """Share a map with somebody no more; whom it is shared with may leave by themselves.
 
     Who leaves a map that is shared with groups that they are in leaves those groups.
@@ -141,7 +141,7 @@ def unshare_map(map_id: str, user_id: str, asker: Asks, services: Here) -> Respo
 
 @router.put("/groups/{group_id}", operation_id="share_map_with_group", responses=problems(409))
 def share_map_with_group(
-    map_id: str, group_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+    map_id: str, group_id: str, given: Sharing, asker: Asks, services: ServicesDep, request: Request
 ) -> SharesBody:
     """Share one of your maps with one of your groups, or change what those in it may."""
     with transaction(services.sessions) as session:
@@ -155,7 +155,9 @@ def share_map_with_group(
 
 
 @router.delete("/groups/{group_id}", status_code=204, operation_id="unshare_map_with_group")
-def unshare_map_with_group(map_id: str, group_id: str, asker: Asks, services: Here) -> Response:
+def unshare_map_with_group(
+    map_id: str, group_id: str, asker: Asks, services: ServicesDep
+) -> Response:
     """Share a map with a group no more."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN)
@@ -168,7 +170,7 @@ def unshare_map_with_group(map_id: str, group_id: str, asker: Asks, services: He
 
 @router.put("/link", operation_id="make_link", responses=problems(409))
 def make_link(
-    map_id: str, given: Sharing, asker: Asks, services: Here, request: Request
+    map_id: str, given: Sharing, asker: Asks, services: ServicesDep, request: Request
 ) -> SharesBody:
     """Let everyone in who has the link of one of your maps, or change what they may."""
     with transaction(services.sessions) as session:
@@ -184,7 +186,7 @@ def make_link(
 
 
 @router.delete("/link", status_code=204, operation_id="withdraw_link")
-def withdraw_link(map_id: str, asker: Asks, services: Here) -> Response:
+def withdraw_link(map_id: str, asker: Asks, services: ServicesDep) -> Response:
     """Let the link of a map open nothing any more; the next one is another."""
     with transaction(services.sessions) as session:
         found = map_for(session, asker, map_id, Right.OWN)
@@ -196,7 +198,7 @@ def withdraw_link(map_id: str, asker: Asks, services: Here) -> Response:
 
 
 @public.post("/links/open", operation_id="open_link", responses=EVERYWHERE)
-def open_link(given: GivenLink, services: Here, response: Response) -> OpenedLink:
+def open_link(given: GivenLink, services: ServicesDep, response: Response) -> OpenedLink:
     """Open a map by its link: a cookie for this map alone, which scripts cannot read."""
     map_id, _, secret = given.link.partition(".")
     with reading(services.sessions) as session:

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 
 AGES = "ages.json"
 

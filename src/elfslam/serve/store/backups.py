@@ -9,7 +9,7 @@ from typing import Any
 
 from sqlalchemy import Engine, MetaData, create_engine, event, insert, select
 
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from elfslam.serve.store.database import answering
 
 ROWS = 1000

@@ -19,7 +19,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from elfslam.data.folders import sha256_of, sync
+from elfslam.data.atomic_files import sha256_of, sync
 
 SHA256 = re.compile(r"[0-9a-f]{64}")
 LOCK = ".lock"

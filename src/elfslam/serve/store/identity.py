@@ -15,7 +15,7 @@ from sqlalchemy.engine import Connection
 
 from elfslam.base.errors import StoreError
 from elfslam.base.urls import shown_url
-from elfslam.data.folders import replaced_file
+from elfslam.data.atomic_files import replaced_file
 from elfslam.serve.settings import ServerSettings
 from elfslam.serve.store.blobs import SHA256
 from elfslam.serve.store.database import (

@@ -23,8 +23,8 @@ from elfslam.serve.services import Services
 from elfslam.serve.store import blobs
 from elfslam.serve.store.ages import Age, grown, older_than, read_ages, write_ages
 from elfslam.serve.store.database import Upload, reading
-from elfslam.serve.store.holdings import is_named, named_blobs, upload_bytes
 from elfslam.serve.store.quarantine import put_back, set_aside, unnamed_blobs
+from elfslam.serve.store.quota import is_named, named_blobs, upload_bytes
 
 BETWEEN_S = 3600.0
 UPLOAD, ASIDE = "upload ", "aside "

@@ -11,9 +11,9 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.geometry import compose, inverse
 from elfslam.base.values import Closures
-from elfslam.line.map_alignment import Registration, align
 from elfslam.slam.merging.members import Side, links_between, meeting_of, placed, usual_of
 from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.stages.map_alignment import Registration, align
 
 Links = dict[tuple[int, int], Closures]
 """What sounds alike, by pair of walks a < b: i of a and j of b."""

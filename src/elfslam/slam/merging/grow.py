@@ -12,8 +12,6 @@ from elfslam.base.errors import InputError
 from elfslam.base.parameters import digest
 from elfslam.base.progress import Announce
 from elfslam.base.values import FloorMap, Trajectory
-from elfslam.line.floormap import trajectory_map
-from elfslam.line.map_alignment import Meeting, Registration, align
 from elfslam.slam.merging.forgetting import renewed
 from elfslam.slam.merging.groups import Group, Grouped, grouped
 from elfslam.slam.merging.joint_graph import against_map, joined_walks
@@ -29,6 +27,8 @@ from elfslam.slam.merging.members import (
     usual_of,
 )
 from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.stages.floormap import trajectory_map
+from elfslam.stages.map_alignment import Registration, WalkPair, align
 
 
 def unheard(what: str, share: float | None) -> None:
@@ -130,7 +130,7 @@ def lay_walk(
 
 def _met(
     floor_map: FloorMap, walk: MappedWalk, parameters: MergeParameters
-) -> tuple[list[Side], Side, Meeting]:
+) -> tuple[list[Side], Side, WalkPair]:
     """The walks of a map, one more, and what it has in common with them."""
     check_encoders([*(("the map", item) for item in _encoders(floor_map)), _encoder_of(walk)])
     ones, other = sides_of(floor_map, parameters), side_of(walk, parameters)

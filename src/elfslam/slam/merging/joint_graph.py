@@ -10,10 +10,10 @@ import numpy as np
 from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.geometry import between, compose, inverse
 from elfslam.base.values import Closures, PoseGraph, Trajectory
-from elfslam.line.checkpoints import tapped_closures
-from elfslam.line.graph import GraphParameters, build_graph, optimise
 from elfslam.slam.merging.members import MappedWalk, middles
 from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.stages.checkpoints import tapped_closures
+from elfslam.stages.graph import GraphParameters, build_graph, optimise
 
 
 @dataclass(frozen=True, eq=False)

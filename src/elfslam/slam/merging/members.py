@@ -23,10 +23,10 @@ from elfslam.base.values import (
     Run,
     Trajectory,
 )
-from elfslam.line.closure import AGAIN, closures_between, joined, sequence_mean
-from elfslam.line.map_alignment import Meeting, resemblances, usual_resemblance
-from elfslam.line.similarity import echo_sequence_similarity
 from elfslam.slam.merging.parameters import MergeParameters
+from elfslam.stages.closure import AGAIN, closures_between, joined, sequence_mean
+from elfslam.stages.map_alignment import WalkPair, resemblances, usual_resemblance
+from elfslam.stages.similarity import echo_sequence_similarity
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +94,13 @@ def placed(side: Side, frame_from_side: F64) -> Side:
 
 def meeting_of(
     ones: Sequence[Side], other: Side, links: Sequence[Closures], parameters: MergeParameters
-) -> Meeting:
+) -> WalkPair:
     """What a walk has in common with walks that share a frame; `links` as `links_between` gives."""
     firsts = np.cumsum([0, *(len(one.poses) for one in ones)])
     counted = [
         replace(found, i=found.i + first) for first, found in zip(firsts, links, strict=False)
     ]
-    return Meeting(
+    return WalkPair(
         one=np.vstack([one.poses for one in ones]),
         other=other.poses,
         scores=np.vstack([short_scores(one.means, other.means, parameters) for one in ones]),

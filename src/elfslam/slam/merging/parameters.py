@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from elfslam.base.parameters import parameter
-from elfslam.line.map_alignment import AlignmentParameters
-from elfslam.line.quality import QualityParameters
 from elfslam.slam.parameters import Parameters
+from elfslam.stages.map_alignment import AlignmentParameters
+from elfslam.stages.quality import QualityParameters
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ import pytest
 
 from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
-from elfslam.base.choices import Modality
+from elfslam.base.enums import Modality
 from elfslam.data.recordings import write_recording
 from elfslam.serve.people.users import add_user
 from elfslam.serve.services import Services, open_services
@@ -29,7 +29,7 @@ from elfslam.serve.store.database import (
     RecordingState,
     transaction,
 )
-from elfslam.serve.store.holdings import delete_user
+from elfslam.serve.store.quota import delete_user
 from elfslam.world.simulate import load_world, simulate
 from studies.benchmarks.served import serving
 from tests.serve.planting import plant_files

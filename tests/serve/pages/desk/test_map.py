@@ -17,8 +17,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from elfslam.app.export import Told, export
-from elfslam.base.choices import Format
+from elfslam.app.export import ExportContext, export
+from elfslam.base.enums import Format
 from elfslam.data.geographic import parse_origin
 from elfslam.data.tum import read_tum
 from elfslam.serve.store import blobs
@@ -402,7 +402,7 @@ def test_what_an_export_lacks_is_said_and_can_be_given(
     assert "where on the Earth" in refusal.inner_text()
     page.get_by_label("Where on the Earth").fill("47.3769,8.5417,90")
     found = downloaded(page, "geojson", tmp_path)
-    told = Told(origin=parse_origin("47.3769,8.5417,90"))
+    told = ExportContext(origin=parse_origin("47.3769,8.5417,90"))
     export(run_folder, tmp_path / "own.geojson", Format.GEOJSON, told)
     assert found.read_bytes() == (tmp_path / "own.geojson").read_bytes()
     assert refusal.count() == 0

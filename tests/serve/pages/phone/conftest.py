@@ -20,7 +20,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from elfslam.line.chirp import ChirpParameters, make_chirp
+from elfslam.stages.chirp import ChirpParameters, make_chirp
 from tests.waiting import until
 
 CHROMIUM = shutil.which("chromium")

@@ -3,8 +3,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
-import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/line/echo_schedule.js";
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
+import { makeScheduleSearch } from "../../../../src/elfslam/serve/pages/stages/echo_schedule.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
 import { makeStream } from "../../../../src/elfslam/serve/pages/phone/stream.js";
 

@@ -12,7 +12,7 @@ import { CHIRP, makeChirp, periodSamples } from "../../../../src/elfslam/serve/p
 import { analyticSignal, complexZeros, fourierOf } from "../../../../src/elfslam/serve/pages/phone/fourier.js";
 import { makeFramer } from "../../../../src/elfslam/serve/pages/phone/framer.js";
 import { makeHearing } from "../../../../src/elfslam/serve/pages/phone/hearing.js";
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
 import { earliest, makeMatchedFilter, median } from "../../../../src/elfslam/serve/pages/phone/matched_filter.js";
 import { bestOf } from "../../../../src/elfslam/serve/pages/phone/microphones.js";
 import { measure } from "../../../../src/elfslam/serve/pages/phone/probe.js";

@@ -5,7 +5,7 @@ import { readFileSync } from "node:fs";
 import { test } from "node:test";
 import { MessageChannel } from "node:worker_threads";
 
-import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/line/medium_access.js";
+import { MEDIUM_ACCESS } from "../../../../src/elfslam/serve/pages/stages/medium_access.js";
 import { CHIRP } from "../../../../src/elfslam/serve/pages/phone/chirp.js";
 import { RULES } from "../../../../src/elfslam/serve/pages/phone/arrivals.js";
 

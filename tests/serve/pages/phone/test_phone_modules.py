@@ -14,8 +14,8 @@ from elfslam.base.values import Audio
 from elfslam.data.baseband import Baseband, in_band, to_baseband
 from elfslam.data.baseband_files import read_baseband
 from elfslam.data.recordings import read_recording
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, find_arrivals, matched_envelope, to_echo_rate
 from elfslam.world.interference import speech_like
 from elfslam.world.simulate import describe_chirp
 from studies.eavesdropping import FORMS

@@ -12,14 +12,14 @@ import pytest
 
 from elfslam.base.values import Audio, FixStatus, FloorMap, Payload
 from elfslam.data.fixes_files import read_fixes
-from elfslam.line.chirp import ChirpParameters, make_chirp
-from elfslam.line.echo import EchoParameters, cut_echoes
-from elfslam.line.feature import extract_features, load_encoder
 from elfslam.serve.buildings.publishing import Spot, publish, withdraw
 from elfslam.serve.buildings.sources import floor_of
 from elfslam.serve.buildings.wifi import WifiFindParameters
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
+from elfslam.stages.chirp import ChirpParameters, make_chirp
+from elfslam.stages.echo import EchoParameters, cut_echoes
+from elfslam.stages.feature import extract_features, load_encoder
 from tests.serve.planting import plant_floor_map
 from tests.waiting import until
 

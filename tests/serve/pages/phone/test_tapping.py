@@ -14,9 +14,9 @@ from PIL import Image
 
 from elfslam.base.values import FloorMap, Payload
 from elfslam.data.recordings import read_recording
-from elfslam.line.feature import load_encoder
 from elfslam.serve.services import open_services
 from elfslam.serve.settings import ServerSettings
+from elfslam.stages.feature import load_encoder
 from tests.accessibility import violations
 from tests.serve.pages.phone.test_phone_page import finished
 from tests.serve.planting import plant_floor_map

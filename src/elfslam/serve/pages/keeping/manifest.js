@@ -12,7 +12,7 @@ const SIGNING = { name: "ECDSA", hash: "SHA-256" };
  * @typedef {{sha256: string, size_bytes: number}} Part
  * @typedef {{
  *   format: number, map: string, name: string, venue?: string, floor?: string, revision: number, made_utc: string,
- *   encoder: Part & {identity: string}, parameters: import("../line/floor_map.js").MapParameters,
+ *   encoder: Part & {identity: string}, parameters: import("../stages/floor_map.js").MapParameters,
  *   tiles: (Part & {spots: number, square: [number, number]})[], features: (Part & {spots: number, walk: number})[],
  *   floor_plan?: Plan, points_of_interest?: import("../shared/map/points_of_interest.js").PointOfInterest[],
  * }} Manifest

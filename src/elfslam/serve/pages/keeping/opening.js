@@ -12,7 +12,7 @@ import { spotsOf } from "./tiles.js";
  * @typedef {import("./manifest.js").Plan} Plan
  * @typedef {import("./store.js").Store} Store
  * @typedef {import("./tiles.js").Spots & {
- *   encoder: string, parameters: import("../line/floor_map.js").MapParameters,
+ *   encoder: string, parameters: import("../stages/floor_map.js").MapParameters,
  * }} FloorMap
  * @typedef {{
  *   map: string, name: string, revision: number, madeUtc: string, spots: number,

@@ -1,5 +1,5 @@
 /**
- * The direct arrival in every frame, followed from chirp to chirp by the rules of elfslam.line.echo:
+ * The direct arrival in every frame, followed from chirp to chirp by the rules of elfslam.stages.echo:
  * near where it is due; anywhere in the period where it is not; a jump is noted.
  */
 

@@ -1,8 +1,8 @@
 /** The excitation as recording.json tells it. */
 
-import { makeChirp as chirpOf } from "../line/chirp.js";
+import { makeChirp as chirpOf } from "../stages/chirp.js";
 
-export { ACCEPTED_RATES_HZ } from "../line/chirp.js";
+export { ACCEPTED_RATES_HZ } from "../stages/chirp.js";
 
 /**
  * What is played, as recording.json says it.

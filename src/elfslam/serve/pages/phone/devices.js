@@ -15,14 +15,14 @@ import { startSound } from "./sound.js";
  *   play: (delayS: number, count?: number) => ReturnType<typeof startChirps>,
  *   playSlots: (delayS: number, tell: (slot: {slot: number, start: number, played: number | null,
  *     gainDb: number}) => void,
- *     parameters?: import("../line/medium_access.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
+ *     parameters?: import("../stages/medium_access.js").MediumAccessParameters) => ReturnType<typeof startSlots>,
  * }} Devices
  */
 
 /**
  * Must be called from a tap. Raises Problem.
  * @param {import("./keeper.js").Keeper} keeper @param {import("./chirp.js").Chirp} chirp
- * @param {import("../line/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
+ * @param {import("../stages/medium_access.js").MediumAccessParameters} mediumAccess as the server takes them
  * @returns {Promise<Devices>}
  */
 export async function openDevices(keeper, chirp, mediumAccess) {

@@ -1,6 +1,6 @@
 /** Hears others in the slots of our turns, as the stream goes on. */
 
-import { NOTHING_HEARD, hearSlot } from "../line/listening.js";
+import { NOTHING_HEARD, hearSlot } from "../stages/listening.js";
 
 const ECHO_RATE_HZ = 44100;
 /** Of the sound around a slot: what was not listened to yet, and what may still come. */
@@ -27,7 +27,7 @@ const ALIKE_S = 0.00015;
 
 /**
  * @param {number} rateHz @param {number} period samples
- * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
+ * @param {import("../stages/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (told: Told) => void, take: (sound: HeardSound) => Heard[]}} take: what was heard in the
  *   slots that are over; of those where own chirps cannot be told from others', or that began before the
  *   stream, nothing is said. Nor of those about a stall of the sound: it may tear an own chirp in two, and
@@ -106,7 +106,7 @@ export function makeHearing(rateHz, period, parameters) {
 
 /**
  * How loud the first own chirp is, in a slot or behind it: it is heard a little before it comes, too.
- * @param {Float32Array} envelope @param {import("../line/listening.js").Slot} slot @param {number} first
+ * @param {Float32Array} envelope @param {import("../stages/listening.js").Slot} slot @param {number} first
  */
 function levelOf(envelope, { due, following }, first) {
   const at = due ?? following;

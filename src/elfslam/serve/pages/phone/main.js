@@ -6,7 +6,7 @@
 import { Problem, ask, openSession, pairWith } from "../shared/api.js";
 import { languageChoice } from "../shared/language_choice.js";
 import { t } from "../shared/words.js";
-import { MEDIUM_ACCESS } from "../line/medium_access.js";
+import { MEDIUM_ACCESS } from "../stages/medium_access.js";
 import { CHIRP } from "./chirp.js";
 import { openDevices } from "./devices.js";
 import { hasLinks, openShared } from "./guest.js";
@@ -39,7 +39,7 @@ const keeper = startKeeper();
  * What the page knows; `phone` is there once sound and motion are allowed.
  * @type {{
  *   chirp: import("./chirp.js").Chirp, software: string, phone: Phone | null, walks: Sent[],
- *   mediumAccess: import("../line/medium_access.js").MediumAccessParameters,
+ *   mediumAccess: import("../stages/medium_access.js").MediumAccessParameters,
  *   current?: Sent, sending?: Sending, begun?: Promise<void>, isGuest: boolean,
  * }} current: the walk that is shown; isGuest: a link brought somebody here
  */

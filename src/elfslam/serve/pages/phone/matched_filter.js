@@ -1,6 +1,6 @@
 /**
  * The matched filter. One cycle at 17.5 kHz is 2.5 samples, so a raw correlation peak picks the wrong
- * cycle: what counts is the envelope of the analytic filter, as in elfslam.line.echo.
+ * cycle: what counts is the envelope of the analytic filter, as in elfslam.stages.echo.
  */
 
 import { analyticSignal, complexZeros, fourierOf, powerOfTwo } from "./fourier.js";

@@ -22,7 +22,7 @@ const ASLEEP_MS = 2500;
  * @typedef {ReturnType<typeof startSending>} Sending
  * @typedef {{
  *   keeper: import("./keeper.js").Keeper, software: () => string,
- *   mediumAccess: () => import("../line/medium_access.js").MediumAccessParameters,
+ *   mediumAccess: () => import("../stages/medium_access.js").MediumAccessParameters,
  *   devices: () => Promise<import("./devices.js").Devices>, latencyS: () => number | null,
  *   finish: (sent: Sent, sending: Sending) => Promise<void>,
  *   act: (work: () => unknown) => (event?: Event) => Promise<void>,

@@ -1,6 +1,6 @@
 /** Plays the chirps: one source per chirp, each put on its sample of the audio clock in advance. */
 
-import { afterSlot, isPlayed, initialSchedule } from "../line/medium_access.js";
+import { afterSlot, isPlayed, initialSchedule } from "../stages/medium_access.js";
 
 /** So far ahead chirps are put on the clock: a page in the background wakes up once a second. */
 const AHEAD_S = 3;
@@ -54,7 +54,7 @@ export function startChirps(context, chirp, period, delayS, count = Infinity) {
  * @param {Float32Array<ArrayBuffer>} chirp samples at the context's rate
  * @param {number} period samples
  * @param {number} delayS from now to the first slot
- * @param {import("../line/medium_access.js").MediumAccessParameters} parameters
+ * @param {import("../stages/medium_access.js").MediumAccessParameters} parameters
  * @param {(slot: {slot: number, start: number, played: number | null, gainDb: number}) => void} tell of
  *   each slot in its order and in advance; start and played are frames of the clock, gainDb is how loud
  * @returns {{heard: (slot: number, othersS: number[], played: boolean) => void, stop: () => number}} heard:

@@ -1,13 +1,13 @@
 /** The direct arrivals of chirps of which it is told when they were played, at the microphone's own rate. */
 
-import { makeEnvelope } from "../line/echo_envelope.js";
-import { makeScheduleSearch } from "../line/echo_schedule.js";
+import { makeEnvelope } from "../stages/echo_envelope.js";
+import { makeScheduleSearch } from "../stages/echo_schedule.js";
 import { RULES } from "./arrivals.js";
 import { makeStream } from "./stream.js";
 
 /** Of the envelope so much is remembered for whoever listens to others. */
 const HEARD_S = 4;
-/** The rules by the names of elfslam.line.echo. */
+/** The rules by the names of elfslam.stages.echo. */
 const PARAMETERS = {
   slack_s: RULES.slackS,
   early_s: RULES.earlyS,
@@ -19,7 +19,7 @@ const PARAMETERS = {
 
 /**
  * @typedef {import("./arrivals.js").Arrival & {played: number}} Arrival
- * @typedef {import("../line/echo_schedule.js").Scheduled} Scheduled
+ * @typedef {import("../stages/echo_schedule.js").Scheduled} Scheduled
  */
 
 /**
@@ -33,7 +33,7 @@ const PARAMETERS = {
 export function makeScheduled({ rateHz, chirp, period, guess, origin = 0 }) {
   const envelopeOf = makeEnvelope(chirp);
   const envelope = makeStream(HEARD_S * rateHz, origin);
-  /** @type {import("../line/echo_schedule.js").ScheduleSearch | null} */
+  /** @type {import("../stages/echo_schedule.js").ScheduleSearch | null} */
   let search = null;
   let hasHeard = false;
 

@@ -33,7 +33,7 @@ const CHECKPOINTS_HEADER = "t_s,name,x_m,y_m\n";
  * @typedef {import("./sending.js").Sent} Sent
  * @typedef {import("./keeper.js").Keeper} Keeper
  * @typedef {import("./sound.js").Sound} Sound
- * @typedef {import("../line/medium_access.js").MediumAccessParameters} MediumAccessParameters
+ * @typedef {import("../stages/medium_access.js").MediumAccessParameters} MediumAccessParameters
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock
  * @typedef {{pageMs: number, acceleration: number[] | null, turning: number[] | null}} Reading
  */

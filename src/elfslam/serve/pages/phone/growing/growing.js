@@ -5,16 +5,16 @@ import { soundTime } from "../clocks.js";
 import { mountGrowingMap } from "./growing_map.js";
 import { showSketch, showWithout } from "./growing_view.js";
 
-const PARAMETERS = new URL("../../line/parameters.json", import.meta.url);
-const ENCODER = new URL("../../line/encoder.onnx", import.meta.url);
+const PARAMETERS = new URL("../../stages/parameters.json", import.meta.url);
+const ENCODER = new URL("../../stages/encoder.onnx", import.meta.url);
 
 /**
  * What the server's line is set to, as far as drawing a walk needs it.
  * @typedef {{
- *   chirp: import("../../line/chirp.js").ChirpParameters,
- *   echo: import("../../line/echo.js").EchoParameters, motion: import("../../line/motion/types.js").MotionParameters,
- *   locate: {fewest_echoes: number}, medium_access: import("../../line/medium_access.js").MediumAccessParameters,
- *   closure: import("../../line/growing_closures.js").ClosureParameters,
+ *   chirp: import("../../stages/chirp.js").ChirpParameters,
+ *   echo: import("../../stages/echo.js").EchoParameters, motion: import("../../stages/motion/types.js").MotionParameters,
+ *   locate: {fewest_echoes: number}, medium_access: import("../../stages/medium_access.js").MediumAccessParameters,
+ *   closure: import("../../stages/growing_closures.js").ClosureParameters,
  * }} GrowingParameters
  * @typedef {import("../devices.js").Devices} Devices
  * @typedef {{slot: number, start: number, played: number | null, gainDb: number}} Slot frames of the clock

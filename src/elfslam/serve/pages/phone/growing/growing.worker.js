@@ -3,10 +3,10 @@
  * and answers with sketches. A leg that begins anew after an interruption goes on with the same sketch.
  */
 
-import { makeChirp } from "../../line/chirp.js";
-import { makeEchoCutter } from "../../line/echo.js";
-import { openEncoder } from "../../line/encoder.js";
-import { makeFootsteps } from "../../line/motion/live.js";
+import { makeChirp } from "../../stages/chirp.js";
+import { makeEchoCutter } from "../../stages/echo.js";
+import { openEncoder } from "../../stages/encoder.js";
+import { makeFootsteps } from "../../stages/motion/live.js";
 import { makeMemory } from "../locating/memory.js";
 import { delayMotion } from "../locating/motion_delay.js";
 import { hearOthers } from "../locating/others.js";
@@ -15,13 +15,13 @@ import { drawBySteps, makeSketch } from "./sketch.js";
 
 /** @type {ReturnType<typeof makeSketch> | null} */
 let sketch = null;
-/** @type {Promise<import("../../line/encoder.js").Encoder> | null} */
+/** @type {Promise<import("../../stages/encoder.js").Encoder> | null} */
 let encoder = null;
 /** What comes while the encoder opens waits for it. @type {Promise<void>} */
 let open = Promise.resolve();
 /** @type {ReturnType<typeof delayMotion>} */
 let motion = { push() {} };
-/** @type {Pick<import("../../line/echo.js").EchoCutter, "played" | "latenessS">} */
+/** @type {Pick<import("../../stages/echo.js").EchoCutter, "played" | "latenessS">} */
 let cutter = { played() {}, latenessS: () => null };
 /** @type {Pick<ReturnType<typeof hearOthers>, "add">} */
 let others = { add() {} };
@@ -62,7 +62,7 @@ async function leg({ rateHz, parameters, encoderBytes, source }) {
 
 /**
  * @param {number} rateHz @param {import("./growing.js").GrowingParameters} parameters
- * @param {import("../../line/encoder.js").Encoder} listener @param {ReturnType<typeof makeSketch>} drawn
+ * @param {import("../../stages/encoder.js").Encoder} listener @param {ReturnType<typeof makeSketch>} drawn
  */
 function earOf(rateHz, parameters, listener, drawn) {
   const echoes = makeEchoCutter({ rateHz, chirp: makeChirp(parameters.chirp, rateHz), parameters });

@@ -3,8 +3,8 @@
  * places that the walker has marked. The server makes the map itself, anew and with more care. Pure.
  */
 
-import { makeClosureSearch, unrivalled } from "../../line/growing_closures.js";
-import { makeGrowingGraph } from "../../line/growing_graph.js";
+import { makeClosureSearch, unrivalled } from "../../stages/growing_closures.js";
+import { makeGrowingGraph } from "../../stages/growing_graph.js";
 import { stepsUntil } from "../locating/deciding.js";
 
 /** Where a walk was interrupted nobody knows where the walker went meanwhile. */
@@ -27,10 +27,10 @@ const WORTH = 12;
  *   next: [number, number] | null}} Sketch poses: x m, y m, heading rad of each footstep; loops: footsteps at one
  *   place; gaps: footsteps before which the walk was interrupted; next: the first and the last footstep of the
  *   stretch to walk again
- * @typedef {import("../../line/motion/types.js").Step} Step
+ * @typedef {import("../../stages/motion/types.js").Step} Step
  */
 
-/** @param {import("../../line/growing_closures.js").ClosureParameters} closure parameters */
+/** @param {import("../../stages/growing_closures.js").ClosureParameters} closure parameters */
 export function makeSketch(closure) {
   const graph = makeGrowingGraph();
   const search = makeClosureSearch(closure);
@@ -44,7 +44,7 @@ export function makeSketch(closure) {
   let last = -APART;
   let count = 0;
 
-  /** @param {import("../../line/growing_graph.js").Closure} found */
+  /** @param {import("../../stages/growing_graph.js").Closure} found */
   const close = (found) => {
     if (graph.closures().length < MOST_CLOSURES && graph.offer(found)) last = found.j;
   };

@@ -1,7 +1,7 @@
 /** When there is a fix, and what it is: footstep by footstep, or every 0.6 s of sound. */
 
-import { fixOf, likeness } from "../../line/locate.js";
-import { REASONS } from "../../line/spoofing.js";
+import { fixOf, likeness } from "../../stages/locate.js";
+import { REASONS } from "../../stages/spoofing.js";
 import { marked } from "../../shared/marked.js";
 
 /**
@@ -14,7 +14,7 @@ import { marked } from "../../shared/marked.js";
  * @typedef {{reasonAt: (endS: number) => number}} SpoofingCheck number of the reason to suspect what was heard, 0
  *   for none
  * @typedef {import("./words.js").Fix} Fix
- * @typedef {import("../../line/motion/types.js").Step} Step
+ * @typedef {import("../../stages/motion/types.js").Step} Step
  */
 
 /** @type {SpoofingCheck} */
@@ -28,9 +28,9 @@ const LOOK_EVERY_S = 0.2;
 /**
  * A fix at each footstep.
  * @param {{
- *   floorMap: import("../../line/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
+ *   floorMap: import("../../stages/floor_map.js").FloorMap, memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   footsteps: {take: (nowS: number) => Step[]},
- *   tracker: ReturnType<typeof import("../../line/track.js").makeTracker>,
+ *   tracker: ReturnType<typeof import("../../stages/track.js").makeTracker>,
  *   spoofing?: SpoofingCheck,
  * }} given
  * @returns {Deciding}
@@ -68,7 +68,7 @@ export function stepsUntil(footsteps) {
 
 /**
  * A fix for every window of sound, one after the other, from the first echo on.
- * @param {{floorMap: import("../../line/floor_map.js").FloorMap,
+ * @param {{floorMap: import("../../stages/floor_map.js").FloorMap,
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>, spoofing?: SpoofingCheck}} given
  * @returns {Deciding}
  */

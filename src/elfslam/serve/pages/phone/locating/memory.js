@@ -1,6 +1,6 @@
 /** What was heard lately: a unit vector per echo, until a fix has been made of it. Pure. */
 
-import { meanOf } from "../../line/locate.js";
+import { meanOf } from "../../stages/locate.js";
 
 const SIZE = 128;
 

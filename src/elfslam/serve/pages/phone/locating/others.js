@@ -1,7 +1,7 @@
 /** Hears other phones in the slots of our turns, by the envelope that the echoes are cut by. */
 
-import { ECHO_RATE_HZ } from "../../line/resample.js";
-import { makeSpoiled } from "../../line/spoiled.js";
+import { ECHO_RATE_HZ } from "../../stages/resample.js";
+import { makeSpoiled } from "../../stages/spoiled.js";
 import { makeHearing } from "../hearing.js";
 
 /**
@@ -10,11 +10,11 @@ import { makeHearing } from "../hearing.js";
  */
 
 /**
- * @param {import("../../line/echo.js").EchoCutter} cutter
+ * @param {import("../../stages/echo.js").EchoCutter} cutter
  * @param {number} periodS
- * @param {import("../../line/medium_access.js").MediumAccessParameters} parameters
+ * @param {import("../../stages/medium_access.js").MediumAccessParameters} parameters
  * @returns {{add: (slot: Slot) => void, take: () => import("../hearing.js").Heard[],
- *   clean: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[]}} take: what
+ *   clean: (echoes: import("../../stages/echo.js").Echo[]) => import("../../stages/echo.js").Echo[]}} take: what
  *   was heard in the slots that are over; after the first sound only. clean: echoes without those that others
  *   have spoiled, as long as others are about
  */
@@ -34,6 +34,6 @@ export function hearOthers({ heard }, periodS, parameters) {
     for (const { othersS } of found) alone = othersS.length > 0 ? 0 : alone + 1;
     return found;
   };
-  const clean = (/** @type {import("../../line/echo.js").Echo[]} */ echoes) => spoiled.take(echoes, alone < parameters.forget);
+  const clean = (/** @type {import("../../stages/echo.js").Echo[]} */ echoes) => spoiled.take(echoes, alone < parameters.forget);
   return { add: (slot) => waiting.push(slot), take, clean };
 }

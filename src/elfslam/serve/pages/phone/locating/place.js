@@ -21,7 +21,7 @@ const TOO_OLD = t("This browser cannot run the part of the page that locates. Us
 
 /**
  * @param {import("../devices.js").Devices} devices
- * @param {{floorMap: import("../../line/floor_map.js").FloorMap, encoderBytes: Uint8Array<ArrayBuffer>}} kept
+ * @param {{floorMap: import("../../stages/floor_map.js").FloorMap, encoderBytes: Uint8Array<ArrayBuffer>}} kept
  * @param {"track" | "one-shot"} mode
  * @param {Told} told
  * @returns {Promise<{stop: () => void, zeroS: () => number, nowS: () => number,

@@ -3,14 +3,14 @@
  * chirps were played; it answers with fixes.
  */
 
-import { makeChirp } from "../../line/chirp.js";
-import { makeEchoCutter } from "../../line/echo.js";
-import { encoderFor, openEncoder } from "../../line/encoder.js";
-import { checkedMap } from "../../line/floor_map.js";
-import { makeFootsteps } from "../../line/motion/live.js";
-import { makeTracker } from "../../line/track.js";
-import { makeSpoofingCheck } from "../../line/spoofing.js";
-import { makeRandom } from "../../line/tracking/random.js";
+import { makeChirp } from "../../stages/chirp.js";
+import { makeEchoCutter } from "../../stages/echo.js";
+import { encoderFor, openEncoder } from "../../stages/encoder.js";
+import { checkedMap } from "../../stages/floor_map.js";
+import { makeFootsteps } from "../../stages/motion/live.js";
+import { makeTracker } from "../../stages/track.js";
+import { makeSpoofingCheck } from "../../stages/spoofing.js";
+import { makeRandom } from "../../stages/tracking/random.js";
 import { decideBySteps, decideByWindows } from "./deciding.js";
 import { makeMemory } from "./memory.js";
 import { delayMotion } from "./motion_delay.js";
@@ -21,8 +21,8 @@ import { makePlacer } from "./placer.js";
 const SEED = 0;
 
 /**
- * @typedef {import("../../line/floor_map.js").FloorMap} FloorMap
- * @typedef {import("../../line/echo.js").EchoCutter} EchoCutter
+ * @typedef {import("../../stages/floor_map.js").FloorMap} FloorMap
+ * @typedef {import("../../stages/echo.js").EchoCutter} EchoCutter
  * @typedef {ReturnType<typeof hearOthers>} Others
  * @typedef {"track" | "one-shot"} Mode
  */
@@ -96,7 +96,7 @@ function onFix(fix) {
   self.postMessage({ is: "fix", fix });
 }
 
-/** @param {import("../../line/echo.js").Echo} echo */
+/** @param {import("../../stages/echo.js").Echo} echo */
 function onEcho({ tS, facts }) {
   self.postMessage({ is: "echo", tS, facts, latenessS: cutter.latenessS() });
 }

@@ -1,6 +1,6 @@
 /** Where the phone is, as sound and motion come in. Only the encoder takes its time; nothing else waits. */
 
-import { makeCentring } from "../../line/centring.js";
+import { makeCentring } from "../../stages/centring.js";
 
 /** So long a fix waits for echoes: a cutter that has to find the chirps anew gives them late. */
 const PATIENCE_S = 1.5;
@@ -12,20 +12,20 @@ const TRACE = 2352;
  * @template Answer a fix, or whatever else is made of what was heard
  * @param {{
  *   rateHz: number,
- *   cutter: import("../../line/echo.js").EchoCutter,
+ *   cutter: import("../../stages/echo.js").EchoCutter,
  *   listener: {embed: (samples: Float32Array, n: number) => Promise<Float32Array>},
- *   clean?: (echoes: import("../../line/echo.js").Echo[]) => import("../../line/echo.js").Echo[],
- *   spoofing?: {take: (facts: import("../../line/spoofing.js").Facts[], echoes: import("../../line/echo.js").Echo[],
- *     clean: import("../../line/echo.js").Echo[]) => void},
+ *   clean?: (echoes: import("../../stages/echo.js").Echo[]) => import("../../stages/echo.js").Echo[],
+ *   spoofing?: {take: (facts: import("../../stages/spoofing.js").Facts[], echoes: import("../../stages/echo.js").Echo[],
+ *     clean: import("../../stages/echo.js").Echo[]) => void},
  *   memory: ReturnType<typeof import("./memory.js").makeMemory>,
  *   deciding: {decide: (untilS: number) => Answer[]},
  *   onFix: (answer: Answer) => void,
- *   onEcho?: (echo: import("../../line/echo.js").Echo) => void,
+ *   onEcho?: (echo: import("../../stages/echo.js").Echo) => void,
  * }} given clean: keeps back the echoes that others have spoiled
  * @returns {{push: (first: number, samples: Float32Array) => Promise<void>, idle: () => Promise<void>}}
  */
 export function makePlacer({ rateHz, cutter, clean = same, listener, spoofing, memory, deciding, onFix, onEcho = () => {} }) {
-  /** @type {import("../../line/echo.js").Echo[]} */
+  /** @type {import("../../stages/echo.js").Echo[]} */
   let waiting = [];
   let heardS = 0;
   let echoedS = -Infinity;
@@ -71,7 +71,7 @@ export function makePlacer({ rateHz, cutter, clean = same, listener, spoofing, m
   return { push, idle: () => working };
 }
 
-/** @param {import("../../line/echo.js").Echo[]} echoes */
+/** @param {import("../../stages/echo.js").Echo[]} echoes */
 function same(echoes) {
   return echoes;
 }

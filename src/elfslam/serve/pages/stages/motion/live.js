@@ -1,0 +1,202 @@
+/**
+ * Footsteps while the walk goes on: the line's own stages over a window that slides along, as in
+ * elfslam.stages.motion.live. A footstep is final, and given out once, as soon as the walk has gone on for
+ * `live_delay_s` beyond it.
+ */
+
+import { footfalls, verticalBounce } from "./footsteps.js";
+import { phoneTurn, smoothHeading } from "./heading.js";
+import { STEPS_AROUND, lengthsBetween } from "./lengths.js";
+import { NO_REST, evenlySampled, level, rateOf, restUntil, stillRows } from "./level.js";
+import { moveOf, settingOffSigmaRad, sigmaOf } from "./reckoning.js";
+import { interpolate } from "./series.js";
+
+/**
+ * @typedef {import("./types.js").Imu} Imu
+ * @typedef {import("./types.js").Level} Level
+ * @typedef {import("./types.js").Rest} Rest
+ * @typedef {import("./types.js").Step} Step
+ * @typedef {import("./types.js").MotionParameters} MotionParameters
+ * @typedef {{tS: number[], accelMps2: number[], gyroRadps: number[]}} Rows an Imu that grows
+ * @typedef {{footstepsS: number[], headingRad: number, turnedRad: number, rest: Rest}} Past
+ *   the last footsteps given out, where the walker headed at the last of them, how far the phone had turned
+ *   as the window begins, and its gyroscope at rest before that
+ */
+
+/** A rest leaves the window as a whole: until it ends, so many times `still_s` of it stay. */
+const REST_KEPT = 1.25;
+
+/** @param {Rest} rest @returns {Past} */
+function beginning(rest = NO_REST) {
+  return { footstepsS: [], headingRad: 0, turnedRad: 0, rest };
+}
+
+/**
+ * Footsteps of readings as they come. `push` takes a reading (s, m/s2 with gravity, rad/s, phone axes), one
+ * that is not later than the last is left out; `take` gives the steps that became final, once each. After a
+ * gap of more than `longest_gap_s` the walk begins anew. Readings slower than `least_rate_hz` give no steps.
+ * @param {MotionParameters} parameters
+ * @returns {{push: (tS: number, accelMps2: Iterable<number>, gyroRadps: Iterable<number>) => void,
+ *   take: (nowS?: number) => Step[]}} readings after `nowS` are not looked at
+ */
+export function makeFootsteps(parameters) {
+  /** @type {Rows} */
+  let rows = { tS: [], accelMps2: [], gyroRadps: [] };
+  let past = beginning();
+
+  /** @param {number} tS @param {Iterable<number>} accelMps2 @param {Iterable<number>} gyroRadps */
+  const push = (tS, accelMps2, gyroRadps) => {
+    const lastS = rows.tS[rows.tS.length - 1] ?? -Infinity;
+    if (!(tS > lastS)) return;
+    if (rows.tS.length && tS - lastS > parameters.longest_gap_s) {
+      past = beginning(restedIn(rows, past, parameters));
+      rows = { tS: [], accelMps2: [], gyroRadps: [] };
+    }
+    rows.tS.push(tS);
+    rows.accelMps2.push(...accelMps2);
+    rows.gyroRadps.push(...gyroRadps);
+  };
+  const take = (nowS = Infinity) => {
+    const window = readUntil(rows, nowS);
+    if (!isEnough(window.tS, parameters)) return [];
+    const levelled = level(window, parameters, past.rest);
+    const { steps, footstepsS, headingRad } = wentOn(levelled, past, parameters);
+    const { from, turnedRad, rest } = slid(window.tS, levelled, past, parameters);
+    rows = rowsFrom(rows, from);
+    past = { footstepsS, headingRad, turnedRad, rest };
+    return steps;
+  };
+  return { push, take };
+}
+
+/** @param {Rows} rows @param {number} nowS @returns {Rows} */
+function readUntil(rows, nowS) {
+  let count = rows.tS.length;
+  while (count > 0 && rows.tS[count - 1] > nowS) count -= 1;
+  if (count === rows.tS.length) return rows;
+  const { tS, accelMps2, gyroRadps } = rows;
+  return { tS: tS.slice(0, count), accelMps2: accelMps2.slice(0, 3 * count), gyroRadps: gyroRadps.slice(0, 3 * count) };
+}
+
+/** @param {Rows} rows @param {number} from @returns {Rows} */
+function rowsFrom(rows, from) {
+  if (from === 0) return rows;
+  const { tS, accelMps2, gyroRadps } = rows;
+  return { tS: tS.slice(from), accelMps2: accelMps2.slice(3 * from), gyroRadps: gyroRadps.slice(3 * from) };
+}
+
+/** @param {number[]} tS @param {MotionParameters} parameters */
+function isEnough(tS, parameters) {
+  return tS.length > 1
+    && tS[tS.length - 1] - tS[0] >= parameters.least_duration_s
+    && rateOf(tS) >= parameters.least_rate_hz;
+}
+
+/**
+ * The gyroscope at rest before these readings and in them.
+ * @param {Rows} window @param {Past} past @param {MotionParameters} parameters @returns {Rest}
+ */
+function restedIn(window, past, parameters) {
+  if (!isEnough(window.tS, parameters)) return past.rest;
+  const { accel, gyro, tS } = evenlySampled(window);
+  const isStill = stillRows(accel, gyro, rateOf(tS), parameters);
+  return restUntil(gyro, isStill, isStill.length, past.rest);
+}
+
+/**
+ * Footsteps found after the last one given out: what lies closer to it is that one again.
+ * @param {ArrayLike<number>} foundS @param {number[]} givenS @param {{least_interval_s: number}} parameters
+ * @returns {number[]}
+ */
+export function notGiven(foundS, givenS, parameters) {
+  if (givenS.length === 0) return Array.from(foundS);
+  const afterS = givenS[givenS.length - 1] + parameters.least_interval_s / 2;
+  return Array.from(foundS).filter((tS) => tS > afterS);
+}
+
+/**
+ * The steps that became final, the footsteps to remember and the heading at the last.
+ * @param {Level} levelled @param {Past} past @param {MotionParameters} parameters
+ * @returns {{steps: Step[], footstepsS: number[], headingRad: number}}
+ */
+function wentOn(levelled, past, parameters) {
+  const { tS } = levelled;
+  const known = past.footstepsS.length;
+  const bounce = verticalBounce(levelled, parameters);
+  const newerS = notGiven(footfalls(levelled, bounce, parameters), past.footstepsS, parameters);
+  const finalS = tS[tS.length - 1] - parameters.live_delay_s;
+  const count = known + newerS.filter((footstepS) => footstepS <= finalS).length;
+  const footstepsS = [...past.footstepsS, ...newerS];
+  const headings = headingsOf(levelled, footstepsS, past, parameters);
+  const lengthsM = lengthsBetween(levelled, bounce, Float64Array.from(footstepsS), parameters);
+  const steps = [];
+  for (let k = Math.max(known - 1, 0); k < count - 1; k += 1) {
+    steps.push(stepAt(k, footstepsS, lengthsM, headings, parameters));
+  }
+  return {
+    steps,
+    footstepsS: footstepsS.slice(0, count).slice(-STEPS_AROUND),
+    headingRad: count ? headings.at[count - 1] : 0,
+  };
+}
+
+/**
+ * Headings at the footsteps, and at any time; those that were given out and left the window keep theirs.
+ * @param {Level} levelled @param {number[]} footstepsS @param {Past} past @param {MotionParameters} parameters
+ */
+function headingsOf(levelled, footstepsS, past, parameters) {
+  const { tS } = levelled;
+  const smooth = smoothHeading(levelled, parameters);
+  const when = (/** @type {number} */ atS) => past.turnedRad + interpolate(atS, tS, smooth);
+  const leftS = tS[0] + parameters.heading_window_s / 2;
+  const at = footstepsS.map((footstepS, k) => (
+    k < past.footstepsS.length && footstepS < leftS ? past.headingRad : when(footstepS)
+  ));
+  return { at, when };
+}
+
+/**
+ * @param {number} k @param {number[]} footstepsS @param {Float64Array} lengthsM
+ * @param {ReturnType<typeof headingsOf>} headings @param {MotionParameters} parameters
+ * @returns {Step} between footsteps k and k + 1; the first of a walk may point aside
+ */
+function stepAt(k, footstepsS, lengthsM, { at, when }, parameters) {
+  const [fromS, tS] = [footstepsS[k], footstepsS[k + 1]];
+  const sigmaRad = k ? parameters.heading_sigma_rad : settingOffSigmaRad(parameters);
+  return {
+    tS,
+    fromS,
+    moveM: moveOf(lengthsM[k], when((fromS + tS) / 2) - at[k], at[k + 1] - at[k]),
+    sigma: sigmaOf(lengthsM[k], sigmaRad, parameters),
+  };
+}
+
+/**
+ * How many readings are older than the window, and what is remembered of them.
+ * @param {number[]} tS of the readings @param {Level} levelled @param {Past} past @param {MotionParameters} parameters
+ * @returns {{from: number, turnedRad: number, rest: Rest}}
+ */
+function slid(tS, levelled, past, parameters) {
+  const { tS: evenS, rateHz, isStill, biased } = levelled;
+  const beginS = evenS[evenS.length - 1] - parameters.live_window_s;
+  const least = Math.trunc(REST_KEPT * parameters.still_s * rateHz);
+  const cut = restKept(isStill, evenS.findIndex((each) => each >= beginS), least);
+  const from = tS.findIndex((each) => each >= evenS[cut]);
+  if (from === 0) return { from, turnedRad: past.turnedRad, rest: past.rest };
+  return {
+    from,
+    turnedRad: past.turnedRad + interpolate(tS[from], evenS, phoneTurn(levelled)),
+    rest: restUntil(biased, isStill, evenS.findIndex((each) => each >= tS[from]), past.rest),
+  };
+}
+
+/**
+ * The row to cut at instead of `cut`: a rest is not cut to pieces. Until it ends, `least` rows of it stay.
+ * @param {boolean[]} isStill @param {number} cut @param {number} least @returns {number}
+ */
+export function restKept(isStill, cut, least) {
+  if (cut === 0 || !isStill[cut]) return cut;
+  const awake = isStill.indexOf(false, cut);
+  const end = awake < 0 ? isStill.length : awake;
+  return Math.max(0, Math.min(cut, end - least));
+}

@@ -1,0 +1,306 @@
+"""Loop closure detection by sequence matching and a ratio test against rival places.
+
+A single pair of footsteps says little. Similarity is averaged along the diagonal, for a stretch
+walked again, and along the antidiagonal, for one walked back. Its ridges are candidates. Dead
+reckoning rules out those it cannot have missed by so much, and of two candidates that would put
+the walker at two places at once only the clearly better one stays. The graph has the last word.
+
+Walked back, the two sides of a hall that is nearly the same after half a turn sound alike, and an
+ELF hardly knows its own place from the other side. So stretches walked back must be more alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from scipy.ndimage import maximum_filter1d
+from scipy.spatial import cKDTree
+from scipy.stats import chi2
+
+from elfslam.base.arrays import F32, F64, I64, Bool
+from elfslam.base.drift import Drift
+from elfslam.base.parameters import parameter
+from elfslam.base.values import AnySimilarity, Closures, Odometry
+
+AGAIN, BACK = 1, -1
+"""Ways of walking a stretch a second time."""
+Rows = Callable[[int, int], F32]
+"""The similarities of some footsteps, from one to another without the last, to all others."""
+DEGREES_OF_FREEDOM = 3
+
+
+@dataclass(frozen=True)
+class ClosureParameters:
+    """What counts as a loop closure."""
+
+    threshold: float = parameter(
+        0.22, "", "mean similarity along a sequence that makes a candidate", low=-1.0, high=1.0
+    )
+    back_margin: float = parameter(
+        0.4, "", "how much more alike a stretch walked back must be", low=0.0, high=2.0
+    )
+    near_footsteps: int = parameter(
+        12, "footsteps", "neighbours in time are not closures", low=1, high=10_000
+    )
+    half_sequence: int = parameter(
+        6, "footsteps", "averaged before and after a footstep", low=0, high=200
+    )
+    half_peak: int = parameter(
+        2, "footsteps", "the same over which a ridge is placed exactly", low=0, high=200
+    )
+    ridge_footsteps: int = parameter(
+        3, "footsteps", "a candidate is the best this far to either side", low=1, high=100
+    )
+    rival_margin: float = parameter(
+        0.05, "", "by how much a candidate must beat those it contradicts", low=0.0, high=2.0
+    )
+    gate_probability: float = parameter(
+        0.999, "", "a pair that dead reckoning holds for less likely is dropped", low=0.5, high=1.0
+    )
+    along_sigma_m: float = parameter(
+        0.20, "m", "error of a closure along the walk", low=0.01, high=100.0
+    )
+    across_sigma_m: float = parameter(
+        0.28, "m", "error of a closure across the walk", low=0.01, high=100.0
+    )
+    heading_sigma_rad: float = parameter(
+        0.28, "rad", "error of a closure's heading", low=0.01, high=3.14
+    )
+    shared_footsteps: int = parameter(
+        0, "footsteps", "closures this near each other share one error", low=0, high=1_000
+    )
+
+
+@dataclass(frozen=True)
+class ClosureCandidates:
+    """Pairs i < j (k) with their similarity, the partner between footsteps, and the way walked.
+
+    Between two walks i is a footstep of the one and j of the other, in any order.
+    """
+
+    i: I64
+    j: I64
+    score: F64
+    line_j: F64
+    direction: I64
+
+    def chosen(self, rows: Bool) -> ClosureCandidates:
+        """Those of some rows."""
+        i, j, score = self.i[rows], self.j[rows], self.score[rows]
+        return ClosureCandidates(i, j, score, self.line_j[rows], self.direction[rows])
+
+
+def find_closures(
+    similarity: AnySimilarity, nodes: Odometry, parameters: ClosureParameters
+) -> Closures:
+    """Pairs of footsteps at the same place, with the relative pose that each implies.
+
+    Half a turn of heading where the stretch was walked the other way.
+    """
+    drift = Drift(nodes)
+    found = candidates(similarity, parameters)
+    found = found.chosen(within_gate(found, drift, parameters))
+    found = found.chosen(passes_ratio_test(found, drift, parameters))
+    found = found.chosen(has_full_window(found, similarity.count, parameters))
+    i_from_j, covariance = _i_from_j(found, nodes), _covariances(found, parameters)
+    return Closures(found.i, found.j, found.score, i_from_j, covariance)
+
+
+def sharing_errors(closures: Closures, reach: int) -> Closures:
+    """The closures with wider sigmas where they lie within `reach` footsteps of others.
+
+    What errs alike says no more together than one alone: each of n such weighs an nth.
+    """
+    if not len(closures.i):
+        return closures
+    tree = cKDTree(np.column_stack([closures.i, closures.j]))
+    alike = tree.query_ball_point(tree.data, reach, p=np.inf, return_length=True)
+    return replace(closures, covariance=alike[:, None, None] * closures.covariance)
+
+
+def candidates(similarity: AnySimilarity, parameters: ClosureParameters) -> ClosureCandidates:
+    """Ridges of the averaged similarity, for stretches walked again and walked back."""
+    found = _all_ridges(similarity.rows, similarity.count, similarity.count, parameters)
+    return found.chosen(found.j - found.i >= parameters.near_footsteps)
+
+
+def candidates_between(one: F32, other: F32, parameters: ClosureParameters) -> ClosureCandidates:
+    """The same between two walks, by the mean features (n, d) and (m, d) of their footsteps."""
+
+    def rows(first: int, last: int) -> F32:
+        return np.asarray(one[first:last] @ other.T)
+
+    return _all_ridges(rows, len(one), len(other), parameters)
+
+
+def closures_between(one: F32, other: F32, poses: F64, parameters: ClosureParameters) -> Closures:
+    """Places of two walks that sound alike: i of the one and j of the other, in any order.
+
+    `one` (n, d) and `other` (m, d) are what is heard from each footstep to the next, `poses`
+    (m, 3) the middles of the other's stretches; the relative poses lead from middle to middle.
+    """
+    found = candidates_between(one, other, parameters)
+    steps_m = np.linalg.norm(np.diff(poses[:, :2], axis=0, append=poses[-1:, :2]), axis=1)
+    ahead_m = (found.j - found.line_j) * found.direction * steps_m[found.j]
+    turn_rad = np.where(found.direction == BACK, np.pi, 0.0)
+    i_from_j = np.column_stack([ahead_m, np.zeros(len(ahead_m)), turn_rad])
+    return Closures(found.i, found.j, found.score, i_from_j, _covariances(found, parameters))
+
+
+def _all_ridges(
+    rows: Rows, count: int, columns: int, parameters: ClosureParameters
+) -> ClosureCandidates:
+    """Ridges anywhere in a matrix (count, columns), block of rows by block."""
+    block = _block_rows(columns)
+    parts = [
+        _ridges(rows, first, min(first + block, count), count, direction, parameters)
+        for first in range(0, count, block)
+        for direction in (AGAIN, BACK)
+    ]
+    names = [item.name for item in fields(ClosureCandidates)]
+    return ClosureCandidates(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in names)
+    )
+
+
+def has_full_window(found: ClosureCandidates, count: int, parameters: ClosureParameters) -> Bool:
+    """Which candidates (k) have whole sequences on both sides.
+
+    Who sets off from a corner, or stops there, faces elsewhere than whoever walks past, and a
+    first footstep with a wrong heading turns the whole map.
+    """
+    half = parameters.half_sequence
+    return np.asarray((found.i >= half) & (found.j < count - half))
+
+
+def within_gate(found: ClosureCandidates, drift: Drift, parameters: ClosureParameters) -> Bool:
+    """Which candidates (k) dead reckoning allows: its error may be that large by then."""
+    turn_rad = np.where(found.direction == AGAIN, 0.0, np.pi)
+    distance = drift.disagreement(found.i, found.j, turn_rad, _sigma(parameters))
+    return np.asarray(distance <= _gate(parameters))
+
+
+def passes_ratio_test(
+    found: ClosureCandidates, drift: Drift, parameters: ClosureParameters
+) -> Bool:
+    """Ratio test: which candidates (k) have no rival of their footstep that contradicts them.
+
+    Two contradict each other where dead reckoning excludes that their other ends are one place.
+    The better one stays if it leads by the margin, else neither.
+    """
+    beaten = np.zeros(len(found.i), dtype=bool)
+    for shared, other in ((found.i, found.j), (found.j, found.i)):
+        order = np.argsort(shared, kind="stable")
+        for distance in range(1, _most_alike(shared)):
+            one, two = order[:-distance], order[distance:]
+            same = shared[one] == shared[two]
+            one, two = one[same], two[same]
+            rivals = _contradict(other, found.direction, one, two, drift, parameters)
+            lead = found.score[one] - found.score[two]
+            beaten[one[rivals & (lead < parameters.rival_margin)]] = True
+            beaten[two[rivals & (-lead < parameters.rival_margin)]] = True
+    return ~beaten
+
+
+def _contradict(
+    other: I64, direction: I64, one: I64, two: I64, drift: Drift, parameters: ClosureParameters
+) -> Bool:
+    """Whether the far ends of candidates `one` and `two` (rows) cannot be the same place."""
+    turn_rad = np.where(direction[one] == direction[two], 0.0, np.pi)
+    earlier, later = np.minimum(other[one], other[two]), np.maximum(other[one], other[two])
+    slack = np.sqrt(2) * _sigma(parameters)
+    return np.asarray(drift.disagreement(earlier, later, turn_rad, slack) > _gate(parameters))
+
+
+def _ridges(
+    rows: Rows, first: int, last: int, count: int, direction: int, parameters: ClosureParameters
+) -> ClosureCandidates:
+    """The candidates whose earlier footstep lies in one block of rows."""
+    margin = parameters.half_sequence + parameters.ridge_footsteps
+    top, bottom = max(first - margin, 0), min(last + margin, count)
+    scores = rows(top, bottom)
+    mean = sequence_mean(scores, parameters.half_sequence, direction)
+    reach = 2 * parameters.ridge_footsteps + 1
+    ridge = mean >= np.minimum(maximum_filter1d(mean, reach, 0), maximum_filter1d(mean, reach, 1))
+    inside = slice(first - top, last - top)
+    least = parameters.threshold + (parameters.back_margin if direction == BACK else 0.0)
+    i, j = np.nonzero(ridge[inside] & (mean[inside] >= least))
+    i = i + first - top
+    peak = sequence_mean(scores, parameters.half_peak, direction)
+    score, line_j = mean[i, j].astype(np.float64), j + _offset(peak, i, j)
+    return ClosureCandidates(i + top, j, score, line_j, np.full(len(i), direction))
+
+
+def sequence_mean(scores: F32, half: int, direction: int) -> F32:
+    """Means (n, m) over up to `half` rows before and after, one column on for each row.
+
+    Or one column back, where `direction` is BACK. Shorter at the edges.
+    """
+    rows, columns = scores.shape
+    total, count = np.zeros_like(scores), np.zeros_like(scores)
+    for k in range(-min(half, rows - 1), min(half, rows - 1) + 1):
+        aside = k * direction
+        to = (slice(max(0, -k), rows - max(0, k)), slice(max(0, -aside), columns - max(0, aside)))
+        of = (slice(max(0, k), rows - max(0, -k)), slice(max(0, aside), columns - max(0, -aside)))
+        total[to] += scores[of]
+        count[to] += 1
+    return np.asarray(total / count)
+
+
+def _offset(mean: F32, i: I64, j: I64) -> F64:
+    """How far beside column j the parabola through it and its neighbours peaks, in columns.
+
+    Zero in the first and last column, which have a neighbour on one side only.
+    """
+    if mean.shape[1] < 3:
+        return np.zeros(len(i))
+    inside = np.clip(j, 1, mean.shape[1] - 2)
+    left, at, right = (mean[i, inside + k].astype(np.float64) for k in (-1, 0, 1))
+    curvature = np.minimum(2 * (left - 2 * at + right), -1e-3)
+    return np.where(inside == j, np.clip((left - right) / curvature, -1.0, 1.0), 0.0)
+
+
+def _i_from_j(found: ClosureCandidates, nodes: Odometry) -> F64:
+    """Relative poses (k, 3): how far footstep j lies ahead of footstep i, and its turn."""
+    steps_m = np.linalg.norm(np.diff(nodes.world_from_body[:, :2], axis=0), axis=1)
+    back = found.direction == BACK
+    # Walking back, stretch j begins where stretch i ends: a step ahead of footstep i.
+    ahead = (found.j - found.line_j) * found.direction + back
+    forward_m = ahead * steps_m[np.minimum(found.j, len(steps_m) - 1)]
+    return np.column_stack([forward_m, np.zeros(len(back)), np.where(back, np.pi, 0.0)])
+
+
+def _covariances(found: ClosureCandidates, parameters: ClosureParameters) -> F64:
+    """Covariances (k, 3, 3) of the relative poses."""
+    return np.tile(np.diag(np.square(_sigma(parameters))), (len(found.i), 1, 1))
+
+
+def _sigma(parameters: ClosureParameters) -> F64:
+    return np.array(
+        [parameters.along_sigma_m, parameters.across_sigma_m, parameters.heading_sigma_rad]
+    )
+
+
+def _gate(parameters: ClosureParameters) -> float:
+    return float(chi2.ppf(parameters.gate_probability, DEGREES_OF_FREEDOM))
+
+
+def _most_alike(values: I64) -> int:
+    """How often the most frequent value occurs."""
+    return int(np.bincount(values).max()) if len(values) else 0
+
+
+def _block_rows(count: int) -> int:
+    """Rows worked on at a time: a block of them has about four million scores."""
+    return max(4_000_000 // max(count, 1), 64)
+
+
+def joined(parts: Sequence[Closures]) -> Closures:
+    """The closures of several senses as one."""
+    columns = (
+        np.concatenate([getattr(part, column.name) for part in parts])
+        for column in fields(Closures)
+    )
+    return Closures(*columns)
