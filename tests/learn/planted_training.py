@@ -25,7 +25,7 @@ from elfslam.learn.distributed import (
 from elfslam.learn.loss import nt_xent
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import Progress, pretrain
+from elfslam.learn.pretrain import TrainingProgress, pretrain
 from elfslam.learn.resumable import prefetched
 
 TINY = PretrainParameters(
@@ -89,7 +89,7 @@ def write_step(file: Path) -> None:
 def die_in_training(checkpoint: Path) -> None:
     """A training that is killed after its fifth step; the last checkpoint was after the fourth."""
 
-    def report(progress: Progress) -> None:
+    def report(progress: TrainingProgress) -> None:
         if progress.step == 5:
             os.kill(os.getpid(), signal.SIGKILL)
 

@@ -22,7 +22,7 @@ from elfslam.learn.distributed import Ranks, check_shares, joined
 from elfslam.learn.network import CompactEncoder
 from elfslam.learn.onnx_files import export_encoder
 from elfslam.learn.parameters import PretrainParameters
-from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, Progress, pretrain
+from elfslam.learn.pretrain import NETWORKS, PairsOf, Pretrained, TrainingProgress, pretrain
 from elfslam.learn.resumable import Batch, Stream, prefetched
 from elfslam.scoring.charts import loss_figure
 from elfslam.scoring.page import Page, Panel, facts_table, save_page
@@ -62,7 +62,7 @@ def pretrain_on_simulated_echoes(
     """
     _check(out, parameters)
 
-    def report(progress: Progress) -> None:
+    def report(progress: TrainingProgress) -> None:
         share = progress.step / parameters.steps
         announce(f"step {progress.step} of {parameters.steps}, loss {progress.loss:.3f}", share)
 
@@ -107,7 +107,7 @@ def step_pairs(step: int, *, seed: int, pairs: int, rooms: int, engine: str) -> 
 def _trained(
     parameters: PretrainParameters,
     ranks: Ranks,
-    report: Callable[[Progress], None],
+    report: Callable[[TrainingProgress], None],
     *,
     seed: int,
     checkpoint: Path,

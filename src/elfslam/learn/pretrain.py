@@ -36,7 +36,7 @@ ARITHMETIC = {"cpu": "float32", "cuda": "bfloat16 on a GPU"}
 
 
 @dataclass(frozen=True)
-class Progress:
+class TrainingProgress:
     """Where the training stands after a step."""
 
     step: int
@@ -58,7 +58,7 @@ def pretrain(
     *,
     seed: int,
     checkpoint: Path,
-    report: Callable[[Progress], None],
+    report: Callable[[TrainingProgress], None],
     stream: Stream = prefetched,
     ranks: Ranks = ALONE,
 ) -> Pretrained:
@@ -89,7 +89,7 @@ def pretrain(
         sum_gradients(network, ranks)
         optimizer.step()
         losses.append(float(loss.item()))
-        report(Progress(step + 1, losses[-1]))
+        report(TrainingProgress(step + 1, losses[-1]))
         if ranks.number == 0 and (step + 1) % parameters.checkpoint_steps == 0:
             run = run_of(parameters, seed, device, ranks)
             save(checkpoint, run, losses, network, optimizer)
