@@ -13,7 +13,7 @@ from elfslam.app.console import exit_code_of, print_rows, progress_bar, run_app,
 from elfslam.app.stopping import run_stoppable
 from elfslam.stages.feature import load_encoder
 from elfslam.world.kinds import KINDS
-from studies.catalogue import STUDIES, Choice, run_stale, run_study, study_named
+from studies.catalogue import STUDIES, Choice, run_stale, run_study, sample_study, study_named
 from studies.results import RESULTS, Result
 
 FAST = Path("results-fast")
@@ -42,6 +42,9 @@ def study(
     recording: Annotated[
         Path | None, typer.Option(help="paper: a recording of one's own, in place of the worlds.")
     ] = None,
+    sample: Annotated[
+        int | None, typer.Option(min=1, help="Time so many repeats of each of --only, no more.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON, not a table.")] = False,
 ) -> None:
     """Make the results of a study, of all that are stale, or render README and docs."""
@@ -51,6 +54,14 @@ def study(
     elsewhere = fast or recording is not None or bool(encoders)
     folder = out or (FAST if elsewhere else RESULTS)
     choice = Choice(folder, data, on, fast, kind, encoders, recording)
+    if sample is not None:
+        names = [each for each in only.split(",") if each] if name == "all" else [name]
+        rows = []
+        for each in names:
+            rows.append(sample_study(each, choice, sample))
+            say(str(rows[-1]))
+        print_rows(rows, title="Seconds a repeat, hours on two cores", as_json=as_json)
+        return
     if name != "all" and not fast:
         say(f"{name}: about {study_named(name).minutes:g} min on two cores")
     with progress_bar() as announce:

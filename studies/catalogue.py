@@ -17,6 +17,7 @@ from elfslam.base.progress import Announce
 from elfslam.stages.feature import Encoder
 from elfslam.world.kinds import kind_named
 from studies.cached import bound_cache
+from studies.repeats import SampledError
 from studies.results import (
     RESULTS,
     Record,
@@ -41,6 +42,7 @@ STUDIES = (
     "unknown-phone",
 )  # fmt: skip
 """Each stands in the module of its name, as `STUDY`."""
+CORES = 2
 TIMES = "remake"
 """The result file of how long each study took."""
 
@@ -106,6 +108,28 @@ def run_study(name: str, choice: Choice, announce: Announce) -> list[Result]:
     kept.unlink(missing_ok=True)
     bound_cache()
     return results
+
+
+def sample_study(name: str, choice: Choice, count: int) -> dict[str, object]:
+    """What some repeats of a long study take on one core, and what all of it would on two.
+
+    Raises InputError for a study that is not long, and as `run_study` does.
+    """
+    study = study_named(name)
+    study.check(name, choice.data)
+    if not study.long:
+        raise InputError(f"study {name}: is short and has no repeats to sample; run it")
+    try:
+        study.measure(StudyContext(choice.data, sample=count), **_told(name, study, choice))
+    except SampledError as found:
+        runs = max(1, len(study.scenarios)) * found.repeats
+        return {
+            "study": name, "repeats": runs, "first (s)": round(found.first_s, 1),
+            "again (s)": round(found.again_s, 1),
+            "all, first (h)": round(found.first_s * runs / CORES / 3600, 2),
+            "all, again (h)": round(found.again_s * runs / CORES / 3600, 2),
+        }  # fmt: skip
+    raise InputError(f"study {name}: shares out no repeats")
 
 
 def run_stale(only: Collection[str], choice: Choice, announce: Announce) -> Iterator[Stale]:

@@ -28,13 +28,15 @@ EXTRAS: Mapping[str, str] = {
 class StudyContext:
     """The folder of real recordings, who hears of progress, and who works.
 
-    A long study keeps what is finished in the file `kept`, and gives its repeats to `workers`.
+    A long study keeps what is finished in the file `kept`, and gives its repeats to `workers`;
+    where `sample` is a number, it times so many and ends.
     """
 
     data: Path | None = None
     announce: Announce = silent
     kept: Path | None = None
     workers: Workers | None = None
+    sample: int | None = None
 
 
 Measure = Callable[..., Iterable[Record]]

@@ -17,7 +17,16 @@ from elfslam.base.progress import silent
 from elfslam.stages.feature import SpectralEncoder
 from elfslam.world.kinds import Kind
 from studies import catalogue
-from studies.catalogue import STUDIES, Choice, Stale, run_stale, run_study, stale_studies
+from studies.catalogue import (
+    STUDIES,
+    Choice,
+    Stale,
+    run_stale,
+    run_study,
+    sample_study,
+    stale_studies,
+)
+from studies.repeats import SampledError
 from studies.results import Record, commit_now, read_results, write_results
 from studies.study import SCENARIOS, Study, StudyContext
 
@@ -91,6 +100,19 @@ def test_what_is_needed_is_said_before_the_first_second(
         with pytest.raises(InputError, match=words):
             list(run_stale((), Choice(tmp_path, data=data), silent))
     assert not (tmp_path / "lanes.csv").exists()
+
+
+def test_a_sample_says_what_all_kinds_of_walk_would_take(planted: dict[str, Study]) -> None:
+    def sampled(context: StudyContext, *, kind: Kind) -> Iterable[Record]:
+        assert (context.sample, kind.name) == (1, "people")
+        raise SampledError(first_s=7200.0, again_s=3600.0, repeats=5)
+
+    planted["long"] = replace(LANES, measure=sampled, long=True)
+    row = sample_study("long", Choice(), 1)
+    assert row["repeats"] == 10
+    assert (row["all, first (h)"], row["all, again (h)"]) == (10.0, 5.0)
+    with pytest.raises(InputError, match="lanes: is short"):
+        sample_study("lanes", Choice(), 1)
 
 
 def test_all_runs_what_is_stale_the_cheapest_first(tmp_path: Path) -> None:

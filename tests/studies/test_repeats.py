@@ -12,7 +12,7 @@ import pytest
 from elfslam.app.workers import unit_key
 from elfslam.app.workers.interface import Result, Task
 from elfslam.base.errors import StoreError
-from studies.repeats import finished
+from studies.repeats import SampledError, finished
 from studies.results import Record
 from studies.study import StudyContext
 
@@ -86,3 +86,17 @@ def test_what_is_not_of_this_run_is_refused(tmp_path: Path, content: str, compla
     with pytest.raises(StoreError, match=complaint):
         finished(square, [1], StudyContext(kept=kept))
     assert kept.read_text() == content
+
+
+def test_a_sample_is_spread_over_the_tasks_and_keeps_nothing(tmp_path: Path) -> None:
+    asked: list[int] = []
+
+    def noted(task: int) -> list[Record]:
+        asked.append(task)
+        return square(task)
+
+    context = StudyContext(kept=tmp_path / "kept", sample=2)
+    with pytest.raises(SampledError) as found:
+        finished(noted, range(8), context)
+    assert (asked, found.value.repeats) == ([2, 6, 2, 6], 8)
+    assert not (tmp_path / "kept").exists()
