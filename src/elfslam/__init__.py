@@ -58,7 +58,7 @@ HOMES = {
         "Odometry", "Recording", "Run", "Trajectory", "Truth",
     ),
     "data.recordings": ("read_recording",),
-    "line.feature": ("Encoder", "load_encoder"),
+    "stages.feature": ("Encoder", "load_encoder"),
     "slam.pipeline": ("Sense",),
 }  # fmt: skip
 """Where each public name stands."""
