@@ -9,8 +9,7 @@ import numpy as np
 import numpy.testing as npt
 import pytest
 
-from elfslam.app.anchor import Plan
-from elfslam.app.follow import Start, follow, follow_into, start_on
+from elfslam.app.anchor import Plan, Start, follow, follow_into, start_on
 from elfslam.base.errors import NoAnswerError
 from elfslam.base.geometry import chain
 from elfslam.base.grid import FloorGrid, walked_grid
@@ -73,6 +72,6 @@ def test_a_plan_without_room_to_stand_is_refused(run: Run) -> None:
 def test_a_walk_that_fits_in_several_ways_needs_its_start_said(run: Run, tmp_path: Path) -> None:
     write_run(run, tmp_path / "run", facts={}, encoder=None)
     quick = AnchoringParameters(cell_m=0.5)
-    with pytest.raises(NoAnswerError, match="AMBIGUOUS; say with --start"):
+    with pytest.raises(NoAnswerError, match="AMBIGUOUS; say where it begins"):
         follow_into(tmp_path / "out", tmp_path / "run", Plan(HALL), (quick, KNOWN), None)
     assert not (tmp_path / "out").exists()

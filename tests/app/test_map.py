@@ -70,7 +70,7 @@ def test_a_replacement_that_fails_keeps_the_older_run(
 
 
 def test_fine_tuning_without_echoes_is_refused(walk: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="--finetune learns echoes; leave it out with --by motion"):
+    with pytest.raises(InputError, match="fine-tuning learns echoes; leave it out by motion"):
         map_into(tmp_path / "run", walk, replace(JOB, finetune=True), silent)
     assert list(tmp_path.iterdir()) == []
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from elfslam.app.map import MapJob
-from elfslam.app.map_many import map_many
+from elfslam.app.map import MapJob, map_many
 from elfslam.app.settings import Settings
 from elfslam.app.workers.processes import Processes
 from elfslam.base.enums import Modality

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.app.superimpose import drawn
+from elfslam.app.merge import drawn
 from elfslam.base.geometry import interpolate_poses
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import ECHO_SAMPLES, FixStatus

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from elfslam.app.world_plan import world_plan
+from elfslam.app.show import world_plan
 from elfslam.scoring.world_page import write_world_page
 from elfslam.world.world_file import load_world, world_names
 

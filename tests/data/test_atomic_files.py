@@ -11,8 +11,7 @@ from typing import Any
 import pytest
 from killed import survives
 
-from elfslam.app.anchor import ANCHOR
-from elfslam.app.follow import FOLLOWED
+from elfslam.app.anchor import ANCHOR, FOLLOWED
 from elfslam.base.errors import OccupiedError, StoreError
 from elfslam.data.atomic_files import (
     new_file,

@@ -49,7 +49,7 @@ def test_headings_agree_with_positions() -> None:
 
 @pytest.mark.parametrize("text", ["", "47", "47,8,9,10", "north,8", "91,0", "0,181", "nan,0"])
 def test_what_is_no_origin_is_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match="--origin"):
+    with pytest.raises(ParameterError, match="origin"):
         parse_origin(text)
 
 

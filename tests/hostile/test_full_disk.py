@@ -17,8 +17,8 @@ import pytest
 from PIL import Image
 from whole_inputs import RESULTS
 
+from elfslam.app import anchor as anchoring
 from elfslam.app import anchor as plans
-from elfslam.app import follow as following
 from elfslam.app import locate as locating
 from elfslam.app import map as mapping
 from elfslam.app import merge as joining
@@ -85,7 +85,7 @@ LONG = {
     "merge": (joining, "merge"),
     "locate": (locating, "locate"),
     "anchor": (plans, "place_on"),
-    "follow": (following, "follow"),
+    "follow": (anchoring, "follow"),
     "finetune": (mapping, "finetuned"),
 }
 """Work before the writing, by the command that begins with it."""

@@ -123,7 +123,7 @@ LAMP = box("lamp", [4.0, 4.5, 1.8], [1.5, 0.8, 0.7], PLAIN, 0.0, 0.0)
         (ell(TABLE), NOBODY, "no blocks that do not reach from floor to ceiling, edges"),
         (ell(LAMP), NOBODY, "no blocks that do not reach from floor to ceiling, edges"),
         (ell(replace(PILLAR, clutter_per_m2=9.0)), NOBODY, "no clutter and scattering surf"),
-        (ell(), np.ones((1, 1, 2)), "no people; take --kind quiet or another engine"),
+        (ell(), np.ones((1, 1, 2)), "no people; take quiet walks or another engine"),
     ],
 )
 def test_what_it_cannot_model_is_refused(scene: Scene, people_m: F64, complaint: str) -> None:
@@ -133,13 +133,13 @@ def test_what_it_cannot_model_is_refused(scene: Scene, people_m: F64, complaint:
 
 def test_rough_walls_moving_phones_and_places_outside_are_refused() -> None:
     rough = scene_of(shoebox(np.array([6.0, 5.0, 2.5]), (material("brick"),) * 6))
-    with pytest.raises(InputError, match="no clutter and scattering surfaces; take --kind quiet"):
+    with pytest.raises(InputError, match="no clutter and scattering surfaces; take quiet walks"):
         pyroom.image_echoes(rough, ends_at(), NOBODY, air_at(), REACH)
     moving = ends_at()._replace(microphone_velocity=np.array([[1.0, 0.0, 0.0]]))
-    with pytest.raises(InputError, match="no moving phones; take --kind quiet"):
+    with pytest.raises(InputError, match="no moving phones; take quiet walks"):
         pyroom.image_echoes(rectangle(), moving, NOBODY, air_at(), REACH)
     lobed = ends_at()._replace(microphone_lobe_share=0.2)
-    with pytest.raises(InputError, match="no lobes; take --kind quiet"):
+    with pytest.raises(InputError, match="no lobes; take quiet walks"):
         pyroom.image_echoes(rectangle(), lobed, NOBODY, air_at(), REACH)
     with pytest.raises(InputError, match="hears nothing outside a room; move the phones"):
         pyroom.image_echoes(ell(), ends_at(), NOBODY, air_at(), REACH)

@@ -112,7 +112,7 @@ def _onnx(source: Path, out: Path, told: ExportContext) -> None:
     """The encoder that others are located by."""
     encoder = source / ENCODER
     if not encoder.is_file():
-        raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes (--by elf) first")
+        raise InputError(f"{source}: holds no {ENCODER}; map it by its echoes first", argument="by")
     shutil.copyfile(encoder, out)
 
 
@@ -126,8 +126,9 @@ def _imdf(source: Path, out: Path, told: ExportContext) -> None:
     origin = _origin(told)
     if told.place is None:
         raise ParameterError(
-            "--place: the format asks for the name and the address of the venue; "
-            "give a TOML file with name, category, address, locality, country, level and ordinal"
+            "place: the format asks for the name and the address of the venue; "
+            "give a TOML file with name, category, address, locality, country, level and ordinal",
+            argument="place",
         )
     points = read_points(source)
     write_imdf(out, _lines(source), told.place, origin, datetime.now(UTC), points)
@@ -137,8 +138,9 @@ def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContex
     """The walked ground as an image of that name."""
     if not FINEST_M <= told.pixel_m <= COARSEST_M:
         raise ParameterError(
-            f"--resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
-            "0.05 is usual"
+            f"resolution: got {told.pixel_m:g}, wanted {FINEST_M:g} to {COARSEST_M:g} m; "
+            "0.05 is usual",
+            argument="resolution",
         )
     text, content = ros_map(walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image)
     file.write_text(text, encoding="utf-8")
@@ -163,8 +165,9 @@ def _lines(source: Path) -> list[F64]:
 def _origin(told: ExportContext) -> Origin:
     if told.origin is None:
         raise ParameterError(
-            "--origin: a map does not know where on the Earth it lies; give "
-            "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90"
+            "origin: a map does not know where on the Earth it lies; give "
+            "LAT,LON[,BEARING_DEG] of its origin and x axis, such as 47.3769,8.5417,90",
+            argument="origin",
         )
     return told.origin
 

@@ -8,8 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from elfslam.app.map import versions
-from elfslam.app.map_many import recordings_in
+from elfslam.app.map import recordings_in, versions
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, NoAnswerError
@@ -133,7 +132,8 @@ def refuse_other_senses(by: Collection[Modality]) -> None:
     others = [sense for sense in by if sense not in SENSES]
     if others:
         raise InputError(
-            f"--by: wanted wifi, magnetic or both, got {others[0]}; leave --by out to go by echoes"
+            f"by: wanted wifi, magnetic or both, got {others[0]}; leave it out to go by echoes",
+            argument="by",
         )
 
 
@@ -194,6 +194,6 @@ def _refuse_unusable(recording: Recording, by: Collection[Modality], *, alone: b
             "nobody says where it began; give start_pose [x_m, y_m] in its recording.json"
         )
     if Modality.MAGNETIC in by and recording.magnetometer is None:
-        raise InputError("has no magnetometer; leave it out, or merge --by wifi")
+        raise InputError("has no magnetometer; leave it out, or merge by wifi", argument="by")
     if Modality.WIFI in by and recording.wifi is None:
-        raise InputError("has no Wi-Fi scan; leave it out, or merge --by magnetic")
+        raise InputError("has no Wi-Fi scan; leave it out, or merge by magnetic", argument="by")

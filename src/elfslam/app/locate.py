@@ -50,8 +50,9 @@ def locate_from(
     headless = is_superimposed(map_path)
     if headless and mode is not Mode.ONE_SHOT:
         raise InputError(
-            f"{map_path}: is superimposed and knows neither headings nor walks, which --mode "
-            f"{mode} goes by; use one-shot, or the map that it was made of"
+            f"{map_path}: is superimposed and knows neither headings nor walks, which mode "
+            f"{mode} goes by; use one-shot, or the map that it was made of",
+            argument="mode",
         )
     used = load_encoder(encoder) if encoder else encoder_of(map_path, floor_map)
     recording = read_recording(path, settings.chirp)
@@ -82,6 +83,7 @@ def encoder_of(path: Path, floor_map: FloorMap) -> Encoder:
     if not beside.is_file():
         raise StoreError(
             f"{beside}: is missing and the map needs it; copy it from the run, name the encoder "
-            "with --encoder (compact is the shipped one), or map the recording again"
+            "(compact is the shipped one), or map the recording again",
+            argument="encoder",
         )
     return load_encoder(str(beside))

@@ -8,9 +8,8 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from elfslam.app.anchor import Plan, anchor_into, read_plan
+from elfslam.app.anchor import Plan, Start, anchor_into, follow_into, read_plan
 from elfslam.app.console import say
-from elfslam.app.follow import Start, follow_into
 from elfslam.app.settings import Settings
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M

@@ -12,7 +12,7 @@ from typer.core import TyperCommand, TyperGroup
 
 from elfslam.app.console import exit_code_of, run_app
 from elfslam.app.memory import refuse_scarce_memory
-from elfslam.base.errors import OccupiedError, StoreError
+from elfslam.base.errors import ElfslamError
 from elfslam.data.atomic_files import place_of, refuse_read
 
 VERBS: Mapping[str, tuple[str, str]] = {
@@ -43,6 +43,12 @@ VERBS: Mapping[str, tuple[str, str]] = {
     "buildings": ("buildings:buildings_command", "List what is published."),
 }
 """Where each verb stands in this room, and what it does. Its module is imported when it runs."""
+HINTS = {
+    "by": "elfslam map --by elf",
+    "encoder": "elfslam map --encoder",
+    "minutes": "elfslam phyphox --minutes",
+}
+"""By what an argument is given that would help, where not by an option of the same name."""
 
 
 class Verb(TyperCommand):
@@ -55,10 +61,18 @@ class Verb(TyperCommand):
             refuse_read(out, _texts_in(given.values()))
         try:
             return super().invoke(ctx)
-        except OccupiedError as error:
-            if "force" not in given:
-                raise
-            raise StoreError(f"{error}, or replace an older result with --force") from error
+        except ElfslamError as error:
+            if hint := self._hint(error.argument):
+                error.args = (f"{error}{hint}",)
+            raise
+
+    def _hint(self, argument: str) -> str:
+        """By which option of this verb, or else of another, an argument is given."""
+        own = {each.name: each.opts[-1] for each in self.params if each.opts[-1].startswith("--")}
+        if argument == "overwrite":
+            return f", or replace an older result with {own['force']}" if "force" in own else ""
+        found = own.get(argument) or HINTS.get(argument)
+        return f" ({found})" if found else ""
 
 
 def _texts_in(values: Iterable[object]) -> Iterator[str]:

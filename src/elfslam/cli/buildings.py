@@ -103,6 +103,5 @@ def _place(text: str) -> Origin:
     try:
         return parse_origin(text)
     except ParameterError as error:
-        raise ParameterError(
-            str(error).replace("--origin", "--at").replace("[,BEARING_DEG]", "")
-        ) from error
+        said = str(error).removeprefix("origin ").replace("[,BEARING_DEG]", "")
+        raise ParameterError(said, argument="at") from error

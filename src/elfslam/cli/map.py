@@ -14,10 +14,11 @@ from elfslam.app.map import (
     breaks,
     kept_closures,
     map_into,
+    map_many,
     parse_start,
+    recordings_in,
     refuse_unclosed,
 )
-from elfslam.app.map_many import map_many, recordings_in
 from elfslam.app.settings import Settings
 from elfslam.app.workers import open_workers
 from elfslam.base.enums import parse_modalities, parse_stretch

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from elfslam.app.console import print_line
-from elfslam.app.workers.choosing import check_on
+from elfslam.app.workers import check_on
 from elfslam.base.errors import InputError
 from elfslam.cli.options import On
 

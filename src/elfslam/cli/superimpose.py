@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from elfslam.app.console import progress_bar, say
+from elfslam.app.merge import superimpose_into
 from elfslam.app.settings import Settings
-from elfslam.app.superimpose import superimpose_into
 from elfslam.base.parameters import load
 from elfslam.cli.options import Force, ParameterFile, Seed, Setting
 

@@ -134,7 +134,9 @@ def refuse_occupied(folder: Path, replaces: str | None) -> None:
     if _is_free(settled(folder)):
         return
     if replaces is None:
-        raise OccupiedError(f"{folder}: already exists; choose another folder or delete it")
+        raise OccupiedError(
+            f"{folder}: already exists; choose another folder or delete it", argument="overwrite"
+        )
     if not (folder / replaces).is_file():
         raise StoreError(f"{folder}: holds no {replaces}, so it is kept; choose another folder")
 
@@ -160,7 +162,9 @@ def _refuse_file(file: Path, reads: Iterable[Path | str], *, overwrite: bool) ->
     if owner:
         raise StoreError(f"{file}: belongs to {owner}; choose another place")
     if not overwrite:
-        raise OccupiedError(f"{file}: already exists; choose another name or delete it")
+        raise OccupiedError(
+            f"{file}: already exists; choose another name or delete it", argument="overwrite"
+        )
 
 
 def _marker_in(folder: Path) -> str:

@@ -210,7 +210,8 @@ def _sound(folder: Path, tables: Sequence[SensorTable], imu: Imu) -> Audio | Non
     if duration_s < LEAST_SOUND_SHARE * moved_s:
         raise InputError(
             f"{folder}: {duration_s:.0f} s of sound for {moved_s:.0f} s of motion; its buffer ran "
-            "over: walk shorter, or make the experiment with more --minutes"
+            "over: walk shorter, or make an experiment for more minutes",
+            argument="minutes",
         )
     return Audio(np.clip(samples.T, -1, 1), nearest)
 

@@ -84,7 +84,8 @@ def _refuse(scene: Scene, ends: Transducers, people_m: F64, reach: Reach) -> Non
     found = [name for name, is_there in unknown.items() if is_there]
     if found:
         raise InputError(
-            f"pyroomacoustics models no {', '.join(found)}; take --kind quiet or another engine"
+            f"pyroomacoustics models no {', '.join(found)}; take quiet walks or another engine",
+            argument="kind",
         )
     outline_m = scene.face_a[: scene.outer]
     if not all(in_ring(outline_m, end[:, :2]).all() for end in (ends.speaker, ends.microphone)):

@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from elfslam.app.workers.choosing import check_on, why_away
+from elfslam.app.workers import check_on, why_away
 from elfslam.base.errors import InputError
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from planted_work import square
 
-from elfslam.app.workers.versions import check_version, code_digest, done_by_the_same, own_version
+from elfslam.app.workers.on_ray import check_version, code_digest, done_by_the_same, own_version
 from elfslam.base.errors import WorkerError
 
 
