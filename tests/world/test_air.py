@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from elfslam.world.air import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
+from elfslam.world.pulses import SPEED_OF_SOUND_MPS, absorption_db_per_m, speed_of_sound_mps
 
 OCTAVES_HZ = [1000.0 * 10 ** (0.3 * k) for k in range(-4, 4)]
 """Exact midband frequencies of the octaves named 63 Hz to 8 kHz."""

@@ -12,7 +12,6 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.stages.acoustic_odometry import AcousticOdometryParameters
 from elfslam.world import pyroom
-from elfslam.world.air import speed_of_sound_mps
 from elfslam.world.circumstances import (
     DRAWN_C,
     ENGINES,
@@ -37,7 +36,7 @@ from elfslam.world.circumstances import (
 from elfslam.world.device import BAND_BINS, DEVICES, Device, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at, ends_of, image_echoes, poses_at, room_responses
-from elfslam.world.pulses import Air
+from elfslam.world.pulses import Air, speed_of_sound_mps
 from elfslam.world.room import Block, Room, box, shoebox
 from elfslam.world.scene import scene_of
 from elfslam.world.world_file import Climate, People, World, load_world

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.world.crossing import LEFT_OUT_M, crossing_route
+from elfslam.world.kinds import LEFT_OUT_M, crossing_route
 from elfslam.world.materials import material
 from elfslam.world.room import box, shoebox
 from elfslam.world.walkable import fault_of_route

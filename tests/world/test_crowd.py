@@ -7,9 +7,16 @@ import pytest
 from one_phone import AIR, DEAD, SIZE_M, X, dead_room, ends_at
 
 from elfslam.base.arrays import F64
-from elfslam.world.crowd import POINTS, SCATTERING_M, Crowd, make_crowd, stand
 from elfslam.world.device import BAND_BINS
-from elfslam.world.diffuse import add_diffuse, diffuse_echoes
+from elfslam.world.diffuse import (
+    POINTS,
+    SCATTERING_M,
+    Crowd,
+    add_diffuse,
+    diffuse_echoes,
+    make_crowd,
+    stand,
+)
 from elfslam.world.materials import Material, material
 from elfslam.world.paths import Reach
 from elfslam.world.phone import Transducers

@@ -28,8 +28,7 @@ from elfslam.world.device import (
     random_device,
     smooth_response,
 )
-from elfslam.world.gain_control import GainControl
-from elfslam.world.ringing import ringing
+from elfslam.world.transducers import GainControl, ringing
 
 PINNED = {
     "simulated phone": [0.791577, 1.704771, 0.829358, 0.544091],

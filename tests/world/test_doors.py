@@ -24,11 +24,11 @@ from elfslam.world.doors import (
 from elfslam.world.kinds import PEOPLE
 from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
+from elfslam.world.plan import hides, look, make_sight
 from elfslam.world.pulses import BASEBAND_HZ
 from elfslam.world.room import Block, Room, shoebox
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
-from elfslam.world.sight import hides, look, make_sight
 from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import load_world, world_names
 

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import InputError
-from elfslam.world.gain_control import GainControl, controlled
+from elfslam.world.transducers import GainControl, controlled
 
 RATE_HZ = 44_100
 CONTROL = GainControl(attack_s=0.004, release_s=0.2, target_level=0.05, most_gain_db=24.0)

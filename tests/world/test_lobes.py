@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.world.lobes import Lobes
+from elfslam.world.transducers import Lobes
 
 
 @pytest.mark.parametrize(("share", "spacing_m"), [(-0.1, 0.05), (1.1, 0.05), (0.3, -0.01)])

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.world.imu import attitude
-from elfslam.world.magnetic_field import (
+from elfslam.world.magnetic import (
     AK09911,
     MagneticField,
     Magnetism,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from elfslam.base.arrays import F64
-from elfslam.world.mains import MainsParameters, PowerLine, line_field_ut, listen_to_mains
+from elfslam.world.magnetic import MainsParameters, PowerLine, line_field_ut, listen_to_mains
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion
 
 QUIET = MainsParameters(noise_uv=0.0, load_spread=0.0)

@@ -9,16 +9,15 @@ import pytest
 from scipy import signal
 
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import Circumstances, device_of
 from elfslam.world.device import Device, band_hz, random_device
 from elfslam.world.diffuse import diffuse_echoes
-from elfslam.world.ordinary import CONTROLLED_SHARE, HEARD_HZ, NOISE, ordinary_traits
 from elfslam.world.phone import Engine, poses_at, render_frames, room_responses
-from elfslam.world.ringing import ringing
+from elfslam.world.pulses import SPEED_OF_SOUND_MPS
 from elfslam.world.room import Room
 from elfslam.world.scattering import as_measured, scattering_of
 from elfslam.world.scene import scene_of
+from elfslam.world.transducers import CONTROLLED_SHARE, HEARD_HZ, NOISE, ordinary_traits, ringing
 from elfslam.world.world_file import load_world
 
 RATE_HZ = 44_100

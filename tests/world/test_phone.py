@@ -15,9 +15,7 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.base.values import Chirp
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.air import absorption_db_per_m
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_in_device
-from elfslam.world.lobes import Lobes
 from elfslam.world.materials import material
 from elfslam.world.paths import MOST_REFLECTIONS, Reach
 from elfslam.world.phone import (
@@ -32,10 +30,10 @@ from elfslam.world.phone import (
     render_frames,
     room_responses,
 )
-from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ
-from elfslam.world.ringing import Resonance, ringing
+from elfslam.world.pulses import BASEBAND_HZ, CARRIER_HZ, absorption_db_per_m
 from elfslam.world.room import box, shoebox
 from elfslam.world.scene import Scene, scene_of
+from elfslam.world.transducers import Lobes, Resonance, ringing
 
 C64 = npt.NDArray[np.complex64]
 ANGLES = st.floats(-3.1, 3.1)

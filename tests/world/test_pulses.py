@@ -23,11 +23,11 @@ from one_phone import (
 from elfslam.base.arrays import F64
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.device import built_in_device
-from elfslam.world.lobes import Lobes
 from elfslam.world.phone import Transducers, image_echoes, render_frames
 from elfslam.world.pulses import BODY_SHADOW, CARRIER_HZ
 from elfslam.world.room import shoebox
 from elfslam.world.scene import Scene, scene_of
+from elfslam.world.transducers import Lobes
 
 
 def scatterer(point_m: F64, radius_m: float, normal: F64 = -X) -> Scene:

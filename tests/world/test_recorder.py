@@ -16,7 +16,6 @@ from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world import recorder
 from elfslam.world.circumstances import SOUNDS, Circumstances
 from elfslam.world.device import Device, built_in_device
-from elfslam.world.gain_control import GainControl, controlled
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at
 from elfslam.world.recorder import (
@@ -27,6 +26,7 @@ from elfslam.world.recorder import (
     record_walk,
 )
 from elfslam.world.room import Room, box, shoebox
+from elfslam.world.transducers import GainControl, controlled
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker, random_walker
 from elfslam.world.world_file import World
 

@@ -7,7 +7,7 @@ import pytest
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.world.ringing import Resonance, ringing
+from elfslam.world.transducers import Resonance, ringing
 
 RATE_HZ, COUNT = 3.2e6, 2**16
 MODES = (Resonance(15_600.0, 8.0, 0.7), Resonance(17_300.0, 30.0, -0.5))

@@ -17,10 +17,17 @@ from planted_blocks import (
 )
 
 from elfslam.base.arrays import F64
-from elfslam.world.plan import make_crossings, note_crossings
+from elfslam.world.plan import (
+    SECTORS,
+    Sight,
+    hides,
+    look,
+    make_crossings,
+    make_sight,
+    note_crossings,
+)
 from elfslam.world.room import Block
 from elfslam.world.scene import FEW_BLOCKS, Scene
-from elfslam.world.sight import SECTORS, Sight, hides, look, make_sight
 
 
 def sight_from(scene: Scene, place_m: F64, far_m: float = 20.0) -> Sight:

@@ -13,10 +13,14 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
-from elfslam.world.gain_control import GainControl
-from elfslam.world.lobes import Lobes
-from elfslam.world.ordinary import ordinary_traits, traits_of_another, traits_of_one
-from elfslam.world.ringing import Resonance
+from elfslam.world.transducers import (
+    GainControl,
+    Lobes,
+    Resonance,
+    ordinary_traits,
+    traits_of_another,
+    traits_of_one,
+)
 
 BAND_LOW_HZ = 14_350.0
 BAND_BINS = 630

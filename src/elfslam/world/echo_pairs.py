@@ -22,11 +22,10 @@ from elfslam.base.values import (
     EchoPairs,
 )
 from elfslam.stages.chirp import ChirpParameters, make_chirp
-from elfslam.world.air import SPEED_OF_SOUND_MPS
 from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, named_device, random_device
 from elfslam.world.phone import Engine, Poses, air_at, phone_axes, render_frames, room_responses
-from elfslam.world.pulses import Air
+from elfslam.world.pulses import SPEED_OF_SOUND_MPS, Air
 from elfslam.world.random_world import changed_room, random_room
 from elfslam.world.room import Room
 from elfslam.world.scene import Scene, scene_of

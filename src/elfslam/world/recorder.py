@@ -23,7 +23,6 @@ from elfslam.world.circumstances import (
     whereabouts,
 )
 from elfslam.world.device import Device
-from elfslam.world.gain_control import controlled
 from elfslam.world.interference import record, rumble
 from elfslam.world.paths import Reach
 from elfslam.world.phone import (
@@ -39,6 +38,7 @@ from elfslam.world.phone import (
 from elfslam.world.port_occlusion import port_occlusion
 from elfslam.world.pulses import Air
 from elfslam.world.scene import Scene, scene_of
+from elfslam.world.transducers import controlled
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
 from elfslam.world.world_file import World
 

@@ -13,14 +13,16 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Emr, Magnetometer, WifiScans
-from elfslam.world.magnetic_field import (
+from elfslam.world.magnetic import (
     AK09911,
     MagneticField,
     Magnetism,
+    MainsParameters,
+    PowerLine,
+    listen_to_mains,
     magnetic_field,
     read_magnetometer,
 )
-from elfslam.world.mains import MainsParameters, PowerLine, listen_to_mains
 from elfslam.world.room import Room
 from elfslam.world.toml_tables import LARGEST_M
 from elfslam.world.walker import Motion

@@ -13,12 +13,10 @@ import numpy as np
 from elfslam.base.arrays import F64, Value, array
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import MOST_TOML_BYTES, read_text
-from elfslam.world.door_file import read_doors
 from elfslam.world.doors import HingedDoor, room_to_walk_in
-from elfslam.world.magnetic_field import Magnetism
-from elfslam.world.mains import PowerLine
+from elfslam.world.magnetic import Magnetism, PowerLine
 from elfslam.world.room import Room
-from elfslam.world.room_file import ROOM_KEYS, read_room, read_states
+from elfslam.world.room_file import ROOM_KEYS, read_doors, read_room, read_states
 from elfslam.world.sensors import Surroundings, read_surroundings
 from elfslam.world.toml_tables import (
     Table,
