@@ -143,10 +143,7 @@ def as_phones_keep_it(recording: Recording, folder: Path) -> Path:
     ids=["whole", "motion ends early", "motion with a hole", "sound with a hole"],
 )
 def test_what_a_phone_could_record_is_mapped_and_the_rest_said(
-    heard: Recording,
-    tmp_path: Path,
-    broken: Callable[[Recording], Recording],
-    lacks: list[str],
+    heard: Recording, tmp_path: Path, broken: Callable[[Recording], Recording], lacks: list[str]
 ) -> None:
     walk = as_phones_keep_it(broken(heard), tmp_path / "walk")
     run = map_into(tmp_path / "run", walk, HEARD, silent)

@@ -7,13 +7,7 @@ import numpy.testing as npt
 import pytest
 
 from elfslam.base.errors import ParameterError
-from elfslam.data.geographic import (
-    Origin,
-    bearings_deg,
-    from_lon_lat,
-    parse_origin,
-    to_lon_lat,
-)
+from elfslam.data.geographic import Origin, bearings_deg, from_lon_lat, parse_origin, to_lon_lat
 
 ZURICH = Origin(47.3769, 8.5417, 90.0)
 

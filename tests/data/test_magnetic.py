@@ -45,9 +45,7 @@ def test_truth_of_a_planted_walk(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.magnetometer.t_s, along + 0.002)
 
 
-def test_the_attitude_levels_the_field_and_its_yaw_drifts_with_the_odometry(
-    tmp_path: Path,
-) -> None:
+def test_the_attitude_levels_the_field_and_its_yaw_drifts_with_the_odometry(tmp_path: Path) -> None:
     recording, truth = read_magnetic(mat_file(tmp_path, planted()), np.random.default_rng(0))
     turn = rotation_from_quaternion(recording.orientation.world_from_phone)
     field = np.einsum("nij,nj->ni", turn, recording.magnetometer.field_ut)

@@ -15,10 +15,7 @@ from elfslam.base.geometry import rotation_from_quaternion
 from elfslam.data.mall import read_walk, walks_in
 
 START_MS = 1574559495255
-HEADER = [
-    f"#\tstartTime:{START_MS}",
-    "#\tBrand:OPPO\tModel:PBCM10\tAndroidName:8.1.0",
-]
+HEADER = [f"#\tstartTime:{START_MS}", "#\tBrand:OPPO\tModel:PBCM10\tAndroidName:8.1.0"]
 
 
 def record(after_ms: int, kind: str, *fields: object) -> str:

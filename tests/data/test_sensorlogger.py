@@ -82,13 +82,7 @@ def test_ios_adds_gravity_and_flips_the_sign(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("standardisation", "gravity", "sign"),
-    [
-        ("true", UP, 1),
-        ("true", -UP, -1),
-        ("false", -UP, 1),
-        ("", -UP, 1),
-        ("", UP, 1),
-    ],
+    [("true", UP, 1), ("true", -UP, -1), ("false", -UP, 1), ("", -UP, 1), ("", UP, 1)],
 )
 def test_ios_standardised_or_not(
     tmp_path: Path, standardisation: str, gravity: np.ndarray, sign: int

@@ -89,8 +89,7 @@ def test_silence_stays_silent() -> None:
 
 
 @pytest.mark.parametrize(
-    "wrong",
-    [{"attack_s": 0.0}, {"release_s": -1.0}, {"target_level": 0.0}, {"most_gain_db": -3.0}],
+    "wrong", [{"attack_s": 0.0}, {"release_s": -1.0}, {"target_level": 0.0}, {"most_gain_db": -3.0}]
 )
 def test_a_control_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
     with pytest.raises(InputError, match="gain control: wanted times and a target above 0"):

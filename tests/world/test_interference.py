@@ -11,14 +11,7 @@ from scipy import signal
 
 from elfslam.base.arrays import F32
 from elfslam.world.device import Device, built_in_device
-from elfslam.world.interference import (
-    RUMBLE_LEVEL,
-    clicks,
-    music_like,
-    record,
-    rumble,
-    speech_like,
-)
+from elfslam.world.interference import RUMBLE_LEVEL, clicks, music_like, record, rumble, speech_like
 
 RATE_HZ = 44_100
 SILENT = replace(built_in_device("flat"), noise_rms=0.0)

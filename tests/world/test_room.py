@@ -9,14 +9,7 @@ from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
 from elfslam.world.materials import material
-from elfslam.world.room import (
-    Block,
-    Room,
-    box,
-    check_outline,
-    segments_cross,
-    shoebox,
-)
+from elfslam.world.room import Block, Room, box, check_outline, segments_cross, shoebox
 
 ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
 WOOD = material("wood panel")

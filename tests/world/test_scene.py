@@ -12,13 +12,7 @@ from hypothesis import strategies as st
 from elfslam.base.arrays import F64
 from elfslam.world.materials import Material, material
 from elfslam.world.room import Block, Room, box
-from elfslam.world.scene import (
-    CLUTTER_RADIUS_M,
-    FEW_BLOCKS,
-    OUTSIDE_M,
-    TEXTURE_PER_M2,
-    scene_of,
-)
+from elfslam.world.scene import CLUTTER_RADIUS_M, FEW_BLOCKS, OUTSIDE_M, TEXTURE_PER_M2, scene_of
 
 ELL_M = np.array([[0, 0], [6, 0], [6, 3], [3, 3], [3, 5], [0, 5]], dtype=float)
 PLAIN = Material("plain", 0.3, 0.0, "planted")

@@ -6,15 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from planted_blocks import (
-    LAMP,
-    NOBODY,
-    PLAIN,
-    TABLE,
-    random_blocks,
-    scene_with,
-    scene_with_a_notch,
-)
+from planted_blocks import LAMP, NOBODY, PLAIN, TABLE, random_blocks, scene_with, scene_with_a_notch
 
 from elfslam.base.arrays import F64
 from elfslam.world.plan import (

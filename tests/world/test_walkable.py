@@ -24,11 +24,7 @@ STOOL = box("stool", np.array([2.0, 1.0, 0.0]), np.array([1.0, 0.5, 0.5]))
 LAMP = box("lamp", np.array([4.0, 1.0, 1.85]), np.array([1.0, 0.5, 0.5]))
 ROOM = shoebox(np.array([6.0, 4.0, 2.5]), WALLS, (STOOL, LAMP))
 ANGLE = Room(
-    np.array([[0.0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]),
-    2.5,
-    WALLS,
-    WALLS[0],
-    WALLS[0],
+    np.array([[0.0, 0], [4, 0], [4, 2], [2, 2], [2, 4], [0, 4]]), 2.5, WALLS, WALLS[0], WALLS[0]
 )
 
 
@@ -87,10 +83,7 @@ def test_routes_that_lead_nowhere() -> None:
     assert "is 0.90 m long" in str(fault_of_route(ROOM, short, closed=False))
 
 
-@given(
-    turn_rad=st.floats(-3.0, 3.0),
-    ends=st.tuples(*[st.floats(-3.0, 3.0)] * 4),
-)
+@given(turn_rad=st.floats(-3.0, 3.0), ends=st.tuples(*[st.floats(-3.0, 3.0)] * 4))
 def test_a_turned_block_is_met_where_points_along_the_way_are_in_it(
     turn_rad: float, ends: tuple[float, ...]
 ) -> None:

@@ -270,8 +270,5 @@ def _map_along(run: Run, trajectory: Trajectory, known: FloorMap) -> FloorMap:
         source=run.name,
     )
     return replace(
-        known,
-        xy_m=made.xy_m,
-        heading_rad=made.heading_rad,
-        covariance_m2=made.covariance_m2,
+        known, xy_m=made.xy_m, heading_rad=made.heading_rad, covariance_m2=made.covariance_m2
     )

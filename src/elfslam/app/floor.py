@@ -146,10 +146,7 @@ def _north_of(folder: Path) -> float | None:
 
 
 def _walks(
-    paths: Sequence[Path],
-    by: Collection[Modality],
-    parameters: FloorParameters,
-    announce: Announce,
+    paths: Sequence[Path], by: Collection[Modality], parameters: FloorParameters, announce: Announce
 ) -> tuple[list[FloorWalk], dict[str, str]]:
     """The walks, each by the name of its folder, and why others stay out."""
     every = [inside for path in paths for inside in recordings_in(path)]
@@ -173,9 +170,7 @@ def _walks(
 
 
 def _named(
-    walks: Sequence[FloorWalk],
-    trajectories: Sequence[Trajectory],
-    parameters: CheckpointParameters,
+    walks: Sequence[FloorWalk], trajectories: Sequence[Trajectory], parameters: CheckpointParameters
 ) -> list[PointOfInterest]:
     """The places that the walkers named, in the frame of the floor."""
     return gathered(

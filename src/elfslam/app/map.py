@@ -281,8 +281,7 @@ def parse_start(text: str | None) -> Pose | None:
         ) from cause
     if not all(abs(number) < FARTHEST_M for number in (x_m, y_m, heading_rad)):
         raise ParameterError(
-            f"start: wanted finite numbers, got {text!r}; give metres and radians",
-            argument="start",
+            f"start: wanted finite numbers, got {text!r}; give metres and radians", argument="start"
         )
     return x_m, y_m, heading_rad if heading else float("nan")
 
@@ -318,11 +317,7 @@ def recordings_in(path: Path) -> list[Path]:
 
 
 def map_many(
-    out: Path,
-    paths: list[Path],
-    job: MapJob,
-    announce: Announce,
-    workers: Workers | None = None,
+    out: Path, paths: list[Path], job: MapJob, announce: Announce, workers: Workers | None = None
 ) -> dict[str, str]:
     """Map each recording into a folder of `out`; why not, by name, for those that cannot be.
 

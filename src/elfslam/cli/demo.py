@@ -13,12 +13,7 @@ from elfslam.app.demo import run_demo
 from elfslam.app.map import line_only, versions
 from elfslam.app.settings import Settings
 from elfslam.base.parameters import load
-from elfslam.cli.options import (
-    AsJson,
-    EncoderName,
-    ParameterFile,
-    Setting,
-)
+from elfslam.cli.options import AsJson, EncoderName, ParameterFile, Setting
 from elfslam.stages.feature import load_encoder
 
 

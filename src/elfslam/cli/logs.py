@@ -12,14 +12,7 @@ from elfslam.app.console import print_rows, progress_bar, say
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError
 from elfslam.base.parameters import load
-from elfslam.cli.options import (
-    AsJson,
-    Force,
-    ParameterFile,
-    Setting,
-    refuse_if_none,
-    say_refused,
-)
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting, refuse_if_none, say_refused
 from elfslam.data.atomic_files import new_file, refuse_occupied
 from elfslam.data.importing import (
     LogFormat,

@@ -14,12 +14,7 @@ from elfslam.app.merge import merge_into
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Modality, parse_modalities
 from elfslam.base.parameters import load
-from elfslam.cli.options import (
-    AsJson,
-    Force,
-    ParameterFile,
-    Setting,
-)
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
 
 
 def merge_command(

@@ -28,13 +28,7 @@ from elfslam.data.sensor_files import (
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import (
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
-)
+from elfslam.data.streams import Stream, attitude_that_agrees, clock_of, on_one_clock, with_gravity
 from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
 from elfslam.stages.chirp import ACCEPTED_RATES_HZ
 

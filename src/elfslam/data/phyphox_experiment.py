@@ -23,13 +23,7 @@ BYTES_PER_SAMPLE = 40
 """Of a buffer on Android: a linked list of boxed doubles."""
 SOUND_COLUMN = "Sound"
 RATE_COLUMN = "Sound rate (Hz)"
-QUATERNION_COLUMNS = (
-    "Attitude time (s)",
-    "Attitude x",
-    "Attitude y",
-    "Attitude z",
-    "Attitude w",
-)
+QUATERNION_COLUMNS = ("Attitude time (s)", "Attitude x", "Attitude y", "Attitude z", "Attitude w")
 SENSORS = {
     "accelerometer": ("Accelerometer", "Acceleration", "m/s^2"),
     "gyroscope": ("Gyroscope", "Gyroscope", "rad/s"),

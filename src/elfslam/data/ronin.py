@@ -24,13 +24,7 @@ from elfslam.data.sensor_files import (
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import (
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
-)
+from elfslam.data.streams import Stream, attitude_that_agrees, clock_of, on_one_clock, with_gravity
 from elfslam.data.tables import check_size, numbers_in, parse_rows, read_lines
 
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = "acce.txt", "gyro.txt", "magnet.txt"

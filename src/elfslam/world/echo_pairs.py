@@ -14,13 +14,7 @@ import numpy as np
 
 from elfslam.base.arrays import F32, F64
 from elfslam.base.errors import ParameterError
-from elfslam.base.values import (
-    DISCARDED_SAMPLES,
-    ECHO_RATE_HZ,
-    ECHO_SAMPLES,
-    Chirp,
-    EchoPairs,
-)
+from elfslam.base.values import DISCARDED_SAMPLES, ECHO_RATE_HZ, ECHO_SAMPLES, Chirp, EchoPairs
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.world.circumstances import DIFFUSE, ENGINES, Circumstances, engine_of, room_in
 from elfslam.world.device import Device, named_device, random_device

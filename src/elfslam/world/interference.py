@@ -68,12 +68,7 @@ def music_like(count: int, rate_hz: int, generator: np.random.Generator, level: 
 
 
 def clicks(
-    count: int,
-    rate_hz: int,
-    generator: np.random.Generator,
-    level: float,
-    *,
-    per_s: float = 2.0,
+    count: int, rate_hz: int, generator: np.random.Generator, level: float, *, per_s: float = 2.0
 ) -> F32:
     """Keys and dishes (count): clicks in the band at random times, `per_s` of them on average.
 

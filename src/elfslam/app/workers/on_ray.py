@@ -370,6 +370,5 @@ def _ray_data() -> Any:
             return ray.data
     except ImportError as cause:
         raise InputError(
-            f"on ray: Ray Data is not installed; {installing('scale')} of every node",
-            argument="on",
+            f"on ray: Ray Data is not installed; {installing('scale')} of every node", argument="on"
         ) from cause
