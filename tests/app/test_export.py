@@ -19,13 +19,13 @@ from elfslam.base.errors import InputError, ParameterError, StoreError
 from elfslam.data.facts import ENCODER, FACTS, read_facts
 from elfslam.data.g2o import read_g2o
 from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.imdf import Venue, read_imdf
-from elfslam.data.imdf_rules import faults_of
+from elfslam.data.imdf import Venue
 from elfslam.data.map_files import MAP, read_map
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
 from elfslam.data.tum import read_tum
 from elfslam.world.simulate import load_world, simulate
+from tests.data.imdf_rules import faults_of, read_imdf
 
 PLACE = Venue("Studio", "museum", "Hauptstrasse 1", "Bern", "CH", "Ground floor", 0)
 
