@@ -25,7 +25,7 @@ from elfslam.base.geometry import inverse
 from elfslam.base.grid import walked_grid
 from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.geojson_files import feature, polygon_of
+from elfslam.data.map_exports import feature, polygon_of
 from elfslam.data.map_files import read_map, write_map
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, OK, AnchoringParameters, placed
 

@@ -16,11 +16,10 @@ from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Format, Modality
 from elfslam.base.errors import InputError, ParameterError, StoreError
-from elfslam.data.facts import ENCODER, FACTS, read_facts
 from elfslam.data.g2o import read_g2o
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.imdf import Venue
-from elfslam.data.map_files import MAP, read_map
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_facts, read_map
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
 from elfslam.data.tum import read_tum

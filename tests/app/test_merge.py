@@ -15,9 +15,8 @@ from elfslam.app.merge import merge_into
 from elfslam.base.errors import InputError, NoAnswerError, StoreError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Run
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import walk_in
-from elfslam.data.points_of_interest_files import read_points
+from elfslam.data.map_files import read_map, walk_in
+from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run, write_run
 from elfslam.slam.merging import MergeParameters
 from elfslam.slam.parameters import Parameters

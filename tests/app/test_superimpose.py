@@ -18,7 +18,7 @@ from elfslam.base.values import ECHO_SAMPLES, FixStatus
 from elfslam.cli.app import run
 from elfslam.data.fixes_files import read_fixes
 from elfslam.data.map_files import read_map
-from elfslam.data.points_of_interest_files import read_points, write_points
+from elfslam.data.named_places import read_points, write_points
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import write_run
 from elfslam.learn.parameters import FloorLevelParameters

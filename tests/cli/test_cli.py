@@ -19,7 +19,7 @@ from elfslam.base.values import FloorMap, Imu, Recording
 from elfslam.cli.app import VERBS, command_of, run
 from elfslam.data.importing import LogFormat
 from elfslam.data.map_files import read_map, write_map
-from elfslam.data.phyphox_experiment import phyphox_experiment
+from elfslam.data.phyphox import phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.scoring.truth import read_truth
 from elfslam.stages.chirp import ChirpParameters

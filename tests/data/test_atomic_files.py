@@ -22,8 +22,7 @@ from elfslam.data.atomic_files import (
     settled,
     sha256_of,
 )
-from elfslam.data.facts import FACTS
-from elfslam.data.merged_maps import MERGED
+from elfslam.data.map_files import FACTS, MERGED
 from elfslam.data.recordings import MANIFEST
 from elfslam.serve.store.identity import STORE
 from tests.disks import mounted

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Checkpoints
-from elfslam.data.checkpoint_files import CHECKPOINTS, MOST, read_checkpoints, write_checkpoints
+from elfslam.data.named_places import CHECKPOINTS, MOST, read_checkpoints, write_checkpoints
 
 
 def test_names_come_back_as_they_were(tmp_path: Path) -> None:

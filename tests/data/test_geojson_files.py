@@ -14,7 +14,7 @@ from shapely.geometry import shape
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin, from_lon_lat
-from elfslam.data.geojson_files import walk_lines, write_geojson
+from elfslam.data.map_exports import walk_lines, write_geojson
 
 ORIGIN = Origin(47.3769, 8.5417, 30.0)
 

@@ -9,7 +9,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu
-from elfslam.data.marks import pauses_s, read_marks, stood_on
+from elfslam.data.truth_files import pauses_s, read_marks, stood_on
 
 RATE_HZ = 100
 CADENCE_HZ = 1.9

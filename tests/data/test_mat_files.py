@@ -13,7 +13,7 @@ import scipy.io
 
 from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import InputError
-from elfslam.data.mat_files import read_mat
+from elfslam.data.magnetic import read_mat
 
 MATRIX, PACKED, DOUBLE = 14, 15, 9
 

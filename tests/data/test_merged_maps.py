@@ -10,8 +10,7 @@ import numpy as np
 import numpy.testing as npt
 
 from elfslam.base.values import Run
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import QUALITY_COLUMNS, fill_merged, is_merged, write_quality
+from elfslam.data.map_files import QUALITY_COLUMNS, fill_merged, is_merged, read_map, write_quality
 from elfslam.data.tum import read_tum
 from elfslam.stages.quality import MapQuality
 

@@ -10,7 +10,7 @@ import numpy.testing as npt
 from pyarrow import parquet
 
 from elfslam.base.values import FloorMap, Payload
-from elfslam.data.parquet_files import write_parquet
+from elfslam.data.map_exports import write_parquet
 
 RANDOM = np.random.default_rng(5)
 PAYLOAD = Payload("elf", "compact", RANDOM.normal(size=(4, 3)).astype(np.float32))

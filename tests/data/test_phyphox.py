@@ -16,8 +16,7 @@ from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.geometry import rotation_from_quaternion
-from elfslam.data.phyphox import read_phyphox
-from elfslam.data.phyphox_experiment import QUATERNION_COLUMNS, phyphox_experiment
+from elfslam.data.phyphox import QUATERNION_COLUMNS, phyphox_experiment, read_phyphox
 from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from elfslam.base.errors import InputError
-from elfslam.data.plan_svg import MOST_DEPTH, MOST_LAYERS, MOST_MASKS, clean_svg
+from elfslam.data.plan_pictures import MOST_DEPTH, MOST_LAYERS, MOST_MASKS, clean_svg
 
 FILE = Path("plan.svg")
 HEAD = 'xmlns="http://www.w3.org/2000/svg" xmlns:xlink="http://www.w3.org/1999/xlink"'

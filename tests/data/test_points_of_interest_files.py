@@ -8,7 +8,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
-from elfslam.data.points_of_interest_files import (
+from elfslam.data.named_places import (
     MOST,
     POINTS_OF_INTEREST,
     read_points,

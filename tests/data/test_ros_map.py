@@ -11,7 +11,7 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.grid import FloorGrid, walked_grid
-from elfslam.data.ros_map import image_beside, ros_map
+from elfslam.data.map_exports import image_beside, ros_map
 
 
 def served(file: Path, xy_m: F64) -> list[str]:

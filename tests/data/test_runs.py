@@ -13,7 +13,7 @@ import pytest
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import Checkpoints, Closures, Recording, Run, Truth
-from elfslam.data.facts import read_facts
+from elfslam.data.map_files import read_facts
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import digest_of, read_run, write_run
 from elfslam.data.truth_files import write_truth

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
-from elfslam.data.sensor_files import gravity_in
-from elfslam.data.streams import (
+from elfslam.data.log_files import (
     MOST_DAMAGED_ROWS,
     MOST_JUMPS,
     STANDARD_GRAVITY_MPS2,
@@ -22,6 +21,7 @@ from elfslam.data.streams import (
     on_one_clock,
     with_gravity,
 )
+from elfslam.data.sensor_files import gravity_in
 
 PERIOD_S = 0.01
 TRUE_S = np.arange(3000) * PERIOD_S

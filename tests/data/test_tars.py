@@ -11,7 +11,7 @@ import pytest
 
 from elfslam.base.bounds import FREE_BYTES
 from elfslam.base.errors import InputError
-from elfslam.data.tars import check_archive, texts_in
+from elfslam.data.log_files import check_archive, texts_in
 
 
 def entry(name: str, kind: bytes = tarfile.REGTYPE, **more: object) -> tarfile.TarInfo:
@@ -80,7 +80,7 @@ def test_bombs_are_refused(tmp_path: Path) -> None:
 
 
 def test_countless_entries_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("elfslam.data.tars.MOST_MEMBERS", 3)
+    monkeypatch.setattr("elfslam.data.log_files.MOST_MEMBERS", 3)
     path = packed(tmp_path, *[(entry(f"{k}.txt"), b"x") for k in range(4)])
     with pytest.raises(InputError, match="more than 3 entries"):
         check_archive(path)

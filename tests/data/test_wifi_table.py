@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from elfslam.base.errors import InputError
-from elfslam.data.wifi_table import read_wifi, scans_from_rows, write_wifi
+from elfslam.data.sensor_files import read_wifi, scans_from_rows, write_wifi
 
 FILE = Path("wifi.csv")
 

@@ -16,11 +16,10 @@ from elfslam.base.geometry import compose, wrap_angle
 from elfslam.base.grid import FloorGrid, outlines, signed_area
 from elfslam.base.values import FloorMap, Run, Trajectory
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
-from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_plan_image
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import walk_lines
-from elfslam.data.map_files import MAP, write_map
+from elfslam.data.map_exports import walk_lines
+from elfslam.data.map_files import ENCODER, FACTS, MAP, write_map
 from elfslam.data.runs import read_run
 from elfslam.data.tum import write_tum
 from elfslam.scoring.figures import FloorPlan

@@ -18,15 +18,19 @@ from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
 from elfslam.data.atomic_files import new_file, settled
-from elfslam.data.facts import ENCODER, FACTS
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import Feature, walk_lines, write_geojson
 from elfslam.data.imdf import Venue, write_imdf
-from elfslam.data.map_files import MAP, read_map
-from elfslam.data.parquet_files import write_parquet
-from elfslam.data.points_of_interest_files import read_points
-from elfslam.data.ros_map import image_beside, ros_map
+from elfslam.data.map_exports import (
+    Feature,
+    image_beside,
+    ros_map,
+    walk_lines,
+    write_geojson,
+    write_parquet,
+)
+from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map
+from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
 from elfslam.data.tum import write_tum

@@ -29,8 +29,7 @@ from elfslam.baselines.floor_walks import (
     turned,
 )
 from elfslam.data.atomic_files import new_folder, refuse_occupied
-from elfslam.data.facts import read_object
-from elfslam.data.merged_maps import MERGED, fill_merged, is_merged
+from elfslam.data.map_files import MERGED, fill_merged, is_merged, read_object
 from elfslam.data.recordings import read_recording
 from elfslam.stages.carried_points import gathered
 from elfslam.stages.checkpoints import CheckpointParameters, places_visited

@@ -15,9 +15,7 @@ from elfslam.base.enums import Modality, Mode
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import Fixes, FloorMap, Recording
 from elfslam.data.atomic_files import settled
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import is_superimposed
+from elfslam.data.map_files import ENCODER, is_superimposed, read_map
 from elfslam.data.recordings import read_recording
 from elfslam.slam.front_end import extract_echoes
 from elfslam.slam.pipeline import locate

@@ -22,7 +22,7 @@ from elfslam.base.parameters import as_dict, digest
 from elfslam.base.progress import Announce, silent
 from elfslam.base.values import Echoes, Recording, Run
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
-from elfslam.data.facts import BY_TAPS, FACTS, MISSING, NOTES, read_facts
+from elfslam.data.map_files import BY_TAPS, FACTS, MISSING, NOTES, read_facts
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run, write_run
 from elfslam.learn.parameters import FinetuneParameters

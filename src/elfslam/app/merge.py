@@ -20,17 +20,17 @@ from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, FloorMap, Trajectory
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
-from elfslam.data.facts import ENCODER
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import (
+from elfslam.data.map_files import (
+    ENCODER,
     MERGED,
     SUPERIMPOSED,
     fill_merged,
     is_merged,
     is_superimposed,
+    read_map,
     walk_in,
 )
-from elfslam.data.points_of_interest_files import read_points
+from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
 from elfslam.scoring.merged_report import write_merged_report

@@ -10,8 +10,7 @@ from tempfile import TemporaryDirectory
 import numpy as np
 
 from elfslam.data.atomic_files import new_file, settled
-from elfslam.data.facts import FACTS, read_facts
-from elfslam.data.map_files import MAP, read_map
+from elfslam.data.map_files import FACTS, MAP, read_facts, read_map
 from elfslam.data.runs import read_run
 from elfslam.scoring.page import script_file, self_contained
 from elfslam.scoring.report import write_map_page, write_report

@@ -22,10 +22,9 @@ from elfslam.data.importing import (
     recognise,
     takes_many,
 )
-from elfslam.data.marks import read_marks, stood_on
-from elfslam.data.phyphox_experiment import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
+from elfslam.data.phyphox import BYTES_PER_SAMPLE, RATE_HZ, phyphox_experiment
 from elfslam.data.recordings import read_recording, write_recording
-from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, write_truth
+from elfslam.data.truth_files import TRUTH_FILES, WAYPOINTS, read_marks, stood_on, write_truth
 
 AUTO = "auto"
 FORMATS = (AUTO, *LogFormat)

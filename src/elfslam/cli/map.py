@@ -34,7 +34,7 @@ from elfslam.cli.options import (
     refuse_if_none,
     say_refused,
 )
-from elfslam.data.facts import MISSING, NOTES, read_facts
+from elfslam.data.map_files import MISSING, NOTES, read_facts
 from elfslam.slam.coverage import Missing
 
 

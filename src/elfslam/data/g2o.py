@@ -16,7 +16,7 @@ from elfslam.base.arrays import F64, I64, Bool
 from elfslam.base.errors import InputError
 from elfslam.base.geometry import chain
 from elfslam.base.values import PoseGraph
-from elfslam.data.tables import read_lines
+from elfslam.data.tables import number_or_nan, read_lines
 
 VERTEX, EDGE, SKIPPED = "VERTEX_SE2", "EDGE_SE2", ("FIX", "#")
 UPPER = np.triu_indices(3)
@@ -102,10 +102,7 @@ def _advice(kind: str) -> str:
 
 
 def _number(file: Path, row: int, cell: str) -> float:
-    try:
-        number = float(cell)
-    except ValueError:
-        number = np.nan
+    number = number_or_nan(cell)
     if not np.isfinite(number):
         raise InputError(
             f"{file}: row {row} has {cell[:30]!r}, wanted a finite number; repair that row"

@@ -28,15 +28,9 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording, Truth, WifiScans
 from elfslam.data.geographic import HIGHEST_DEG, Origin, from_lon_lat
-from elfslam.data.log_files import Imported
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
+from elfslam.data.log_files import (
     Clock,
+    Imported,
     Stream,
     attitude_that_agrees,
     clock_of,
@@ -44,8 +38,14 @@ from elfslam.data.streams import (
     rising,
     with_gravity,
 )
+from elfslam.data.sensor_files import (
+    LARGEST_ACCEL_MPS2,
+    LARGEST_FIELD_UT,
+    LARGEST_TURN_RADPS,
+    imu_on_accelerometer_clock,
+    scans_from_rows,
+)
 from elfslam.data.tables import in_order, lines_of, number_in
-from elfslam.data.wifi_table import scans_from_rows
 
 PLACES = "POSI"
 KIND = re.compile(r"[A-Z][A-Z0-9]{3}")

@@ -26,7 +26,7 @@ from elfslam.base.grid import Polygon, in_polygon, outlines, walked_grid
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.text_files import read_toml
 from elfslam.data.geographic import Origin
-from elfslam.data.geojson_files import feature, point_of, polygon_of
+from elfslam.data.map_exports import feature, point_of, polygon_of
 
 MANIFEST, VERSION = "manifest", "1.0.0"
 VENUES = (

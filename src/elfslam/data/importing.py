@@ -29,16 +29,15 @@ from elfslam.data.log_files import (
     is_clutter,
     is_zip,
     starts_with,
+    texts_in,
 )
-from elfslam.data.magnetic import SHAPES, read_magnetic
+from elfslam.data.magnetic import MAT_START, SHAPES, names_in_mat, read_magnetic
 from elfslam.data.mall import is_walk, read_walk, walks_in
-from elfslam.data.mat_files import MAT_START, names_in_mat
 from elfslam.data.phyphox import is_phyphox, read_phyphox
 from elfslam.data.recordings import MANIFEST
 from elfslam.data.ronin import is_ronin, read_ronin
 from elfslam.data.sensorlogger import is_sensorlogger, read_sensorlogger
 from elfslam.data.tables import separator_of
-from elfslam.data.tars import texts_in
 
 HEAD_BYTES = 2**16
 MOST_FILES, MOST_TEXTS, MOST_LINES = 10_000, 5, 1000

@@ -20,17 +20,26 @@ from elfslam.base.arrays import F64, I64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_bytes
 from elfslam.base.values import Magnetometer, Orientation, Recording, Truth, WifiScans
-from elfslam.data.log_files import XZ_START, Imported, files_in, starts_with
+from elfslam.data.log_files import (
+    XZ_START,
+    Clock,
+    Imported,
+    Stream,
+    check_archive,
+    clock_of,
+    files_in,
+    rising,
+    starts_with,
+    texts_in,
+)
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
+    scans_from_rows,
 )
-from elfslam.data.streams import Clock, Stream, clock_of, rising
 from elfslam.data.tables import in_order, lines_of
-from elfslam.data.tars import check_archive, texts_in
-from elfslam.data.wifi_table import scans_from_rows
 
 RECORD_START = re.compile(r"(?=\d{13}\tTYPE_)")
 VECTORS = ("TYPE_ACCELEROMETER", "TYPE_GYROSCOPE", "TYPE_MAGNETIC_FIELD", "TYPE_ROTATION_VECTOR")

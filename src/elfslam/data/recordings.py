@@ -19,6 +19,7 @@ import numpy as np
 
 from elfslam import __version__
 from elfslam.base.arguments import checked
+from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
@@ -26,11 +27,9 @@ from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
 from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
-from elfslam.data.baseband import Baseband
-from elfslam.data.baseband_files import write_baseband
-from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
+from elfslam.data.baseband import Baseband, write_baseband
 from elfslam.data.log_files import name_of
-from elfslam.data.schedule_files import read_schedule, write_schedule
+from elfslam.data.named_places import read_checkpoints, write_checkpoints
 from elfslam.data.sensor_files import (
     CLOCK_SLACK_S,
     check_shared_time,
@@ -39,11 +38,40 @@ from elfslam.data.sensor_files import (
     read_magnetometer,
     read_odometry,
     read_orientation,
+    read_wifi,
     write_sensors,
 )
+from elfslam.data.tables import check_size, read_header, read_timed_table, write_timed_table
 from elfslam.data.truth_files import write_truth
-from elfslam.data.wifi_table import read_wifi
 from elfslam.stages.chirp import ChirpParameters
+
+CHIRPS = "chirps.csv"
+GAIN = "gain_db"
+LONGEST_S = 1e6
+MOST_DB = 100.0
+
+
+def write_schedule(played_t_s: F64, gain_db: F64 | None, folder: Path) -> None:
+    """The moments (n) at which chirps began to be played, and how loud (n), into `folder`."""
+    columns = [] if gain_db is None else [GAIN]
+    values = np.empty((len(played_t_s), 0)) if gain_db is None else gain_db[:, None]
+    write_timed_table(folder / CHIRPS, columns, played_t_s, values)
+
+
+def read_schedule(folder: Path) -> tuple[F64 | None, F64 | None]:
+    """When the chirps of a recording were played (n), and how loud (n, dB).
+
+    None where nobody says. Raises InputError.
+    """
+    file = folder / CHIRPS
+    if not file.is_file():
+        return None, None
+    columns = [GAIN] if GAIN in read_header(file) else []
+    t_s, values = read_timed_table(file, columns)
+    check_size(file, t_s[:, None], LONGEST_S, "s")
+    check_size(file, values, MOST_DB, "dB")
+    return t_s, values[:, 0] if columns else None
+
 
 FORMAT_VERSION = 1
 MACOSX = "__MACOSX"

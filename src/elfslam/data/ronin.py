@@ -17,14 +17,23 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
+from elfslam.data.log_files import (
+    Imported,
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    log_folder,
+    name_of,
+    on_one_clock,
+    one_of_each,
+    with_gravity,
+)
 from elfslam.data.sensor_files import (
     LARGEST_ACCEL_MPS2,
     LARGEST_FIELD_UT,
     LARGEST_TURN_RADPS,
     imu_on_accelerometer_clock,
 )
-from elfslam.data.streams import Stream, attitude_that_agrees, clock_of, on_one_clock, with_gravity
 from elfslam.data.tables import check_size, numbers_in, parse_rows, read_lines
 
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER = "acce.txt", "gyro.txt", "magnet.txt"

@@ -26,11 +26,19 @@ from elfslam.base.values import (
     Trajectory,
 )
 from elfslam.data.atomic_files import new_folder, sha256_of
-from elfslam.data.checkpoint_files import read_checkpoints, write_checkpoints
-from elfslam.data.facts import ENCODER, FACTS, read_facts, read_object
-from elfslam.data.map_files import MAP, encoder_of, label_of, read_map, write_map
+from elfslam.data.map_files import (
+    ENCODER,
+    FACTS,
+    MAP,
+    encoder_of,
+    label_of,
+    read_facts,
+    read_map,
+    read_object,
+    write_map,
+)
+from elfslam.data.named_places import read_checkpoints, read_points, write_checkpoints, write_points
 from elfslam.data.npz import read_npz, write_npz
-from elfslam.data.points_of_interest_files import read_points, write_points
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES

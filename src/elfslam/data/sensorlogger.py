@@ -31,8 +31,19 @@ from elfslam.base.values import (
     WifiScans,
 )
 from elfslam.data.audio_files import at_accepted_rate, read_audio
-from elfslam.data.checkpoint_files import LONGEST_NAME, MOST
-from elfslam.data.log_files import Imported, log_folder, name_of, one_of_each
+from elfslam.data.log_files import (
+    Clock,
+    Imported,
+    Stream,
+    attitude_that_agrees,
+    clock_of,
+    log_folder,
+    name_of,
+    on_one_clock,
+    one_of_each,
+    with_gravity,
+)
+from elfslam.data.named_places import LONGEST_NAME, MOST
 from elfslam.data.sensor_files import (
     AXES,
     LARGEST_ACCEL_MPS2,
@@ -40,17 +51,9 @@ from elfslam.data.sensor_files import (
     LARGEST_TURN_RADPS,
     QUATERNION,
     imu_on_accelerometer_clock,
-)
-from elfslam.data.streams import (
-    Clock,
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    on_one_clock,
-    with_gravity,
+    scans_from_rows,
 )
 from elfslam.data.tables import CsvText, check_size, number_in, read_csv, read_named_rows
-from elfslam.data.wifi_table import scans_from_rows
 
 ELAPSED, TIME = "seconds_elapsed", "time"
 NANOSECOND_S = 1e-9

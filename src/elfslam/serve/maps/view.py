@@ -13,10 +13,8 @@ from scipy.spatial import cKDTree
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, StoreError
 from elfslam.base.values import FloorMap
-from elfslam.data.facts import read_facts
-from elfslam.data.geojson_files import sigma_m, walk_lines
-from elfslam.data.map_files import read_map
-from elfslam.data.merged_maps import MERGED, QUALITY, TRAJECTORIES, is_merged
+from elfslam.data.map_exports import sigma_m, walk_lines
+from elfslam.data.map_files import MERGED, QUALITY, TRAJECTORIES, is_merged, read_facts, read_map
 from elfslam.data.npz import read_npz
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.tum import read_tum

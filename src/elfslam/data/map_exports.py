@@ -1,4 +1,9 @@
-"""Maps as GeoJSON (RFC 7946) in WGS84 degrees: walks, spots, coverage and points of interest."""
+"""Maps for other programs: GeoJSON (RFC 7946), Parquet, and images for the ROS map_server.
+
+Format of map_server: http://wiki.ros.org/map_server (nav2_map_server reads the same). The image's
+first row is the highest y; `origin` is the pose of its lower left corner. A pixel of value v is
+occupied with probability (255 - v) / 255: free below `free_thresh`, unknown between the two.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +15,8 @@ from typing import Any
 import numpy as np
 
 from elfslam.base.arrays import F64
-from elfslam.base.grid import Polygon
+from elfslam.base.errors import InputError
+from elfslam.base.grid import FloorGrid, Polygon
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.values import FloorMap
 from elfslam.data.geographic import Origin, bearings_deg, to_lon_lat
@@ -108,3 +114,75 @@ def _spots(floor_map: FloorMap, origin: Origin) -> Iterator[Feature]:
             "sigma_m": round(float(sigma), 4),
         }
         yield feature({"type": "Point", "coordinates": places[k]}, told)
+
+
+def write_parquet(file: Path, floor_map: FloorMap) -> None:
+    """Positions, covariances and, a list per spot, what each modality knows there.
+
+    Where the map came from stands in the metadata of the table.
+    """
+    import pyarrow
+    from pyarrow import parquet
+
+    table = pyarrow.table(_columns(floor_map, pyarrow)).replace_schema_metadata(
+        _metadata(floor_map)
+    )
+    with file.open("wb") as stream:  # a name of any locale
+        parquet.write_table(table, stream)
+
+
+def _columns(floor_map: FloorMap, pyarrow: Any) -> dict[str, Any]:
+    covariance = floor_map.covariance_m2
+    columns: dict[str, Any] = {
+        "x_m": floor_map.xy_m[:, 0].copy(),
+        "y_m": floor_map.xy_m[:, 1].copy(),
+        "heading_rad": floor_map.heading_rad,
+        "walk": floor_map.walk,
+        "order": floor_map.order,
+        "covariance_xx_m2": covariance[:, 0, 0].copy(),
+        "covariance_xy_m2": covariance[:, 0, 1].copy(),
+        "covariance_yy_m2": covariance[:, 1, 1].copy(),
+    }
+    for payload in floor_map.payloads:
+        flat = pyarrow.array(np.ascontiguousarray(payload.vectors).reshape(-1))
+        size = payload.vectors.shape[1]
+        columns[payload.kind] = pyarrow.FixedSizeListArray.from_arrays(flat, size)
+    return columns
+
+
+def _metadata(floor_map: FloorMap) -> dict[str, str]:
+    encoders = {payload.kind: payload.encoder for payload in floor_map.payloads}
+    return {
+        "sources": json.dumps(floor_map.sources),
+        "encoders": json.dumps(encoders),
+        "parameters_digest": floor_map.parameters_digest,
+    }
+
+
+FREE, UNKNOWN = 254, 205
+FREE_BELOW, OCCUPIED_ABOVE = 0.196, 0.65
+"""The thresholds of map_server's own saver; 205 lies just above the first."""
+
+
+def image_beside(file: Path) -> Path:
+    """Where the image of a YAML file goes. Raises InputError where that is not called .yaml."""
+    if file.suffix not in (".yaml", ".yml"):
+        raise InputError(f"{file}: wanted a name that ends in .yaml (the image goes beside it)")
+    return file.with_suffix(".pgm")
+
+
+def ros_map(grid: FloorGrid, image: str) -> tuple[str, bytes]:
+    """The YAML text, which names the image, and the PGM image: free where walked, else unknown."""
+    pixels = np.where(grid.free[::-1], FREE, UNKNOWN).astype(np.uint8)
+    rows, columns = pixels.shape
+    x, y = grid.corner_m.tolist()
+    lines = [
+        f"image: {json.dumps(image, ensure_ascii=False)}",
+        f"resolution: {grid.cell_m:.9g}",
+        f"origin: [{x:.6f}, {y:.6f}, 0.0]",
+        "negate: 0",
+        f"occupied_thresh: {OCCUPIED_ABOVE}",
+        f"free_thresh: {FREE_BELOW}",
+    ]
+    picture = f"P5\n{columns} {rows}\n255\n".encode() + pixels.tobytes()
+    return "\n".join(lines) + "\n", picture
