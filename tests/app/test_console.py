@@ -13,6 +13,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numba
 import pytest
 from rich.console import Console
 
@@ -20,6 +21,7 @@ import elfslam
 from elfslam.app import console
 from elfslam.app.console import (
     PrintableFormatter,
+    compilation_announced,
     exit_code_of,
     fitting_columns,
     print_line,
@@ -233,3 +235,16 @@ def test_no_cell_is_cut_where_a_table_fits_just_so(capsys: pytest.CaptureFixture
     print_rows([row], title="Just so", as_json=False)
     out = capsys.readouterr().out
     assert all(text in out for text in row.values())
+
+
+def test_the_first_use_is_told_and_later_ones_are_not() -> None:
+    twice = numba.njit(lambda value: 2 * value)
+    told: list[tuple[str, float | None]] = []
+    with compilation_announced(lambda *said: told.append(said)):
+        assert twice(3) == 6
+        first = len(told)
+        assert twice(4) == 8
+    assert (first, len(told)) == (1, 1)
+    assert "compiling" in told[0][0]
+    assert twice(0.5) == 1.0
+    assert len(told) == 1, "nobody listens any more"

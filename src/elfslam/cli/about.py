@@ -1,7 +1,8 @@
-"""elfslam card: what an encoder is."""
+"""elfslam parameters and card: what can be set, and what an encoder is."""
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated
 
@@ -9,10 +10,23 @@ import typer
 
 from elfslam.app.card import write_measured
 from elfslam.app.console import print_rows, say
+from elfslam.app.settings import Settings
 from elfslam.base.card import card_rows
 from elfslam.base.errors import InputError, NoAnswerError
-from elfslam.cli.options import AsJson, Force
+from elfslam.base.parameters import load, rows
+from elfslam.cli.options import AsJson, Force, ParameterFile, Setting
 from elfslam.stages.feature import read_card
+
+
+def parameters(
+    parameter_file: ParameterFile = None, setting: Setting = None, as_json: AsJson = False
+) -> None:
+    """Every parameter, its value, unit and meaning."""
+    settings = load(Settings(), parameter_file, setting or [])
+    table = [asdict(row) for row in rows(settings)]
+    if not as_json:
+        table = [{**row, "value": str(row["value"])} for row in table]
+    print_rows(table, title="Parameters", as_json=as_json)
 
 
 def card(

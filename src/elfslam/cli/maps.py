@@ -1,4 +1,4 @@
-"""elfslam anchor: a map placed on a floor plan."""
+"""elfslam anchor, export and show: what is done with a map."""
 
 from __future__ import annotations
 
@@ -10,12 +10,17 @@ import typer
 
 from elfslam.app.anchor import Plan, Start, anchor_into, follow_into, read_plan
 from elfslam.app.console import say
+from elfslam.app.export import ExportContext, export
 from elfslam.app.settings import Settings
+from elfslam.app.show import show_into
 from elfslam.base.arrays import F64
 from elfslam.base.bounds import FARTHEST_M
+from elfslam.base.enums import Format
 from elfslam.base.errors import NoAnswerError, ParameterError
 from elfslam.base.parameters import load
-from elfslam.cli.options import ParameterFile, Setting
+from elfslam.cli.options import Force, ParameterFile, Setting
+from elfslam.data.geographic import parse_origin
+from elfslam.data.imdf import read_place
 from elfslam.stages.floor_plan_alignment import AMBIGUOUS, NOWHERE, Placement
 
 TOLD_SIGMA = np.array([0.5, 0.5, 0.2])
@@ -106,3 +111,40 @@ def _several(placement: Placement) -> str:
         f"{share:.0%} at {x:.1f},{y:.1f} m turned {np.rad2deg(heading):.0f} degrees"
         for share, (x, y, heading) in zip(placement.shares[:4], poses[:4], strict=True)
     )
+
+
+def export_command(
+    source: Annotated[Path, typer.Argument(metavar="RUN|MAP", help="What is to be exported.")],
+    out: Annotated[Path, typer.Argument(help="The file to be written.")],
+    to: Annotated[str, typer.Option(help=f"{', '.join(Format)}.")],
+    origin: Annotated[
+        str | None, typer.Option(help="LAT,LON[,BEARING_DEG] of the map's origin and x axis.")
+    ] = None,
+    place: Annotated[Path | None, typer.Option(help="TOML file about the venue, for imdf.")] = None,
+    resolution: Annotated[
+        float, typer.Option(help="Pixels of the ROS map, m.")
+    ] = ExportContext.pixel_m,
+    force: Force = False,
+) -> None:
+    """Write a run or a map in the format of other programs."""
+    if to not in list(Format):
+        raise ParameterError(f"--to: wanted {', '.join(Format)}, got {to!r}; choose one")
+    told = ExportContext(
+        None if origin is None else parse_origin(origin),
+        None if place is None else read_place(place),
+        resolution,
+    )
+    export(source, out, Format(to), told, overwrite=force)
+    say(f"wrote {out}")
+
+
+def show(
+    what: Annotated[
+        str, typer.Argument(metavar="RUN|MAP|WORLD|PAGE.html", help="What to look at.")
+    ],
+    out: Annotated[Path, typer.Argument(metavar="OUT.html", help="Where the page goes.")],
+    force: Force = False,
+) -> None:
+    """Make one file of a run, a map, a world or a page with its script, to be sent around."""
+    show_into(out, what, overwrite=force)
+    say(f"look at {out}")
