@@ -89,7 +89,7 @@ PROMISES = (
         "the Python door: wrong types, 1e300, UTM",
         "one error that names what, got, wanted",
         (
-            "app/test_notebook_refusals.py",
+            "app/test_api.py",
             "base/test_arguments.py",
             "base/test_arrays.py",
             "stages/test_floor_plan_alignment.py",
