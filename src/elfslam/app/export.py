@@ -17,18 +17,11 @@ from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.grid import BODY_RADIUS_M, walked_grid
 from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
+from elfslam.data import map_exports
 from elfslam.data.atomic_files import new_file, settled
 from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue, write_imdf
-from elfslam.data.map_exports import (
-    Feature,
-    image_beside,
-    ros_map,
-    walk_lines,
-    write_geojson,
-    write_parquet,
-)
 from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map
 from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
@@ -69,7 +62,7 @@ def export(
     """
     new = partial(new_file, overwrite=overwrite, reads=[source])
     if to is Format.ROS:
-        image = image_beside(out)
+        image = map_exports.image_beside(out)
         with new(out) as file, new(image) as picture:
             _ros(settled(source), file, picture, readable(image.name), told or ExportContext())
         return
@@ -122,7 +115,9 @@ def _onnx(source: Path, out: Path, told: ExportContext) -> None:
 
 def _geojson(source: Path, out: Path, told: ExportContext) -> None:
     """Walks, spots, squares of coverage and points of interest on the Earth."""
-    write_geojson(out, map_of(source), _origin(told), _coverage(source), read_points(source))
+    map_exports.write_geojson(
+        out, map_of(source), _origin(told), _coverage(source), read_points(source)
+    )
 
 
 def _imdf(source: Path, out: Path, told: ExportContext) -> None:
@@ -146,14 +141,16 @@ def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContex
             "0.05 is usual",
             argument="resolution",
         )
-    text, content = ros_map(walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image)
+    text, content = map_exports.ros_map(
+        walked_grid(_lines(source), BODY_RADIUS_M, told.pixel_m), image
+    )
     file.write_text(text, encoding="utf-8")
     picture.write_bytes(content)
 
 
 def _parquet(source: Path, out: Path, told: ExportContext) -> None:
     """The spots as a table."""
-    write_parquet(out, map_of(source))
+    map_exports.write_parquet(out, map_of(source))
 
 
 def _run(source: Path) -> Run:
@@ -163,7 +160,7 @@ def _run(source: Path) -> Run:
 
 
 def _lines(source: Path) -> list[F64]:
-    return [line for _, line in walk_lines(map_of(source))]
+    return [line for _, line in map_exports.walk_lines(map_of(source))]
 
 
 def _origin(told: ExportContext) -> Origin:
@@ -176,7 +173,7 @@ def _origin(told: ExportContext) -> Origin:
     return told.origin
 
 
-def _coverage(source: Path) -> list[tuple[F64, Feature]]:
+def _coverage(source: Path) -> list[tuple[F64, map_exports.Feature]]:
     """The squares (4, 2) of a map whose coverage is known, and what is known of them."""
     file = source / COVERAGE
     if not source.is_dir() or not file.is_file():

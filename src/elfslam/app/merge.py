@@ -19,17 +19,8 @@ from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, FloorMap, Trajectory
+from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
-from elfslam.data.map_files import (
-    ENCODER,
-    MERGED,
-    SUPERIMPOSED,
-    fill_merged,
-    is_merged,
-    is_superimposed,
-    read_map,
-    walk_in,
-)
 from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
@@ -72,16 +63,16 @@ def merge_into(
 
     Raises NoAnswerError where no walk could be merged, InputError where they cannot be compared.
     """
-    refuse_occupied(out, MERGED if overwrite else None)
-    bases = [path for path in paths if is_merged(settled(path))]
+    refuse_occupied(out, map_files.MERGED if overwrite else None)
+    bases = [path for path in paths if map_files.is_merged(settled(path))]
     if len(bases) > 1:
         raise InputError(f"merge: wanted one map at most, got {len(bases)}; merge the runs instead")
-    if bases and is_superimposed(settled(bases[0])):
+    if bases and map_files.is_superimposed(settled(bases[0])):
         raise InputError(f"merge: {bases[0]} is superimposed; add walks to the map it was made of")
     walks = _walks([path for path in paths if path not in bases], announce)
     if bases:
         grown = _laid if known_starts else _grown
-        made = grown(read_map(bases[0]), walks, parameters, announce)
+        made = grown(map_files.read_map(bases[0]), walks, parameters, announce)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
     quality = map_quality(made.floor_map, parameters.quality)
@@ -93,9 +84,9 @@ def merge_into(
         "parameters_digest": digest(parameters),
         "parameters": as_dict(parameters),
     }
-    with new_folder(out, replaces=MERGED if overwrite else None) as partial:
+    with new_folder(out, replaces=map_files.MERGED if overwrite else None) as partial:
         content = (made.floor_map, quality, made.trajectories)
-        fill_merged(
+        map_files.fill_merged(
             partial, *content, facts=facts, encoder=_encoder_in(paths),
             points_of_interest=_named(bases, walks, made.trajectories),
         )  # fmt: skip
@@ -220,7 +211,7 @@ def _named(
 
 def _encoder_in(paths: Sequence[Path]) -> bytes | None:
     """The encoder of the first: they are the same, and a map without learning has none."""
-    file = paths[0] / ENCODER
+    file = paths[0] / map_files.ENCODER
     return file.read_bytes() if file.is_file() else None
 
 
@@ -242,11 +233,11 @@ def superimpose_into(
     """
     from elfslam.scoring.merged_report import write_merged_report
 
-    refuse_occupied(out, MERGED if overwrite else None)
+    refuse_occupied(out, map_files.MERGED if overwrite else None)
     source = settled(map_path)
-    if is_superimposed(source):
+    if map_files.is_superimposed(source):
         raise InputError(f"{map_path}: is superimposed already; name the map that it was made of")
-    floor_map = read_map(source)
+    floor_map = map_files.read_map(source)
     encoder = encoder_of(source, floor_map)
     if runs:
         walks = [_placed(source, run, announce) for run in runs]
@@ -258,15 +249,15 @@ def superimpose_into(
     quality = map_quality(made, settings.quality)
     facts = {
         **versions(),
-        SUPERIMPOSED: True,
+        map_files.SUPERIMPOSED: True,
         "walks": list(made.sources),
         "learned_from": [run.name for run in runs],
         "parameters_digest": digest(settings),
         "parameters": as_dict(settings),
     }
     content = encoder.content if isinstance(encoder, OnnxEncoder) else None
-    with new_folder(out, replaces=MERGED if overwrite else None) as partial:
-        fill_merged(
+    with new_folder(out, replaces=map_files.MERGED if overwrite else None) as partial:
+        map_files.fill_merged(
             partial, made, quality, {}, facts=facts, encoder=content,
             points_of_interest=read_points(source),
         )  # fmt: skip
@@ -282,7 +273,7 @@ def _placed(map_path: Path, path: Path, announce: Announce) -> SpotEchoes:
     echoes = read_run(path).echoes
     if echoes is None:
         raise InputError(f"{path}: holds no echoes; map its recording again, by its echoes")
-    t_s, poses = walk_in(map_path, readable(path.name))
+    t_s, poses = map_files.walk_in(map_path, readable(path.name))
     inside = (echoes.t_s >= t_s[0]) & (echoes.t_s <= t_s[-1])
     if not inside.any():
         raise InputError(f"{path}: is not the walk of that name in {map_path}; check both")

@@ -30,18 +30,7 @@ from elfslam.app.workers import open_workers
 from elfslam.base.enums import Modality, parse_modalities, parse_stretch
 from elfslam.base.parameters import load
 from elfslam.base.values import Run
-from elfslam.cli.options import (
-    AsJson,
-    EncoderName,
-    Force,
-    On,
-    ParameterFile,
-    Plan,
-    Seed,
-    Setting,
-    refuse_if_none,
-    say_refused,
-)
+from elfslam.cli import options
 from elfslam.data.map_files import MISSING, NOTES, read_facts
 from elfslam.slam.coverage import Missing
 from elfslam.stages.feature import load_encoder
@@ -49,10 +38,10 @@ from elfslam.stages.feature import load_encoder
 
 def demo(
     out: Annotated[Path, typer.Argument(help="Folder for recordings, map and reports.")],
-    encoder: EncoderName = "compact",
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
-    as_json: AsJson = False,
+    encoder: options.EncoderName = "compact",
+    parameter_file: options.ParameterFile = None,
+    setting: options.Setting = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Map ten simulated surveys, locate others in them, write one of each with its reports."""
     parameters = load(Settings(), parameter_file, setting or [])
@@ -71,7 +60,7 @@ def map_command(
     start: Annotated[
         str | None, typer.Option(help="X,Y,HEADING of the start (m, m, rad), or X,Y.")
     ] = None,
-    encoder: EncoderName = "compact",
+    encoder: options.EncoderName = "compact",
     from_s: Annotated[
         float | None, typer.Option("--from", min=0, help="Seconds into the recording to begin at.")
     ] = None,
@@ -79,11 +68,11 @@ def map_command(
         float | None, typer.Option("--until", min=0, help="Seconds into the recording to end at.")
     ] = None,
     finetune: Annotated[bool, typer.Option(help="The encoder first learns this walk.")] = False,
-    plan: Plan = None,
-    force: Force = False,
-    on: On = None,
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
+    plan: options.Plan = None,
+    force: options.Force = False,
+    on: options.On = None,
+    parameter_file: options.ParameterFile = None,
+    setting: options.Setting = None,
 ) -> None:
     """Map a recording: dead reckoning, closures, straightened trajectory, map and report."""
     settings = load(Settings(), parameter_file, setting or [])
@@ -103,9 +92,9 @@ def map_command(
         _say_mapped(run, out)
     else:
         mapped = len(paths) - len(refused)
-        refuse_if_none("mapped", recording, refused, mapped)
+        options.refuse_if_none("mapped", recording, refused, mapped)
         say(f"mapped {mapped} of {len(paths)} recordings into {out}")
-        say_refused("mapped", refused)
+        options.say_refused("mapped", refused)
 
 
 def _say_mapped(run: Run, out: Path) -> None:
@@ -141,10 +130,10 @@ def merge_command(
     known_starts: Annotated[
         bool, typer.Option("--known-starts", help="All lie in one frame, by --start or taps.")
     ] = False,
-    force: Force = False,
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
-    as_json: AsJson = False,
+    force: options.Force = False,
+    parameter_file: options.ParameterFile = None,
+    setting: options.Setting = None,
+    as_json: options.AsJson = False,
 ) -> None:
     """Merge runs into one floor map, or add runs to a map that was merged before."""
     settings = load(Settings(), parameter_file, setting or [])
@@ -187,10 +176,10 @@ def superimpose_command(
         list[Path] | None,
         typer.Option("--learn", metavar="RUN", help="A walk of MAP to learn from, repeatable."),
     ] = None,
-    seed: Seed = 0,
-    force: Force = False,
-    parameter_file: ParameterFile = None,
-    setting: Setting = None,
+    seed: options.Seed = 0,
+    force: options.Force = False,
+    parameter_file: options.ParameterFile = None,
+    setting: options.Setting = None,
 ) -> None:
     """One feature per spot for all headings; with --learn its encoder is trained for them."""
     settings = load(Settings(), parameter_file, setting or [])

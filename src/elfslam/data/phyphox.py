@@ -21,23 +21,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError, ParameterError
 from elfslam.base.values import Audio, Imu, Magnetometer, Orientation, Recording
-from elfslam.data.log_files import (
-    Imported,
-    Stream,
-    attitude_that_agrees,
-    clock_of,
-    log_folder,
-    name_of,
-    on_one_clock,
-    one_of_each,
-    with_gravity,
-)
-from elfslam.data.sensor_files import (
-    LARGEST_ACCEL_MPS2,
-    LARGEST_FIELD_UT,
-    LARGEST_TURN_RADPS,
-    imu_on_accelerometer_clock,
-)
+from elfslam.data import log_files, sensor_files
 from elfslam.data.tables import cells_of, parse_rows, read_csv, read_lines, separator_of
 from elfslam.stages.chirp import ACCEPTED_RATES_HZ, ChirpParameters, make_chirp
 
@@ -160,9 +144,9 @@ ACCELERATION, GYROSCOPE, FIELD, ATTITUDE = "acceleration", "gyroscope", "field",
 MPS2 = 1.0
 """The unit of an acceleration as its columns state it: metres per second squared."""
 UNITS = {
-    ACCELERATION: (re.compile(r"m/s(\^2|²|2)"), LARGEST_ACCEL_MPS2),
-    GYROSCOPE: (re.compile(r"rad/s"), LARGEST_TURN_RADPS),
-    FIELD: (re.compile(r"[µμu]T"), LARGEST_FIELD_UT),
+    ACCELERATION: (re.compile(r"m/s(\^2|²|2)"), sensor_files.LARGEST_ACCEL_MPS2),
+    GYROSCOPE: (re.compile(r"rad/s"), sensor_files.LARGEST_TURN_RADPS),
+    FIELD: (re.compile(r"[µμu]T"), sensor_files.LARGEST_FIELD_UT),
 }
 """What tells a sensor's columns, and beyond what it cannot be believed."""
 LEAST_SOUND_SHARE = 0.9
@@ -179,14 +163,14 @@ class SensorTable:
     numbers: F64
 
 
-def read_phyphox(path: Path) -> Imported:
+def read_phyphox(path: Path) -> log_files.Imported:
     """The recording in a .zip of CSVs, or in their folder, t = 0 where the experiment was started.
 
     Raises InputError naming what is missing or bad, for an export as Excel, and for an
     experiment that was paused and went on.
     """
-    with log_folder(path) as folder:
-        return _read_folder(folder, name_of(path))
+    with log_files.log_folder(path) as folder:
+        return _read_folder(folder, log_files.name_of(path))
 
 
 def is_phyphox(columns: Sequence[str]) -> bool:
@@ -195,10 +179,10 @@ def is_phyphox(columns: Sequence[str]) -> bool:
     return measured and any(map(TIME.match, columns))
 
 
-def _read_folder(folder: Path, name: str) -> Imported:
+def _read_folder(folder: Path, name: str) -> log_files.Imported:
     if (folder / "xl").is_dir():
         raise InputError(f"{folder}: is an Excel file; export as CSV, with any separator")
-    files = one_of_each(folder, (".csv",))
+    files = log_files.one_of_each(folder, (".csv",))
     meta = {key: _meta(files.pop(key)) for key in (DEVICE, EVENTS) if key in files}
     _check_one_run(folder, meta.get(EVENTS, []))
     tables = [_read_table(file) for file in files.values()]
@@ -213,10 +197,12 @@ def _read_folder(folder: Path, name: str) -> Imported:
     read |= {GYROSCOPE: gyroscopes[0]} | dict(zip([FIELD], fields, strict=False))
     if (attitude := _named(tables, QUATERNION_COLUMNS)) is not None and len(attitude):
         read[ATTITUDE] = attitude[:, 0], attitude[:, 1:]
-    clock = clock_of(str(folder), accelerations[0][0])
-    streams, damaged = on_one_clock(read, clock)
-    accel = with_gravity([streams[key] for key in streams if key.startswith(ACCELERATION)], MPS2)
-    imu = imu_on_accelerometer_clock(str(folder), *accel, *streams[GYROSCOPE])
+    clock = log_files.clock_of(str(folder), accelerations[0][0])
+    streams, damaged = log_files.on_one_clock(read, clock)
+    accel = log_files.with_gravity(
+        [streams[key] for key in streams if key.startswith(ACCELERATION)], MPS2
+    )
+    imu = sensor_files.imu_on_accelerometer_clock(str(folder), *accel, *streams[GYROSCOPE])
     recording = Recording(
         name=name,
         device=_device(meta.get(DEVICE, [])),
@@ -226,7 +212,7 @@ def _read_folder(folder: Path, name: str) -> Imported:
         magnetometer=Magnetometer(*streams[FIELD]) if FIELD in streams else None,
         notes=clock.notes,
     )
-    return Imported(recording, damaged_lines=damaged)
+    return log_files.Imported(recording, damaged_lines=damaged)
 
 
 def _read_table(file: Path) -> SensorTable:
@@ -269,7 +255,9 @@ def _columns(table: SensorTable, wanted: Sequence[int]) -> F64:
     return np.asarray(values[:count])
 
 
-def _streams(tables: Sequence[SensorTable], unit: re.Pattern[str], largest: float) -> list[Stream]:
+def _streams(
+    tables: Sequence[SensorTable], unit: re.Pattern[str], largest: float
+) -> list[log_files.Stream]:
     """Times and values of every sensor that measures in a unit."""
     return [
         _stream(table, columns, largest)
@@ -279,7 +267,7 @@ def _streams(tables: Sequence[SensorTable], unit: re.Pattern[str], largest: floa
     ]
 
 
-def _stream(table: SensorTable, columns: Sequence[int], largest: float) -> Stream:
+def _stream(table: SensorTable, columns: Sequence[int], largest: float) -> log_files.Stream:
     values = _columns(table, columns)
     worst = float(np.abs(values[:, 1:]).max())
     if worst > largest:
@@ -330,8 +318,8 @@ def _sound(folder: Path, tables: Sequence[SensorTable], imu: Imu) -> Audio | Non
     return Audio(np.clip(samples.T, -1, 1), nearest)
 
 
-def _orientation(attitude: Stream | None, imu: Imu) -> Orientation | None:
-    return attitude and attitude_that_agrees(attitude[0], [attitude[1]], imu)
+def _orientation(attitude: log_files.Stream | None, imu: Imu) -> Orientation | None:
+    return attitude and log_files.attitude_that_agrees(attitude[0], [attitude[1]], imu)
 
 
 def _meta(file: Path) -> list[list[str]]:

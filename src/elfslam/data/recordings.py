@@ -25,22 +25,12 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import read_json
 from elfslam.base.values import Audio, Recording, Truth
 from elfslam.base.zips import unpack_zip
+from elfslam.data import sensor_files
 from elfslam.data.atomic_files import new_folder
 from elfslam.data.audio_files import FLAC, at_accepted_rate, read_recorded_sound, write_audio
 from elfslam.data.baseband import Baseband, write_baseband
 from elfslam.data.log_files import name_of
 from elfslam.data.named_places import read_checkpoints, write_checkpoints
-from elfslam.data.sensor_files import (
-    CLOCK_SLACK_S,
-    check_shared_time,
-    read_emr,
-    read_imu,
-    read_magnetometer,
-    read_odometry,
-    read_orientation,
-    read_wifi,
-    write_sensors,
-)
 from elfslam.data.tables import check_size, read_header, read_timed_table, write_timed_table
 from elfslam.data.truth_files import write_truth
 from elfslam.stages.chirp import ChirpParameters
@@ -104,7 +94,7 @@ def write_recording(
         (partial / MANIFEST).write_text(text + "\n", encoding="utf-8")
         if recording.audio is not None and baseband is None:
             write_audio(recording.audio, partial / FLAC)
-        write_sensors(recording, partial)
+        sensor_files.write_sensors(recording, partial)
         if recording.played_t_s is not None:
             write_schedule(recording.played_t_s, recording.gain_db, partial)
         if recording.checkpoints is not None:
@@ -184,12 +174,12 @@ def _read_folder(folder: Path, name: str, chirp: ChirpParameters) -> Recording:
         device=str(manifest.get("device") or "unknown"),
         start_pose=_start_pose(folder / MANIFEST, manifest),
         audio=audio and at_accepted_rate(audio),
-        imu=read_imu(folder),
-        orientation=read_orientation(folder / "orientation.csv"),
-        odometry=read_odometry(folder),
-        magnetometer=read_magnetometer(folder / "magnetometer.csv"),
-        wifi=read_wifi(wifi) if wifi.is_file() else None,
-        emr=read_emr(folder / "emr.csv"),
+        imu=sensor_files.read_imu(folder),
+        orientation=sensor_files.read_orientation(folder / "orientation.csv"),
+        odometry=sensor_files.read_odometry(folder),
+        magnetometer=sensor_files.read_magnetometer(folder / "magnetometer.csv"),
+        wifi=sensor_files.read_wifi(wifi) if wifi.is_file() else None,
+        emr=sensor_files.read_emr(folder / "emr.csv"),
         played_t_s=played_t_s,
         gain_db=gain_db,
         checkpoints=read_checkpoints(folder),
@@ -212,13 +202,13 @@ def _check_clocks(folder: Path, recording: Recording) -> None:
     if audio is None:
         return
     sound = "sound", np.array([0.0, audio.samples.shape[1] / audio.rate_hz])
-    slack_s = math.inf if audio.is_timed else CLOCK_SLACK_S
+    slack_s = math.inf if audio.is_timed else sensor_files.CLOCK_SLACK_S
     if recording.imu is not None:
         motion = "motion sensors", recording.imu.t_s
-        check_shared_time(str(folder), sound, motion, slack_s=slack_s)
+        sensor_files.check_shared_time(str(folder), sound, motion, slack_s=slack_s)
     if recording.odometry is not None:
         odometry = "odometry", recording.odometry.t_s
-        check_shared_time(str(folder), sound, odometry, slack_s=slack_s)
+        sensor_files.check_shared_time(str(folder), sound, odometry, slack_s=slack_s)
 
 
 def _read_manifest(file: Path) -> dict[str, Any]:

@@ -151,6 +151,7 @@ ODOMETRY_SIGMA_FLOOR = (0.005, 0.005, 0.005)
 """Assumed of odometry that comes without its own sigmas: 2 % of the distance, and metres and
 radians per move below which no phone's odometry is trusted."""
 LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT = 500.0, 100.0, 5000.0
+LARGEST_OF_MOTION = LARGEST_ACCEL_MPS2, LARGEST_TURN_RADPS, LARGEST_FIELD_UT
 LARGEST_EMR_UV = 1e9
 """Beyond the range of any phone's sensor."""
 GRAVITY_MPS2 = (5.0, 15.0)
