@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from functools import partial
@@ -19,20 +19,23 @@ from elfslam.base.bounds import FARTHEST_M
 from elfslam.base.enums import Modality
 from elfslam.base.errors import InputError, NoAnswerError, ParameterError, StoreError
 from elfslam.base.parameters import as_dict, digest
+from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce, silent
-from elfslam.base.values import Echoes, Recording, Run
+from elfslam.base.values import Echoes, FloorMap, Recording, Run, Trajectory
 from elfslam.data.atomic_files import new_file, new_folder, refuse_occupied
-from elfslam.data.map_files import BY_TAPS, FACTS, MISSING, NOTES, read_facts
+from elfslam.data.map_files import BY_TAPS, FACTS, MERGED, MISSING, NOTES, fill_merged, read_facts
 from elfslam.data.recordings import read_recording
 from elfslam.data.runs import digest_of, fill_run, write_run
 from elfslam.learn.parameters import FinetuneParameters
 from elfslam.slam import pipeline as slam
 from elfslam.slam.coverage import Missing, missing_of
 from elfslam.slam.front_end import compass_of, extract_echoes
+from elfslam.slam.merging.parameters import MergeParameters
 from elfslam.slam.parameters import Parameters
 from elfslam.slam.trimming import trimmed
 from elfslam.stages.checkpoints import lies_on_plan
 from elfslam.stages.feature import Encoder, OnnxEncoder, load_encoder
+from elfslam.stages.quality import map_quality
 
 if TYPE_CHECKING:
     from elfslam.learn.finetune import Finetuned
@@ -100,6 +103,37 @@ def write_reported_run(
     with new_folder(folder, replaces=FACTS if replace else None) as partial:
         fill_run(run, partial, facts=facts, encoder=encoder)
         write_report(partial / "report.html", run, facts=facts, floor_plan=floor_plan)
+
+
+def write_merged_map(
+    out: Path,
+    floor_map: FloorMap,
+    parameters: MergeParameters,
+    *,
+    told: Mapping[str, object],
+    trajectories: Mapping[str, Trajectory],
+    pairs: Sequence[Mapping[str, object]] = (),
+    refused: Mapping[str, str],
+    encoder: bytes | None,
+    points_of_interest: Sequence[PointOfInterest],
+    overwrite: bool,
+) -> None:
+    """A map of many walks as a folder that holds its report.html, whole or not at all."""
+    from elfslam.scoring.merged_report import write_merged_report
+
+    quality = map_quality(floor_map, parameters.quality)
+    facts = {
+        **versions(),
+        **told,
+        "parameters_digest": digest(parameters),
+        "parameters": as_dict(parameters),
+    }
+    with new_folder(out, replaces=MERGED if overwrite else None) as partial:
+        fill_merged(
+            partial, floor_map, quality, trajectories, facts=facts, encoder=encoder,
+            points_of_interest=points_of_interest,
+        )  # fmt: skip
+        write_merged_report(partial / "report.html", floor_map, quality, pairs, refused)
 
 
 def refuse_taken(folder: Path, job: MapJob) -> None:

@@ -10,27 +10,25 @@ from pathlib import Path
 import numpy as np
 
 from elfslam.app.locate import encoder_of
-from elfslam.app.map import versions
+from elfslam.app.map import write_merged_map
 from elfslam.app.settings import Settings
 from elfslam.base.errors import InputError, NoAnswerError
 from elfslam.base.geometry import interpolate_poses
-from elfslam.base.parameters import as_dict, digest
+from elfslam.base.parameters import digest
 from elfslam.base.points_of_interest import PointOfInterest
 from elfslam.base.progress import Announce
 from elfslam.base.text_files import readable
 from elfslam.base.values import ELF_SIZE, FloorMap, Trajectory
 from elfslam.data import map_files
-from elfslam.data.atomic_files import new_folder, refuse_occupied, settled
+from elfslam.data.atomic_files import refuse_occupied, settled
 from elfslam.data.named_places import read_points
 from elfslam.data.runs import read_run
 from elfslam.learn.parameters import FloorLevelParameters
-from elfslam.scoring.merged_report import write_merged_report
 from elfslam.slam.merging import MappedWalk, MergeParameters, add_walk, lay_walk, merge, walk_of
 from elfslam.stages.carried_points import carried, gathered
 from elfslam.stages.feature import Encoder, OnnxEncoder
 from elfslam.stages.locate import elf_payload
 from elfslam.stages.map_alignment import Registration
-from elfslam.stages.quality import map_quality
 from elfslam.stages.superimposition import (
     SpotEchoes,
     floor_spots,
@@ -75,23 +73,14 @@ def merge_into(
         made = grown(map_files.read_map(bases[0]), walks, parameters, announce)
     else:
         made = _merged(walks, parameters, announce, known_starts=known_starts)
-    quality = map_quality(made.floor_map, parameters.quality)
-    facts = {
-        **versions(),
-        "walks": list(made.floor_map.sources),
-        "pairs": made.pairs,
-        "refused": made.refused,
-        "parameters_digest": digest(parameters),
-        "parameters": as_dict(parameters),
-    }
-    with new_folder(out, replaces=map_files.MERGED if overwrite else None) as partial:
-        content = (made.floor_map, quality, made.trajectories)
-        map_files.fill_merged(
-            partial, *content, facts=facts, encoder=_encoder_in(paths),
-            points_of_interest=_named(bases, walks, made.trajectories),
-        )  # fmt: skip
-        report = partial / "report.html"
-        write_merged_report(report, made.floor_map, quality, made.pairs, made.refused)
+    walked = list(made.floor_map.sources)
+    write_merged_map(
+        out, made.floor_map, parameters,
+        told={"walks": walked, "pairs": made.pairs, "refused": made.refused},
+        trajectories=made.trajectories, pairs=made.pairs, refused=made.refused,
+        encoder=_encoder_in(paths), overwrite=overwrite,
+        points_of_interest=_named(bases, walks, made.trajectories),
+    )  # fmt: skip
     return made
 
 
@@ -231,8 +220,6 @@ def superimpose_into(
     learns from their echoes to hear a spot alike in any heading, and goes on after a kill.
     Raises InputError, StoreError.
     """
-    from elfslam.scoring.merged_report import write_merged_report
-
     refuse_occupied(out, map_files.MERGED if overwrite else None)
     source = settled(map_path)
     if map_files.is_superimposed(source):
@@ -246,22 +233,12 @@ def superimpose_into(
         elfs = elf_payload(floor_map, encoder.identity, ELF_SIZE)
         made = superimposed(floor_map, elfs, settings.floor_level.spacing_m)
     made = replace(made, parameters_digest=digest(settings))
-    quality = map_quality(made, settings.quality)
-    facts = {
-        **versions(),
-        map_files.SUPERIMPOSED: True,
-        "walks": list(made.sources),
-        "learned_from": [run.name for run in runs],
-        "parameters_digest": digest(settings),
-        "parameters": as_dict(settings),
-    }
-    content = encoder.content if isinstance(encoder, OnnxEncoder) else None
-    with new_folder(out, replaces=map_files.MERGED if overwrite else None) as partial:
-        map_files.fill_merged(
-            partial, made, quality, {}, facts=facts, encoder=content,
-            points_of_interest=read_points(source),
-        )  # fmt: skip
-        write_merged_report(partial / "report.html", made, quality, [], {})
+    told = {"walks": list(made.sources), "learned_from": [run.name for run in runs]}
+    write_merged_map(
+        out, made, settings, told={map_files.SUPERIMPOSED: True, **told}, trajectories={},
+        refused={}, encoder=encoder.content if isinstance(encoder, OnnxEncoder) else None,
+        points_of_interest=read_points(source), overwrite=overwrite,
+    )  # fmt: skip
     if runs:
         _checkpoint(out).unlink(missing_ok=True)
     return made

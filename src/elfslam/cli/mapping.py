@@ -11,7 +11,7 @@ import typer
 from elfslam.app.anchor import drawn_plan
 from elfslam.app.console import compilation_announced, print_rows, progress_bar, say
 from elfslam.app.demo import run_demo
-from elfslam.app.floor import merge_by_field
+from elfslam.app.locate import merge_by_field
 from elfslam.app.map import (
     MapJob,
     breaks,
