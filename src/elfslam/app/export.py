@@ -121,7 +121,6 @@ def _geojson(source: Path, out: Path, told: ExportContext) -> None:
 
 
 def _imdf(source: Path, out: Path, told: ExportContext) -> None:
-    """The walked ground as a unit of a level, points of interest as amenities."""
     origin = _origin(told)
     if told.place is None:
         raise ParameterError(
@@ -149,7 +148,6 @@ def _ros(source: Path, file: Path, picture: Path, image: str, told: ExportContex
 
 
 def _parquet(source: Path, out: Path, told: ExportContext) -> None:
-    """The spots as a table."""
     map_exports.write_parquet(out, map_of(source))
 
 

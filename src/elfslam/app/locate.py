@@ -174,7 +174,6 @@ def _walks(
 def _named(
     walks: Sequence[FloorWalk], trajectories: Sequence[Trajectory], parameters: CheckpointParameters
 ) -> list[PointOfInterest]:
-    """The places that the walkers named, in the frame of the floor."""
     return gathered(
         [
             point
@@ -185,7 +184,6 @@ def _named(
 
 
 def _refuse_unusable(recording: Recording, by: Collection[Modality], *, alone: bool) -> None:
-    """Raise InputError where a walk has no start, or not what places are to be known by."""
     if recording.start_pose is None and not alone:
         raise InputError(
             "nobody says where it began; give start_pose [x_m, y_m] in its recording.json"

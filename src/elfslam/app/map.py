@@ -235,7 +235,6 @@ def units_of(job: MapJob) -> Callable[[Path], str]:
 
 
 def _verdict(run: Run) -> dict[str, str]:
-    """How many closures the trajectory bears out, where there are any."""
     verdict = run.trajectory.verdict
     return {} if verdict is None else {"closures": str(verdict)}
 

@@ -116,7 +116,6 @@ def _laid(
     parameters: MergeParameters,
     announce: Announce,
 ) -> Outcome:
-    """The map with walks that lie in its frame already."""
     _check_new(floor_map, walks)
     trajectories: dict[str, Trajectory] = {}
     for count, walk in enumerate(walks):
@@ -268,7 +267,6 @@ def _learned(
     *,
     seed: int,
 ) -> tuple[FloorMap, OnnxEncoder]:
-    """The map of the walks by an encoder that learned from them, and that encoder."""
     from elfslam.learn.floor_level import floor_elfs, learn_floor
 
     if not isinstance(encoder, OnnxEncoder):

@@ -73,7 +73,6 @@ class Verb(TyperCommand):
             raise
 
     def _hint(self, argument: str) -> str:
-        """By which option of this verb, or else of another, an argument is given."""
         own = {each.name: each.opts[-1] for each in self.params if each.opts[-1].startswith("--")}
         if argument == "overwrite":
             return f", or replace an older result with {own['force']}" if "force" in own else ""

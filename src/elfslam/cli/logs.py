@@ -63,7 +63,6 @@ def import_command(
 
 
 def _format_of(named: str, path: Path) -> importing.LogFormat:
-    """The format that was named, or that of the log. Raises InputError."""
     if named not in FORMATS:
         raise InputError(f"format {named!r:.40}: wanted {', '.join(FORMATS)}")
     found = importing.recognise(path) if named == AUTO else importing.LogFormat(named)

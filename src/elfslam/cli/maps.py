@@ -66,7 +66,6 @@ def anchor_command(
 
 
 def _follow(source: Path, plan: Plan, out: Path, settings: Settings, told: F64 | None) -> None:
-    """Write the walk as the plan allows it, from the start that was told with its heading."""
     start = None
     if told is not None:
         if len(told) < 3:

@@ -111,7 +111,6 @@ def invite_command(
 
 
 def _limits(position_days: float) -> Limits:
-    """The limits of the options. Raises InputError."""
     from elfslam.serve.settings import Limits
 
     if not 0 <= position_days <= MOST_DAYS:
@@ -122,7 +121,6 @@ def _limits(position_days: float) -> Limits:
 
 
 def _broker(url: str, credentials: Path | None, authority: Path | None) -> Broker | None:
-    """The broker of the options; None without one. Raises InputError."""
     from elfslam.serve.positions.mqtt import client_of
     from elfslam.serve.positions.mqtt_address import parse_broker
 

@@ -168,7 +168,6 @@ def _refuse_file(file: Path, reads: Iterable[Path | str], *, overwrite: bool) ->
 
 
 def _marker_in(folder: Path) -> str:
-    """The name of the file that says whose folder this is; empty without any."""
     return next((name for name in MARKERS if (folder / name).exists()), "")
 
 
@@ -233,7 +232,6 @@ def _locked(path: Path) -> Iterator[None]:
 
 
 def _lock(lock: Path) -> int:
-    """The descriptor that holds the lock."""
     while True:
         descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o666)
         try:
@@ -294,7 +292,6 @@ def _remove(path: Path) -> None:
 
 
 def _sync_all(folder: Path) -> None:
-    """Have everything in a folder last through a power cut."""
     for place, _, names in os.walk(folder):
         for path in [*(Path(place, name) for name in names), Path(place)]:
             sync(path)

@@ -151,13 +151,11 @@ def from_baseband(baseband: Baseband) -> Audio:
 
 
 def _ratio(kept: BasebandFormat) -> tuple[int, int]:
-    """Rate and source rate without their common factor."""
     common = gcd(kept.rate_hz, kept.source_rate_hz)
     return kept.rate_hz // common, kept.source_rate_hz // common
 
 
 def _band(audio: Audio, kept: BasebandFormat) -> Iterator[C64]:
-    """The whole line of the baseband, block by block."""
     up, down = _ratio(kept)
     half = round(HALF_SUPPORT_S * kept.source_rate_hz * up)
     t_s = np.arange(-half, half + 1) / (kept.source_rate_hz * up)
@@ -168,7 +166,6 @@ def _band(audio: Audio, kept: BasebandFormat) -> Iterator[C64]:
 
 
 def _sound(line: C64, kept: BasebandFormat) -> Iterator[F32]:
-    """The sound of a line of baseband, block by block."""
     down, up = _ratio(kept)
     half = HALF_SUPPORT * up
     taps = np.sinc(np.arange(-half, half + 1) / up) * np.kaiser(2 * half + 1, RESTORING_SHAPE)
@@ -179,7 +176,6 @@ def _sound(line: C64, kept: BasebandFormat) -> Iterator[F32]:
 
 
 def _low_pass(t_s: F64, kept: BasebandFormat) -> F64:
-    """h at times that span its support."""
     window = np.kaiser(len(t_s), KAISER_SHAPE)
     gain = kept.rate_hz / kept.source_rate_hz
     return np.asarray(gain * np.sinc(kept.rate_hz * t_s) * window)
@@ -295,7 +291,6 @@ def _on_grid(file: Path, t_s: F64, kept: BasebandFormat) -> I64:
 
 
 def _format(file: Path, described: object) -> BasebandFormat:
-    """What recording.json says of the baseband, checked."""
     if not isinstance(described, dict):
         raise InputError(f"{file}: baseband is {described!r:.60}, wanted how {IQ} was made")
     said = {name: _number(file, name, described.get(name)) for name in LIMITS}

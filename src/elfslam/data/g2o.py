@@ -77,7 +77,6 @@ def _text(numbers: F64) -> str:
 
 
 def _rows(file: Path) -> tuple[list[Row], list[Row]]:
-    """The vertices and the edges of a file."""
     found: dict[str, list[Row]] = {VERTEX: [], EDGE: []}
     for number, line in enumerate(read_lines(file), start=1):
         kind, *cells = line.split() or ["#"]
@@ -136,7 +135,6 @@ def _is_closure(ends: I64) -> Bool:
 
 
 def _chained(file: Path, steps: I64, moves: F64, ids: F64) -> F64:
-    """Poses from the steps alone, beginning at the origin."""
     missing = np.setdiff1d(np.arange(len(ids) - 1), steps[:, 0])
     if len(missing):
         raise InputError(

@@ -194,7 +194,6 @@ def _wifi(
 
 
 def _truth(t_s: F64, places: F64, start_s: float) -> Truth:
-    """Landmarks (latitude, longitude, floor, building) of the floor that has most of them."""
     floors = Counter(tuple(row) for row in places[:, 2:])
     [(floor, _)] = floors.most_common(1)
     there = (places[:, 2:] == floor).all(axis=1)

@@ -228,7 +228,6 @@ def _feature(place: Venue, kind: str, geometry: Json | None, told: Json, count: 
 
 
 def _nothing(kind: str) -> Json:
-    """Every property of a kind, none of them told."""
     return dict.fromkeys(PROPERTIES[kind])
 
 
@@ -308,7 +307,6 @@ def _inner_point(polygon: Polygon) -> F64:
 
 
 def _hull(points: F64, margin_m: float) -> F64:
-    """The convex hull of points and a margin about them, counter-clockwise."""
     turns = np.arange(8) * np.pi / 4
     around = margin_m * np.column_stack([np.cos(turns), np.sin(turns)])
     spread = np.unique((points[:, None, :] + around).reshape(-1, 2), axis=0)

@@ -254,7 +254,6 @@ def _head(path: Path) -> bytes:
 
 
 def _files_of(path: Path) -> Iterator[LogFile]:
-    """The files at a path, those of archives too. Raises InputError."""
     if path.is_dir():
         inside = (file for file in sorted(path.rglob("*")) if file.is_file())
         for file in islice(inside, MOST_FILES):
@@ -274,7 +273,6 @@ def _file(name: PurePosixPath, file: Path) -> LogFile:
 
 
 def _texts(path: Path) -> Iterator[LogFile]:
-    """The first texts of an archive; only the mall data set comes as one."""
     for name, text in islice(log_files.texts_in(path), MOST_TEXTS):
         yield LogFile(
             PurePosixPath(name), path, partial(bytes, text[:HEAD_BYTES]), partial(bytes, text)
@@ -282,7 +280,6 @@ def _texts(path: Path) -> Iterator[LogFile]:
 
 
 def _entries(path: Path) -> Iterator[LogFile]:
-    """The files of a .zip."""
     with opened_zip(path) as packed:
         for name, entry in packed.entries.items():
             if not log_files.is_clutter(name):
@@ -295,7 +292,6 @@ def _all_of(packed: Zip, entry: ZipInfo) -> bytes:
 
 
 def _said_of(head: bytes) -> str:
-    """What a file is that is no log."""
     for start, what in OTHERS.items():
         if head.startswith(start):
             return f"is {what}"
@@ -310,7 +306,6 @@ def _said_of(head: bytes) -> str:
 
 
 def _said_of_names(names: Sequence[PurePosixPath]) -> str:
-    """What files are that make up no log."""
     shown = [str(name) for name in names]
     if any(name.startswith("xl/") for name in shown):
         return "is an Excel file (export as CSV, with any separator)"

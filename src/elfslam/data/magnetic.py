@@ -78,7 +78,6 @@ def _refusing(file: Path) -> Iterator[None]:
 
 
 def _check_claims(content: bytes, names: Collection[str]) -> None:
-    """Raise ValueError where the file is, or says it is, larger than can be believed."""
     most = most_bytes(len(content))
     if sum(_unpacked_bytes(content)) > most:
         raise ValueError("it unpacks to more than can be believed")

@@ -158,7 +158,6 @@ def _kept(
 def _stream(
     numbered: Sequence[tuple[int, Row]], clock: log_files.Clock, damaged: set[int]
 ) -> log_files.Stream:
-    """Times and values; of rows with one time the first counts."""
     t_s, kept = _kept(numbered, clock, damaged)
     return log_files.rising(t_s, np.array([numbered[k][1][1:] for k in kept]))
 

@@ -109,7 +109,6 @@ def _check_places(xy_m: npt.NDArray[Any]) -> None:
 
 
 def _texts(arrays: Mapping[str, npt.NDArray[Any]], name: str) -> tuple[str, ...]:
-    """A list of texts. Raises ValueError where the array is anything else."""
     given = arrays[name]
     if given.ndim != 1 or (given.dtype.kind != "U" and len(given)):
         raise ValueError(f"{name} is {given.dtype} of shape {given.shape}, wanted a list of texts")

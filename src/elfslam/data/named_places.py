@@ -119,7 +119,6 @@ def _seconds(where: str, cell: str) -> float:
 
 
 def _tapped(where: str, cells: dict[str, str]) -> list[float]:
-    """Where on the plan a place was tapped; NaN where it was not."""
     told = [(cells.get(column) or "").strip() for column in ON_PLAN]
     xy_m = [number_or_nan(cell) for cell in told]
     if any(told) and not np.isfinite(xy_m).all():

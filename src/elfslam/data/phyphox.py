@@ -66,7 +66,6 @@ def phyphox_experiment(parameters: ChirpParameters, minutes: float) -> bytes:
 
 
 def _period(parameters: ChirpParameters) -> str:
-    """The samples of one period, as the file writes them."""
     chirp = make_chirp(parameters, RATE_HZ)
     count = parameters.period_s * RATE_HZ
     if abs(count - round(count)) > 1e-6:
@@ -221,7 +220,6 @@ def _read_table(file: Path) -> SensorTable:
 
 
 def _numbers(file: Path, body: str, columns: int) -> F64:
-    """Numbers (rows, columns), NaN included."""
     if not body:
         return np.empty((0, columns))
     try:
@@ -289,7 +287,6 @@ def _axes(names: Sequence[str], unit: re.Pattern[str]) -> list[list[int]]:
 
 
 def _named(tables: Sequence[SensorTable], names: Sequence[str]) -> F64 | None:
-    """The columns of these names, from the first set that has all of them."""
     for table in tables:
         if set(names) <= set(table.names):
             return _columns(table, [table.names.index(name) for name in names])
@@ -323,7 +320,6 @@ def _orientation(attitude: log_files.Stream | None, imu: Imu) -> Orientation | N
 
 
 def _meta(file: Path) -> list[list[str]]:
-    """Rows of a file of meta/, its header left out."""
     lines = read_lines(file)
     return [cells_of(file, line, separator_of(lines[0])) for line in lines[1:]]
 

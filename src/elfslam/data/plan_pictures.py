@@ -101,8 +101,6 @@ def _check_size(root: ElementTree.Element, file: Path) -> None:
 
 @dataclass(frozen=True)
 class _Cost:
-    """Layers that are drawn within each other, and masks."""
-
     layers: int
     masks: int
 
@@ -139,13 +137,11 @@ def _check_cost(root: ElementTree.Element, file: Path) -> None:
 
 
 def _named_by(element: ElementTree.Element) -> set[str]:
-    """The identifiers of parts of the drawing that are drawn for an element."""
     told = {name for value in element.attrib.values() for name in NAMED.findall(value)}
     return told | {element.get(name, "").strip().removeprefix("#") for name in HREFS}
 
 
 def _is(element: ElementTree.Element, style: re.Pattern[str]) -> bool:
-    """Whether an attribute or the style of an element matches."""
     said = (f"{name}:{value}" for name, value in element.attrib.items() if name != "style")
     return any(style.match(each) for each in said) or bool(style.search(element.get("style", "")))
 
@@ -155,7 +151,6 @@ def _tag(element: ElementTree.Element) -> str:
 
 
 def _clean(root: ElementTree.Element) -> None:
-    """Take out elements and attributes that are not drawn, or name what lies elsewhere."""
     left = [root]
     while left:
         element = left.pop()

@@ -225,7 +225,6 @@ def _read_manifest(file: Path) -> dict[str, Any]:
 
 
 def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, float] | None:
-    """The declared start; its heading is NaN where the compass is to tell it."""
     given = manifest.get("start_pose")
     if given is None:
         return None
@@ -240,7 +239,6 @@ def _start_pose(file: Path, manifest: dict[str, Any]) -> tuple[float, float, flo
 
 
 def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
-    """What was said of the recording when it was taken up."""
     notes = manifest.get("notes", [])
     texts = isinstance(notes, list) and all(isinstance(note, str) for note in notes)
     if not texts or len(notes) > MOST_NOTES or any(len(note) > LONGEST_NOTE for note in notes):
@@ -252,7 +250,6 @@ def _notes(file: Path, manifest: dict[str, Any]) -> list[str]:
 
 
 def _declared(start: tuple[float, float, float] | None) -> list[float] | None:
-    """A start as a file has it: without a heading that is not known."""
     return None if start is None else [number for number in start if math.isfinite(number)]
 
 
@@ -308,7 +305,6 @@ def _same(given: object, wanted: object) -> bool:
 
 
 def _described(played: ChirpParameters) -> dict[str, object]:
-    """What was played, as recording.json says it."""
     return {
         "kind": played.kind,
         "band_hz": [played.band_low_hz, played.band_high_hz],

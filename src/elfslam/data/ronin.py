@@ -88,7 +88,6 @@ def _read_folder(root: Path, name: str) -> log_files.Imported:
 
 
 def _sensor(file: Path, largest: float, unit: str) -> log_files.Stream:
-    """Nanoseconds (n) and values (n, 3), of an attitude (n, 4)."""
     lines = read_lines(file)
     comments = _comments(lines)
     if comments == len(lines):

@@ -185,7 +185,6 @@ def _wifi(files: Mapping[str, Path], times: Times, clock: log_files.Clock) -> Wi
 
 
 def _seen(row: Mapping[str, str], times: Times) -> tuple[float, str, float] | None:
-    """When, which network and how strong; None where a cell is missing or no number."""
     bssid = row.get("bssid")
     try:
         t_s, level_dbm = times.of_row(row), number_in(row["level"])

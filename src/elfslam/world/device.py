@@ -96,7 +96,6 @@ GRADES: Mapping[str, ImuGrade] = MappingProxyType(
 
 
 def _vector(x: float, y: float, z: float, *, unit: bool = False) -> Any:
-    """A dataclass field that holds three numbers, these by default."""
     declared = array(3, unit_rows=unit)
     return field(default_factory=lambda: np.array([x, y, z]), metadata=declared.metadata)
 

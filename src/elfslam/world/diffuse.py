@@ -267,7 +267,6 @@ def _go(
 
 @kernel
 def _go_to(there, home, k, patches, phone, air):
-    """The ways to patch k and back from it."""
     _go(
         there, k, patches, phone.speaker, phone.speaker_axis, phone.speaker_directivity,
         phone.speaker_across, phone.speaker_lobe_share, phone.ahead,
@@ -333,7 +332,6 @@ def _lay_glints(bench, glints, k, column, real, imag, fall, air):
 
 @kernel
 def _lay_all(bench, scattering, links, glints, air):
-    """Every patch and every chain into the grid."""
     there, home, chains = bench.there, bench.home, scattering.chains
     latest = (SAMPLES - 1) * FINER
     for k in range(scattering.once.shape[0]):
@@ -379,7 +377,6 @@ def _lay_people(bench, scene, phone, people, air):
 
 @kernel
 def _write(out, falling, bench, table):
-    """Adds the pulses of the grid's columns to the envelopes `out` and `falling` (630)."""
     grid, padded = bench.grid, bench.padded
     padded[:] = 0.0
     for fine in range(FINER):

@@ -82,7 +82,6 @@ def _upright(name: str, door: HingedDoor, a: F64, b: F64) -> Block:
 
 
 def _doorway(door: HingedDoor, room: Room) -> Block:
-    """Flat before the wall, on the side of the room."""
     along = (door.to_m - door.from_m) / np.linalg.norm(door.to_m - door.from_m)
     aside = DEEP_M / 2 * np.array([-along[1], along[0]])
     before = _upright(f"{door.name} way", door, door.from_m + aside, door.to_m + aside)

@@ -241,7 +241,6 @@ def _random_holder(generator: np.random.Generator) -> tuple[float, float, float]
 
 
 def _within(generator: np.random.Generator, count: int, radius_m: float) -> F64:
-    """Shifts (count, 2) uniform in a disc."""
     radius = radius_m * np.sqrt(generator.uniform(0, 1, count))
     angle = generator.uniform(0, 2 * np.pi, count)
     return np.column_stack([radius * np.cos(angle), radius * np.sin(angle)])

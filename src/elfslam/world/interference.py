@@ -159,7 +159,6 @@ def _click(rate_hz: int, generator: np.random.Generator) -> F64:
 
 
 def _add(out: F64, start: int, sound: F64) -> None:
-    """Lay `sound` into `out` from `start`; what reaches beyond its end is left out."""
     kept = sound[: len(out) - start]
     out[start : start + len(kept)] += kept
 

@@ -46,7 +46,6 @@ def crossing_route(room: Room, route_m: F64, generator: np.random.Generator) -> 
 
 
 def _leads_across(room: Room, lap_xy: F64, start: F64, end: F64) -> bool:
-    """Whether the straight way is free and leaves the lap."""
     way = start + np.linspace(0.1, 0.9, PROBES)[:, None] * (end - start)
     away_m = np.linalg.norm(way[:, None] - lap_xy[None, ::10], axis=2).min(axis=1)
     return bool(away_m.max() > LEFT_OUT_M) and in_the_way(room, start, end) is None

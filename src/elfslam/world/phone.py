@@ -161,7 +161,6 @@ def one_phone(ends, row):
 
 @kernel
 def _render_rows(out, falling, scene, ends, people, paths, rays, reach, air, table):
-    """Writes the echoes of each phone to its row; the first row that does not fit, or -1."""
     for row in range(out.shape[0]):
         phone, about = one_phone(ends, row), people[row]
         if not add_echoes(

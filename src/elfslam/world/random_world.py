@@ -68,7 +68,6 @@ def changed_room(generator: np.random.Generator, room: Room) -> Room:
 
 
 def _changed_block(generator: np.random.Generator, room: Room, block: Block) -> Block | None:
-    """The block, moved or None where it is gone; partitions stay."""
     fate, shift = generator.uniform(), generator.normal(0, MOVED_M, 2)
     turn_rad = generator.normal(0, MOVED_RAD)
     if block.clutter_per_m2 == 0 or fate > GONE_SHARE + MOVED_SHARE:
@@ -98,7 +97,6 @@ def _surface(generator: np.random.Generator, level: float, scattering: float) ->
 
 
 def _random_outline(generator: np.random.Generator, rectangle_m: F64) -> F64:
-    """The rectangle, the rectangle less a corner, or one with walls out of square."""
     kind, outline = generator.uniform(), rectangle_m
     size = np.ptp(rectangle_m, axis=0)
     if kind < CORNER_SHARE:

@@ -139,7 +139,6 @@ def _within_periods(starts: I64, circumstances: Circumstances, rate_hz: int, see
 
 
 def _lay_down(stream: F32, starts: I64, sounds: F32) -> None:
-    """Adds each frame (n, frame) to the stream where it starts."""
     for start, sound in zip(starts, sounds, strict=True):
         stream[start : start + len(sound)] += sound
 

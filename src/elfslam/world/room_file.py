@@ -124,7 +124,6 @@ def _check_area(top: Table, outline_m: F64) -> None:
 
 
 def _surfaces(top: Table, sides: int) -> tuple[Material, ...]:
-    """Materials of the sides, the floor and the ceiling."""
     if ("reflection" in top.values) == ("surfaces" in top.values):
         raise top.refusal("wanted either [surfaces] or reflection; give one of them", "reflection")
     if "reflection" in top.values:
@@ -336,7 +335,6 @@ def _door(given: Table, room: Room) -> HingedDoor:
 
 
 def _fault(door: HingedDoor, room: Room) -> str | None:
-    """Why the door cannot hang there, or None."""
     for end_m in (door.from_m, door.to_m):
         if _gap_m(room, end_m) > HANGS_M:
             return (

@@ -205,7 +205,6 @@ def _velocity(person: Walker, way_m: float, generator: np.random.Generator) -> t
 
 
 def _leg(person: Walker, length_m: float, generator: np.random.Generator) -> F64:
-    """Speeds of a way of this length, from rest to rest."""
     most = int(length_m / (0.4 * person.speed_mps) * KINEMATICS_RATE_HZ) + 800
     speed = person.speed_mps * (1 + 0.1 * smooth_noise(generator, most, 4.0))
     speed = np.maximum(speed, 0.5 * person.speed_mps)

@@ -176,7 +176,6 @@ def _spots(top: Table) -> F64:
 
 
 def _grid(grid: Table) -> F64:
-    """Points from one corner to the other, every so many metres, along x first."""
     check_keys(grid, ("from_m", "to_m", "spacing_m"))
     spacing_m = number(grid, "spacing_m", low=0.01)
     start, end = vector(grid, "from_m", 2), vector(grid, "to_m", 2)

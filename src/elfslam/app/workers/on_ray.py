@@ -298,7 +298,6 @@ def streamed(
 
 
 def _handed_on(ray: Any, source: Any, left: int) -> Iterator[Any]:
-    """The results of a source, a few of them asked for ahead."""
     waiting: deque[Any] = deque()
     for number in range(left):
         while len(waiting) <= ASKED_AHEAD and number + len(waiting) < left:
@@ -316,14 +315,11 @@ def _handed_on(ray: Any, source: Any, left: int) -> Iterator[Any]:
 
 
 def _source(ray: Any, do: Callable[[Task], Result], tasks: Sequence[Task], processors: int) -> Any:
-    """An actor that hands on what the cluster makes of the tasks."""
     actor = ray.remote(num_cpus=0)(_Source)
     return actor.remote(ray.put(do), ray.put(list(tasks)), own_version(), processors)
 
 
 class _Source:
-    """Lives in the cluster and reads the stream there."""
-
     def __init__(
         self, do: Callable[[Any], Any], tasks: list[Any], wanted: Environment, processors: int
     ) -> None:
@@ -337,7 +333,6 @@ class _Source:
 def _rows(
     do: Callable[[Any], Any], tasks: list[Any], wanted: Environment, processors: int
 ) -> Iterator[Any]:
-    """Results in the order of the tasks: a block for each, so that no more wait than fit."""
     data = _ray_data()
     context = data.DataContext.get_current()
     context.enable_progress_bars = False

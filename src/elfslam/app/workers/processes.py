@@ -67,7 +67,6 @@ def _answer_to(asked: bytes) -> Answer:
 
 
 def _say(line: Connection[Answer, Any], answer: Answer) -> None:
-    """Say what came of it; where that does not travel, why not."""
     try:
         line.send(answer)
     except ConnectionError:
@@ -162,7 +161,6 @@ class Processes:
 def _taken(
     found: queue.Queue[Outcome[Result] | None], workers: int
 ) -> Iterator[tuple[int, Result]]:
-    """What is found until every worker has ended; the first error is raised."""
     while workers:
         outcome = found.get()
         if outcome is None:
