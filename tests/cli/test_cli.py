@@ -102,30 +102,6 @@ def test_the_same_seed_gives_the_same_bytes(walk: Path, tmp_path: Path, elfslam:
         assert (tmp_path / "again" / file).read_bytes() == (walk / file).read_bytes()
 
 
-def test_a_place_that_is_lived_in_sounds_otherwise(tmp_path: Path, elfslam: Elfslam) -> None:
-    """Which is the usual thing, and told to nobody."""
-    files = "recording.json", "audio.flac", "gyroscope.csv", "truth.tum"
-    heard = {}
-    for told in ((), ("--lived-in",), ("--as-drawn",)):
-        out = tmp_path / "-".join(("walk", *told))
-        assert elfslam("simulate", "studio", out, "--rounds", 1, *told)[0] == 0
-        heard[told] = [(out / file).read_bytes() for file in files]
-    assert heard[()] == heard["--lived-in",]
-    assert [a == b for a, b in zip(heard[()], heard["--as-drawn",], strict=True)] == [
-        True, False, True, True,
-    ]  # fmt: skip
-
-
-def test_a_walk_brings_the_sensors_asked_for(tmp_path: Path, elfslam: Elfslam) -> None:
-    out = tmp_path / "walk"
-    asked = ("--rounds", 1, "--sensors", "wifi,magnetic,emr")
-    assert elfslam("simulate", "studio", out, *asked)[0] == 0
-    recording = read_recording(out)
-    assert recording.wifi is not None
-    assert recording.magnetometer is not None
-    assert recording.emr is not None
-
-
 def test_circumstances_change_the_sound_and_are_not_told(tmp_path: Path, elfslam: Elfslam) -> None:
     """The manifest names the phone, as a real one would, and says no more of them."""
     plain, busy = tmp_path / "plain", tmp_path / "busy"
@@ -138,15 +114,6 @@ def test_circumstances_change_the_sound_and_are_not_told(tmp_path: Path, elfslam
         assert (busy / file).read_bytes() == (plain / file).read_bytes()
     assert (busy / "audio.flac").read_bytes() != (plain / "audio.flac").read_bytes()
     assert "4321" not in (plain / "recording.json").read_text()
-
-
-def test_another_phone_is_asked_for_by_name(tmp_path: Path, elfslam: Elfslam) -> None:
-    asked = ("--rounds", 1, "--device", "tablet", "--imu", "browser")
-    assert elfslam("simulate", "studio", tmp_path / "walk", *asked)[0] == 0
-    recording = read_recording(tmp_path / "walk")
-    assert recording.device == "tablet, browser on Bosch BMI160"
-    assert recording.imu is not None
-    assert np.diff(recording.imu.t_s).mean() == pytest.approx(1 / 60, rel=1e-3)
 
 
 def test_mapping_writes_a_run_that_never_saw_the_truth(
@@ -225,14 +192,6 @@ def test_the_parameters_are_listed_and_can_be_set(elfslam: Elfslam) -> None:
     assert code == 0
     assert table["closure.threshold"]["value"] == 0.5
     assert all(row["meaning"] for row in table.values())
-
-
-def test_pages_are_drawn(mapped: Path, tmp_path: Path, elfslam: Elfslam) -> None:
-    for what in (mapped, mapped / "map.npz", "living_room"):
-        page = tmp_path / "page.html"
-        assert elfslam("show", what, page)[0] == 0
-        assert page.read_text().startswith("<!")
-        page.unlink()
 
 
 def test_a_walk_without_a_second_round_says_so_and_still_writes_its_run(
@@ -451,12 +410,6 @@ def test_marks_give_a_walk_its_truth(tmp_path: Path, elfslam: Elfslam) -> None:
     assert "is there already" in err
 
 
-def test_help_is_no_error(elfslam: Elfslam) -> None:
-    code, out, _ = elfslam("--help")
-    assert code == 0
-    assert "simulate" in out
-
-
 @pytest.mark.parametrize("verb", VERBS)
 def test_every_help_is_sentences_that_end(verb: str) -> None:
     command = command_of(verb)
@@ -618,12 +571,6 @@ def test_a_demo_does_not_write_over_anything(tmp_path: Path, elfslam: Elfslam) -
     (tmp_path / "run" / "thesis.txt").write_text("mine")
     assert elfslam("demo", tmp_path)[0] == 2
     assert [item.name for item in tmp_path.iterdir()] == ["run"]
-
-
-def test_a_folder_is_no_encoder(tmp_path: Path, elfslam: Elfslam) -> None:
-    code, _, err = elfslam("pretrain", tmp_path, "--set", "pretrain.steps=1")
-    assert code == 2
-    assert "ends in .onnx" in err
 
 
 def test_real_magnetic_walks_come_nearer_the_truth(

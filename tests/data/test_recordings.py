@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import soundfile
 
-from elfslam.base.errors import InputError, StoreError
+from elfslam.base.errors import InputError
 from elfslam.base.values import Recording, Truth
 from elfslam.data.recordings import read_recording, write_recording
 from elfslam.stages.chirp import ChirpParameters
@@ -120,20 +120,6 @@ def test_truth_is_written_and_never_read(
     assert_same(read_recording(tmp_path / "with"), recording)
 
 
-def test_an_existing_folder_is_kept(folder: Path, recording: Recording) -> None:
-    before = sorted(folder.iterdir())
-    with pytest.raises(StoreError, match="already exists"):
-        write_recording(recording, folder)
-    assert sorted(folder.iterdir()) == before
-    assert [path.name for path in folder.parent.iterdir()] == ["hall"]
-
-
-def test_nothing_half_written_is_left(tmp_path: Path, recording: Recording) -> None:
-    with pytest.raises(ValueError, match="Out of range"):
-        write_recording(recording, tmp_path / "new", chirp_description={"rate": float("nan")})
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_gyroscope_moves_to_the_accelerometers_clock(folder: Path) -> None:
     rows = [f"{t:.3f},{2 * t:.6f},{-t:.6f},1" for t in np.arange(0.105, 1.5, 0.01)]
     (folder / "gyroscope.csv").write_text("t_s,x,y,z\n" + "\n".join(rows) + "\n")
@@ -148,13 +134,6 @@ def test_odometry_without_sigmas_gets_assumed_ones(folder: Path) -> None:
     (folder / "odometry.tum").write_text("0 0 0 0 0 0 0 1\n1 10 0 0 0 0 0 1\n2 10 0 0 0 0 0 1\n")
     sigma = read_recording(folder).odometry.step_sigma
     np.testing.assert_allclose(sigma, [[0.2, 0.2, 0.005], [0.005, 0.005, 0.005]])
-
-
-def test_columns_are_found_by_name(folder: Path) -> None:
-    (folder / "magnetometer.csv").write_text("z,y,x,t_s\r\n3,2,1,0.5\r\n30,20,10,0.75\r\n")
-    magnetometer = read_recording(folder).magnetometer
-    assert magnetometer.field_ut.tolist() == [[1, 2, 3], [10, 20, 30]]
-    assert magnetometer.t_s.tolist() == [0.5, 0.75]
 
 
 TABLE_DAMAGES = {

@@ -380,32 +380,6 @@ def test_nothing_is_heard_of_people_behind_a_wall() -> None:
     assert 0 < over.sum() < (np.abs(heard_crowd(ends, person_m)) ** 2).sum()
 
 
-def test_people_hide_one_another() -> None:
-    ends = ends_at(PLACE_M, PLACE_M + 0.1 * X)
-    near, far = (PLACE_M + 1.0 * X)[:2], (PLACE_M + 2.5 * X)[:2]
-    both = heard_crowd(ends, np.array([near, far]))
-    alone = heard_crowd(ends, near[None])
-    assert np.abs(both - alone).max() < 0.01 * np.abs(alone).max()
-
-
-def test_nobody_about_or_nobody_of_a_material_changes_no_byte() -> None:
-    rough = Material("rough", 0.2, 0.8, "planted")
-    room = shoebox(SIZE_M, (rough,) * 6, (), 3)
-    somebody, nobody = np.array([[4.0, 3.5]]), np.zeros((0, 2))
-    assert (
-        heard_crowd(ends_at(), nobody, room).tobytes()
-        == heard_crowd(ends_at(), nobody, room, None).tobytes()
-    )
-    scene, scattering = scene_of(room), scattering_of(room)
-    plain, silent, scatters = (
-        diffuse_echoes(
-            scene, ends_at(), somebody[None], AIR, Reach(), scattering=scattering, **kind
-        )
-        for kind in ({}, {"person": None}, {"person": CROWD_PERSON})
-    )
-    assert plain.tobytes() == silent.tobytes() != scatters.tobytes()
-
-
 def test_threads_and_rows_change_no_byte() -> None:
     """A row does not hear the people of the row before."""
     room, ends = dead_room(), ends_at()

@@ -178,14 +178,6 @@ def test_a_day_finds_a_door_open_or_shut_the_same_every_time() -> None:
     assert np.mean(days) == pytest.approx(OPEN_SHARE, abs=0.1)
 
 
-def test_every_door_has_draws_of_its_own() -> None:
-    doors = [door_of(name=f"door {k}") for k in range(40)]
-    room = with_doors(divided(), doors, [], 3)
-    states = [is_open(room, door) for door in doors]
-    assert 8 < sum(states) < 32
-    assert is_open(with_doors(divided(), doors[7:8], [], 3), doors[7]) == states[7]
-
-
 def test_a_door_that_somebody_walks_through_is_open() -> None:
     through, past = np.array([[1.0, 2.0], [6.0, 2.0]]), np.array([[2.7, 0.5], [2.7, 3.5]])
     assert leads_through(through, door_of())
@@ -287,15 +279,6 @@ open_deg = -90.0
 leaves = 2
 height_m = 2.0
 """
-ROW = """
-[[door]]
-name = "locker"
-from_m = [3.5, 4.0]
-to_m = [4.0, 4.0]
-open_deg = -90.0
-repeat = [3, 1]
-spacing_m = [1.2, 0.0]
-"""
 
 
 def parsed(text: str) -> World:
@@ -313,22 +296,6 @@ def test_doors_come_out_as_written() -> None:
 def test_a_door_is_as_high_as_the_ceiling_at_most() -> None:
     low = FLAT.replace("[8.0, 4.0, 2.5]", "[8.0, 4.0, 2.0]")
     assert parsed(low).doors[0].height_m == 2.0
-
-
-def test_rows_of_doors_are_numbered() -> None:
-    doors = parsed(FLAT + ROW).doors[2:]
-    assert [door.name for door in doors] == ["locker 1", "locker 2", "locker 3"]
-    assert [door.from_m[0] for door in doors] == pytest.approx([3.5, 4.7, 5.9])
-
-
-def test_a_world_without_doors_has_none() -> None:
-    assert parsed(FLAT.partition("[[door]]")[0]).doors == ()
-
-
-def test_single_brackets_are_refused() -> None:
-    alone = FLAT.partition("[[door]]")[0] + '[door]\nname = "exit"\n'
-    with pytest.raises(InputError, match=r"door: wanted \[\[door\]\] tables"):
-        parsed(alone)
 
 
 @pytest.mark.parametrize(

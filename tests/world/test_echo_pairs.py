@@ -16,7 +16,7 @@ from elfslam.stages.chirp import ChirpParameters, make_chirp
 from elfslam.stages.echo import EchoParameters, cut_echoes
 from elfslam.stages.feature import load_encoder
 from elfslam.world import echo_pairs as module
-from elfslam.world.device import named_device, random_device
+from elfslam.world.device import named_device
 from elfslam.world.echo_pairs import (
     CHANGED_ROOM_SHARE,
     DISTRICT_M,
@@ -28,9 +28,7 @@ from elfslam.world.echo_pairs import (
     STRANGER_SHARE,
     WALL_MARGIN_M,
     Visit,
-    _among_people,
     _another_visit,
-    _free_places,
     _heard,
     _places,
     _random_holder,
@@ -111,13 +109,6 @@ def test_rooms_share_the_pairs_and_come_one_after_the_other(rooms: int) -> None:
     assert made.room.tolist() == np.repeat(np.arange(rooms), 12 // rooms).tolist()
     assert made.first.dtype == np.float32
     assert made.first.flags.c_contiguous
-
-
-def test_the_first_rooms_do_not_know_of_later_ones() -> None:
-    """A room is drawn, heard and done with before the next one is."""
-    fewer, more = echo_pairs(generator_of(3), 8, 2), echo_pairs(generator_of(3), 16, 4)
-    assert (more.first[:8] == fewer.first).all()
-    assert (more.xy_m[:8] == fewer.xy_m).all()
 
 
 def test_pairs_that_do_not_share_out_are_refused() -> None:
@@ -219,15 +210,6 @@ def test_an_encoder_tells_near_from_far(pairs: EchoPairs, name: str) -> None:
     assert np.diag(cosine).mean() > cosine[far].mean() + 0.1
 
 
-def test_random_phones_differ_by_the_ripple_of_real_ones() -> None:
-    ripple_db = [
-        np.ptp(20 * np.log10(random_device(generator_of(seed)).response)) for seed in range(40)
-    ]
-    assert min(ripple_db) > 2.0 - 1e-6
-    assert max(ripple_db) < 25.0 + 1e-6
-    assert np.std(ripple_db) > 3.0
-
-
 def test_traces_are_cut_where_the_line_cuts_them() -> None:
     """Up to the jitter of two samples that stands for the search for the direct sound."""
     generator, device = generator_of(1), named_device("named")
@@ -258,14 +240,6 @@ def test_places_lie_in_one_district() -> None:
     assert np.ptp(corners, axis=0).min() > 5.0
 
 
-def test_a_full_district_is_left() -> None:
-    """A closed store fills all of the district but not the room."""
-    store = box("store", np.array([0.0, 0.0, 0.0]), np.array([8.0, 3.0, 2.5]))
-    room = square_room(store)
-    found = _free_places(generator_of(0), room, 9, np.zeros(2), np.array([8.0, 2.9]))
-    assert room.is_free(found, PHONE_HEIGHT_M).all()
-
-
 VISITS = 400
 
 
@@ -291,15 +265,6 @@ def test_what_changes_between_two_visits(visits: list[tuple[Visit, Visit]]) -> N
     assert (people > 0).mean() == pytest.approx(PEOPLE_SHARE, abs=0.06)
     assert people.max() == MOST_PEOPLE
     assert abs(np.corrcoef(people.T)[0, 1]) < 0.15, "people come and go"
-
-
-def test_people_stand_about_the_phone(visits: list[tuple[Visit, Visit]]) -> None:
-    crowded = next(visit for visit, _ in visits if visit.people == MOST_PEOPLE)
-    poses = poses_at(np.array([[2.0, 3.0, 1.2], [5.0, 1.0, 1.2]]), np.zeros(2), np.zeros(2))
-    people_m = _among_people(generator_of(0), poses, crowded).people_m
-    assert people_m.shape == (2, MOST_PEOPLE, 2)
-    away_m = np.linalg.norm(people_m - poses.position_m[:, None, :2], axis=2)
-    assert 0.8 <= away_m.min() <= away_m.max() <= 5.0
 
 
 def test_a_visit_is_heard_by_its_phone_in_its_room() -> None:

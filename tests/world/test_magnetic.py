@@ -141,14 +141,6 @@ def test_noise_and_hard_iron_have_their_size() -> None:
     assert errors.std(axis=1).mean() == pytest.approx(grade.noise_ut, rel=0.05)
 
 
-def test_the_same_seed_reads_the_same() -> None:
-    first, again = (
-        read_magnetometer(walking(), room_field(), AK09911, np.random.default_rng(4))
-        for _ in range(2)
-    )
-    assert first.field_ut.tobytes() == again.field_ut.tobytes()
-
-
 QUIET = MainsParameters(noise_uv=0.0, load_spread=0.0)
 
 

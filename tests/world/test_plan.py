@@ -139,11 +139,6 @@ def test_sight_passes_over_a_person(height_m: float, hidden: bool) -> None:
     assert is_hidden(scene_with(), a, b, people) == hidden
 
 
-@pytest.mark.parametrize(("to_m", "hidden"), [([2.5, 4.8, 1.0], True), ([1, 4, 1.0], False)])
-def test_nobody_sees_round_a_corner(to_m: list[float], hidden: bool) -> None:
-    assert is_hidden(scene_with_a_notch(), np.array([5.0, 1.0, 1.0]), np.array(to_m)) == hidden
-
-
 def by_crossings(scene: Scene, a: F64, b: F64) -> bool:
     """The same by all that the line crosses in plan, and at what height."""
     crossings = make_crossings(len(scene.block_low))
@@ -213,10 +208,6 @@ def test_sectors_wrap_round(angle: float, turn: float) -> None:
     assert 0 < np.count_nonzero(sight.filled) < SECTORS / 4
 
 
-def test_a_block_about_the_place_is_in_every_sector() -> None:
-    assert (sight_from(scene_with(TABLE), np.array([2.5, 2.0, 1.2])).filled == 1).all()
-
-
 def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
     generator = np.random.default_rng(2)
     scene = scene_with(*[random_block(generator, k) for k in range(30)])
@@ -226,10 +217,3 @@ def test_what_is_farther_than_asked_for_is_left_out_and_nothing_else() -> None:
     for point in place + generator.uniform(-1.4, 1.4, (300, 3)) * [1.0, 1.0, 0.8]:
         verdicts = [bool(hides(scene, NOBODY, sight, *point)) for sight in (near, far)]
         assert verdicts[0] == verdicts[1]
-
-
-@pytest.mark.parametrize(("aside_m", "hidden"), [(0.0, True), (0.20, True), (0.24, False)])
-def test_people_are_as_wide_as_people(aside_m: float, hidden: bool) -> None:
-    people, a, b = np.array([[4.0, 4.0 + aside_m]]), np.array([1, 4, 1.2]), np.array([7, 4, 1.2])
-    assert is_hidden(scene_with(), a, b, people) == hidden
-    assert not is_hidden(scene_with(), a, b)

@@ -80,12 +80,6 @@ def test_a_change_to_one_wall_is_heard_as_a_difference() -> None:
     assert correlation_of(ours, theirs) < 0.99
 
 
-def test_an_order_and_a_longest_path_limit_both_alike() -> None:
-    for reach in (REACH._replace(longest_m=7.0), Reach(21.0, 6, 2, 0, 0), REACH._replace(order=1)):
-        ours, theirs = both(rectangle(), ends_at(), reach)
-        assert correlation_of(ours, theirs) > 0.999
-
-
 def test_lengths_and_gains_of_its_paths() -> None:
     length_m, gain, order = pyroom.visible_images(rectangle(), ends_at(), 0, REACH)
     direct = np.linalg.norm([1.04, 2.73, 0.3])
@@ -94,14 +88,6 @@ def test_lengths_and_gains_of_its_paths() -> None:
     assert sorted(gain[order == 1]) == pytest.approx(sorted(wall.reflection for wall in walls(6)))
     held = pyroom.visible_images(rectangle(), ends_at(held=True), 0, REACH)
     assert len(held[0]) == len(length_m) - 1
-
-
-def test_nothing_within_reach_is_silence() -> None:
-    reach = REACH._replace(longest_m=0.5)
-    for scene, shift_m in ((rectangle(), 0.0), (ell(PILLAR), 3.0)):
-        ends = ends_at(shift_m=shift_m)
-        assert not pyroom.image_echoes(scene, ends, NOBODY, air_at(), reach).any()
-        assert len(pyroom.visible_images(scene, ends, 0, reach)[0]) == 0
 
 
 def test_a_closed_partition_leaves_silence() -> None:

@@ -82,12 +82,6 @@ def test_a_shoebox_has_its_surfaces_where_they_were_named() -> None:
     assert room.size_m.tolist() == [6.0, 4.0, 2.5]
 
 
-def test_the_box_about_a_room() -> None:
-    room = Room(ELL_M + np.array([2.0, -1.0]), 2.5, (WOOD,) * 6, WOOD, WOOD)
-    assert room.size_m.tolist() == [6.0, 5.0, 2.5]
-    assert room.corner_m.tolist() == [2.0, -1.0]
-
-
 def test_a_phone_is_free_above_a_table_and_below_a_lamp_but_not_within() -> None:
     table = box("table", [1.0, 1.0, 0.0], [1.0, 1.0, 0.7])
     lamp = box("lamp", [1.0, 1.0, 1.8], [1.0, 1.0, 0.3])

@@ -179,11 +179,6 @@ def test_a_louder_tone_is_turned_down_with_the_attack(attack_s: float) -> None:
     assert tau_s == pytest.approx(attack_s, rel=0.05)
 
 
-def test_off_is_the_same_recording() -> None:
-    sound = tone(0.3)
-    assert controlled(sound, None, RATE_HZ) is sound
-
-
 def test_what_comes_before_the_attack_is_limited() -> None:
     """The gain has risen in silence; the burst would be 24 dB louder than it is."""
     t_s = np.arange(3 * RATE_HZ) / RATE_HZ
@@ -191,10 +186,6 @@ def test_what_comes_before_the_attack_is_limited() -> None:
     heard = controlled(sound, CONTROL, RATE_HZ, clip_level=0.9)
     assert np.abs(heard).max() == np.float32(0.9)
     assert (np.abs(heard[: 2 * RATE_HZ]) < 0.01).all()
-
-
-def test_silence_stays_silent() -> None:
-    assert not controlled(np.zeros(2000, np.float32), CONTROL, RATE_HZ).any()
 
 
 @pytest.mark.parametrize(
@@ -209,12 +200,6 @@ def test_a_control_that_cannot_be_is_refused(wrong: dict[str, float]) -> None:
 def test_lobes_that_cannot_be_are_refused(share: float, spacing_m: float) -> None:
     with pytest.raises(InputError, match="lobes: wanted a share from 0 to 1 and a spacing from 0"):
         Lobes(share, spacing_m)
-
-
-def test_an_axis_is_a_direction() -> None:
-    with pytest.raises(InputError, match=r"Lobes\.axis: wanted rows of length 1"):
-        Lobes(0.2, 0.05, np.array([1.0, 1.0, 0.0]))
-    assert Lobes().share == 0.0
 
 
 RINGING_RATE_HZ, COUNT = 3.2e6, 2**16

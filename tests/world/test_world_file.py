@@ -192,12 +192,6 @@ def test_rows_of_the_same_and_grids_of_spots(corner: World) -> None:
     )
 
 
-def test_one_material_for_all_walls() -> None:
-    listed = re.compile(r"walls = \[.*\]")
-    text = listed.sub('walls = "glass"', POLYGON)
-    assert {wall.name for wall in parsed(text).room.walls} == {"glass"}
-
-
 # --- the worlds that come along ---
 
 
@@ -257,18 +251,6 @@ def test_each_state_moves_five_pieces() -> None:
             here = {block.name: block for block in world.room.blocks}
             moved = [block for block in state.blocks if block is not here[block.name]]
             assert len(moved) >= 5
-
-
-def test_the_tests_above_know_every_built_in_world() -> None:
-    assert set(world_names()) == {
-        "living_room", "office", "studio", "lounge", "concourse", "mall", "lab", "hall",
-    }  # fmt: skip
-
-
-def test_a_world_is_the_same_every_time() -> None:
-    first, again = load_world("hall"), load_world("hall")
-    assert (first.room.blocks[3].corners_m == again.room.blocks[3].corners_m).all()
-    assert (first.spots_m == again.spots_m).all()
 
 
 def test_a_world_from_a_file(tmp_path: Path) -> None:
