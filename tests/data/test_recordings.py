@@ -151,13 +151,12 @@ TABLE_DAMAGES = {
 }
 
 
-@pytest.mark.parametrize("name", ["accelerometer.csv", "gyroscope.csv", "magnetometer.csv"])
 @pytest.mark.parametrize("text", TABLE_DAMAGES)
-def test_damaged_tables_are_refused(folder: Path, name: str, text: str) -> None:
-    (folder / name).write_text(text)
+def test_damaged_tables_are_refused(folder: Path, text: str) -> None:
+    (folder / "gyroscope.csv").write_text(text)
     with pytest.raises(InputError, match=TABLE_DAMAGES[text]) as refused:
         read_recording(folder)
-    assert name in str(refused.value)
+    assert "gyroscope.csv" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
@@ -284,13 +283,6 @@ def test_odd_start_poses_are_refused(folder: Path, given: str) -> None:
         read_recording(folder)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"format_version": true}'])
-def test_odd_manifests_are_refused(folder: Path, text: str) -> None:
-    (folder / "recording.json").write_text(text)
-    with pytest.raises(InputError, match=r"recording\.json"):
-        read_recording(folder)
-
-
 def timed(t_s: np.ndarray, values: tuple[float, float, float] = (0.0, 0.0, 9.8)) -> str:
     cells = ",".join(map(str, values))
     return "t_s,x,y,z\n" + "".join(f"{t:.3f},{cells}\n" for t in t_s)
@@ -314,11 +306,6 @@ def test_a_pause_of_the_gyroscope_alone_is_a_pause_of_the_motion(motion: Path) -
     imu = read_recording(motion).imu
     np.testing.assert_allclose(imu.t_s, T_S[kept], atol=1e-9)
     assert np.diff(imu.t_s).max() == pytest.approx(10.0)
-
-
-def test_a_short_pause_of_the_gyroscope_is_bridged(motion: Path) -> None:
-    (motion / "gyroscope.csv").write_text(timed(T_S[(T_S <= 10) | (T_S >= 10.4)]))
-    assert len(read_recording(motion).imu.t_s) == len(T_S)
 
 
 @pytest.mark.parametrize(
@@ -364,12 +351,6 @@ def test_accelerations_without_gravity_are_refused(motion: Path, strength: float
         read_recording(motion)
 
 
-def test_a_quaternion_beyond_belief_is_refused(motion: Path) -> None:
-    (motion / "orientation.csv").write_text("t_s,qx,qy,qz,qw\n0,0,0,0,1e160\n")
-    with pytest.raises(InputError, match="row 2 has a quaternion of length"):
-        read_recording(motion)
-
-
 @pytest.fixture
 def heard(motion: Path) -> Path:
     """The same with its sound."""
@@ -412,12 +393,6 @@ def test_frames_carry_the_clock_of_the_motion(motion: Path, t_s: np.ndarray) -> 
     recording = read_recording(motion)
     assert recording.audio.is_timed
     np.testing.assert_allclose(recording.imu.t_s, t_s, atol=1e-3)
-
-
-def test_odometry_that_is_not_that_of_the_sound_is_refused(heard: Path) -> None:
-    (heard / "odometry.tum").write_text("100 0 0 0 0 0 0 1\n140 10 0 0 0 0 0 1\n")
-    with pytest.raises(InputError, match=r"odometry \(100\.0 to 140\.0 s\)"):
-        read_recording(heard)
 
 
 def said(folder: Path, **entries: object) -> None:
