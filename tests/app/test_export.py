@@ -16,13 +16,13 @@ from elfslam.app.map import MapJob, map_into
 from elfslam.app.settings import Settings
 from elfslam.base.enums import Format, Modality
 from elfslam.base.errors import InputError, ParameterError, StoreError
-from elfslam.data.g2o import read_g2o
 from elfslam.data.geographic import Origin, from_lon_lat
 from elfslam.data.imdf import Venue
+from elfslam.data.map_exports import read_g2o
 from elfslam.data.map_files import ENCODER, FACTS, MAP, read_facts, read_map
+from elfslam.data.position_files import read_tum
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run
-from elfslam.data.tum import read_tum
 from elfslam.world.simulate import load_world, simulate
 from tests.data.imdf_rules import faults_of, read_imdf
 

@@ -18,9 +18,9 @@ from elfslam.base.geometry import interpolate_poses
 from elfslam.base.points_of_interest import PointKind, PointOfInterest
 from elfslam.base.values import ECHO_SAMPLES, FixStatus, Run
 from elfslam.cli.app import run
-from elfslam.data.fixes_files import read_fixes
 from elfslam.data.map_files import read_map, walk_in
 from elfslam.data.named_places import read_points, write_points
+from elfslam.data.position_files import read_fixes
 from elfslam.data.recordings import write_recording
 from elfslam.data.runs import read_run, write_run
 from elfslam.learn.parameters import FloorLevelParameters

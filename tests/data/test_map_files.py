@@ -21,8 +21,8 @@ from elfslam.data.map_files import (
     write_map,
     write_quality,
 )
+from elfslam.data.position_files import read_tum
 from elfslam.data.runs import read_run, write_run
-from elfslam.data.tum import read_tum
 from elfslam.stages.quality import MapQuality
 
 

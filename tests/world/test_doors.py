@@ -27,10 +27,9 @@ from elfslam.world.materials import Material, material
 from elfslam.world.phone import image_echoes
 from elfslam.world.plan import hides, look, make_sight
 from elfslam.world.pulses import BASEBAND_HZ
-from elfslam.world.room import Block, Room, shoebox
+from elfslam.world.room import Block, Room, fault_of_route, shoebox
 from elfslam.world.scattering import as_measured
 from elfslam.world.scene import scene_of
-from elfslam.world.walkable import fault_of_route
 from elfslam.world.world_file import World, load_world, parse_world, world_names
 
 HARD = Material("hard", 0.1, 0.0, "planted")

@@ -20,9 +20,8 @@ from elfslam.world.kinds import (
     people_about,
 )
 from elfslam.world.materials import material
-from elfslam.world.room import Room, box, shoebox
+from elfslam.world.room import Room, box, fault_of_route, shoebox
 from elfslam.world.simulate import WALKERS
-from elfslam.world.walkable import fault_of_route
 from elfslam.world.walker import smooth_lap
 from elfslam.world.world_file import load_world
 

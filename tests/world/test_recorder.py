@@ -17,13 +17,13 @@ from elfslam.world.circumstances import SOUNDS, Circumstances
 from elfslam.world.device import BAND_BINS, BAND_LOW_HZ, BIN_HZ, Device, built_in_device
 from elfslam.world.materials import material
 from elfslam.world.phone import air_at
-from elfslam.world.port_occlusion import port_occlusion
 from elfslam.world.pulses import C64
 from elfslam.world.recorder import (
     LATENCY_S,
     OTHER_CLOCK_PPM,
     OTHER_HEIGHT_M,
     _standing_place,
+    port_occlusion,
     record_walk,
 )
 from elfslam.world.room import box, shoebox

@@ -10,7 +10,7 @@ import pytest
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.world.materials import material
-from elfslam.world.room import Room, box, shoebox
+from elfslam.world.room import Room, box, shoebox, standing_room
 from elfslam.world.simulate import simulate
 from elfslam.world.stroll import (
     LANES_M,
@@ -19,7 +19,6 @@ from elfslam.world.stroll import (
     random_person,
     stroll,
 )
-from elfslam.world.walkable import standing_room
 from elfslam.world.walker import KINEMATICS_RATE_HZ, Motion, Walker
 from elfslam.world.world_file import load_world
 

@@ -10,8 +10,7 @@ import pytest
 
 from elfslam.base.errors import InputError
 from elfslam.base.grid import in_ring
-from elfslam.world.room import Room
-from elfslam.world.walkable import standing_room
+from elfslam.world.room import Room, standing_room
 from elfslam.world.world_file import World, in_state, load_world, parse_world, world_names
 
 BOX = """

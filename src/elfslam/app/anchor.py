@@ -20,8 +20,8 @@ from elfslam.data.floor_plans import GEOJSON, IMAGES, read_plan_geojson, read_pl
 from elfslam.data.geographic import Origin
 from elfslam.data.map_exports import walk_lines
 from elfslam.data.map_files import ENCODER, FACTS, MAP, write_map
+from elfslam.data.position_files import write_tum
 from elfslam.data.runs import read_run
-from elfslam.data.tum import write_tum
 from elfslam.scoring.figures import FloorPlan
 from elfslam.slam.parameters import Parameters
 from elfslam.stages.floor_plan_alignment import (

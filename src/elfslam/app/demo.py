@@ -16,7 +16,7 @@ from elfslam.base.enums import Mode
 from elfslam.base.parameters import as_dict, digest
 from elfslam.base.values import Fixes, FixStatus, Recording, Run, Truth
 from elfslam.data.atomic_files import new_file, refuse_occupied
-from elfslam.data.fixes_files import write_fixes
+from elfslam.data.position_files import write_fixes
 from elfslam.data.recordings import write_recording
 from elfslam.scoring.alignment import AS_DECLARED
 from elfslam.scoring.bootstrap import interval

@@ -19,14 +19,13 @@ from elfslam.base.text_files import readable
 from elfslam.base.values import FloorMap, Run
 from elfslam.data import map_exports
 from elfslam.data.atomic_files import new_file, settled
-from elfslam.data.g2o import write_g2o
 from elfslam.data.geographic import Origin
 from elfslam.data.imdf import Venue, write_imdf
 from elfslam.data.map_files import ENCODER, FACTS, MAP, read_map
 from elfslam.data.named_places import read_points
+from elfslam.data.position_files import write_tum
 from elfslam.data.runs import read_run
 from elfslam.data.tables import read_table
-from elfslam.data.tum import write_tum
 from elfslam.stages.graph import build_graph
 
 COVERAGE = "quality.csv"
@@ -102,7 +101,7 @@ def _g2o(source: Path, out: Path, told: ExportContext) -> None:
     """The pose graph: steps and all closures, the straightened poses as first guess."""
     run = _run(source)
     graph = build_graph(run.odometry, run.closures)
-    write_g2o(out, graph, run.trajectory.world_from_body)
+    map_exports.write_g2o(out, graph, run.trajectory.world_from_body)
 
 
 def _onnx(source: Path, out: Path, told: ExportContext) -> None:

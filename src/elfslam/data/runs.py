@@ -29,10 +29,10 @@ from elfslam.data import map_files
 from elfslam.data.atomic_files import new_folder, sha256_of
 from elfslam.data.named_places import read_checkpoints, read_points, write_checkpoints, write_points
 from elfslam.data.npz import read_npz, write_npz
+from elfslam.data.position_files import read_tum, write_tum
 from elfslam.data.recordings import recording_folder
 from elfslam.data.tables import read_lines, read_table
 from elfslam.data.truth_files import TRUTH_FILES
-from elfslam.data.tum import read_tum, write_tum
 
 TIMINGS = "timings.json"
 SIMILARITY = "similarity.npz"

@@ -15,6 +15,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.geometry import between
 from elfslam.base.text_files import read_text
 from elfslam.base.values import Emr, Imu, Magnetometer, Odometry, Orientation, Recording, WifiScans
+from elfslam.data.position_files import read_tum, write_tum
 from elfslam.data.tables import (
     check_size,
     number_or_nan,
@@ -23,7 +24,6 @@ from elfslam.data.tables import (
     read_timed_table,
     write_timed_table,
 )
-from elfslam.data.tum import read_tum, write_tum
 from elfslam.stages.motion import MotionParameters
 
 MOST_CELLS = 10_000_000

@@ -15,8 +15,8 @@ from elfslam.base.arrays import F64
 from elfslam.base.errors import InputError
 from elfslam.base.values import Imu, Truth
 from elfslam.data.atomic_files import new_file
+from elfslam.data.position_files import write_tum
 from elfslam.data.tables import parse_rows, read_lines, write_timed_table
-from elfslam.data.tum import write_tum
 from elfslam.stages.motion import MotionParameters, find_footsteps
 
 POSES = "truth.tum"

@@ -16,8 +16,7 @@ import numpy as np
 
 from elfslam.base.arrays import F64, Value, array
 from elfslam.world.materials import Material
-from elfslam.world.room import TOUCH_M, Block, Room
-from elfslam.world.walkable import HALF_WIDTH_M, point_gap_m, segment_gap_m
+from elfslam.world.room import HALF_WIDTH_M, TOUCH_M, Block, Room, point_gap_m, segment_gap_m
 
 OPEN_SHARE = 0.5
 """Of the doors on a day; an estimate."""

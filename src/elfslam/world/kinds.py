@@ -15,8 +15,7 @@ import numpy as np
 from elfslam.base.arrays import F64
 from elfslam.base.errors import ParameterError
 from elfslam.world.circumstances import Circumstances
-from elfslam.world.room import Room, floor_area_m2
-from elfslam.world.walkable import in_the_way
+from elfslam.world.room import Room, floor_area_m2, in_the_way
 from elfslam.world.walker import smooth_lap
 from elfslam.world.world_file import World, walked_room
 

@@ -20,6 +20,7 @@ from elfslam.world.room import (
     Room,
     box,
     check_outline,
+    point_gap_m,
     segments_cross,
     shoebox,
 )
@@ -38,7 +39,6 @@ from elfslam.world.toml_tables import (
     vector,
     whole,
 )
-from elfslam.world.walkable import point_gap_m
 
 SHORTEST_M = 0.01
 LOWEST_CEILING_M = 2.0

@@ -15,7 +15,7 @@ from elfslam.base.errors import InputError
 from elfslam.base.text_files import MOST_TOML_BYTES, read_text
 from elfslam.world.doors import HingedDoor, room_to_walk_in
 from elfslam.world.magnetic import Magnetism, PowerLine
-from elfslam.world.room import Room
+from elfslam.world.room import HALF_WIDTH_M, Room, fault_of_route, standing_room
 from elfslam.world.room_file import ROOM_KEYS, read_doors, read_room, read_states
 from elfslam.world.sensors import Surroundings, read_surroundings
 from elfslam.world.toml_tables import (
@@ -30,7 +30,6 @@ from elfslam.world.toml_tables import (
     text,
     vector,
 )
-from elfslam.world.walkable import HALF_WIDTH_M, fault_of_route, standing_room
 from elfslam.world.wifi import AccessPoint
 
 SPOTS_AT_ONCE = 1000
